@@ -40,7 +40,7 @@ class JointAngles:
         return np.stack([inner, outer - self.relative2 * inner], axis=-1)
 
     def to_rods(self, joint: ArrayLike) -> Array:
-        """Convert joint angles to the rod angles theta1 and theta2, rad; both arrays have the shape (..., 2).
+        """Convert joint angles (..., 2) to the rod angles theta1 and theta2 (..., 2), rad.
 
         This is the inverse of `of_rods`.
         """

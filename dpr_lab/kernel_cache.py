@@ -103,7 +103,7 @@ def _close(folder: Path) -> bool:
 
 
 def choose_cache(roots: Iterable[Path], name: str) -> tuple[Path | None, str]:
-    """Open the cache folder `name` in the first of the folders `roots` in which this is possible.
+    """Open the cache folder `name` in the first possible folder of `roots`.
 
     Returns:
         The cache folder, or None if none can be written; and a message about skipped folders of other users, which is

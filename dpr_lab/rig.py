@@ -213,7 +213,7 @@ class Rig(Shown, RigTable):
         return rig
 
     def with_rods(self, mounted: str | None = None, elbow: str | None = None) -> "Rig":
-        """Return a copy of the rig with other mounted rods or another mode of the elbow; None keeps a value.
+        """Return a copy with other mounted rods or another elbow mode; None keeps a value.
 
         Raises:
             ValueError: the elbow is clamped, but only one rod is mounted.
@@ -246,7 +246,7 @@ class Rig(Shown, RigTable):
 
     @property
     def bounds(self) -> Array:
-        """Lower and upper bound (2, 9) of each parameter, SI units; both equal the measured value if there is one."""
+        """(2, 9) lower and upper bounds of the parameters, SI; both equal a measured value."""
         pairs = [(p.measured, p.measured) if p.measured is not None else (p.lower, p.upper) for p in self._ordered()]
         return np.array(pairs, dtype=np.float64).T
 
@@ -274,7 +274,7 @@ class Rig(Shown, RigTable):
         return np.concatenate([turned[..., :1], rods], axis=-1)
 
     def mounted_theta(self, counts: ArrayLike) -> Array:
-        """Convert encoder counts to absolute angles as `theta` does, but with theta2 = theta1 for a single rod.
+        """Convert encoder counts to absolute angles, with theta2 = theta1 for a single rod.
 
         For a single rod the reading of encoder 2 is ignored.
         """
@@ -315,7 +315,7 @@ def load_rig(name: str | Path) -> Rig:
 
 
 def parse_rig(text: str) -> Rig:
-    """Parse the text of a rig file; the hash of the text is stored in the rig.
+    """Parse the text of a rig file, and store its hash in the rig.
 
     Raises:
         ConfigError: the text is not valid.

@@ -176,7 +176,7 @@ class Rods(RigTable):
 
     @property
     def placed(self) -> int:
-        """Number of angles that the operator sets at a pose: theta1 alone for a single rod or a clamped elbow."""
+        """Number of angles to set at a pose: only theta1 for a single rod or a clamped elbow."""
         return 2 if self.mounting == "both" else 1
 
     @property

@@ -125,7 +125,7 @@ class Run(Shown):
         return float(np.median(self.theta[:, 2] - self.theta[:, 1])) if clamped else 0.0
 
     def driven_by(self, kind: str | None) -> Run:
-        """Return a copy of the run that contains only measured, or only commanded, torques or arm inputs.
+        """Return a copy that contains only measured, or only commanded, torques or inputs.
 
         Args:
             kind: `measured` or `commanded`; None: the run is returned unchanged
@@ -181,12 +181,12 @@ class Run(Shown):
         return float(self.t[-1]) if len(self.t) else 0.0
 
     def between(self, start: float, stop: float) -> Run:
-        """Return the part of the run with start <= t < stop, s; the times are not shifted."""
+        """Return the part of the run with start <= t < stop, s, without a shift of the times."""
         return self.only((self.t >= start) & (self.t < stop))
 
     @property
     def readings_sha256(self) -> str:
-        """Hash of all data that a fit uses; it is the same for repeated imports of a table."""
+        """Hash of all data that a fit uses, equal for repeated imports of a table."""
         unread = ("name", "file", "sha256", "recorded_utc", "keep_rest", "arm_read", "notes")
         digest = hashlib.sha256()
         if self.arm_mode not in ("free", "driven"):
@@ -296,7 +296,9 @@ MOUNTED = MountingSettings()
 
 
 def as_mounted(theta: Array, mounting: Mounting, name: str) -> Array:
-    """Return the angles (n, 3) of a run for a given mounting, rad; for a single rod theta2 = theta1.
+    """Return the (n, 3) angles of a run for a given mounting, rad.
+
+    A single rod has theta2 = theta1.
 
     Raises:
         RunError: joint 2 turns although no rod is mounted on it, or although the elbow is specified as clamped.
@@ -312,7 +314,7 @@ def as_mounted(theta: Array, mounting: Mounting, name: str) -> Array:
 
 
 def elbow_turn(theta: Array, mounting: Mounting) -> float:
-    """Range of joint 2, rad, from angles (n, 3), in a mounting in which it should not turn, or 0 if both rods swing."""
+    """Range of joint 2 in angles (n, 3), rad, if it should not turn; otherwise 0."""
     if mounting == "both" or not len(theta):
         return 0.0
     tails = [MOUNTED.tail, 1 - MOUNTED.tail]

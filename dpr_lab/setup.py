@@ -41,7 +41,7 @@ class Torques:
 
     @property
     def arm_knots(self) -> tuple[Array, Array]:
-        """Instants (n + 2,), s, and the time integral of the torque on the arm up to each instant (n + 2,), N m s.
+        """(n + 2,) times, s, and time integrals of the arm torque up to them, N m s.
 
         Empty without a torque on the arm.
         """
@@ -49,14 +49,14 @@ class Torques:
 
     @property
     def knots(self) -> tuple[Array, Array]:
-        """Instants (n + 2,), s, and integrals (n + 2, 2) of the generalised torques up to each instant, N m s.
+        """(n + 2,) times, s, and (n + 2, 2) integrals of the generalised torques up to them, N m s.
 
         The columns belong to theta1 and theta2. The integrals are linear between times.
         """
         return _knots(self)
 
     def earlier(self, share: float) -> Torques:
-        """Shift each torque to an earlier time, by a share (0 to 1) of the interval since the previous instant.
+        """Shift each torque to an earlier time, by a share (0 to 1) of the preceding interval.
 
         With a share of 1/2, each torque is held in the interval around its instant, which is suitable for samples of a
         continuous signal.
@@ -64,7 +64,7 @@ class Torques:
         return replace(self, t=self.t - share * np.diff(self.t, prepend=2 * self.t[:1] - self.t[1:2]))
 
     def as_samples(self, parts: int = 8) -> Torques:
-        """Interpret the torques as samples of a continuous signal, and return its means in `parts` steps per row.
+        """Interpret the torques as samples of a continuous signal; return `parts` means per row.
 
         The signal is interpolated by monotone piecewise cubic polynomials, which do not overshoot (PCHIP; Fritsch &
         Carlson, SIAM J. Numer. Anal. 17, 238, 1980).
@@ -81,7 +81,7 @@ class Torques:
         return replace(self, t=t, joints=means[:, :2], on_arm=arm_means, interpolated=self)
 
     def mean_before(self, instants: ArrayLike, first: Flags | None = None) -> Array:
-        """Mean generalised torques (m, 2) on theta1, theta2 from the previous instant to each instant (m,), N m.
+        """(m, 2) mean generalised torques between the times (m,), N m.
 
         The mean is zero at times without a previous one: at the first instant, and where `first` (m,) is true.
         """
@@ -162,7 +162,7 @@ PRESCRIBED = PrescribedJoint()
 
 
 def inner_torques(motion: ArmMotion) -> Torques:
-    """Compute the torque of joint 1 that moves an inner rod with the inertia of `PRESCRIBED` as prescribed.
+    """Compute the torque of joint 1 that produces the prescribed motion of the inner rod.
 
     The angular acceleration is constant between two rows of the motion.
     """

@@ -115,7 +115,7 @@ class Limits(RigTable):
 
 
 def friction_quantity(joint: str, limit: FrictionLimit) -> str:
-    """Return the name of the quantity of a friction limit, for example `friction of joint1 up to 6 rad/s`."""
+    """Name the quantity of a friction limit, for example `friction of joint1 up to 6 rad/s`."""
     return f"friction of {joint} up to {limit.speed_rad_s:g} rad/s"
 
 

@@ -50,7 +50,7 @@ class ArrivalFit:
 
 
 class Arrivals:
-    """Newest tick and host time of the reads of a link; one read per bin is kept."""
+    """Arrival times of samples: one pair of newest tick and host time per bin."""
 
     def __init__(self, rate_hz: float) -> None:
         self._rate_hz = rate_hz

@@ -171,7 +171,7 @@ class Device:
             raise DeviceFault(f"{rate_hz} Hz is too fast for the device: choose at most {self.info.rate_max_hz} Hz")
 
     def hold(self, pose_number: int = 0) -> None:
-        """Engage the latch, and show the number of the pose, from 1, on the display of the device."""
+        """Engage the latch, and show the number of the pose, from 1, on the device."""
         self._command(Hold(pose=pose_number))
 
     def stream(self, rate_hz: int) -> None:
@@ -239,7 +239,7 @@ class Device:
         return self.info.simulated_time and self._software
 
     def clock(self) -> tuple[ClockFit | None, str]:
-        """Return the fit from device ticks of the last stream to `time.monotonic()`, or None and the reason."""
+        """Return the clock fit of the last stream, or None and the reason why there is none."""
         if self.simulated_time:
             return None, ""
         with self._lock:

@@ -96,7 +96,7 @@ def _named(diagnosis: Diagnosis, about: str) -> NamedEffect:
 def posterior(
     prior: Mapping[str, float], log_densities: Mapping[str, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the probabilities after a result, and log10 of the Bayes factor of each hypothesis against all others.
+    """Return the probabilities and the log10 Bayes factors of all hypotheses after a result.
 
     Args:
         prior: hypothesis -> probability

@@ -96,7 +96,7 @@ def push_on_arm(
 class ReducedRods(NamedTuple):
     """Equations of motion of both rods after elimination of the arm.
 
-    The acceleration of the arm follows from the accelerations of the rods: push0 - reach1 alpha1 - reach2 alpha2.
+    The acceleration of the arm is push0 - reach1 alpha1 - reach2 alpha2, with the accelerations alpha_i of the rods.
     """
 
     inertia1: float

@@ -21,7 +21,7 @@ from dpr_lab.kernels import njit
 
 @njit
 def read_at(t: float, model: RigModel) -> tuple[float, float]:
-    """Return the sampling times of joints 1 and 2 at the device time t, s since the release."""
+    """Return the sampling times of joints 1 and 2, s, for the device time t, s."""
     shift1, shift2 = reading_shifts(t, model.params, model.active)
     return t + shift1, t + shift2
 

@@ -141,7 +141,7 @@ def stops_at(before: float, after: float, slope: float) -> float:
 
 @subroutine
 def yields_at(before: float, after: float, h: float) -> float:
-    """Return the fraction of a step of length h, s, at which a resting joint starts to slide.
+    """Return the fraction of a step at which a resting joint starts to slide.
 
     The margin, friction limit minus torque, is interpolated linearly within the step.
 

@@ -19,7 +19,7 @@ def stepped(encoder: EncoderReading, counts: float, joint: float, run: float, ti
 
 
 def propose(recorded: Recorded) -> list[dict[str, float]]:
-    """Propose joint, run and instant of each apparent step in the readings as shape parameters."""
+    """Propose joint, run and time of each apparent step of a reading, as shape parameters."""
     return [{"joint": 1.0 + joint, "run": float(run), "time_s": t} for joint, run, t in recorded.steps()]
 
 

@@ -1,4 +1,4 @@
-"""Find rows of a table without a new reading, written by a logger that is too fast.
+"""Find rows that repeat a reading, because the logger writes faster than it reads.
 
 Two kinds of loggers write most readings several times:
 

@@ -34,7 +34,7 @@ def words_of(effects: Effects) -> dict[str, Words]:
 
 
 def in_words(model: AnyModel, rig: Rig, known: frozenset[str]) -> dict[str, Words]:
-    """Map each effect of a model to its elements if a program with the elements `known` can express the effect."""
+    """Map each effect that a program can express to its elements; `known` are the program's elements."""
     expressed = {name: words for name, words in words_of(model.effects).items() if known.issuperset(words)}
     # In a simulator, tilted gravity acts in all directions; this effect acts only in the plane of the rods.
     if isinstance(model, MovingArmModel):

@@ -208,7 +208,7 @@ def assembled(
 
 
 def known_effects(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    """Select the effects of a file that the library contains, with the parameters that the library knows."""
+    """Select the effects and parameters of a file that this version knows."""
     return {
         name: {p.name: values[p.name] for p in EFFECTS[name].parameters if p.name in values}
         for name, values in effects.items()

@@ -1,4 +1,4 @@
-"""Replace effects that a program cannot express by simpler effects, and refit the model to the recordings.
+"""Replace effects that a program cannot express by simpler ones, and refit the model.
 
 If an effect is omitted, parameters that were fitted together with it are no longer correct. For example, a viscous
 friction may have been estimated as zero only because of the omitted effect. The ratios, the simpler effects, and all

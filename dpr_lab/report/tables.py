@@ -100,7 +100,7 @@ SMALL_EFFECTS = "Only the rms was compared: dpr-lab diagnose also finds effects 
 
 
 def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: AngleUnit = RADIANS) -> str:
-    """State in one or two sentences whether the residual of the fitted and held-out runs is at the noise floor.
+    """State whether the residuals of the fitted and held-out runs are at the noise floor.
 
     Only rms values are compared. The tests of `dpr_lab.gap` also detect an effect whose residual is smaller than the
     noise.

@@ -12,7 +12,7 @@ from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel, Vect
 
 
 def fixed_to(model: SimulatorModel, index: int, chain: set[int]) -> list[Part]:
-    """Return the part at `index` of the chain, followed by all parts that are fixed to it."""
+    """Return the part at `index` of the chain and all parts that are fixed to it."""
     fixed = [i for i in range(len(model.parts)) if i not in chain and carrier(model, i, chain) == index]
     return [model.parts[index], *(model.parts[i] for i in fixed)]
 

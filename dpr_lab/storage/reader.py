@@ -210,7 +210,7 @@ def _delay(stored: Scan) -> float:
 
 
 def clock_of(stored: Scan) -> dict[str, float]:
-    """Return the clock fit at the end of a run, otherwise the last fit during the recording.
+    """Return the clock fit at the end of a run, otherwise the last one during the recording.
 
     The result is empty if there is no fit.
     """

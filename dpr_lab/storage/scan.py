@@ -88,12 +88,15 @@ class Scan:
 
     @property
     def interrupted(self) -> str:
-        """Reason why the recording ended early, also of a file that was recovered; empty if it did not end early."""
+        """Reason why the recording ended early, or an empty text.
+
+        The reason of a recovered file is that of the original.
+        """
         return self.stopped or self.metadata.extra.get(INTERRUPTED, "")
 
     @property
     def release_tick(self) -> int | None:
-        """Tick of the release from the end record; without an end record, from the event of the release.
+        """Tick of the release from the end record, otherwise from the event of the release.
 
         Raises:
             RunError: an event does not have the layout of a run.

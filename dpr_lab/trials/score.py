@@ -249,7 +249,7 @@ def _faults(truth: Truth) -> list[str]:
 
 
 def cause_named(effect: Json, truth: Truth) -> int | None:
-    """Return the index of the true cause that a named effect, or a member of its class, matches.
+    """Return the index of the true cause that matches a named effect or its class.
 
     The result is None if there is no such cause.
     """

@@ -284,7 +284,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.action_go(self.steps.index(self.current) + 1 + by)
 
     def action_help(self) -> None:
-        """Show the purpose and the keys of the current step, or of the run browser if it is open."""
+        """Show purpose and keys of the current step, or of the open run browser."""
         shown = self.screen if isinstance(self.screen, RunBrowser) else self.current
         keys = " · ".join(
             f"`{self.get_key_display(active.binding)}` {active.binding.description}"

@@ -6,7 +6,7 @@ from textual.suggester import Suggester
 
 
 class PathSuggester(Suggester):
-    """Suggester that completes a path with the first folder or file whose name starts with the input.
+    """Suggester that completes a path with the first matching folder or file.
 
     Only files with the given suffix are suggested. The character `~` stands for the home folder.
 

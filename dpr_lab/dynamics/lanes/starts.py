@@ -70,7 +70,7 @@ def params_row(r: int, block: LaneBlock) -> int:
 
 @njit
 def segment_start(first: float, near: float = 0.04) -> float:
-    """Return the start of a segment from the time `first` of its first reading, s since the release.
+    """Return the start of a segment whose first reading is at the time `first`, s since the release.
 
     A start less than `near` seconds after the release is moved to the release, where all internal states are known.
     """

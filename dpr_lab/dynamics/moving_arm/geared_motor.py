@@ -1,6 +1,6 @@
-"""Steps of a rig whose arm has a motor behind gear backlash, as in `dpr_lab.dynamics.lanes`.
+"""Runge-Kutta steps with a motor behind the backlash of the arm's gear.
 
-`dpr_lab.dynamics.lanes.geared_motor` contains the equations.
+The physics is that of `dpr_lab.dynamics.lanes.geared_motor`, which contains the equations.
 """
 
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Write the numbers of the corrected model into the MJCF, URDF or SDFormat file of the user.
+"""Write the corrected model into the user's MJCF, URDF or SDFormat file.
 
 Only numbers of the rods and the arm are changed.
 """
@@ -24,7 +24,7 @@ WORDS: dict[str, frozenset[str]] = {editor.name: editor.words for editor in (Mjc
 
 
 def into_file(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ()) -> PatchedModel:
-    """Write the numbers of the corrected model into the content of the user's file, and return the changed content.
+    """Return the content of the user's file with the numbers of the corrected model.
 
     The root element of the file determines its format.
 

@@ -35,7 +35,7 @@ CHANGE = ChangeSettings()
 
 @dataclass(frozen=True, slots=True)
 class ModelCause:
-    """A number of the file that differs from the rig, described in the terms of the file."""
+    """Number of the file that differs from the rig, in the terms of the file."""
 
     joint: str
     """Name of the joint in the file."""

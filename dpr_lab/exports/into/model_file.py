@@ -52,7 +52,7 @@ class Editor(Protocol):
         ...
 
     def move_joint(self, edit: XmlEdit, joints: tuple[str, str], shift: Vector) -> None:
-        """Shift the second joint relative to the first joint by a vector (3,) in the world frame, m."""
+        """Shift the second joint relative to the first by a (3,) vector in the world frame, m."""
         ...
 
     def set_body(self, edit: XmlEdit, joint: str, change: BodyChange) -> None:
@@ -69,7 +69,7 @@ class Editor(Protocol):
 
 
 def changed_file(model: AnyModel, rig: Rig, editor: Editor, joints: Sequence[str]) -> PatchedModel:
-    """Write the numbers of the corrected model into the content of the user's file, and return the changed content.
+    """Return the content of the user's file with the numbers of the corrected model.
 
     Args:
         model: the corrected or identified model

@@ -145,7 +145,7 @@ class Simulation:
         )
 
     def angles(self, swing: Replay, gain: Array | float = 1.0) -> Array:
-        """Simulate the angles of the rods (n, 2), or of arm and rods (n, 3), at the times of a replay, rad.
+        """Simulate the (n, 2) angles of the rods, or (n, 3) with the arm, rad, for a replay.
 
         `gain` multiplies the known torques. For a moving arm, `gain` is the torque per input of the drive.
         """

@@ -24,7 +24,10 @@ from dpr_lab.version import __version__
 
 
 def has_moving_arm(diagnosis: Diagnosis) -> bool:
-    """Check whether the arm in the diagnosed recordings was free, or driven by a torque, current or voltage."""
+    """Check whether the arm of the diagnosed recordings was free or driven.
+
+    A drive by an acceleration does not count: it prescribes the motion of the arm.
+    """
     return FREE_ARM.name in diagnosis.model_effects
 
 

@@ -54,7 +54,7 @@ def sampled_arm_models(
 
 
 def widened_model(model: MovingArmModel, factor: float) -> MovingArmModel:
-    """Multiply the standard deviations of the ratios and of the scale of a model by a factor."""
+    """Multiply the standard deviations of a model's ratios and scale by a factor."""
     covariance = (factor**2 * np.array(model.covariance)).tolist()
     scale = model.absolute[model.scale]
     absolute = dict(model.absolute) | {model.scale: scale.model_copy(update={"std": factor * scale.std})}

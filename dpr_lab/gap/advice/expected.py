@@ -17,7 +17,7 @@ from dpr_lab.identification.scaling.scale import Scale
 
 
 def expected_size(selection: Selection, scale: Scale, check: AdvisedCheck) -> Interval | None:
-    """Return the expected result of a measurement if its effect is the cause, with its 90 % interval.
+    """Return the expected result of a measurement, with its 90 % interval, if its effect is the cause.
 
     The size comes from the fit in which the measured effect replaces the named effect. If no such fit exists, the size
     comes from the score test.

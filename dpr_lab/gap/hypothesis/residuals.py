@@ -66,7 +66,7 @@ class ResidualStatistics:
 
     @property
     def independent_noise(self) -> float:
-        """Variance of white noise that causes the same errors of fitted values, relative to the assumed noise.
+        """Equivalent white-noise variance for the errors of fitted values, relative to the assumed noise.
 
         The value is level (1 + rho) / (1 - rho), where rho is the correlation of the errors of neighbouring readings.
         """

@@ -179,7 +179,10 @@ class Diagnosis(Shown, Saved):
 
     @property
     def all_ratios(self) -> dict[str, Interval]:
-        """The five ratios of the fit; if only the inner rod is mounted, undetermined ratios come from the rig file."""
+        """The five ratios of the fit.
+
+        If only the inner rod is mounted, the undetermined ratios come from the rig file.
+        """
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     @property
@@ -189,7 +192,7 @@ class Diagnosis(Shown, Saved):
 
     @property
     def unknowns(self) -> Array:
-        """(7,) ratios, b and p/b, as initial values for another fit; p/b is nan if no run has a single rod."""
+        """(7,) ratios, b and p/b as initial values of another fit; p/b is nan without a single-rod run."""
         p_over_b = np.nan if self.p_over_b is None else self.p_over_b
         return np.array([*(ratio.value for ratio in self.all_ratios.values()), self.scale_b, p_over_b])
 

@@ -42,7 +42,7 @@ class VaryingParameter(Saved):
 
 
 class GapBudget(Saved):
-    """Shares of the mean squared residual of the bare model; the sum of the shares is 1.
+    """Shares of the mean squared residual of the bare model, with the sum 1.
 
     Each recording is predicted from the other recordings. The shares are removed in this order: by the corrected model;
     by free torques and encoder errors that are fitted to the other recordings; by parameters that are fitted to the
@@ -71,13 +71,13 @@ class GapBudget(Saved):
 
     @property
     def of_gap(self) -> float | None:
-        """Explained share of the mean squared gap above the noise, or None if there is no gap."""
+        """Explained share of the mean squared gap, or None without a gap."""
         above = 1 - self.noise
         return self.explained / above if above > 0 and not self._no_gap else None
 
     @property
     def of_reproducible(self) -> float | None:
-        """Explained share of the reproducible part of the gap, or None if no part is known to be reproducible."""
+        """Explained share of the reproducible gap, or None if no part is known to be reproducible."""
         reproducible = self.explained + self.unmodelled
         return self.explained / reproducible if reproducible > 0 and not self.undecided else None
 

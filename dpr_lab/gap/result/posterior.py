@@ -10,7 +10,7 @@ from dpr_lab.gap.result.saved import Number
 
 
 class PosteriorComponent(BaseModel):
-    """One fitted set of effects: a normal distribution of its values, and the probability of the set."""
+    """Fitted set of effects, with its probability and the normal distribution of its values."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 

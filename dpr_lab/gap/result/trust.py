@@ -1,4 +1,4 @@
-"""Reliability of a diagnosis of one rig, from blind trials on simulated plants that are similar to the rig."""
+"""Reliability of a diagnosis, from blind trials on simulated plants like the rig."""
 
 from typing import Literal
 

@@ -137,7 +137,7 @@ class Record:
         return replace(self, joints=joints, shown=shown)
 
     def with_finding(self, name: str, evidence: str) -> "Record":
-        """Return the record with a fault of the whole run, which replaces a fault of the same name."""
+        """Return the record with a fault of the whole run, in place of a fault of the same name."""
         others = [finding for finding in self.screened.findings if finding.name != name]
         finding = Finding(name, self.run.name, None, None, evidence)
         return replace(self, screened=replace(self.screened, findings=(*others, finding)))

@@ -41,7 +41,7 @@ LONE = LoneRules()
 
 @dataclass(frozen=True, slots=True)
 class LoneRecording:
-    """Only recording with a remainder, and the largest remainder of the others, in units of the noise."""
+    """Only recording with a remainder, and the largest other remainder, in units of the noise."""
 
     name: str
     remainder: float

@@ -1,1 +1,1 @@
-"""Which effects cause the gap: the search over sets of effects."""
+"""Search over sets of effects for the causes of the gap."""

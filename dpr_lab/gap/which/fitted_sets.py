@@ -92,7 +92,7 @@ class FittedSets:
         return replace(self, bare=bare, _fits={}, _tests={}, _refitted_from=set(), _short=[], _results={})
 
     def keep(self, model: Hypothesis) -> Hypothesis:
-        """Store a fit if it is the best one of its set, and return the best fit of this set."""
+        """Store a fit if it is the best of its set, and return the best fit of this set."""
         best = self._fits.get(model.key)
         if best is None or model.fit.chi2 <= best.fit.chi2:
             self._fits[model.key] = best = model
@@ -117,11 +117,11 @@ class FittedSets:
         return self.possible(model) or not self.possible(other)
 
     def unexpected(self, model: Hypothesis) -> list[str]:
-        """Return the effects of a set that the rig is not known to have; only the recordings are evidence for them."""
+        """Return the effects of a set for which the recordings are the only evidence."""
         return [name for name in model.effects if name not in self.expected]
 
     def described(self, model: Hypothesis) -> Hypothesis:
-        """Return the bare model with those effects of a set that correct the rig file or the time stamps.
+        """Return the bare model plus the effects of a set that correct the rig file or time stamps.
 
         The other effects explain parts of the gap that remains with this model. An error of the description, for
         example of a length or of the counts per turn, may cause a gap a thousand times as large, and is not a property
@@ -133,7 +133,7 @@ class FittedSets:
         return reduce(self.without, (name for name in model.effects if name not in corrections), model)
 
     def start(self) -> Hypothesis:
-        """Return the bare model with those known effects of the rig that are significant in these recordings.
+        """Return the bare model plus the significant effects that the rig is known to have.
 
         The effects are added in order of size.
         """
@@ -213,7 +213,7 @@ class FittedSets:
         return refit_with(self.problem, model, test, score, EFFORT.thorough, best)
 
     def on_short(self) -> "FittedSets":
-        """Return the sets for short segments, in which the influence of an effect is closer to linear.
+        """Return the sets for short segments, in which effects act more linearly.
 
         At first there is only the bare model. All copies of these sets share the fits to short segments.
         """
@@ -304,7 +304,7 @@ class FittedSets:
         return self.predictive(best) if self.held_out_chi2(best) < self.held_out_chi2(model) else model
 
     def without(self, model: Hypothesis, effect: str) -> Hypothesis:
-        """Fit a set without one effect, starting from a larger set or from a tested smaller set.
+        """Fit a set without one effect, starting from a larger or a smaller set.
 
         The better fit is used.
         """
@@ -329,7 +329,7 @@ class FittedSets:
         return bool(((previous > EFFORT.outstanding) & (current < 0.5 * previous)).any())
 
     def replaced(self, model: Hypothesis, effect: str, other: str) -> Hypothesis | None:
-        """Return the set in which one effect is replaced by another, or None if the other effect has no score.
+        """Return the set with one effect replaced by another, or None if the other has no score.
 
         The fit starts without either effect. If this fit fails, it is repeated from a fit with both effects. In the
         repeated fit, the new effect gradually takes over the share of the replaced effect.
@@ -346,7 +346,7 @@ class FittedSets:
         return replaced
 
     def imaged(self, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
-        """Return the set in which another effect replaces one effect, fitted from the linear prediction at `model`.
+        """Return the set with one effect replaced by another, from the linear prediction at `model`.
 
         From this estimate, two indistinguishable effects fit equally well. A fit that starts without both effects may
         end in a local minimum in which another effect has a wrong shape. `score` is the score of the new effect.

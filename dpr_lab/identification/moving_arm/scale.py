@@ -107,7 +107,7 @@ def estimated(value: float, std: float, fixed_by: Literal["data", "bound"] = "da
 
 
 def absolute_name(parameter: str, kind: str) -> str:
-    """Return the name of an absolute value; that of a gain depends on the kind of input."""
+    """Return the name of an absolute value; for a gain it depends on the kind of input."""
     if parameter != "gain":
         return parameter
     return {"voltage": "kt gear/R", "current": "kt gear"}.get(kind, "gain")

@@ -1,4 +1,4 @@
-"""Value of information: bits about the causes, about other effects of the library, and about the ratios.
+"""Value of information, in bits about the causes, other library effects, and the ratios.
 
 **Causes (T-optimality).** Suppose that A is the true cause, with amplitudes a. The squared distance between the
 readings under A and the nearest readings under B, with ratios and all other effects of the model fitted, is

@@ -74,7 +74,10 @@ def waterfall_figure(diagnosis: Diagnosis) -> Figure:
 
 
 def horizon_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw the gap of the bare and the corrected model against the length of segments with fitted initial states."""
+    """Draw the gap of bare and corrected model against the segment length.
+
+    The initial states of the segments are fitted.
+    """
     with style.house_style():
         lengths = [float(length) for length in diagnosis.gap.by_horizon]
         if not lengths:

@@ -70,7 +70,7 @@ def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RA
 
 
 def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float]) -> str:
-    """Format the true sizes of an effect, at the b of the diagnosis, as the text of one table cell.
+    """Format the true sizes of an effect, at the b of the diagnosis, as a table cell.
 
     Ratios come first if only ratios are identified.
     """

@@ -1,4 +1,4 @@
-"""Find columns of known inputs: torques of the joints, the input of a driven arm, or the motion of a cart."""
+"""Find columns of known inputs: joint torques, the input of a driven arm, or a cart position."""
 
 import math
 import re
@@ -75,7 +75,7 @@ class KnownInputs:
     """Number of mounted rods."""
 
     def torques(self, columns: Mapping[str, Array], t: Array, rows: NDArray[np.intp]) -> dict[str, Array]:
-        """Convert the columns to inputs (k, 2) of the kept rows (k,), SI units, for each kind of input.
+        """Convert the columns to inputs (k, 2) of the kept rows (k,), SI, by kind of input.
 
         `columns` and `t`, s, contain all rows of the table.
         """
@@ -87,7 +87,7 @@ class KnownInputs:
     def refuse_silent(
         self, columns: Mapping[str, Array], rows: NDArray[np.intp], path: object, least: float = 1e-9
     ) -> None:
-        """Check that the input of a driven arm exceeds `least`, in SI units, in at least one row.
+        """Check that the input of a driven arm exceeds `least`, SI, in at least one row.
 
         Raises:
             RunError: the input is zero in all rows, or never exceeds `least`.
@@ -174,7 +174,7 @@ def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[s
 
 
 def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path: object) -> tuple[str, float]:
-    """Find the column of the input of a driven arm, and the factor that converts the input to SI units.
+    """Find the column of a driven arm's input, and its factor to SI units.
 
     Args:
         names: names of the columns
@@ -232,7 +232,10 @@ def _gain_note(motor: MotorTable) -> list[str]:
 
 
 def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
-    """Return notes about columns with a drive input if the arm is free; otherwise an empty list."""
+    """Return notes about columns with a drive input if the arm is free.
+
+    Otherwise the list is empty.
+    """
     if mode != "free":
         return []
     words = "|".join(_NAMES[kind].split("|")[0] for kind in ("torque", "current", "voltage"))
@@ -242,7 +245,7 @@ def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
 
 
 def cart_note(table: Table, used: Mapping[str, str], rig: Rig, options: ImportOptions) -> list[str]:
-    """Return a note about importing the motion of a cart if the table has an unused column with its position.
+    """Explain how to import the motion of a cart if an unused column contains its position.
 
     A cart at the position x is represented by an arm of the length R that turns by theta_0 = -x / R. The pivot of the
     rod then has the acceleration of the cart, because the terms with the squared speed of the arm vanish for a long

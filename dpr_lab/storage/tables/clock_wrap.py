@@ -1,4 +1,4 @@
-"""Detect and unwrap times from a counter that wraps, for example from a 32-bit microsecond counter after 4295 s."""
+"""Unwrap times from a counter that wraps, such as a 32-bit counter of microseconds."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -56,7 +56,7 @@ def unwrapped_times(times: Array, wrap: float, name: str) -> Array:
 
 
 def wrap_behind(before: float, after: float, step: float = 0.0, continues: bool = False) -> float | None:
-    """Return the width of the counter that wrapped between two values, or None if no counter matches.
+    """Return the width of the counter that wrapped between two values, or None.
 
     Args:
         before: last value before the decrease

@@ -1,4 +1,4 @@
-"""Read the lines of a text file, plain or compressed by gzip, in blocks to limit the memory."""
+"""Read the lines of a plain or gzip text file in blocks, to limit the memory."""
 
 import codecs
 import gzip

@@ -110,7 +110,7 @@ class InterpretedTable:
 
     @property
     def prescribed(self) -> bool:
-        """Whether the motion of the arm or of the inner rod is prescribed; an unknown torque then acts."""
+        """Whether the motion of arm or inner rod is prescribed by a drive of unknown torque."""
         return self.arm_moves or self.options.inner == "prescribed"
 
     @property

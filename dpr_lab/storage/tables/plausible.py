@@ -17,7 +17,7 @@ from dpr_lab.storage.tables.options import ImportOptions
 
 @dataclass(frozen=True, slots=True)
 class Plausible:
-    """Limits of a plausible table; beyond them, a unit is wrong or the file is not a recording."""
+    """Limits beyond which a unit is wrong or the file is not a recording."""
 
     nan_share: float = 0.1
     """Maximum share of rows without a value. A larger share is accepted if these rows are scattered, for example
@@ -64,7 +64,7 @@ PLAUSIBLE = Plausible()
 
 
 def check_spacing(path: Path, t: Array) -> None:
-    """Check the times (n,), s: rows must not be too far apart, and the table must not be too long.
+    """Check that the times (n,), s, are not too far apart and the table is not too long.
 
     Raises:
         RunError: a limit is exceeded; the unit of time is then probably wrong.
@@ -252,7 +252,10 @@ def _between_turning_points(angle: Array) -> float:
 
 
 def recorded_by_stamps(first_s: float) -> str:
-    """Return date and time (UTC) of the first row if its time is in seconds since 1970; otherwise an empty text."""
+    """Return date and time (UTC) of the first row if times are seconds since 1970.
+
+    Otherwise the text is empty.
+    """
     if not PLAUSIBLE.stamps_s[0] <= first_s <= PLAUSIBLE.stamps_s[1]:
         return ""
     return datetime.fromtimestamp(first_s, UTC).isoformat(timespec="seconds")

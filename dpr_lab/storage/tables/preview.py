@@ -60,7 +60,7 @@ class Preview:
     """(n, 3) absolute angles of the run, 0 = upright, rad."""
 
     def facts(self) -> dict[str, str]:
-        """Return the interpretation of the table as a mapping from property names to values, both as text."""
+        """Return the interpretation of the table as texts by property name."""
         by_rig = self.unit == "counts"
         reading = (
             f"{self.unit}, converted by the encoders of the rig"
@@ -95,7 +95,7 @@ class Preview:
         return self.rate_hz if self.gaps else (len(self.t) - 1) / float(self.t[-1] - self.t[0])
 
     def first_rows(self, rows: int = 5) -> list[tuple[float, ...]]:
-        """Return the times, s, and the angles of `joints`, rad, in the first rows of the recording."""
+        """Return the first times, s, and angles of `joints`, rad, of the recording."""
         angles = self.theta[:rows, list(self.joints)]
         return [(t, *theta) for t, theta in zip(self.t[:rows].tolist(), angles.tolist(), strict=True)]
 

@@ -69,7 +69,7 @@ SETTINGS = StampSettings()
 
 
 def carried_times(t: Array) -> tuple[Array, str]:
-    """Correct rows that are a second or a minute early or late, and return the times and a note.
+    """Correct rows that are a second or a minute off; return the times and a note.
 
     A few rows are shifted by one unit if the time decreases without the shift, and if all steps around the rows have
     the usual size with the shift. Other times are not changed.
@@ -120,7 +120,7 @@ def never_falls(column: Array) -> bool:
 
 
 def shares_times(t: Array, readings: Mapping[str, Array]) -> Flags:
-    """Return a mask (n - 1,) of rows that have the same time as the previous row but different readings."""
+    """Return the (n - 1,) mask of rows with the time of the previous row but other readings."""
     changed = np.logical_or.reduce([np.diff(column) != 0 for column in readings.values()])
     return np.asarray(changed & (np.diff(t) == 0))
 
@@ -153,7 +153,7 @@ def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
 
 
 def spread_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Spread rows with one stamp but different readings evenly over the gap after or before these rows.
+    """Spread rows with one stamp but different readings evenly over the adjacent gap.
 
     The result contains the times and a note. Rows are not spread if the gap is too short for them, for example after a
     row that was written twice.
@@ -208,7 +208,7 @@ def _rounded(t: Array, resolution: Array) -> Array:
 
 
 def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Move stamps next to gaps to the side whose motion the reading continues, and return the times and a note.
+    """Move stamps next to a gap to the side that their reading continues; add a note.
 
     The reading next to a gap is predicted from both sides, each by the parabola through the nearest rows.
 

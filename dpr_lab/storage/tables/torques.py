@@ -1,4 +1,4 @@
-"""Find the columns of the torques of joints 1 and 2, and other interpretations of these columns."""
+"""Find the columns of joint torques, and other interpretations of these columns."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -45,7 +45,7 @@ Pairs = Mapping[str, tuple[str, str]]
 def find_torques(
     names: Sequence[str], source: str | None, given: Mapping[str, str], path: object, *, alone: bool = False
 ) -> Pairs:
-    """Find the columns of the torques of both joints; return an empty mapping for a free swing.
+    """Find the torque columns of both joints; a free swing has an empty mapping.
 
     If columns of one kind exist, columns without a stated kind are of the other kind. A joint without a torque column
     is passive, and the name of its column is `PASSIVE`.
@@ -119,7 +119,7 @@ def _named(name: str) -> re.Match[str] | None:
 
 
 def unnumbered(names: Sequence[str], driving: Pairs, options: ImportOptions) -> list[str]:
-    """Return a note about torque columns that do not name their joint and are therefore not used.
+    """Return a note about unused torque columns that do not name their joint.
 
     Otherwise the list is empty. On a moving arm, such a torque belongs to the drive of the arm.
     """
@@ -130,7 +130,9 @@ def unnumbered(names: Sequence[str], driving: Pairs, options: ImportOptions) -> 
 
 
 def torque_column(table: Table, name: str) -> Array:
-    """Return the torques of a column, N m, according to the unit in its name; zeros for a passive joint.
+    """Return the torques of a column, N m; zeros for a passive joint.
+
+    The unit is that in the name of the column.
 
     Raises:
         RunError: the column has another length.
@@ -225,7 +227,7 @@ def better_torques(
 
 
 def coarse_torques(torques: Array, limit: float, words: str) -> str:
-    """Return a warning if torques, or an input of the arm, change too much from row to row.
+    """Warn if torques or an input change too much from row to row.
 
     Otherwise return an empty text.
 

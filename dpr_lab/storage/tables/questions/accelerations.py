@@ -27,7 +27,7 @@ def balance_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def rig_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn if the inertias that follow from the swing are outside the bounds of the rig file.
+    """Warn if the inertias of the swing are outside the bounds of the rig file.
 
     Rigs with gears are not checked, because their motors add inertia.
     """

@@ -1,4 +1,4 @@
-"""Compose warnings from the energy of the swing: on units, zeros, signs, order of the columns, and known torques."""
+"""Warnings from the energy of a swing: units, zeros, signs, columns, and known torques."""
 
 import math
 from dataclasses import replace

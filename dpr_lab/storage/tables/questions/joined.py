@@ -1,4 +1,4 @@
-"""Warn about a gap if the readings on both sides of the gap do not belong to one motion."""
+"""Warn about a gap whose two sides do not belong to one motion."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from dpr_lab.storage.tables.plausible import PLAUSIBLE
 
 @dataclass(frozen=True, slots=True)
 class JoinSettings:
-    """Limits from which the readings on both sides of a gap do not belong to one motion."""
+    """Limits beyond which the two sides of a gap do not belong to one motion."""
 
     rows: int = 4
     """Number of rows on each side of a gap that are compared with one polynomial."""
@@ -33,7 +33,7 @@ JOIN = JoinSettings()
 
 
 def joined_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about the first gap after which another recording seems to begin, for example in a continued log file."""
+    """Warn about the first gap after which another recording seems to begin."""
     t, theta = table.t[table.swing], table.theta[table.swing, 1:]
     steps = np.diff(t)
     lost = np.rint(steps / np.median(steps)).astype(np.intp) - 1

@@ -38,7 +38,7 @@ SETTINGS = PeriodSettings()
 
 
 def period_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about a column if its period depends on the amplitude like the period of much smaller angles.
+    """Warn about a column whose period varies with amplitude like that of much smaller angles.
 
     The period of a freely swinging rod is T = T0 / agm(1, cos(A/2)), where A is the amplitude, T0 the period of small
     swings and agm the arithmetic-geometric mean. A position in mm that is read as degrees has the period of another
@@ -69,7 +69,10 @@ def period_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def swings(t: Array, angle: Array) -> tuple[Array, Array]:
-    """Return durations (k,), s, and amplitudes (k,) of the periods between upward crossings of the median angle."""
+    """Return (k,) durations, s, and amplitudes of the periods.
+
+    A period begins at an upward crossing of the median angle.
+    """
     x = angle - np.median(angle)
     up = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))
     crossings = t[up] - x[up] * (t[up + 1] - t[up]) / (x[up + 1] - x[up])

@@ -89,7 +89,7 @@ def _refuse_dead(table: InterpretedTable, theta: Array) -> None:
 
 
 def refuse_push(table: InterpretedTable, origin: float) -> None:
-    """Refuse a table in which rods start to swing from the hanging rest without a known drive.
+    """Refuse a table whose rods leave the hanging rest without a known drive.
 
     Raises:
         RunError: the rods were pushed; the message names the option that excludes the push.
