@@ -41,7 +41,7 @@ class Torques:
 
     @property
     def arm_knots(self) -> tuple[Array, Array]:
-        """(n + 2,) times, s, and time integrals of the arm torque up to them, N m s.
+        """(n + 2,) times, s, and the time integral of the arm torque up to each time, N m s.
 
         Empty without a torque on the arm.
         """
@@ -49,7 +49,7 @@ class Torques:
 
     @property
     def knots(self) -> tuple[Array, Array]:
-        """(n + 2,) times, s, and (n + 2, 2) integrals of the generalised torques up to them, N m s.
+        """(n + 2,) times, s, and (n + 2, 2) time integrals of the generalised torques, N m s.
 
         The columns belong to theta1 and theta2. The integrals are linear between times.
         """

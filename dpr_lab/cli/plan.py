@@ -132,7 +132,7 @@ def _pair_rows(made: "Plan") -> list[tuple[str, ...]]:
 def commands(made: "Plan") -> list[str]:
     """Return the commands that record the planned releases.
 
-    Before any recording these are the commands of all releases, afterwards that of the next release only.
+    Before any recording, all releases are planned; afterwards, only the next one.
     """
     if made.state == "bench check":
         return []

@@ -41,9 +41,7 @@ ROWS = 14 * WIDTH
 def sensitivities(
     ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike, outputs: int = STATES
 ) -> tuple[Array, Array]:
-    """Simulate segments.
-
-    Also compute the derivatives of the states with respect to the ratios and the initial states.
+    """Simulate segments, with the derivatives with respect to ratios and initial states.
 
     Args:
         ratios: (5,) a/b, d/b, e1/b, c1/b, c2/b, or (S, 5) for each segment

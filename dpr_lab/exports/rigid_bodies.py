@@ -60,10 +60,7 @@ class Rod:
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """Arm that turns about the vertical axis, SI units.
-
-    It is compliant, free or driven.
-    """
+    """Compliant, free or driven arm that turns about the vertical axis, SI units."""
 
     length: float
     """Distance of the rods' plane from the axis of the arm, m."""

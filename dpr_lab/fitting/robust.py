@@ -94,7 +94,9 @@ def _lost_and_chi2(fitted: Fit) -> tuple[int, float]:
 
 
 def student_weights(problem: Problem, first_fit: Fit, freedom: float = 4.0) -> Array:
-    """Return the (samples, 2) Student-t weights of residuals scaled by the spread of their axis.
+    """Return the (samples, 2) Student-t weights of the residuals.
+
+    The residuals are scaled by the spread of each encoder.
 
     Source: Lange, Little & Taylor (1989), Robust statistical modeling using the t distribution, JASA 84, 881-896.
     """

@@ -55,7 +55,7 @@ SWING = SwingSettings()
 
 @dataclass(frozen=True, slots=True)
 class PresentModel:
-    """Present estimate of the rig, and the unknowns of a plan."""
+    """Current estimate of the rig, and the unknowns of a plan."""
 
     estimate: Estimate
     """Ratios and effects of the current model, without segments."""

@@ -194,7 +194,7 @@ def _undetermined(model: "Model") -> str:
 def ratio_note(model: "Model") -> str:
     """Describe the meaning of the ratios.
 
-    They also explain standard deviations that clearly exceed those of `identifiability`.
+    The text also explains standard deviations that clearly exceed those of `identifiability`.
     """
     noise_and_misfit = math.sqrt(max(1.0, model.fit.chi2_per_dof))
     inflation = [

@@ -1,7 +1,4 @@
-"""Differential evolution of scipy, one generation at a time.
-
-It is used for comparison with the genetic algorithm.
-"""
+"""Differential evolution of scipy, for comparison with the genetic algorithm."""
 
 from collections.abc import Iterator
 from functools import partial

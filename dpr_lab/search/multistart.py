@@ -1,6 +1,6 @@
-"""Local searches by L-BFGS-B from the best points of a Latin hypercube.
+"""Multi-start local search (L-BFGS-B), for comparison with the genetic algorithm.
 
-They are used for comparison with the genetic algorithm.
+The starts are the best points of a Latin hypercube.
 """
 
 from collections.abc import Iterator

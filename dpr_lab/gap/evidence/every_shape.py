@@ -50,7 +50,7 @@ SHAPES = ShapeSettings()
 
 @dataclass(frozen=True)
 class AllShapes:
-    """Tests of effects over all their shapes, in addition to a fitted set of effects."""
+    """Tests of effects in all their shapes, each added to a fitted set of effects."""
 
     problem: Problem
     """The segments."""

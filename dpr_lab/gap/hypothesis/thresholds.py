@@ -224,7 +224,7 @@ def form_indifference(bare: Hypothesis, model: Hypothesis) -> float:
 
 
 def adds_less_than_remains(richer: Hypothesis, simpler: Hypothesis | None) -> bool:
-    """Return whether a richer form removes less excess, compared with a simpler form, than it leaves.
+    """Return whether a richer form leaves more excess than it removes, compared with a simpler form.
 
     The result is false if no simpler form is fitted, or if the richer form reaches the noise floor.
     """

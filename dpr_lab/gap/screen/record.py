@@ -143,9 +143,7 @@ class Record:
         return replace(self, screened=replace(self.screened, findings=(*others, finding)))
 
     def without(self, t: Array, off: Flags) -> "Record":
-        """Return a copy without the times at which a reading is an outlier.
-
-        Add a finding for each of these readings.
+        """Return a copy without outliers, with a finding for each of them.
 
         Args:
             t: (n,) times, s

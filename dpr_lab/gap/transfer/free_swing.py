@@ -24,9 +24,9 @@ from dpr_lab.setup import Setup
 
 @dataclass(frozen=True, slots=True)
 class FreeSwing:
-    """Free run of a model along a recording, with its sensitivities.
+    """Free run of a model along a recording.
 
-    They are those to the initial state and to the fitted values.
+    It contains the sensitivities to the initial state and to the fitted values.
     """
 
     record: Record

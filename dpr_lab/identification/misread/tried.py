@@ -126,7 +126,7 @@ class SecondLook:
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """Conclusion on the description of the recordings."""
+    """Result of the tests of a recording's description."""
 
     hint: str = ""
     """Probable mistake and its correction; empty without evidence against the description."""
