@@ -17,5 +17,5 @@ Integers = NDArray[np.int64]
 
 
 def row_sums(values: Array) -> Array:
-    """Return (n,) sums over the few columns of values (n, k), several times faster than `values.sum(axis=1)`."""
+    """Return (n,) sums over few columns (n, k), several times faster than `values.sum(axis=1)`."""
     return sum(values.T[1:], values[:, 0])

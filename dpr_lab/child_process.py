@@ -67,7 +67,7 @@ class ChildFunction:
         return self._process.exitcode
 
     def wait(self, patience_s: float) -> bool:
-        """Wait for the end of the process for at most `patience_s` and return whether it ended."""
+        """Wait at most `patience_s` for the end of the process; return whether it ended."""
         self._process.join(patience_s)
         return not self._process.is_alive()
 

@@ -1,4 +1,4 @@
-"""Find and validate TOML configuration files; error messages name the file, the key and the value."""
+"""Find and validate TOML files; messages name the file, the key and the value."""
 
 import hashlib
 import re
@@ -64,7 +64,7 @@ def read_config(path: Path, model: type[Model]) -> Model:
 
 
 def parse_config(text: str, source: str, model: type[Model]) -> Model:
-    """Validate TOML text with a pydantic model; `source` is the name of the text in messages.
+    """Validate TOML text with a pydantic model; `source` names the text in messages.
 
     Raises:
         ConfigError: the text is not TOML, or a key is unknown, missing or out of range.

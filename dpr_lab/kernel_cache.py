@@ -49,7 +49,7 @@ def prune(root: Path, now: float) -> None:
 
 
 class ForeignFolder(OSError):
-    """Raised if a folder belongs to another user, who could have written malicious code to it."""
+    """Raised if a folder belongs to another user and may contain malicious code."""
 
 
 def open_cache(root: Path, name: str) -> Path | None:
@@ -154,6 +154,6 @@ def mark_simulator_compiled() -> None:
 
 
 def compiling_simulator() -> None:
-    """Notify all listeners that a simulated device will compile its kernels, unless they are already compiled."""
+    """Notify all listeners if a simulated device is about to compile its kernels."""
     if not simulator_compiled():
         compiling()

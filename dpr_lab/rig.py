@@ -236,7 +236,7 @@ class Rig(Shown, RigTable):
 
     @property
     def nominal(self) -> Array:
-        """Best known value (9,) of each parameter, SI units: the measured value, otherwise the nominal value."""
+        """(9,) best known parameters, SI: the measured value, otherwise the nominal value."""
         return np.array([p.measured or p.nominal for p in self._ordered()])
 
     @property

@@ -162,7 +162,7 @@ class Run(Shown):
         return Setup(self.mounting, self.added_mass, round(self.elbow, 1), drives, self.arm, self.inner)
 
     def between_rows(self, torques: Torques) -> Torques:
-        """Interpolate torques between rows: held until the next row, or as a continuous signal if `continuous`."""
+        """Interpolate torques between rows, continuously if `continuous`, otherwise held."""
         return torques.as_samples() if self.continuous and len(torques.t) > 1 else torques
 
     @property
@@ -324,7 +324,7 @@ def elbow_turn(theta: Array, mounting: Mounting) -> float:
 
 
 def clock_rates(clock: Mapping[str, float], sigmas: float = 5.0) -> dict[str, tuple[float, float]]:
-    """Return the clock rate error of a device and its uncertainty, ppm, for each available method."""
+    """Return the clock rate error and its uncertainty, ppm, by each available method."""
     rates = {"pong": ("rate_ppm", "rate_ppm_std", sigmas), "arrival": ("arrival_ppm", "arrival_margin_ppm", 1.0)}
     return {
         name: (clock[rate], factor * clock[margin])

@@ -156,7 +156,7 @@ def plain_type(annotation: Any) -> str:
 
 
 def field_docs(cls: type) -> dict[str, str]:
-    """Docstring of each field of a dataclass, from its source, or an empty mapping if the source is missing."""
+    """Docstring of each field of a dataclass, from its source, if there is one."""
     try:
         (tree,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
     except (OSError, SyntaxError):

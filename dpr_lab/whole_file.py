@@ -87,7 +87,7 @@ def write_text(path: Path, text: str, error: type[DprError] = DprError) -> None:
 
 @contextmanager
 def whole_folder(out: Path, record: str) -> Iterator[Path]:
-    """Provide a context with a temporary folder, whose files are moved to the folder `out` at the end.
+    """Provide a temporary folder (context manager) whose files are moved to `out` at the end.
 
     The file `record` describes the other files. It is moved last, and an earlier `record` in `out` is removed first.
     Therefore it never describes the files of another result. After an exception, `out` keeps its former files, and the

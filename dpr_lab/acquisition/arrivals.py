@@ -67,7 +67,7 @@ class Arrivals:
             self._ticks[-1], self._times[-1] = tick, host_time
 
     def fit(self) -> ArrivalFit | None:
-        """Return the current estimate of the clock rate; return None if the data are not sufficient."""
+        """Return the current estimate of the clock rate, or None without sufficient data."""
         s = ARRIVALS
         device, host = np.array(self._ticks) / self._rate_hz, np.array(self._times)
         if len(host) < s.blocks[0] or host[-1] - host[0] < s.shortest_s or device[-1] <= device[0]:

@@ -1,4 +1,4 @@
-"""Create the errors of a device: a command that failed, and a device that does not answer."""
+"""Errors of a device: a failed command, or no answer."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,7 @@ from firmware_protocol.messages import NakCode, Status, explain
 
 
 def translated(url: str, error: RemoteProtocolError, status: Status | None) -> DprError:
-    """Translate the error of a command; if the device refused the command after a fault, the message names the fault.
+    """Translate the error of a command; a refusal after a fault names the fault.
 
     Args:
         url: link of the device

@@ -90,7 +90,7 @@ class RestWindow:
             self.batches.popleft()
 
     def silent_s(self, now: float) -> float:
-        """Return the time from the arrival of the newest sample to the host time `now`, s.
+        """Return the time since the arrival of the newest sample, s.
 
         The time is infinite if there is no sample.
         """

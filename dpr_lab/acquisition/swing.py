@@ -65,7 +65,10 @@ class Captured:
 
 @dataclass(frozen=True, slots=True)
 class SwingRecorder:
-    """Recorder of one swing, for a given duration or until rest, which also reports the progress."""
+    """Recorder of one swing, for a given duration or until rest.
+
+    It also reports the progress.
+    """
 
     device: Device
     longest: float

@@ -103,7 +103,7 @@ def sign(certificate: Certificate, key: "Ed25519PrivateKey") -> Certificate:
 
 
 def is_valid(certificate: Certificate) -> bool:
-    """Return whether the signature is valid for the content and the public key in the certificate.
+    """Return whether the signature matches the content and public key of the certificate.
 
     The library `cryptography` is required.
     """

@@ -1,4 +1,4 @@
-"""Cache of Python bytecode in the user's cache folder, for packages that were installed without bytecode.
+"""Python bytecode in the user's cache folder, for packages installed without bytecode.
 
 Some installers write no bytecode, and containers often forbid it (PYTHONDONTWRITEBYTECODE). Each start would then
 compile a thousand modules, which takes longer than running them.
@@ -15,7 +15,7 @@ PACKAGES = ("numba", "dpr_lab")
 
 
 def keep_bytecode() -> None:
-    """Use bytecode in the user's cache folder if the installation contains none and cannot be written.
+    """Use cached bytecode if the installation has none and cannot be written.
 
     The function has no effect if PYTHONPYCACHEPREFIX names a folder, or if the user has no writable cache folder.
     """

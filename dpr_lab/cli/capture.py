@@ -1,4 +1,4 @@
-"""`dpr-lab capture`: guide the operator to each pose, release the rods, record and check the run."""
+"""`dpr-lab capture`: guide, release, record and check."""
 
 import select
 import sys

@@ -10,7 +10,7 @@ from dpr_lab.cli.checks import NO_RIG
 
 
 class Listing(TyperGroup):
-    """Command group whose help shows the complete first sentence of each command, wrapped over several lines."""
+    """Command group whose help shows the complete first sentence of each command."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run a command.

@@ -67,7 +67,7 @@ class DiagnosisChoices:
     torque: TorqueKind = None
 
     def request(self, runs: Sequence[Path], rig: str, **others: Any) -> "DiagnoseRequest":
-        """Create the request for a diagnosis with these options; `others` are further fields of the request."""
+        """Create the request for a diagnosis; `others` are further fields of the request."""
         from dpr_lab.workflows.diagnose import DiagnoseRequest
 
         return DiagnoseRequest(

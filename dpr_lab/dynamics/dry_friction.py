@@ -26,7 +26,10 @@ def direction_of(speed: float) -> float:
 
 @subroutine
 def held(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float, float]:
-    """Return the accelerations of arm and rods, rad/s^2, with all joints of direction 0 held at rest."""
+    """Return the accelerations of arm and rods, rad/s^2, with the resting joints held.
+
+    A resting joint has the direction 0.
+    """
     free1, free2 = solved(rods.inertia1, rods.inertia2, rods.coupling, rods.torque1, rods.torque2)
     together = (rods.torque1 + rods.torque2) / (rods.inertia1 + rods.inertia2 + 2.0 * rods.coupling)
     outer = rods.torque2 / rods.inertia2

@@ -28,7 +28,7 @@ def read_at(t: float, model: RigModel) -> tuple[float, float]:
 
 @njit
 def arm_lateness(model: RigModel) -> float:
-    """Return the delay of the reading of the arm relative to that of joint 1, s."""
+    """Return the delay of the arm's reading relative to that of joint 1, s."""
     return arm_delay(0.0, model.params, model.active)
 
 

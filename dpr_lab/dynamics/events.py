@@ -100,7 +100,7 @@ def first_event(h: float, joints: JointMotion, first: Three, last: Three) -> tup
 def stopped(
     thetas: Three, omegas: Three, alphas: Three, joint: int, later: float, resting2: bool
 ) -> tuple[Three, Three]:
-    """Return angles and speeds in the order theta0, theta1, theta2, with the stopping joint at rest.
+    """Return angles and speeds of theta0, theta1, theta2 with the stopping joint at rest.
 
     The state is advanced by the time `later` before the speed of the joint is set to zero.
 

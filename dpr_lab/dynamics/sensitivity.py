@@ -1,4 +1,4 @@
-"""Sensitivity of a swing to its parameters and initial state: exact derivative of the Runge-Kutta map.
+"""Sensitivity of a swing to parameters and initial state, exact for the Runge-Kutta map.
 
 Let x be the state, p the parameters, f the right-hand side, and S = dx/d(p, x(0)). Every stage k = f(x + h a k', p) of
 a step of length h is differentiated, where k' is the previous stage and a its coefficient: dk = f_x (S + h a dk') +

@@ -1,4 +1,4 @@
-"""Compute the generalised torques of effects along a given trajectory, without their effect on the motion."""
+"""Torques of effects along a given trajectory, without their effect on the motion."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple

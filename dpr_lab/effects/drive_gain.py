@@ -6,7 +6,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def regained(torque: float, excess: float) -> float:
-    """Return the difference between the acting torque and the torque for the assumed gain, N m."""
+    """Return the acting torque minus the torque for the assumed gain, N m."""
     return excess * torque
 
 

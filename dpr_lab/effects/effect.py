@@ -185,7 +185,7 @@ class InternalState:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """Information from the recordings, from which effects propose values of shape parameters that have no grid."""
+    """Properties of the recordings from which effects propose shape parameters."""
 
     arm_moves: tuple[bool | None, ...]
     """For each run, whether encoder 0 detected a motion of the arm; None if the angle of the arm was not measured."""

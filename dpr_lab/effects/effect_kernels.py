@@ -1,4 +1,4 @@
-"""Compiled functions that evaluate all effects for one rig, one function for each stage in `STAGES`.
+"""Compiled functions that evaluate all effects for one rig, one per stage.
 
 `params` is the flat vector (SIZE,), and `active` the mask (effects,) from `active_effects`. `internal` contains the
 internal states that move with a joint, in the order of `STEPPED`.
@@ -50,7 +50,7 @@ ARM = next((i for i, (effect, _) in enumerate(_STATES) if effect.stage == "arm")
 
 
 def stepped_states() -> Iterator[tuple[Effect, InternalState]]:
-    """Return the pairs of effect and state, for all internal states that move with a joint."""
+    """Return the pairs of effect and internal state that move with a joint."""
     return (_STATES[i] for i in STEPPED)
 
 
@@ -71,7 +71,7 @@ class Contribution(NamedTuple):
         return f"if active[{_ALL.index(self.effect)}]:"
 
     def statements(self, stage: str, notation: Mapping[str, str]) -> list[str]:
-        """Return the source that calls the kernel and combines its value with those of other kernels.
+        """Return the source that calls the kernel and combines its value with others.
 
         The names in the source are those of `notation`.
         """

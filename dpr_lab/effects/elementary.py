@@ -1,4 +1,4 @@
-"""Elementary functions without branches or calls, so that loops over them are compiled to vector instructions.
+"""Branch-free elementary functions, so that loops over them are vectorised.
 
 The argument is reduced to a small remainder, for which a polynomial is exact to rounding. The result is then
 reconstructed: e^x = 2^n e^r with |r| <= ln(2) / 2, and sines by quadrant. The error is below 3 units in the last place.

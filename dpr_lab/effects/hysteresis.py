@@ -1,4 +1,4 @@
-"""Presliding (Dahl) friction: before a bearing or a cable slides, it deflects elastically like a spring."""
+"""Presliding (Dahl) friction: elastic deflection of a bearing or cable before it slides."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, InternalState, at_arm, pair, shape
 from dpr_lab.effects.elementary import exp, tanh

@@ -30,7 +30,7 @@ QUANTITIES: dict[str, Any] = {
 
 
 def compile_errors(effect: Effect) -> Iterator[str]:
-    """Describe each kernel that cannot be compiled, or that returns another type than its stage requires.
+    """Describe each kernel that cannot be compiled or returns a wrong type.
 
     A kernel must return a number. In the stages `torque` and `load`, a kernel that has no argument `joint` returns
     `Terms` instead. The names of effects whose kernels compile are stored on disk.

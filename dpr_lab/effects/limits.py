@@ -1,4 +1,4 @@
-"""Maximum sizes of effects on a rig, relative to its gravity torques, inertias, lengths and encoders.
+"""Maximum sizes of effects, relative to the rig's gravity torques, inertias and lengths.
 
 For example, the Coulomb friction of a swinging rod is less than its gravity torque. A larger fitted value therefore
 indicates another cause. The limits depend only on the best known values of the rig file. They bound every fit and every

@@ -1,4 +1,4 @@
-"""Unlogged saturation of a drive: the logged command exceeds the torque that the drive can produce."""
+"""Unlogged saturation of a drive: the command exceeds the largest possible torque."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter, shape
 from dpr_lab.kernels import inlined

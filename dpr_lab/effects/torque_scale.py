@@ -1,4 +1,4 @@
-"""Torque constant error: the known torques of a drive were computed with an incorrect torque constant."""
+"""Torque constant error: known torques were computed with a wrong torque constant."""
 
 from dataclasses import replace
 

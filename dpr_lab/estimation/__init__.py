@@ -1,1 +1,1 @@
-"""Estimate noise, velocities, and intervals of rest from a recording, without a model of the rig."""
+"""Estimate noise, velocities and rest intervals of a recording, without a rig model."""

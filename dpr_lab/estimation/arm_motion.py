@@ -1,4 +1,4 @@
-"""Estimate the motion of an arm from its encoder, by a smoothing spline with generalised cross-validation."""
+"""Estimate the motion of an arm by a smoothing spline with generalised cross-validation."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Check the minimum content of a recording: number of samples, duration, and motion of both joints."""
+"""Check the minimum content of a recording: samples, duration, and motion of both joints."""
 
 from dataclasses import dataclass
 

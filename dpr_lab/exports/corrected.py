@@ -1,4 +1,4 @@
-"""Build the corrected model of a diagnosis, which contains the identified rods and the named effects.
+"""Corrected model of a diagnosis: the identified rods with the named effects.
 
 An amplitude is insignificant if its interval contains zero. Insignificant amplitudes z are set to zero. For example, a
 spring with an insignificant cubic term becomes a linear spring, which every format with springs can represent. The
@@ -43,7 +43,7 @@ AXES = {"joint1": "theta1", "joint2": "theta2"}
 
 
 def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyModel:
-    """Build the corrected model of a diagnosis; `diagnose --out` writes this model, and `compare` reads it.
+    """Build the corrected model of a diagnosis, as `diagnose --out` writes it.
 
     Args:
         diagnosis: ratios, covariance and effects

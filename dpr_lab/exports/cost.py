@@ -47,7 +47,7 @@ class Replayed:
 
 @dataclass(frozen=True, slots=True)
 class Yardstick:
-    """Reference for an export: the recordings, simulated by the corrected model and by the bare model."""
+    """Reference for an export: recordings simulated by corrected and bare model."""
 
     rig: Rig
     runs: tuple[Run, ...]

@@ -1,4 +1,4 @@
-"""Export the corrected model as a functional mock-up unit (FMU) for co-simulation, FMI 3.0 or 2.0.
+"""Export the corrected model as an FMU for co-simulation, FMI 3.0 or 2.0.
 
 The inputs of the unit are the joint torques, or the input of the drive of a moving arm. The outputs are angles, speeds
 and encoder readings. The unit contains the exported Python module, so that it requires a Python installation with

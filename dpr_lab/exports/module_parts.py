@@ -197,7 +197,7 @@ def assembled(
     rewritten: Mapping[str, Rewrite],
     mode: int,
 ) -> str:
-    """Assemble the source of a module from head, required functions of dpr-lab, simulation class, and tail."""
+    """Assemble a module from head, required functions, simulation class and tail."""
     chosen: dict[str, Rewrite] = {name: partial(of_effects, effects=effects) for name in FOLDED}
     chosen |= {"effect_torques": partial(_driven, effects=effects)}
     functions = sources(FOLDED | _USED | dict(more), chosen | dict(rewritten))

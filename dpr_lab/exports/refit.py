@@ -37,7 +37,7 @@ MOVING = ("torque", "load", "arm", "torque0", "drive0", "whole0", "input")
 
 
 def fitted_for(formats: Sequence[str], model: AnyModel, runs: Sequence[Run], rig: Rig) -> dict[str, AnyModel]:
-    """Choose the model that is written in each format; the result maps format names to models.
+    """Choose the model that is written in each format, by format name.
 
     The given model is chosen if the format can express it. Otherwise, a simpler model is refitted.
 

@@ -1,4 +1,4 @@
-"""Extract the Python source of compiled functions with all dependencies, for programs without dpr-lab and Numba.
+"""Extract the source of compiled functions with dependencies, for other programs.
 
 The functions are those that dpr-lab itself runs. Decorators and annotations are removed, and names are made unique. A
 division by zero gives the same result as in compiled code.

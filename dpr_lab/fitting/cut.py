@@ -1,4 +1,4 @@
-"""Divide samples into segments with free initial states, so that chaos does not dominate a fit.
+"""Divide samples into segments with free initial states, to limit the effect of chaos.
 
 After a release from near upright an initial error grows by a factor of 2e4 within 5 s. Over a segment of 0.25 to 2 s
 the growth is small, and the initial state is estimated together with the parameters (multiple shooting).

@@ -252,7 +252,7 @@ def ratio_parameters(estimate: Estimate, visible: Iterable[int] = range(len(RATI
 
 
 def zero_parameters(setups: Iterable[Setup]) -> tuple[FreeParameter, ...]:
-    """Return the free parameters for the zero offsets of the measured encoders, separate for each run."""
+    """Return the free zero offsets of the measured encoders, separate for each run."""
     encoders = [(run, joint) for run, setup in enumerate(setups) for joint in range(1 if setup.alone else 2)]
     names = [f"zero{joint + 1}_of_run{run + 1}_rad" for run, joint in encoders]
     places = [ZEROS_BEGIN + 2 * run + joint for run, joint in encoders]

@@ -1,4 +1,4 @@
-"""Damped Gauss-Newton method with bounds, for the free parameters and the initial states of all segments.
+"""Bounded, damped Gauss-Newton method for free parameters and initial states.
 
     minimise  sum over segments s, samples k  | w_sk (y_sk - predicted(t_sk; p, x_s)) |^2  +  prior of p
 

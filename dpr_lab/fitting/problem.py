@@ -117,7 +117,7 @@ class Problem:
         return self.segments.owner
 
     def whitened(self, values: Array) -> Array:
-        """Weight values (samples, 2[, k]), and arrange them by segment, padded with zeros: (segments, m[, k]).
+        """Weight values (samples, 2[, k]) and arrange them by segment, (segments, m[, k]).
 
         With process noise, the results are innovations, which are independent and have unit variance.
         """
@@ -136,7 +136,7 @@ class Problem:
 
     @property
     def log_variance(self) -> float:
-        """Sum of the logarithms of the variances of the innovations relative to those of the readings."""
+        """Sum of log variance ratios of innovations and readings."""
         if (noise := self.disturbance) is None:
             return 0.0
         zeros = padded(np.zeros((len(self.t), self.axes, 1)), self.weight, self.segments.offsets)

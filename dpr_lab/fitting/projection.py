@@ -1,4 +1,4 @@
-"""Linear least squares, and the reduction of the residual by all or some of the columns.
+"""Linear least squares, and the reduction of the residual by sets of columns.
 
     min_x  | e - A x |^2
 

@@ -1,4 +1,4 @@
-"""Fit of the bare model to screened runs: first in short segments, then in longer ones."""
+"""Fit of the bare model to screened runs, in short segments and then in longer ones."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ from dpr_lab.rig import Rig
 
 
 def nominal_ratios(rig: Rig) -> Array:
-    """Return the (7,) ratios, b and p/b from the best known values in the rig file."""
+    """Return the (7,) ratios, b and p/b of the best known rig values."""
     return unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))
 
 

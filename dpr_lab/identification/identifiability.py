@@ -281,7 +281,7 @@ def bench_advice(
     bounds: Array,
     names: Sequence[str] = PARAMETERS,
 ) -> tuple[Advice, ...]:
-    """Compute the expected gain of each bench measurement, and sort the measurements by it, largest first.
+    """Compute the expected gain of each bench measurement, largest first.
 
     Args:
         answers: (k, n) whitened readings of each measurement, for relative changes of the parameters

@@ -1,4 +1,4 @@
-"""Merge segments as long as the model follows the merged segments. Longer segments contain more information.
+"""Merge segments as long as the model follows them, to gain information.
 
 Two adjacent segments are merged if the free run of the first segment stays near the readings of the second segment. If
 the free run follows only a part of these readings, the border between the segments is shifted to the end of that part.

@@ -1,4 +1,4 @@
-"""Define objectives of the search: errors between the simulated swings of a candidate and the runs.
+"""Objectives of the search: errors between simulated swings and runs.
 
 The objective `segments` simulates at most ten segments of 0.25 s per run, each from its smoothed state. In such short
 segments, chaos does not make the objective erratic. The objective `paper` is equation (2) of docs/theory.md. It

@@ -284,7 +284,7 @@ def _without_zeros(linear: Linearisation, free: Sequence[FreeParameter]) -> Arra
 
 
 def predictable_until(ratio_fit: RatioFit, index: int, t: Array, error_rad: float = 0.1) -> float:
-    """Compute the predictability horizon of a free run from the fitted initial state of a segment.
+    """Compute the predictability horizon of a free run from a segment's initial state.
 
     The variational equation propagates the uncertainty of the initial state. Beyond the horizon, this uncertainty of an
     angle exceeds `error_rad`. The horizon is an instant of `t`, s.

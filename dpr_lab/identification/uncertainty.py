@@ -66,7 +66,7 @@ class RatioUncertainty:
 
     @property
     def at_zero(self) -> tuple[str, ...]:
-        """Names of the friction ratios that are fixed at zero, because their unconstrained estimate is negative."""
+        """Names of the friction ratios fixed at zero because of a negative unconstrained estimate."""
         return tuple(name for name, value in zip(self.names, self.values, strict=False) if value <= 0)
 
     @property

@@ -144,7 +144,7 @@ def longest_s(limits: PlanLimits, alone: bool) -> float:
 
 
 def minutes(release: CandidateRelease, before: MountedParts, limits: PlanLimits) -> float:
-    """Return the time that a release takes, minutes, including the change from the previous mounting `before`."""
+    """Return the time of a release, minutes, with the change from the mounting `before`."""
     cost = limits.minutes.place + release.duration_s / 60
     if release.added != before.added:
         cost += limits.minutes.mass

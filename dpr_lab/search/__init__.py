@@ -1,4 +1,4 @@
-"""Global search algorithms that minimise a cost within bounds; each file contains one algorithm or operator."""
+"""Global search algorithms within bounds; each file contains one algorithm or operator."""
 
 from pathlib import Path
 from typing import Any

@@ -26,7 +26,7 @@ For three poses the p-norm exceeds the largest E by at most 3^(1/p) - 1 = 7.1 %.
 
 
 class MultistartSettings(SearchSettings, frozen=True):
-    """Settings of repeated local searches by a quasi-Newton method; a generation is one complete local search."""
+    """Settings of a multi-start search, in which each generation is one local search."""
 
     algorithm: Literal["multistart"] = "multistart"
     generations: Annotated[int, Field(ge=0)] = 20

@@ -56,7 +56,7 @@ class Algorithm(Generic[Settings]):
 
 @dataclass(slots=True)
 class SearchProblem:
-    """Objective of a search as a function of the free genes, with one cost per candidate.
+    """Objective of a search as a function of the free genes.
 
     The instance counts the evaluations.
     """

@@ -103,7 +103,7 @@ def run_campaign(
     scheduler: str | None = None,
     on_trial: Callable[[int, TrialOutcome | Failure | None], None] = lambda done, last: None,
 ) -> Tried:
-    """Run the first `n` trials of a campaign, except those whose results the folder already contains.
+    """Run the first `n` trials of a campaign that are not in the folder yet.
 
     Args:
         campaign: definition of the campaign

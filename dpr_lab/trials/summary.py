@@ -18,7 +18,7 @@ def share(outcomes: Sequence[TrialOutcome], holds: Callable[[TrialOutcome], bool
 
 
 def reliability(claims: Sequence[Claim], bins: int = 10) -> list[dict[str, float]]:
-    """Compute the reliability table, with one row for each bin of stated probability that contains claims.
+    """Compute the reliability table, one row per bin of stated probability.
 
     A row contains the number of claims, their mean probability, and the share of true claims. The bins have equal
     width. `low` and `high` are the 90 % interval of the share of true claims.
@@ -241,7 +241,7 @@ def by_size(
 
 
 def astray(outcome: TrialOutcome) -> dict[str, Any]:
-    """Summarise a trial whose result is not fully correct, including the arguments that reproduce the trial."""
+    """Summarise a trial that is not fully correct, with the arguments that reproduce it."""
     names = ("kind", "level", "seed", "truth", "named", "verdict", "grade")
     return {name: getattr(outcome, name) for name in names}
 

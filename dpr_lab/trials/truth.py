@@ -1,4 +1,4 @@
-"""Represent the hidden effects of a sealed plant, which are revealed after the diagnosis is written."""
+"""Hidden effects of a sealed plant, revealed after the diagnosis."""
 
 import hashlib
 import json

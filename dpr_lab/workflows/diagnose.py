@@ -156,7 +156,7 @@ def save_results(
     on_event: OnEvent,
     acceptance: "Acceptance | None" = None,
 ) -> DiagnoseResult:
-    """Write a diagnosis, its report and its models to a temporary folder, from which they are moved to `out`.
+    """Write a diagnosis, its report and its models completely or not at all.
 
     Raises:
         DprError: a file cannot be written.

@@ -66,7 +66,7 @@ def begin_dry(w: LaneWorkspace, required: Requirements) -> bool:
 
 @subroutine
 def accelerate_held(w: LaneWorkspace, rig: RigConstants, arm: bool) -> None:
-    """Set the accelerations and holding torques of a stage with the joints of direction 0 held."""
+    """Set the accelerations of a stage with resting joints held, and the torques that hold them."""
     for k in range(LANES):
         mode = _mode(w, k, arm)
         torque0 = w.torque0[k] if arm else 0.0
@@ -127,7 +127,10 @@ def find_margins(w: LaneWorkspace, active: Flags, margin1: Row, margin2: Row) ->
 
 @subroutine
 def let_go(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requirements) -> None:
-    """Set the sliding direction of resting joints whose friction limit is exceeded at the step start."""
+    """Set the sliding direction of resting joints whose friction limit is exceeded.
+
+    The torque is that at the start of the step.
+    """
     arm = required.arm
     for side in (1.0, -1.0):
         for k in range(LANES):

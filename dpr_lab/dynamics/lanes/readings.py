@@ -35,7 +35,7 @@ def predict_tracks(
     rig: RigConstants,
     buffers: Buffers,
 ) -> None:
-    """Compute the predicted readings, and the internal states at the starts of segments, into `buffers`.
+    """Compute readings, and internal states at segment starts, into `buffers`.
 
     Args:
         advance: step function of `dpr_lab.dynamics.lanes.stepping`

@@ -67,7 +67,7 @@ def _after_reading(due: Row, k: int, t: Array, j: int, count: int) -> int:
 
 @subroutine
 def read_both(w: LaneWorkspace, relative2: float, arm: bool, samples: LaneSamples) -> None:
-    """Read the samples that fall into the step; both joints are read at the same instant."""
+    """Read both joints, at the same times, for the samples in the step."""
     while shares(w, w.due1, 1.0):
         for k in range(LANES):
             w.angle1[k] = angle1(w, k, w.share[k])
@@ -86,7 +86,7 @@ def read_both(w: LaneWorkspace, relative2: float, arm: bool, samples: LaneSample
 
 @subroutine
 def read_joint1(w: LaneWorkspace, arm: bool, samples: LaneSamples) -> None:
-    """Read joint 1 and the arm at the samples that fall into the step."""
+    """Read joint 1 and the arm for the samples in the step."""
     while shares(w, w.due1, 1.0):
         for k in range(LANES):
             w.angle1[k] = angle1(w, k, w.share[k])
@@ -104,7 +104,7 @@ def read_joint1(w: LaneWorkspace, arm: bool, samples: LaneSamples) -> None:
 
 @subroutine
 def read_play1(w: LaneWorkspace, arm: bool, geared: bool, parts: int, active: Flags, samples: LaneSamples) -> None:
-    """Read joint 1 and the arm at the samples that fall into the step, through backlash.
+    """Read joint 1 and the arm, through backlash, for the samples in the step.
 
     Args:
         w: workspace of the lanes

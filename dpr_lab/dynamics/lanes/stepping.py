@@ -1,4 +1,4 @@
-"""Runge-Kutta steps of the rig with its effects in vector lanes: the same physics as `dpr_lab.dynamics.step`.
+"""Runge-Kutta steps in vector lanes, with the physics of `dpr_lab.dynamics.step`.
 
 Theory of operation. A track is one candidate along one segment. `LANES` tracks whose candidates have the same active
 effects are integrated together in one flat workspace, with a row of LANES numbers for each quantity (`workspace`). Each

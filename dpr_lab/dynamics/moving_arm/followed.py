@@ -46,7 +46,7 @@ _INERTIA, _VISCOUS, _EXCESS = (
 
 @dataclass(frozen=True, slots=True)
 class FollowSettings:
-    """Increment for the derivatives of simulated swings, and limits beyond which a simulation counts as failed."""
+    """Increments for derivatives of simulated swings, and limits of a failed simulation."""
 
     step: float = 1e-5
     """Increment of each component of an initial state for forward differences, rad and rad/s."""
@@ -64,7 +64,7 @@ FOLLOW = FollowSettings()
 
 
 def followed_with_arm(bases: Array, rig: RigConstants, grid: Segments, params: Array, initial: Array) -> FollowedSwing:
-    """Simulate swings of rods and arm without effects other than the arm and its drive gain.
+    """Simulate swings of rods and arm, with the drive gain but no other effects.
 
     Args:
         bases: (runs, 6) base parameters of the mounted rods, SI; all runs have the same rods

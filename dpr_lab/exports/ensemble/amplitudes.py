@@ -1,4 +1,4 @@
-"""Compute swing amplitudes, and the share of a recording whose amplitude lies outside the fitted range.
+"""Swing amplitudes, and the share of a recording outside the fitted range.
 
 The amplitude of a moving double pendulum is the angle alpha from the hanging position at which its straight rods have
 the same energy E at rest:

@@ -172,7 +172,7 @@ def level_of(models: int) -> float:
 
 
 def fewest_models() -> int:
-    """Return the smallest number of models whose band can cover the nominal share of the readings."""
+    """Return the smallest number of models whose band can have the nominal coverage."""
     return round((1 + BANDS.level) / (1 - BANDS.level))
 
 

@@ -34,7 +34,7 @@ CALIBRATED = CalibrationSettings()
 
 @dataclass(frozen=True, slots=True)
 class EnsembleWidth:
-    """Result of a calibration: the width factor, and the coverage of the bands with this factor."""
+    """Result of a calibration: width factor, and coverage at this factor."""
 
     factor: float
     """Factor on the standard deviations."""

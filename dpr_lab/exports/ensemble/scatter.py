@@ -1,4 +1,4 @@
-"""Estimate the scatter of the identified ratios between recordings, which a model file does not contain."""
+"""Scatter of identified ratios between recordings, which a model file does not contain."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

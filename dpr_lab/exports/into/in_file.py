@@ -85,7 +85,7 @@ def _joint(name: str) -> int:
 
 
 def in_file(chain: ModelChain, name: str) -> dict[str, float]:
-    """Return the amplitudes of an effect according to the attributes of its joint in the file.
+    """Return the amplitudes of an effect from the joint attributes in the file.
 
     The result is empty if no attribute represents the effect.
     """

@@ -111,7 +111,7 @@ def ranked_change(
     effects: Effects,
     uncorrected: Sequence[tuple[list[ModelCause], Numbers]],
 ) -> LeastChange:
-    """Rank the changed numbers by the growth of the error that results if they stay uncorrected.
+    """Rank the changed numbers by the error that results if they stay uncorrected.
 
     Args:
         chain: rods and arm of the file

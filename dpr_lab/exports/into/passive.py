@@ -27,7 +27,7 @@ STAGES = ("torque", "load", "timing", "encoder", "play", "play1")
 
 @dataclass(frozen=True, slots=True)
 class PassiveForces:
-    """Effects that are added to a file as passive forces, and the module that applies them."""
+    """Effects added to a file as passive forces, and the module that applies them."""
 
     effects: tuple[str, ...] = ()
     friction: tuple[float, float] = (0.0, 0.0)

@@ -210,7 +210,7 @@ def arm_target(chain: ModelChain, in_file: ChainArm, made: Bodies, nominal_gain:
 
 
 def arm_change(read: SimulatorModel, in_file: ChainArm, target: ArmTarget, path: Path) -> BodyChange:
-    """Compute the change of the arm's body after which the whole arm has the target inertia.
+    """Compute the change of the arm's body that gives the arm its target inertia.
 
     Raises:
         ConfigError: no positive inertia of the body leads to the target.

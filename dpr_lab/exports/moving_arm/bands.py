@@ -27,7 +27,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class ArmBandSettings:
-    """Settings of the predictive bands that are used in addition to those for a clamped arm."""
+    """Additional settings of predictive bands for a moving arm."""
 
     window_s: float = 1.5
     """Duration of a window, s."""

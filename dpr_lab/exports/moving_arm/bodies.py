@@ -17,7 +17,7 @@ from dpr_lab.rig import Rig
 
 
 def arm_bodies(model: MovingArmModel, rig: Rig, expressed: Mapping[str, Words], margin: float = 1.05) -> Bodies:
-    """Construct rigid bodies that move like the model, with the effects that a format can express.
+    """Build rigid bodies that move like the model, with the effects of a format.
 
     Args:
         model: the model

@@ -38,7 +38,7 @@ def corrected_arm_model(
     runs: Sequence[Run],
     rig: Rig,
 ) -> MovingArmModel:
-    """Build the corrected model that is written to `model.json`, with its effects in the table `effects`.
+    """Build the corrected model for `model.json`, with its effects in the table `effects`.
 
     Args:
         diagnosis: ratios with their intervals

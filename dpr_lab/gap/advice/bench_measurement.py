@@ -1,4 +1,4 @@
-"""Checks by a bench measurement: proposal, evaluation of the measured value, and refusal of impossible values."""
+"""Checks by a bench measurement: proposal, evaluation, and refusal of impossible values."""
 
 from collections.abc import Iterable, Mapping, Sequence
 

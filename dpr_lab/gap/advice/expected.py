@@ -1,4 +1,4 @@
-"""Expected size of the amplitude that a check measures, if the measured effect is the cause."""
+"""Expected amplitude in a check if the measured effect is the cause."""
 
 from collections.abc import Sequence
 

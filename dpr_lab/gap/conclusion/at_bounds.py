@@ -1,4 +1,4 @@
-"""Uncertainty of fitted values that are at a bound, such as a viscous friction of zero.
+"""Uncertainty of fitted values at a bound, such as a viscous friction of zero.
 
 The noise may have moved such a value to the bound. Its true distance u from the bound has the truncated normal density
 

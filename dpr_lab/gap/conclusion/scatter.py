@@ -77,7 +77,7 @@ def between_recordings(problem: Problem, fit: Fit) -> Array:
 
 
 def left_out_values(problem: Problem, fit: Fit) -> Array:
-    """Return (recordings, free) values fitted without each recording, by one Gauss-Newton step from the common fit.
+    """Return (recordings, free) values fitted without each recording, by one Gauss-Newton step.
 
     The values without recording r are
 

@@ -51,7 +51,7 @@ def covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrep
 
 
 def by_unseen_ratios(problem: Problem, model: Hypothesis, rig: Rig, *, share: float = 1e-3) -> Array:
-    """Return the (5,) variance of the ratios due to the unknown values of the undetermined ratios.
+    """Return the (5,) variance of the ratios due to the undetermined ratios.
 
     Args:
         problem: segments and noise

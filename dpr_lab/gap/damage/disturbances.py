@@ -57,7 +57,7 @@ DISTURBANCE = DisturbanceRules()
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """Interval of a recording that is excluded; an infinite end is the end of the recording."""
+    """Excluded interval of a recording; an infinite end is the end of the recording."""
 
     since: float
     until: float
@@ -75,7 +75,7 @@ class LeftOut:
 
 
 def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
-    """Exclude intervals with a hand at the beginning, a kick, or a step of a reading.
+    """Exclude a hand at the beginning, kicks, and steps of a reading.
 
     Args:
         recordings: the runs

@@ -1,4 +1,4 @@
-"""Detection of a hand or a latch that still acts at the beginning of a recording.
+"""Detect a hand or a latch that still acts at the beginning of a recording.
 
 push    The energy of the rods is computed with the fitted ratios. It rises at the beginning, or before the model of
         undriven rods fits the readings. Without a drive the energy only decreases.
@@ -59,7 +59,7 @@ HAND = HandRules()
 
 
 def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Record:
-    """Exclude readings at the beginning that a hand disturbs; without a hand return the same object.
+    """Exclude readings that a hand disturbs at the beginning, if there are any.
 
     Args:
         recordings: the runs

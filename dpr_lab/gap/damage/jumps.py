@@ -70,7 +70,7 @@ JUMP = JumpRules()
 
 @dataclass(frozen=True, slots=True)
 class Jump:
-    """A jump at one instant: a kick of the rods, or a step of a reading."""
+    """Kick of the rods, or step of a reading, at one time."""
 
     gain: float
     """Reduction of chi2 by the jump."""
@@ -86,7 +86,7 @@ class Jump:
 
 
 def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
-    """Return the jumps whose gain is far above the gains of all segments at other times.
+    """Return the jumps with far larger gains than all segments at other times.
 
     Args:
         candidates: best jump of each segment; segments may overlap

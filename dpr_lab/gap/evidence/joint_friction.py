@@ -68,7 +68,7 @@ GRID = SpeedGrid()
 
 
 def laws_of(joint: int) -> tuple[str, ...]:
-    """Return the names of the effects that are friction laws of joint 0, 1 or 2."""
+    """Return the names of the friction laws of joint 0, 1 or 2."""
     return tuple(law[joint].name for law in LAWS)
 
 

@@ -49,7 +49,7 @@ def validation(
     models: Mapping[str, Hypothesis],
     runs_by_model: Mapping[str, FreeRuns],
 ) -> tuple[Budget, list[Curves]]:
-    """Return the validation budget and curves, from free runs of the models before and after correction.
+    """Return the validation budget and curves from free runs before and after correction.
 
     Args:
         recordings: the fitted runs

@@ -72,7 +72,7 @@ def _size(spread: float, scale: float, remaining: float) -> float | None:
 
 
 def comparable_size(params: Array, effect: Effect, amplitude: EffectParameter) -> float:
-    """Return the size of a fitted effect in the unit of an amplitude of another effect.
+    """Convert the size of a fitted effect to the unit of another amplitude.
 
     If the units differ, the size is converted by the typical sizes: half the typical offset corresponds to half the
     typical drift.

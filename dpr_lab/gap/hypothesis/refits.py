@@ -72,7 +72,7 @@ def started_with(
     iterations: int = 0,
     settings: GaussNewton = PRELIMINARY,
 ) -> Iteration:
-    """Add one effect at the linear solution of its score test; continue with some Gauss-Newton iterations."""
+    """Add one effect at the linear solution of its score test, and iterate a few times."""
     linear = test.linear.chosen([*test.fitted_columns, *score.columns])
     first = descend(problem, shaped(before, score), score.free, iterations=1, first=linear)
     if not iterations:

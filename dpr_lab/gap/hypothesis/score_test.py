@@ -1,4 +1,4 @@
-"""Score test: predicted reduction of chi2 by each effect of the library, from one linearised fit.
+"""Score test: predicted reduction of chi2 by each effect of the library.
 
 Let A be the Jacobian of the fitted parameters and C the Jacobian of a candidate. The initial states are projected out
 of both. The predicted reduction of chi2 is the reduction by the bounded least-squares problem

@@ -162,7 +162,7 @@ def follows_remainder(bare: Hypothesis, larger: Hypothesis, simple: Hypothesis) 
 
 
 def curve_follows_remainder(bare: Hypothesis, with_curve: Hypothesis, simple: Hypothesis) -> bool:
-    """Return whether a curve only follows the small remainder that unknown causes leave on every rig.
+    """Return whether a curve only follows the small remainder of unknown causes.
 
     Three conditions must hold: the simpler set explains nearly all that the curve explains, its remainder is below the
     noise, and with this remainder as noise the curve is not significant.

@@ -59,7 +59,7 @@ class RollingShutter(Saved):
 
 
 class Diagnosis(Shown, Saved):
-    """Result of a diagnosis: the location of the gap, its causes, their probabilities, and its reduction."""
+    """Result of a diagnosis: location, causes, probabilities, and reduction of the gap."""
 
     verdict: Verdict
     """Verdict: `no_gap`, `inconclusive`, `named`, `partly_explained` or `unexplained`.

@@ -123,7 +123,7 @@ class Exclusion(Saved):
 
 
 class JointFriction(Saved):
-    """Friction torque of a joint against its speed: viscous friction, named laws, and a free-form curve."""
+    """Friction torque of a joint against its speed: viscous, named laws, and free-form curve."""
 
     speed_rad_per_s: list[Number]
     """Speeds of the joint in both directions, ascending, rad/s.

@@ -34,7 +34,7 @@ class TrustTrial(Saved):
 
 
 class ConfusionCell(Saved):
-    """Number of trials in which a diagnosis named one effect although the plant contained another one."""
+    """Number of trials with one hidden effect in which a diagnosis named another."""
 
     true: str
     named: str

@@ -1,4 +1,4 @@
-"""Readings that contradict their neighbours: jumps that are too fast for a rod, and repeated readings."""
+"""Readings that contradict their neighbours: impossible jumps, and repeated readings."""
 
 from dataclasses import dataclass
 

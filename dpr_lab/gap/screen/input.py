@@ -31,7 +31,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class InputRules:
-    """Thresholds for an arm that stands still, and for fits of other interpretations of a table."""
+    """Thresholds for an arm that stands still, and for other interpretations of a table."""
 
     still: float = 6.0
     """Maximum range of the arm's angle for an arm that counts as at rest, in standard deviations of a reading."""

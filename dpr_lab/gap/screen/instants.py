@@ -1,4 +1,4 @@
-"""Sampling times: time stamps that jitter about an even clock, and readings that are periodically late.
+"""Sampling times: jitter of time stamps, and readings that are periodically late.
 
 Two faults of data loggers are detected without a model:
 

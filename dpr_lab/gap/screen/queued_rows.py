@@ -1,4 +1,4 @@
-"""Rows that wait in the queue of a saturated link: their delay varies within a recording.
+"""Rows that wait in the queue of a saturated link, with a varying delay.
 
 A logger sends a row whenever an encoder counts, and the row is stamped when it arrives. While the rods move fast, there
 are more changes than the link can transmit. The queue is then full, the logger waits for room before it reads the next

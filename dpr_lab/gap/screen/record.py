@@ -131,7 +131,7 @@ class Record:
         return replace(self, sigma=self.sigma * factor, noise_correlation=correlation)
 
     def with_shutter(self, shutter: Shutter, constants: RigConstants) -> "Record":
-        """Return the record with its readings corrected for a rolling shutter; a previous correction is replaced."""
+        """Return the record corrected for a rolling shutter, in place of a previous correction."""
         shown = self.joints if self.shown is None else self.shown
         joints = shutter.corrected(self.t, shown, constants, alone=self.setup.alone)
         return replace(self, joints=joints, shown=shown)

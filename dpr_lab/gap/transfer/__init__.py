@@ -1,1 +1,1 @@
-"""Out-of-sample reduction of the gap: its size before and after the named effects, on held-out recordings."""
+"""Out-of-sample reduction of the gap by the named effects."""

@@ -1,4 +1,7 @@
-"""Free runs: simulations of whole recordings, with an initial state fitted to the first readings only."""
+"""Free runs: simulations of whole recordings from fitted initial states.
+
+The initial state is fitted to the first readings only.
+"""
 
 from dataclasses import dataclass, replace
 from functools import cached_property

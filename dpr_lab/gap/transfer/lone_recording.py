@@ -1,4 +1,4 @@
-"""Detection of a single recording that a model cannot explain although it explains all other recordings.
+"""Detect a single recording that a model cannot explain although it explains all others.
 
 A kick, a draught or a caught cable acts in one recording and is not a property of the rig. The common fit then follows
 this recording with values and effects that the other recordings do not need. Let

@@ -53,7 +53,10 @@ def block_starts(run: Integers, size: int) -> Integers:
 
 @dataclass(frozen=True, slots=True)
 class OutOfSample:
-    """Predictions of recordings by models that were fitted to other recordings; only initial states are fitted."""
+    """Predictions of recordings by models that were fitted to other recordings.
+
+    Only the initial states are fitted to the predicted recordings.
+    """
 
     names: tuple[str, ...]
     """Names of the runs."""

@@ -108,7 +108,7 @@ def load_hats(force: Array) -> tuple[Array, Array]:
 
 
 def joint_force(problem: Problem, reference: Trajectory, joint: int) -> Array:
-    """Return the (n,) force that a joint carries, N, from masses times accelerations of equation (1)."""
+    """Return the (n,) force on a joint, N, from the accelerations of equation (1)."""
     motion = reference.motion.part(slice(None), axes=2)
     theta, omega, alpha = motion.theta, motion.omega, motion.alpha
     sin, cos = np.sin(theta), np.cos(theta)

@@ -1,4 +1,4 @@
-"""Other functional forms of the effects: the torque or reading error of an effect, multiplied by a free function.
+"""Other functional forms of an effect: its torque or error times a free function.
 
 The library contains each effect in one functional form, and a real effect may have another: friction that grows with a
 power of the load, a softening spring, a delay that decreases with speed. While a residual remains, an additional effect
@@ -39,10 +39,10 @@ READINGS_PER_FORM = 8
 
 
 def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: str) -> float | None:
-    """Return the own share of an effect, 0 to 1: the part of its reduction that no other form explains.
+    """Return the own share of an effect, 0 to 1.
 
-    The other forms are those of the effects in the smaller set. The share is 1 if the recordings are too short to
-    determine the other forms. The share is None if the effect was not tested.
+    It is the part of the reduction that no other form of the effects in the smaller set explains. The share is 1 if the
+    recordings are too short to determine the other forms. The share is None if the effect was not tested.
 
     Args:
         problem: segments and noise

@@ -1,4 +1,4 @@
-"""Order of the moves of the search, and the moves that neither remove nor replace effects.
+"""Order of the moves of the search, and moves that neither remove nor replace effects.
 
 A move consists of a generator of proposed sets and a rule that accepts or rejects them. Moves that remove effects are
 in `removals`, moves that replace effects in `replacements`.

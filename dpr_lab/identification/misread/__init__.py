@@ -1,1 +1,1 @@
-"""Detect incorrect descriptions of recordings (zero, unit, sign, order), and name the option that corrects them."""
+"""Detect wrong descriptions of recordings (zero, unit, sign, order), and name the correction."""

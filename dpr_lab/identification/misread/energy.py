@@ -109,7 +109,7 @@ def relative_rise(
     bounds: Sequence[tuple[float | None, float | None]],
     least_exchange: float,
 ) -> float:
-    """Compute the smallest sum of increases of an energy for any parameters, relative to its range.
+    """Compute the smallest sum of energy increases, relative to the range of the energy.
 
     The result is 0 if the sum cannot be computed.
 

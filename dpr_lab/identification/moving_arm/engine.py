@@ -1,4 +1,4 @@
-"""Convert between a model with a moving arm and the unknowns of the common fitting engine.
+"""Convert between moving-arm models and the unknowns of the fitting engine.
 
 The common engine has all effects.
 

@@ -1,4 +1,4 @@
-"""Fit rods, arm and drive to segments with free initial states by the common fitting engine."""
+"""Fit rods, arm and drive to segments by the common fitting engine."""
 
 from collections.abc import Sequence
 from contextlib import suppress

@@ -94,7 +94,7 @@ class _Tested:
 
 
 def other_input(fit: ArmFit, runs: Sequence[Run], rig: Rig) -> str:
-    """Return a message with the import options that describe the input better than the present ones.
+    """Return a message with import options that describe the input better.
 
     The text is empty if no options do.
 

@@ -273,7 +273,7 @@ class OpenAmplitudes:
 
 
 def open_bits(known: Knowledge, F: Array) -> float:
-    """Return the mean bits that further information F contributes about the amplitudes that are not excluded.
+    """Return the mean bits about the amplitudes that are not excluded, from information F.
 
     The value is 0 if part of the gap remains unexplained.
     """

@@ -1,4 +1,4 @@
-"""Compose the next steps after a diagnosis: recordings and checks, and advice for an open verdict."""
+"""Next steps after a diagnosis: recordings, checks, and advice for an open verdict."""
 
 from dpr_lab.checks.update import candidates
 from dpr_lab.gap.result.causes import PROBABLE

@@ -70,7 +70,7 @@ def reliability_figure(summary: Summary) -> Figure:
 
 
 def size_figure(summary: Summary) -> Figure:
-    """Draw the detection rate of hidden effects against their size, relative to the minimum detectable size."""
+    """Draw the detection rate against the size relative to the minimum detectable size."""
     with style.house_style():
         rows = summary["by_size"]
         if not rows:

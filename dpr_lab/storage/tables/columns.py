@@ -1,4 +1,4 @@
-"""Find the meaning of the columns of a table from options, from common names, or from the order of unnamed columns."""
+"""Find the meaning of the columns of a table from options, names, or their order."""
 
 import math
 import re

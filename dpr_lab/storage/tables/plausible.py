@@ -128,7 +128,7 @@ def unwrapped(angles: Array) -> Array:
 
 
 def turn_of_hanging(angle: Array) -> float:
-    """Return the full turns between pi and the angle at which a rod first hangs, rad.
+    """Return the full turns between pi and the first hanging angle of a rod, rad.
 
     The result is 0 if the rod also hangs at pi, or never hangs.
 

@@ -1,4 +1,4 @@
-"""Convert the values of a table to angles, and propose other interpretations if the given one is implausible."""
+"""Convert a table to angles, and propose other interpretations if needed."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -129,7 +129,7 @@ class ReadTable:
 
 
 def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
-    """List alternative interpretations of the table with a clearly smaller energy residual than `fit`, best first."""
+    """List interpretations with a clearly smaller energy residual than `fit`, best first."""
     if fit.residual <= READ.right:
         return []
     tried: list[tuple[float, OtherReading]] = []
@@ -249,7 +249,9 @@ def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
 
 
 def with_zeros(values: Values, options: ImportOptions, added: ArrayLike, tolerance: float = 0.0) -> OtherReading:
-    """Create an interpretation in which two offsets are added to the absolute angles; small offsets are omitted.
+    """Create an interpretation with two offsets added to the absolute angles.
+
+    Small offsets are omitted.
 
     Args:
         values: values of the table
@@ -284,7 +286,7 @@ def _per_rod(option: str, value: Mapping[str, float], neutral: float) -> tuple[s
 def other_readings(
     values: Values, options: ImportOptions, columns: Mapping[str, str], rig: Rig
 ) -> Iterator[OtherReading]:
-    """Yield interpretations that differ from the given options by zero, reference, sign, order, unit or scale."""
+    """Yield interpretations with another zero, reference, sign, order, unit or scale."""
     counted, both_rods = options.unit == "counts", rig.rods.mounting == "both"
     zeros = (False,) if counted else (False, True)
     references = (False,) if counted or not both_rods else (False, True)

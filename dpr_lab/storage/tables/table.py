@@ -81,7 +81,7 @@ class Table:
 
 
 def without_copies(table: Table) -> Table:
-    """Remove columns that repeat the name and the values of an earlier column, as in some spreadsheets."""
+    """Remove columns that repeat the name and values of an earlier column."""
     columns = list(zip(table.names, table.values, strict=True))
     places = [
         place
