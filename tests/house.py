@@ -155,6 +155,17 @@ def folder_sizes() -> dict[str, int]:
     return result
 
 
+def long_files(most: int) -> dict[str, int]:
+    """Return the number of lines of each Python file of the repository that has more than `most` lines."""
+    folders = (*PACKAGES, "tests", "benchmarks", "docs")
+    sizes = {
+        path.relative_to(ROOT).as_posix(): len(path.read_text(encoding="utf-8").splitlines())
+        for folder in folders
+        for path in (ROOT / folder).rglob("*.py")
+    }
+    return {name: lines for name, lines in sizes.items() if lines > most}
+
+
 def main() -> None:
     """Print all figures."""
     trees = {name: tree for package in PACKAGES for name, tree in modules(package).items()}
@@ -170,11 +181,12 @@ def main() -> None:
     print(f"numeric module constants            {len(constants)}")
     print(f"effects named outside their room    {len(named)}")
     print(f"files in a folder, largest          {sorted(folder_sizes().items(), key=lambda kv: -kv[1])[:6]}")
+    print(f"files of more than 400 lines        {len(long_files(400))}")
     if "--list" in sys.argv:
         print(*circles(graph), *circles(deferred), sep="\n")
         print(*longest_chain(gap), sep="\n  ")
         print(*(f"{name}: {', '.join(where)}" for name, where in sorted(twice.items())), sep="\n")
-        print(*constants, *named, sep="\n")
+        print(*constants, *named, *long_files(400), sep="\n")
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from tests import house
 LONGEST_CHAIN = 10
 CONSTANTS = 120
 FILES_IN_A_FOLDER = 15
+LINES_OF_A_FILE = 400
 ROOT = Path(__file__).parents[1]
 EXTENSIONS = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("\n## ")[2]
 TABLES = {"dpr_lab/workflows", *re.findall(r"`([\w/]+)/NAME\.py`", EXTENSIONS)}
@@ -45,6 +46,10 @@ def test_numbers_live_in_settings_not_in_constants(trees: dict[str, ast.Module])
 def test_a_folder_can_be_overlooked() -> None:
     large = {folder: size for folder, size in house.folder_sizes().items() if size > FILES_IN_A_FOLDER}
     assert {folder: size for folder, size in large.items() if folder not in TABLES} == {}
+
+
+def test_a_file_can_be_read_at_once() -> None:
+    assert house.long_files(LINES_OF_A_FILE) == {}
 
 
 def test_the_folders_of_extensions_may_grow() -> None:

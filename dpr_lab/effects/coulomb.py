@@ -1,6 +1,7 @@
 """Coulomb friction in a rod joint."""
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
+from dpr_lab.effects.at_arm import at_arm
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
 

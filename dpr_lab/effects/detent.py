@@ -3,7 +3,8 @@
 import math
 from dataclasses import replace
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, Words, at_arm, pair, shape
+from dpr_lab.effects.at_arm import at_arm
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, Words, pair, shape
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined

@@ -1,6 +1,7 @@
 """Encoder eccentricity: an off-centre or tilted disc causes an error that repeats every turn."""
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
+from dpr_lab.effects.at_arm import at_arm
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import EncoderReading
 from dpr_lab.kernels import inlined

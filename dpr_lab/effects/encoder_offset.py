@@ -1,6 +1,7 @@
 """Encoder offset: the zero of an encoder differs from the zero in the rig file."""
 
-from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, Params, at_arm
+from dpr_lab.effects.at_arm import at_arm
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, Params
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.kernels import inlined
 

@@ -1,6 +1,7 @@
 """Encoder scale error: wrong counts per turn, for example because of a belt or a gear."""
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, at_arm, pair
+from dpr_lab.effects.at_arm import at_arm
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, pair
 from dpr_lab.effects.quantities import EncoderReading, RigConstants
 from dpr_lab.kernels import inlined
 

@@ -3,7 +3,8 @@
 The friction at rest may differ between the two directions, as for a skewed seal or a preloaded bearing.
 """
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
+from dpr_lab.effects.at_arm import at_arm
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined
 

@@ -1,6 +1,7 @@
 """Presliding (Dahl) friction: elastic deflection of a bearing or cable before it slides."""
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, InternalState, at_arm, pair, shape
+from dpr_lab.effects.at_arm import at_arm
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, InternalState, pair, shape
 from dpr_lab.effects.elementary import exp, tanh
 from dpr_lab.effects.quantities import SMOOTHING, Joint
 from dpr_lab.kernels import inlined

@@ -1,6 +1,7 @@
 """Latency of encoder 2, or of the arm's encoder, relative to encoder 1."""
 
-from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, at_arm
+from dpr_lab.effects.at_arm import at_arm
+from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.kernels import inlined
 
 

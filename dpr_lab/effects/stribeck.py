@@ -1,6 +1,7 @@
 """Stribeck friction: dry friction that is larger near zero speed than at higher speeds."""
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair, shape
+from dpr_lab.effects.at_arm import at_arm
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair, shape
 from dpr_lab.effects.elementary import exp
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined

@@ -1,6 +1,7 @@
 """Torque offset of a drive: a constant error of the torque, even at zero command."""
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
+from dpr_lab.effects.at_arm import at_arm
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.kernels import inlined
 
 

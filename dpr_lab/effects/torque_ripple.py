@@ -1,6 +1,7 @@
 """Torque ripple: the torque constant of a drive depends on the angle of its rotor."""
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair, shape
+from dpr_lab.effects.at_arm import at_arm
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair, shape
 from dpr_lab.effects.elementary import sincos
 from dpr_lab.effects.quantities import Joint
 from dpr_lab.kernels import inlined

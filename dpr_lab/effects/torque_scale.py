@@ -2,7 +2,8 @@
 
 from dataclasses import replace
 
-from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, Words, at_arm, pair
+from dpr_lab.effects.at_arm import at_arm
+from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, Words, pair
 from dpr_lab.kernels import inlined
 
 

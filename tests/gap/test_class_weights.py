@@ -8,8 +8,8 @@ import pytest
 
 from dpr_lab.effects import effect_params
 from dpr_lab.gap.classes import posterior
+from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.classes.posterior import (
-    CALIBRATION,
     Alternative,
     _added_cost,
     _adds_nothing,

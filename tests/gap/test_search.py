@@ -11,7 +11,7 @@ import pytest
 from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.gauss_newton import StopReason, fit
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.classes.posterior import CALIBRATION
+from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep

@@ -1,0 +1,65 @@
+"""Calibration of the conversion of costs to probabilities."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Conversion of costs to probabilities, calibrated on blind trials by `benchmarks/calibrate_diagnosis.py`."""
+
+    temperature: float = 3.0
+    """Divisor of differences of the log predictive density."""
+    half_unexplained: float = 0.35
+    """Remaining share of the excess at which causes outside and inside the library are equally probable.
+
+    The value applies to a remainder that equals the noise.
+    """
+    far: float = 8.0
+    """Remainder, in units of the noise, above which the evidence for a cause outside the library no longer increases.
+
+    On real rigs, small causes change the readings by more than the noise of the encoders.
+    """
+    steepness: float = 4.0
+    """Exponent with which the odds of an outside cause increase with the remaining share."""
+    imitates: float = 0.25
+    """Odds that an effect imitates an unknown cause.
+
+    The value applies to an effect that explains as much as the remainder, if the remainder is far above the noise.
+    """
+    compensates: float = 0.018
+    """Own share at which a smaller effect is equally likely to be a cause or a compensation.
+
+    A compensation makes up for the inexact form of a larger effect.
+    """
+    least_own: float = 0.01
+    """Lower limit of the own share of an effect; the linear fits of the other forms are inexact."""
+    sure: float = 0.98
+    """Probability of "no gap" if the recordings show none, and of "unexplained" if no effect explains the gap."""
+    outside_when_closed: float = 0.02
+    """Minimum probability of a cause outside the library, if only noise remains."""
+    drifting: float = 0.1
+    """Prior odds of a friction drift against a loss that depends on speed.
+
+    They apply where a single decay cannot separate the two. Every rod has air drag, so a drift is less probable.
+    """
+    unseen: float = 0.5
+    """Probability of "no gap" if most effects are undetectable in the recordings."""
+    least_listed: float = 1e-9
+    """Minimum probability of a listed alternative. Alternatives below it differ too little in probability to be
+    ranked."""
+    alternatives: int = 5
+    """Maximum number of alternatives of each named effect."""
+    hidden: float = 0.5
+    """Fraction of the size of an effect at which the additional parameters of a richer form are tested.
+
+    The richer form is a probable alternative if these parameters are undetectable at this size.
+    """
+    same_score: float = 1e-3
+    """Maximum relative difference between two linear scores that count as equal."""
+    negligible: float = 50.0
+    """Difference of the log probability beyond which a set has no weight."""
+    least_left: float = 1e-6
+    """Lower limit of the remaining share of the excess; the error of the integrator is never exactly zero."""
+
+
+CALIBRATION = Calibration()
