@@ -81,7 +81,7 @@ def _with_options(command: Callable[..., None]) -> inspect.Signature:
 def _parameter(option: TypedOption) -> inspect.Parameter:
     limits: dict[str, Any] = {"min": option.typed.lowest, "max": option.typed.highest}
     limits = {name: limit for name, limit in limits.items() if math.isfinite(limit)}
-    kind = str if option.reads_text else option.kind
+    kind = list[str] if option.reads_text else option.kind  # a repeated option adds pairs
     if option.default is None:
         kind = kind | None
     flags = (f"--{option.name.replace('_', '-')}",)  # switches without a --no- form
@@ -100,7 +100,9 @@ def _options(typed: Mapping[str, Any]) -> ImportOptions:
     readers = {option.name: option for option in typed_options() if option.reads_text}
     given = {name: value for name, value in typed.items() if value or name not in readers}
     try:
-        values = {name: readers[name].read(value) if name in readers else value for name, value in given.items()}
+        values = {
+            name: readers[name].read(",".join(value)) if name in readers else value for name, value in given.items()
+        }
         if values["recorded_at"]:
             values["recorded_at"] = parse_recorded_at(values["recorded_at"])
         return ImportOptions(**values)

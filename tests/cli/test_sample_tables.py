@@ -75,3 +75,25 @@ def test_out_names_the_folder_or_the_file_of_the_run(cli: Cli, tmp_path: Path) -
     again = cli(*words, "--out", tmp_path / "x.mcap")
     assert again.code == 3
     assert "exists already" in again.err
+
+
+def test_an_option_with_several_values_may_be_repeated(cli: Cli, tmp_path: Path) -> None:
+    write_sample_tables(tmp_path)
+    table = (tmp_path / "side.csv").read_text().replace("angle1_deg,angle2_deg", "first,second")
+    (tmp_path / "named.csv").write_text(table)
+    command = ("import", "table", tmp_path / "named.csv", "--rig", tmp_path / "bench.toml", "--dry-run", "--json")
+    options = ("--unit", "deg", "--zero", "hanging", "--angles", "relative")
+    once = cli(*command, *options, "--columns", "theta1=first,theta2=second", "--scale", "theta1=0.9,theta2=0.8")
+    columns = ("--columns", "theta1=first", "--columns", "theta2=second")
+    scales = ("--scale", "theta1=0.9", "--scale", "theta2=0.8")
+    assert cli(*command, *options, *columns, *scales).json == once.json
+
+
+def test_an_infinite_value_counts_as_missing(tmp_path: Path) -> None:
+    write_sample_tables(tmp_path)
+    lines = (tmp_path / "side.csv").read_text().splitlines()
+    lines[400:402] = [line.replace(line.split(",")[1], "inf") for line in lines[400:402]]
+    (tmp_path / "infinite.csv").write_text("\n".join(lines))
+    options = ImportOptions(angles="relative", zero="hanging")
+    run = import_csv(tmp_path / "infinite.csv", load_rig(tmp_path / "bench.toml"), options)
+    assert any("rows without a value (NaN), treated as gaps: 2" in note for note in run.notes)

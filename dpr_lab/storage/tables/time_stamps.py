@@ -121,7 +121,7 @@ def never_falls(column: Array) -> bool:
 
 def shares_times(t: Array, readings: Mapping[str, Array]) -> Flags:
     """Return the (n - 1,) mask of rows with the time of the previous row but other readings."""
-    changed = np.logical_or.reduce([np.diff(column) != 0 for column in readings.values()])
+    changed = np.logical_or.reduce([column[1:] != column[:-1] for column in readings.values()])
     return np.asarray(changed & (np.diff(t) == 0))
 
 
