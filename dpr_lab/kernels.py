@@ -147,7 +147,7 @@ def _cached(kernel: Any, allocates: bool) -> Any:
 
 
 def _cache_of(function: Callable[..., Any], allocates: bool) -> KernelCache | None:
-    """Create the cache of one kernel in the folder of this version; return None if the folder is not writable."""
+    """Create the cache of one kernel for this version; return None if its folder is not writable."""
     if CACHE is None:
         return None
     # Numba reads the folder when it creates a cache; the kernels of other libraries keep their folder.

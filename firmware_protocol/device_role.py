@@ -147,7 +147,7 @@ class DeviceSession:
         return self._frame(Torque(kind, tick & 0xFFFF, first, second))
 
     def arm_input(self, kind: TorqueKind, tick: int, value: int) -> Frame:
-        """ARM_INPUT at the tick of a sample, in the unit of the identity, limited to the range of the message."""
+        """ARM_INPUT at the tick of a sample, in the unit of the identity, within its range."""
         return self._frame(ArmInput(kind, tick & 0xFFFF, min(max(value, -(1 << 31)), (1 << 31) - 1)))
 
     def positions(self, tick: int, positions: Sequence[int]) -> tuple[Frame, ...]:

@@ -160,7 +160,7 @@ class Nak:
 
 @dataclass(frozen=True, slots=True)
 class Info:
-    """One page of the identity: signals of this page by name; empty for a page that dpr.dbc does not define."""
+    """One page of the identity: its signals by name, or empty for an unknown page."""
 
     page: int
     fields: Mapping[str, int]
@@ -365,7 +365,7 @@ _EXPLAINED: dict[type[NakCode | Fault | EventKind], tuple[str, str]] = {
 
 
 def explain_fault(number: int) -> str:
-    """Return the meaning of the fault in an EVENT, and its remedy; also for a fault that is not in dpr.dbc."""
+    """Return meaning and remedy of the fault in an EVENT, also if dpr.dbc lacks it."""
     if number in tuple(Fault):
         return " ".join(explain(Fault(number)))
     return f"The device reports fault {number}, which is not in dpr.dbc. Read its documentation, then clear it."

@@ -28,6 +28,9 @@ TEST = re.compile(r"^\s*(?:async )?def (test_\w+)", re.MULTILINE)
 SPOKEN = re.compile(r"\b(said|tells?|nobody|obeys?|feels?|the lab|is none)\b")
 """Words of speech and riddles in the name of a test, for which `reported`, `determines`, `invalid` are plainer."""
 
+PROSE, CODE = re.compile(r"[A-Za-z][A-Za-z'-]+"), re.compile(r"`[^`]*`")
+"""A word of prose, and code that contains none: symbols and numbers are not counted."""
+
 VAGUE = {"found", "item", "told", "said", "it", "begun", "beside", "foretell", "foretold", "laid"}
 """Names of values that do not say what they hold."""
 
@@ -88,6 +91,17 @@ def test_values_have_names_that_say_what_they_hold() -> None:
 def test_local_variables_say_what_they_hold() -> None:
     vague = [f"{path.relative_to(ROOT)}: {name}" for path in SOURCES for name in _locals(path) if name in VAGUE_LOCALS]
     assert vague == []
+
+
+def test_the_first_sentence_of_a_docstring_has_at_most_nineteen_words() -> None:
+    long = [
+        f"{path.relative_to(ROOT)}: {getattr(node, 'name', 'module')}"
+        for path in SOURCES
+        for node in nodes_of(tree_of(path))
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
+        if len(PROSE.findall(CODE.sub("", (ast.get_docstring(node) or "").split("\n")[0].split(". ")[0]))) > 19
+    ]
+    assert long == [], "state conditions and exceptions in sentences of their own"
 
 
 def test_shares_are_written_with_a_space_before_the_percent_sign() -> None:

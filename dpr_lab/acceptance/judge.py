@@ -144,7 +144,9 @@ def _largest(curve: JointFriction, speed: float, diagnosis: Diagnosis) -> Range:
 
 
 def _other_friction(diagnosis: Diagnosis, joint: int) -> str:
-    """Return a reason if the friction torque of a joint may depend on more than the speed, or may be another effect.
+    """Return a reason if the friction torque may depend on more than the speed.
+
+    The named effect may also be another one than friction.
 
     The reason is empty if the friction torque certainly is a function of the speed alone.
     """
@@ -256,7 +258,7 @@ def _untrusted(diagnosis: Diagnosis) -> str:
 
 
 def _confused(diagnosis: Diagnosis, effect: str) -> str:
-    """Return the reason why this effect may be the true cause in place of a named effect; empty if there is none."""
+    """Return the reason why this effect may be the cause instead of a named effect; empty if none."""
     if any(named.name == effect for named in diagnosis.effects):
         return ""
     for named in diagnosis.effects:

@@ -238,7 +238,7 @@ def _jitter(judged: JudgedRun) -> Check | None:
 
 
 def _clock(judged: JudgedRun) -> Check | None:
-    """Check the clock rate error of the device, estimated from PING and PONG and from the arrival times of samples."""
+    """Check the clock rate error of the device, from PING and from arrival times."""
     if not clock_rates(judged.run.clock):
         return None
     limit = judged.limits.clock_ppm
@@ -251,7 +251,7 @@ def _clock(judged: JudgedRun) -> Check | None:
 
 
 def _clock_fit(judged: JudgedRun) -> Check | None:
-    """Check that the clock rate from PING and PONG is consistent with that from the arrival times of the samples."""
+    """Check that both estimates of the clock rate, from PING and arrival times, are consistent."""
     word, limits = judged.word, judged.limits
     if word is None or not word.real_time:
         return None

@@ -186,7 +186,7 @@ def _show_effects(diagnosis: "Diagnosis") -> None:
 
 
 def _show_gap_reduction(diagnosis: "Diagnosis", most: int | None) -> None:
-    """Print the gap reduction of the `most` runs with the smallest reduction, or of all runs if `most` is None."""
+    """Print the gap reduction of the `most` least reduced runs, or of all runs."""
     from dpr_lab.report.gap import tables
 
     rows, title = tables.closed_rows(diagnosis), "Gap reduction by run"

@@ -153,7 +153,7 @@ def significant_values(diagnosis: Diagnosis) -> tuple[Array, dict[str, dict[str,
 
 
 def _posterior(diagnosis: Diagnosis) -> PosteriorComponent | None:
-    """Return the component of the posterior that has the effects of the corrected model, or None if there is none."""
+    """Return the posterior component with the effects of the corrected model, or None."""
     return next((part for part in diagnosis.posterior if set(part.effects) == set(diagnosis.model_effects)), None)
 
 

@@ -103,7 +103,7 @@ class Linearisation:
         )
 
     def predicted_chi2(self, step: Array) -> float:
-        """Return the sum of squared residuals predicted linearly after a parameter step."""
+        """Return the sum of squared residuals after a parameter step, by the linear model."""
         return float(np.sum((self.e - self.A @ step) ** 2))
 
     def initial_steps(self, step: Array) -> Array:

@@ -116,7 +116,10 @@ def _earlier_share(recordings: Recordings, model: Hypothesis) -> float:
 
 
 def _no_worse(before: Drafted, after: Drafted) -> bool:
-    """Return whether torques that act before their rows fit as well as held torques with a delay, up to the noise."""
+    """Return whether torques before their rows fit as well as held, delayed torques.
+
+    Differences within the noise are ignored.
+    """
     held, earlier = before.search.current, after.search.current
     return earlier.cost < held.cost + THRESHOLDS.chance * held.residuals.inflation
 

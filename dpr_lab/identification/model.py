@@ -277,7 +277,7 @@ class Model(Shown, _Record):
 
     @property
     def all_ratios(self) -> "dict[str, EstimatedValue]":
-        """The five ratios of the fit; if only the inner rod is mounted, undetermined ratios come from the rig file."""
+        """The five ratios of the fit, with undetermined ones from the rig file for a single rod."""
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     def with_ratios(self, values: Sequence[float]) -> "Model":

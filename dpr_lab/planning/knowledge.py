@@ -161,7 +161,7 @@ def _made(run: Run) -> CandidateRelease:
 
 
 def _always(rig: Rig, acting: Acting) -> frozenset[str]:
-    """Return the effects that every model contains: the moving arm, and the gain of its drive if it is unknown."""
+    """Return the effects of every model: the moving arm, and an unknown gain of its drive."""
     gain = acting.arm_motor and not drive_gain(rig).known
     return frozenset([FREE_ARM.name] * acting.arm_moves + [DRIVE_GAIN.name] * gain)
 

@@ -212,7 +212,7 @@ def _swing(theta1: float, theta2: float, duration_s: float, on: MountedParts) ->
 
 
 def _bent(release: CandidateRelease) -> CandidateRelease:
-    """Make the start pose of a release consistent: the angle of an absent rod becomes the angle of the mounted rod."""
+    """Set the angle of an absent rod to that of the mounted rod."""
     return replace(release, theta2=release.theta1) if release.setup.alone else release
 
 

@@ -247,7 +247,7 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
 
 
 def _until_hole(file: BinaryIO) -> int:
-    """Return the number of bytes of a file before its first hole, or the whole size if the file has no hole."""
+    """Return the number of bytes before the first hole of a file, or its whole size."""
     if not hasattr(os, "SEEK_HOLE"):
         return os.fstat(file.fileno()).st_size
     try:
@@ -272,7 +272,7 @@ def _reader(file: mmap.mmap) -> StreamReader:
 
 
 def _collect(file: mmap.mmap, collected: _Collected) -> str:
-    """Collect the records of a file in order, and return a description of the damage at which the reading ended.
+    """Collect the records of a file in order; return a description of the damage at its end.
 
     The description is empty if the file is complete.
     """

@@ -124,7 +124,7 @@ class SimulatedTransport:
 
 
 def _ready_url(url: str, child: ChildProgram) -> str:
-    """Wait for the first line that the child prints, which is the URL of its link, and return the URL.
+    """Wait for the first line of the child, the URL of its link, and return it.
 
     Raises:
         LinkUrlError: the child refuses its arguments.

@@ -173,7 +173,7 @@ def _replays(
     rig: "Rig",
     runs: "Sequence[Run]",
 ) -> "tuple[FileReplay, ...]":
-    """Return the replay errors of the file, of the changed file, and of the file with passive forces if it exists."""
+    """Return the replay errors of the original, the changed, and any passive-force file."""
     from dpr_lab.exports.into.replay import replay_files
 
     replays = replay_files(simulator, patched, names, model, rig, runs)

@@ -228,7 +228,7 @@ def _arm_values(arm: "ChainArm", bounds: dict[str, Bounds]) -> dict[str, float]:
 
 
 def _motor(arm: "ChainArm", driven: dict[str, float]) -> MotorMeasures | None:
-    """Return the motor of the arm, from the gears of the driven joints, or None if the arm has no motor."""
+    """Return the motor of the arm from the gears of driven joints, or None without a motor."""
     if arm.joint.name not in driven:
         return None
     gear = abs(driven[arm.joint.name])

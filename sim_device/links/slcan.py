@@ -40,7 +40,7 @@ class SlcanCodec:
         return b"t%03X%d%s\r" % (frame.id, len(frame.data), frame.data.hex().encode()) if self._on_bus else b""
 
     def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
-        """Return the frames for the bus in the bytes from the host, and answers of the adapter to the host."""
+        """Return the frames for the bus, and the adapter's answers, from the bytes of the host."""
         frames, answers = list[Frame](), bytearray()
         *lines, rest = (bytes(self._line) + data).split(b"\r")
         self._line[:] = rest if len(rest) <= LONGEST_LINE else b""

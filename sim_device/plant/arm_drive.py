@@ -54,7 +54,7 @@ class InputTable:
 
 @dataclass(frozen=True, slots=True)
 class ArmDrive:
-    """Motor at the arm, controlled by the board at its ticks; its input is constant from one tick to the next.
+    """Motor at the arm, controlled by the board, with constant input between ticks.
 
         tau0 = gear kt i,
 

@@ -30,7 +30,7 @@ SLACK_S = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointDrives:
-    """Drives of both joints, controlled by the board at its ticks; a torque is constant from one tick to the next.
+    """Drives of both joints, controlled by the board, with constant torques between ticks.
 
     Before the release and before the first row of the table the torque is zero. After the last row it stays constant.
     """

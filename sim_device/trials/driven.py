@@ -100,7 +100,7 @@ ANY_FAULT = EffectRequest("driven")
 
 
 def drawn_fault(seed: int, wanted: EffectRequest = ANY_FAULT) -> DriveFault | None:
-    """Draw a fault in `FAULTS` or None (no fault), all equally probable, or return the fault that is requested by name.
+    """Draw a fault in `FAULTS` or None with equal probability, or return the requested one.
 
     Raises:
         ConfigError: the requested effect is not a fault of drives.

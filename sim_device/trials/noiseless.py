@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def plant_gap(config: PlantConfig, rig: Rig) -> float:
-    """Return the gap that the effects of a plant cause over a release of 10 s from each pose, in units of the noise.
+    """Return the gap of a plant's effects over 10 s from each pose, in units of the noise.
 
     It is infinite for a plant whose swing diverges.
 

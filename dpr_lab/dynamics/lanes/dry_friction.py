@@ -215,7 +215,7 @@ def _stop(w: LaneWorkspace, k: int, joint: int, later: float) -> None:
 
 @subroutine
 def _look_for_event(w: LaneWorkspace, k: int, required: Requirements, resting: bool) -> None:
-    """Take the step of lane k back if it contains an event, and set the next step to end at the first event."""
+    """Undo the step of lane k if it contains an event; the next step then ends there."""
     never = math.inf
     first0, last0 = (w.first0[k], w.last0[k]) if required.dry0 else (never, never)
     first, last = (w.first1[k], w.first2[k], first0), (never, never, never)

@@ -140,7 +140,7 @@ def _set_samples(k: int, piece: Piece, block: LaneBlock, samples: LaneSamples) -
 
 @subroutine
 def _set_state(w: LaneWorkspace, k: int, initial: Array, internal: Array, relative2: float) -> None:
-    """Set the angles, speeds and internal states of lane k at the start of its segment; no step or event is pending."""
+    """Set lane k to the start of its segment, with no step or event pending."""
     w.until[k], w.ahead[k], w.cut[k] = w.t[k], 0.0, 0.0
     w.theta1[k], w.theta2[k], w.omega1[k], w.omega2[k] = (
         initial[0],

@@ -203,7 +203,7 @@ def _same_gear(diagnosis: Diagnosis) -> float:
 
 
 def with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: float) -> Array:
-    """Adapt base parameters (6,) so that nearly unchanged numbers of a body are unchanged.
+    """Adapt base parameters (6,) so that a body keeps its numbers if they change only slightly.
 
     The centre of mass or the inertia of a body keeps its value of the file if the base parameters change it only
     slightly.

@@ -77,7 +77,7 @@ def _most_different(question: OpenQuestion, pairs: Sequence[tuple[str, str]]) ->
 
 
 def _apart_after_fits(expected: ExpectedRecording, name: str, other: str) -> float:
-    """Return the distance of the predictions of two causes after fits of each cause to the readings of the other.
+    """Return the distance of two causes after fits of each to the readings of the other.
 
     A richer form can always imitate its simpler form, so the larger distance counts. Other causes are equivalent if
     one of them can imitate the other. The smaller distance then counts, because a fit may end before its minimum.

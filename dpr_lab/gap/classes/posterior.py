@@ -172,7 +172,7 @@ def _class_members(
 
 
 def _in_one_class(place: _Place, score: Score, other: Score) -> bool:
-    """Return whether two effects with the same signature fit equally well, by their fits or by their linear scores.
+    """Return whether two effects with the same signature fit equally well.
 
     At the fit without the named effect, the remaining effects may imitate it and hide that both effects are equal. If
     the named effect absorbs the other one at the selected fit, both therefore have the same signature.

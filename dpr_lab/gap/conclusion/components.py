@@ -58,7 +58,7 @@ def components(
 
 
 def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
-    """Yield the selected set and other sets that may be the true one, with their weights, by decreasing weight."""
+    """Yield the selected set and other possible sets with their weights, by decreasing weight."""
     chosen = selection.chosen
     others = {
         model.key: model

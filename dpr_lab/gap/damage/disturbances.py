@@ -159,7 +159,7 @@ def _with_pushes(
 
 
 def _of_kick(jump: Jump, parts: Iterable[LeftOut]) -> Jump:
-    """Convert a jump that lies near a known kick to a kick, even if the jump looks like a step of a reading."""
+    """Convert a jump near a known kick to a kick, even if it looks like a step."""
     kicks = (part for part in parts if not part.of_reading)
     near = any(part.since - DISTURBANCE.joins_s < jump.at < part.until + DISTURBANCE.joins_s for part in kicks)
     return replace(jump, joint=None) if near else jump

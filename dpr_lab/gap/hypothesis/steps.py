@@ -69,7 +69,7 @@ class ReadingStep(NamedTuple):
 
 
 def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
-    """Collect those properties of the recordings from which possible shapes of an effect are derived."""
+    """Collect the properties of the recordings from which shapes of effects are proposed."""
     screened = [(axis, run, instant) for run, record in enumerate(records) for instant, axis in record.screened.breaks]
     return Recorded(
         arm_moves=tuple(record.encoder0_moves for record in records),

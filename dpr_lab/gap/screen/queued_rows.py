@@ -119,7 +119,7 @@ def queued_rows(t: Array, joints: Array) -> QueuedRows | None:
 
 
 def _difference(t: Array, joints: Array, rows: Flags, series: slice) -> float:
-    """Return the median time, s, by which a series of rows deviates from the polynomial through the rows around it."""
+    """Return the median deviation of a series of rows from a polynomial through its neighbours, s."""
     length = series.stop - series.start
     around = np.arange(
         max(0, series.start - int(QUEUE.span * length)), min(len(t), series.stop + int(QUEUE.span * length))

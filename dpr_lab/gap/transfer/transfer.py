@@ -121,7 +121,7 @@ def judged(outcome: Transfer, posteriors: Sequence[EffectPosterior]) -> tuple[Ef
 
 @dataclass(frozen=True, slots=True)
 class _Test:
-    """Test of models on data that were not fitted: chi2 above the noise, and share of the gap that closes."""
+    """Test of models on data that were not fitted: excess chi2, and closed share of the gap."""
 
     data: OutOfSample
     level: float
@@ -209,7 +209,7 @@ def _signed_rank(blocks: Array) -> float:
 
 
 def _of_fitted(closed: Interval, selection: Selection) -> float:
-    """Return the share of the gap that all effects close on held-out data, divided by the share in the fitted data."""
+    """Return the closed share of the gap on held-out data, relative to that on fitted data."""
     fitted = _share_of_fitted(selection.bare, selection.chosen)
     return float(np.clip(closed.value / max(fitted, TRANSFER.least_fitted), 0.0, 1.0))
 
@@ -220,7 +220,7 @@ def _share_of_fitted(smaller: Hypothesis, chosen: Hypothesis) -> float:
 
 
 def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[Closing]:
-    """Yield the remaining gap and the closed share of each set, from the bare model to the selected set (`ends`)."""
+    """Yield remaining gap and closed share of each set, from bare model to selected set (`ends`)."""
     between = [test.above_noise(model) for _, model in selection.path[:-1]]
     remaining = [ends[0], *between, *([ends[1]] if selection.path else [])]
     for name, above in zip(["", *(name for name, _ in selection.path)], remaining, strict=True):

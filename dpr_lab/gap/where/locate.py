@@ -55,7 +55,7 @@ def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:
 
 
 def _maps(problem: Problem) -> Iterator[tuple[int, Kind, Coordinate]]:
-    """Yield the maps that these recordings allow, each with the index of its joint (0, 1 and 2 for joints 1, 2 and 0).
+    """Yield the possible maps, each with the index of its joint (0, 1, 2 for joints 1, 2, 0).
 
     Three kinds of maps are omitted. The load on an arm's joint is unknown, so friction of this joint by load is
     omitted. If no outer rod rotates in joint 2, all its maps are omitted. Torques do not move a prescribed joint 1, so

@@ -121,7 +121,7 @@ def _with_one_more(
     *,
     last: bool,
 ) -> dict[frozenset[str], Hypothesis]:
-    """Add to a level those sets that extend a smaller set by one of the most promising effects; return the level.
+    """Add to a level the sets that extend a smaller set by a promising effect; return it.
 
     Once only noise remains, only equally promising effects are fitted. Far from the noise, a candidate is not fitted if
     even twice its predicted reduction would leave its set too poor to be extended or accepted (`_deciding_excess`).
@@ -214,7 +214,9 @@ def _is_loss_of_one_size(score: Score) -> bool:
 
 
 def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) -> list[Hypothesis]:
-    """Sort sets by the criterion; sets with an impossible size, or with an effect that adds too little, come last.
+    """Sort sets by the criterion, with doubtful sets last.
+
+    A set is doubtful if it contains an impossible size, or an effect that adds too little.
 
     Three kinds of effects add too little: a curve that follows the remainder, a vibration at a multiple of the swing's
     frequency if another effect explains most of the same reduction, and a drift of friction along one decay if another
@@ -225,7 +227,7 @@ def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) ->
 
 
 def _doubts(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], model: Hypothesis) -> tuple[bool, bool]:
-    """Return whether a set contains an effect of impossible size, and whether it contains one that adds too little."""
+    """Return whether a set contains an impossible size, and an effect that adds too little."""
     little = follows_remainder(sets.bare, model, best) or any(
         follows_swing(sets.bare, model, other) or follows_decay(sets.bare, model, other) for other in models
     )

@@ -59,7 +59,10 @@ SMALLEST_ADEQUATE = Move(
 
 
 def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the set without its least necessary effect; a single effect is judged by its share of the whole gap."""
+    """Propose the set without its least necessary effect.
+
+    A single effect is judged by its share of the whole gap.
+    """
     removable = sets.unexpected(current)
     if len(current.effects) > 1 and removable:
         described = sets.described(current)
@@ -93,7 +96,7 @@ def _without_each(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 
 
 def _predicts_better(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    """Accept by cross-validation: an effect that worsens the prediction of a run from the other runs is not a cause."""
+    """Accept a removal if the effect worsens the prediction of a run from the other runs."""
     smaller, tolerance = proposal.model, THRESHOLDS.chance * current.residuals.inflation
     if bounded_excess(smaller) > bounded_excess(sets.bare):  # its fit diverged and predicts nothing
         return Decision(False, "without it the fit does not converge")

@@ -230,7 +230,7 @@ def _balances(t: Array, rods: Array, torques: Array | None, rig: Rig) -> list[Ar
 def _terms_of_table(
     t: Array, rods: Array, torques: Array | None, rig: Rig, motion: LocalMotionSettings | None = None
 ) -> Array | None:
-    """Return the terms (m, k) of the balance from the columns of a table, or None if the motion is too small."""
+    """Return the (m, k) balance terms of a table, or None if the motion is too small."""
     moving = local_motion(t, rods, periods(rig)[1], motion or ENERGY.motion)
     return None if moving is None else _terms(moving, torques, rig)
 

@@ -304,7 +304,9 @@ def _with_moving_arm(run: Run) -> Run | None:
 
 
 def arm_turned(run: Run, above_noise: float = 20.0) -> bool:
-    """Check whether the arm's encoder shows a motion; False if the arm was not measured.
+    """Check whether the arm's encoder shows a motion.
+
+    The result is False if the arm was not measured.
 
     Args:
         run: a run, whose readings of theta0 are constant if the arm was not measured

@@ -8,7 +8,7 @@ from dpr_lab.arrays import Array
 
 
 def per_degree() -> float:
-    """Return the factor of angles in degrees that are declared as rad."""
+    """Return the factor from readings in degrees, declared as rad, to rad."""
     return float(np.deg2rad(1.0))
 
 

@@ -147,7 +147,7 @@ def _reversed(recording: ArmRecording) -> ArmRecording:
 
 
 def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
-    """Return messages on an incorrect sign or unit of the input; the list is empty if both can be correct."""
+    """Return messages about an incorrect sign or unit of the input; empty if both can be correct."""
     unknowns, motor = fit.problem.unknowns, rig.motor
     if "gain" not in unknowns.free or motor is None:
         return []

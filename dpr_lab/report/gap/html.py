@@ -105,7 +105,7 @@ def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
 
 
 def _acceptance(acceptance: Acceptance) -> Iterator[Block]:
-    """Yield the test result of each limit, and the releases that are proposed for limits that are not decided yet."""
+    """Yield the test result of each limit, and the releases proposed for undecided limits."""
     yield f"{answer_sentence(acceptance)}."
     yield PageTable(LIMIT_COLUMNS, limit_rows(acceptance), RULE, "prose")
     if sentence := deciding_sentence(acceptance):

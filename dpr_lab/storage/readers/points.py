@@ -350,7 +350,7 @@ def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Po
 
 
 def _by_number(points: list[_Point]) -> list[_Point]:
-    """Sort points by the number at the end of their names (m1 before m2) if all names have such a number."""
+    """Sort points by the number at the end of their names, if all names have one."""
     numbered = all(re.search(r"\d$", point.name) for point in points)
     return sorted(points, key=lambda point: int(re.findall(r"\d+", point.name)[-1])) if numbered else points
 

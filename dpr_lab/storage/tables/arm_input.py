@@ -220,7 +220,10 @@ def _other_input(names: Sequence[str], motor: MotorTable) -> str:
 
 
 def _gain_note(motor: MotorTable) -> list[str]:
-    """Return a note if the rig file lacks a constant that converts the input to a torque; otherwise an empty list."""
+    """Return a note if the rig file lacks a constant that converts the input to a torque.
+
+    Otherwise the list is empty.
+    """
     needed = {"current": ("kt",), "voltage": ("kt", "R")}.get(motor.input, ())
     missing = [name for name in needed if getattr(motor, name) is None]
     if not missing:

@@ -129,7 +129,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         return ""
 
     def at_stake(self) -> str:
-        """Return a sentence that names the recording which quitting would end or leave undecided.
+        """Return a warning about a recording that quitting ends or leaves undecided.
 
         The text is empty if there is no such recording.
         """

@@ -303,7 +303,7 @@ class Chart(Vertical, can_focus=True):
         self._plot.set_ylimits(*y_view)
 
     def _share_for_labels(self) -> float:
-        """Return the width of the labels at the right end of the lines, divided by the width of the plotted range."""
+        """Return the width of the line labels relative to that of the plotted range."""
         columns = max(self._plot.size.width - self._plot.margin_left - 2, 8)
         longest = max((len(s.label) for s in self._content.series if len(s.label) <= SETTINGS.end_label), default=0)
         several = len(self._content.series) > 1 and 4 * longest < columns

@@ -109,7 +109,7 @@ def _residual(read: ReadTable, other: OtherReading) -> float:
 
 
 def _turned(read: ReadTable) -> list[OtherReading]:
-    """Interpret the hanging position of a single free rod as another angle of the table than 0 or half a turn.
+    """Interpret the hanging position of a free rod as another angle than 0 or half a turn.
 
     The list is empty if there is no such interpretation. If the rod hangs at 90 degrees of the table, the doubled
     angles also look like an energy-conserving swing about the hanging position.

@@ -56,7 +56,7 @@ def questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def _refuse_dead(table: InterpretedTable, theta: Array) -> None:
-    """Refuse a table of two rods if both columns are equal, or if a rod or the free elbow does not move."""
+    """Refuse a table with equal columns, or with a rod or free elbow that does not move."""
     if table.rig.rods.mounted != "both":
         return
     names = [table.columns.get(axis, axis) for axis in ("theta1", "theta2")]
@@ -141,7 +141,7 @@ def _few(table: InterpretedTable, t: Array) -> list[TableQuestion]:
 
 
 def _torque_doubts(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about known torques if rows are too far apart, or if the rods move as if the torques did not act.
+    """Warn about known torques with distant rows, or without influence on the rods.
 
     The input of a driven arm does not act on the rods. For such an input, only the distance between the rows is
     checked.
