@@ -235,7 +235,8 @@ def test_frames_under_the_name_of_a_time_are_explained(tmp_path, one):
     swing = 1.2 * np.cos(0.09 * np.arange(1000))
     rows = "".join(f"{frame},{angle:.6f}\n" for frame, angle in enumerate(swing))
     (tmp_path / "a.csv").write_text("t,angle\n" + rows)
-    with pytest.raises(RunError, match=r"or the column numbers the rows or frames \(--rate-hz\)"):
+    sentence = r"periods of 0.93 s: the times are in ms .*, or the column numbers the rows or frames \(--rate-hz\)"
+    with pytest.raises(RunError, match=sentence):
         import_csv(tmp_path / "a.csv", one)
 
 

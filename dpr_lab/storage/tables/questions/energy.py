@@ -187,6 +187,6 @@ def _unit_of_time(table: InterpretedTable, unit: str) -> str:
     return (
         f"{table.path}: in {table.options.time_unit or 's'} the table lasts {lasts:.4g} s and its rods"
         f" {'hardly move' if unit != 's' else 'turn far too fast'}; the rods of the rig swing with periods of"
-        f" {' and '.join(f'{period:.2g} s' for period in periods(table.rig))}: the times are in {unit}"
+        f" {' and '.join(dict.fromkeys(f'{period:.2g} s' for period in periods(table.rig)))}: the times are in {unit}"
         f" (--time-unit {unit}){numbers}, or the angles in another unit (--unit)"
     )
