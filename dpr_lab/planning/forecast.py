@@ -25,19 +25,26 @@ with the beta-binomial probability
 
     1 - product over j < k of (b + failed + j) / (weight + failed + j),    b = (1 - confirmed) weight.
 
-If no gap is visible, a small effect may become visible with further releases. Let z be the estimate of effect i in
-standard deviations, l the estimate up to which the effect is excluded, and g the factor by which the releases increase
-the information about the effect. The hypotheses are that no effect is present, or that effect i alone is present, with
-a flat prior of its size. Their probabilities have the ratio
+If no gap is visible, a small effect may become visible with further releases. Its alternatives must then be excluded as
+well. Therefore the next score test is simulated. Let G be the information about the tested amplitudes, with the
+unknowns of the model fitted, and z_i the estimate of amplitude i in standard deviations. l_i is the largest estimate
+that excludes its effect. The hypotheses are that no effect is present, or that one effect alone is present. This effect
+has only its most significant amplitude i, with a flat prior of its size. The probabilities have the ratio
 
-    1 : exp((z^2 - l^2) / 2),
+    1 : at_limit exp((z_i^2 - l_i^2) / 2).
 
-so that an effect at the limit of exclusion is as probable as no effect. If effect i is present, its next estimate has
-mean z sqrt(g) and variance g - 1, in the new standard deviations. If no effect is present, the largest estimate has
-mean z / sqrt(g) and variance 1 - 1/g. The releases leave the question open if the next estimate is too large to exclude
-the effect and too small to decide it. The estimate that decides an effect is normally distributed (`decided`,
-`spread`). Effects that are excluded now are included, because the estimate of an effect that is present grows. Earlier
-releases do not count as `failed`, because the reason for the missing decision is known.
+The releases add the information D. Let a be the size of the present amplitude i. The score of each amplitude j
+increases by its mean response to a, and by noise:
+
+    z_j' = (z_j sqrt(G_jj) + D_ji a + n_j) / sqrt(G_jj + D_jj),    a ~ N(z_i / sqrt(G_ii), 1 / G_ii),    n ~ N(0, D).
+
+The improvement by an effect is its largest z'^2 minus the penalty of its parameters. A draw settles the question if all
+effects are excluded, or if the best effect is named and decided. It is named if its improvement exceeds chance. Its
+probability follows from the improvements of the best effect, of its best alternatives and of no effect, as in a
+diagnosis. It is decided if this probability reaches `SURE`. An effect that becomes visible thus stays undecided if
+another effect has a similar signature, unless no release separates them. Effects that are excluded now are included,
+because the estimate of an effect that is present grows. Earlier releases do not count as `failed`, because the reason
+for the missing decision is known.
 
 Sources: H. Jeffreys (1946), An invariant form for the prior probability in estimation problems, Proceedings of the
 Royal Society A 186, 453-461. J. G. Skellam (1948), A probability distribution derived from the binomial distribution by
@@ -45,8 +52,7 @@ regarding the probability of success as variable between the sets of trials, Jou
 10, 257-261.
 """
 
-import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import NamedTuple
@@ -55,7 +61,11 @@ import numpy as np
 
 from dpr_lab.acceptance.judge import SURE
 from dpr_lab.arrays import Array, Flags
+from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
+from dpr_lab.gap.hypothesis.hypothesis import PENALTY
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.planning.worth.criteria import OpenAmplitudes, OpenPairs
 
 
@@ -80,50 +90,89 @@ class ForecastSettings:
     """Minimum d^2 at which two causes count as separable; odds of 20 to 1 then result on average."""
     repeats: int = 6
     """Maximum number of further releases whose d^2 may be summed to reach this value."""
-    decided: float = 7.7
-    """Estimate of an effect, in standard deviations, at which several releases decide it with a probability of 1/2.
+    at_limit: float = 0.25
+    """Odds of an effect at the limit of exclusion against no effect.
 
-    An effect is named from 6.2 on, but its alternatives must also be improbable. In blind trials with at least two
-    releases, six of twelve causes named at 6.2 to 9.3 standard deviations were decided, and all but two above.
+    Of 1, 1/2, 1/4 and 1/8, the values 1/4 and 1/8 have the smallest Brier scores on 18 plants (0.100 and 0.096, against
+    0.112 for even odds). The difference of both is within chance.
     """
-    spread: float = 1.5
-    """Standard deviation of this limit between effects and recordings."""
-    least: float = 1e-9
-    """Minimum relative increase of the information, which keeps variances positive."""
+    tests: int = 512
+    """Number of simulated score tests for each effect."""
 
 
 FORECAST = ForecastSettings()
 
 
-class SmallEffect(NamedTuple):
-    """Most significant amplitude of an effect that is not named, in standard deviations."""
+class TestedEffects(NamedTuple):
+    """Score test of effects that are not named."""
 
-    excess: float
-    """Difference of the estimate and the limit of exclusion; the largest one has the greatest influence."""
-    z: float
-    excluded: float
-    """Largest estimate that excludes the effect."""
-    gain: float
-    """Factor by which further releases increase the information about the amplitude."""
+    z: Array
+    """(n,) present estimates of the amplitudes, in standard deviations."""
+    limits: Array
+    """(n,) largest estimate of each amplitude that excludes its effect, in standard deviations."""
+    columns: list[Array]
+    """Columns of the amplitudes of each effect."""
+    largest: list[int]
+    """Column of the most significant amplitude of each effect."""
+    prices: Array
+    """(effects,) penalty of the parameters of each effect, in units of chi2."""
+    separation: Array
+    """(effects, effects) d^2 that repeated releases add between two effects.
 
-    def undecided(self, present: bool) -> float:
-        """Return the probability that the next estimate neither excludes nor decides the effect.
+    The effect of the row has an estimate of one standard deviation.
+    """
+
+    @classmethod
+    def of(cls, amplitudes: OpenAmplitudes, releases: int) -> "TestedEffects":
+        """Group the tested amplitudes by effect.
 
         Args:
-            present: whether the effect is present in the rig
+            amplitudes: the amplitudes, with the present information and the information after the releases
+            releases: number of these releases
         """
-        scale = self.gain**0.5
-        mean, variance = (self.z * scale, self.gain - 1.0) if present else (self.z / scale, 1.0 - 1.0 / self.gain)
-        not_excluded = 1.0 - NormalDist(mean, variance**0.5).cdf(self.excluded)
-        decided = NormalDist(FORECAST.decided, (FORECAST.spread**2 + variance) ** 0.5).cdf(mean)
-        return max(not_excluded - decided, 0.0)
+        z = np.array([SIGMAS * tested.estimate / tested.size for tested in amplitudes.tested])
+        limits = np.array([SIGMAS - NormalDist().inv_cdf(tested.sufficient) for tested in amplitudes.tested])
+        names = np.array([tested.effect for tested in amplitudes.tested])
+        effects = [EFFECTS[name] for name in dict.fromkeys(names.tolist())]
+        columns = [np.flatnonzero(names == effect.name) for effect in effects]
+        largest = [max(of_effect.tolist(), key=lambda i: abs(z[i]) - limits[i]) for of_effect in columns]
+        prices = PENALTY.parameter * np.array([len(effect.amplitudes) + len(effect.shapes) for effect in effects])
+        repeated = amplitudes.after + FORECAST.repeats / releases * (amplitudes.after - amplitudes.before)
+        D2 = _distances(repeated, largest) - _distances(amplitudes.after, largest)
+        power = np.diag(amplitudes.after)[largest, None]
+        return cls(z, limits, columns, largest, prices, D2 / power / CALIBRATION.temperature)
+
+    @property
+    def odds(self) -> Array:
+        """Odds (1 + effects,) that no effect is present, and that each effect alone is present."""
+        z, limits = self.z[self.largest], self.limits[self.largest]
+        log_odds = np.append(0.0, np.log(FORECAST.at_limit) + 0.5 * (z**2 - limits**2))
+        return np.exp(log_odds - log_odds.max())
+
+    def settled(self, z: Array) -> float:
+        """Return the fraction of draws that exclude every effect, or decide which effect is present.
+
+        Args:
+            z: (draws, n) estimates of the amplitudes, in standard deviations
+        """
+        excluded = np.all(np.abs(z) < self.limits, axis=1)
+        improvement = np.stack([np.max(z[:, columns] ** 2, axis=1) for columns in self.columns], axis=1) - self.prices
+        best, largest = improvement.argmax(axis=1), improvement.max(axis=1)
+        visible = largest >= THRESHOLDS.chance
+        weights = np.exp((improvement - largest[:, None]) / (2 * CALIBRATION.temperature))
+        of_none = np.exp(-largest / (2 * CALIBRATION.temperature))
+        alike = (largest + self.prices[best])[:, None] * self.separation[best] < FORECAST.separable
+        cause, alternatives = np.sum(weights * alike, axis=1), np.sort(weights * ~alike, axis=1)
+        others = alternatives[:, -CALIBRATION.alternatives :].sum(axis=1) + of_none
+        sure = (1 - CALIBRATION.outside_when_closed) * cause >= SURE * (cause + others)
+        return float(np.mean(excluded | (visible & sure)))
 
 
 def decision_probability(
     pairs: Sequence[OpenPairs],
     gained: Sequence[Array],
     releases: int = 1,
-    inseparable: Collection[str] = (),
+    inseparable: Sequence[Flags] | None = None,
     failed: int = 0,
     confirmed: float | None = None,
 ) -> float:
@@ -133,28 +182,29 @@ def decision_probability(
         pairs: candidate causes of each named effect
         gained: (n, n) d^2 that the releases add, for each named effect
         releases: number of these releases
-        inseparable: causes that no release separates; they count as one cause
+        inseparable: (n, n) pairs of causes that no release separates, for each named effect; such causes count as one
+            cause; None: every pair is separable
         failed: number of recorded releases that did not decide the causes as expected
         confirmed: fraction of the releases that decide the causes as expected; None: the usual fraction
     """
     confirmed = FORECAST.confirmed if confirmed is None else confirmed
     weight = FORECAST.weight + failed + np.arange(releases)
     probability = 1.0 - np.prod(1.0 - confirmed * FORECAST.weight / weight)
-    for pair, d2 in zip(pairs, gained, strict=True):
-        together = np.array([name in inseparable for name in pair.names])
-        probability *= _decided(pair.probabilities, d2, together)
+    if inseparable is None:
+        inseparable = [np.eye(len(pair.names), dtype=np.bool_) for pair in pairs]
+    for pair, d2, alike in zip(pairs, gained, inseparable, strict=True):
+        probability *= (1.0 - pair.outside) * _decided(pair.probabilities, d2, alike)
     return float(probability)
 
 
-def _decided(p: Array, d2: Array, together: Flags) -> float:
+def _decided(p: Array, d2: Array, alike: Flags) -> float:
     """Return the fraction of random draws in which the cause of one named effect is decided.
 
-    Causes for which `together` is true count as one cause.
+    The pairs of causes in `alike` count as one cause.
     """
     from scipy.special import ndtri  # slow to import
     from scipy.stats.qmc import Sobol
 
-    outside = max(1.0 - float(p.sum()), 0.0)
     normal = ndtri(Sobol(len(p), rng=np.random.default_rng(0)).random(FORECAST.draws) % 1.0)
     normal = np.clip(normal, -6.0, 6.0)
     total = 0.0
@@ -162,28 +212,32 @@ def _decided(p: Array, d2: Array, together: Flags) -> float:
         loss = 0.5 * d2[truth] + np.sqrt(d2[truth]) * normal
         loss[:, truth] = 0.0
         weight = p * np.exp(-np.clip(loss, -500, 500))
-        most = np.maximum(weight.max(axis=1), weight[:, together].sum(axis=1))
-        best = most / weight.sum(axis=1)
+        best = (weight @ alike).max(axis=1) / weight.sum(axis=1)
         total += p[truth] * float(np.mean(best >= SURE))
-    return (1.0 - outside) * total / max(float(p.sum()), 1e-12)
+    return total / max(float(p.sum()), 1e-12)
 
 
-def settled_probability(amplitudes: OpenAmplitudes) -> float:
-    """Return the probability that further information decides for every small effect whether it is present.
+def settled_probability(amplitudes: OpenAmplitudes, releases: int = 1) -> float:
+    """Return the probability that further releases decide for every small effect whether it is present.
 
     Args:
-        amplitudes: all tested amplitudes, with the current and the additional information
+        amplitudes: all tested amplitudes, with the present information and the information after the releases
+        releases: number of these releases
     """
-    effects: dict[str, SmallEffect] = {}
-    gains = (amplitudes.after / amplitudes.before).tolist()
-    for amplitude, gain in zip(amplitudes.tested, gains, strict=True):
-        z = SIGMAS * abs(amplitude.estimate) / amplitude.size
-        excluded = SIGMAS - NormalDist().inv_cdf(amplitude.sufficient)
-        candidate = SmallEffect(z - excluded, z, excluded, max(gain, 1.0 + FORECAST.least))
-        effects[amplitude.effect] = max(candidate, effects.get(amplitude.effect, candidate))
-    if not effects:
+    if not amplitudes.tested:
         return 1.0
-    weights = {name: math.exp(min(0.5 * (small.z**2 - small.excluded**2), 500.0)) for name, small in effects.items()}
-    undecided = max(effects.values()).undecided(present=False)
-    undecided += sum(weights[name] * small.undecided(present=True) for name, small in effects.items())
-    return 1.0 - undecided / (1.0 + sum(weights.values()))
+    test, added = TestedEffects.of(amplitudes, releases), amplitudes.after - amplitudes.before
+    std, std_after = (np.diag(information) ** -0.5 for information in (amplitudes.before, amplitudes.after))
+    powers, directions = np.linalg.eigh(added)
+    rng = np.random.default_rng(0)
+    noise = rng.standard_normal((FORECAST.tests, len(test.z))) * np.sqrt(np.maximum(powers, 0.0))
+    scores, sizes = test.z / std + noise @ directions.T, rng.standard_normal((FORECAST.tests, 1))
+    responses = ((test.z[i] + sizes) * std[i] * added[:, i] for i in test.largest)
+    settled = [test.settled((scores + response) * std_after) for response in (0.0, *responses)]
+    return float(test.odds @ settled / test.odds.sum())
+
+
+def _distances(information: Array, columns: Sequence[int]) -> Array:
+    """Return (n, n) D^2 between amplitudes of unit size (row) and the nearest readings under another one (column)."""
+    G = information[np.ix_(columns, columns)]
+    return np.diag(G)[:, None] - G**2 / np.diag(G)

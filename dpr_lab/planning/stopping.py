@@ -57,20 +57,27 @@ class Causes:
     """Name of the effect."""
     probabilities: Mapping[str, float]
     """Probability of each candidate cause, including the named effect itself."""
+    outside: float
+    """Probability of a cause outside the library."""
 
 
 def causes_of(diagnosis: Diagnosis) -> Iterator[Causes]:
     """Yield the candidate causes of each named effect, with their probabilities.
 
-    The candidates are the members of the class of the effect, and its alternatives.
+    The candidates are the members of the class of the effect, and its alternatives. If an effect fails the test on the
+    quarters of a single release, its probability is reduced. A second release replaces this test, so the missing
+    probability does not belong to a cause outside the library.
     """
+    alone = recorded_releases(diagnosis) < STOPPING.fewest
     for effect in diagnosis.effects:
         odds = {name: effect.odds.get(name, 1 / len(effect.members)) for name in effect.members}
         alternatives = {name: effect.probability * share for name, share in odds.items()}
         for rival in diagnosis.rivals:
             if rival.instead_of == effect.name and rival.name not in effect.members:
                 alternatives[rival.name] = rival.probability
-        yield Causes(effect.name, alternatives)
+        missing = max(1.0 - sum(alternatives.values()), 0.0)
+        outside = effect.outside if alone and effect.outside is not None else missing
+        yield Causes(effect.name, alternatives, outside)
 
 
 def decided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> bool:

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from dpr_lab.acceptance.judge import SURE
-from dpr_lab.arrays import Array
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.planning.forecast import FORECAST, decision_probability, settled_probability
@@ -40,13 +40,13 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     known = objective.known
     after = np.cumsum([known.information, *(step.information for step in steps)], axis=0)
     reasons = _reasons(objective, after)
-    stuck = inseparable(objective, steps)
-    together = {name for pair in stuck for name in pair.causes}
+    alike = inseparable_pairs(objective, steps) if steps else []
+    stuck = inseparable(objective, alike) if steps else []
+    state = _state(known, {name for pair in stuck for name in pair.causes})
     releases = [
-        _planned(k, step, after[k], objective, reason.text, together)
+        _planned(k, step, after[k], objective, reason.text, alike if state == "record" else None)
         for k, (step, reason) in enumerate(zip(steps, reasons, strict=True), 1)
     ]
-    state = _state(known, together)
     return Plan(
         state=state,
         sentence=_sentence(state, known, releases, stuck, only_ratios_sentence(reasons, state == "record")),
@@ -78,7 +78,7 @@ def _reasons(objective: Objective, after: Array) -> list[Reason]:
 
 
 def _planned(
-    number: int, step: SequenceStep, F: Array, objective: Objective, reason: str, together: Collection[str]
+    number: int, step: SequenceStep, F: Array, objective: Objective, reason: str, alike: Sequence[Flags] | None
 ) -> PlannedRelease:
     release, known = step.release, objective.known
     share = 1.0 if step.simulated is None else min(step.simulated, 1.0)
@@ -102,29 +102,28 @@ def _planned(
         pairs=[PairBits(causes=pair, bits=bits) for pair, bits in objective.bits_of(gained).items()],
         library_bits=library_bits(known, F),
         ratio_std=shown_ratio_std(known, F),
-        decided=_forecast(objective, F, gained, number, together),
+        decided=None if alike is None else _forecast(objective, F, gained, number, alike),
         simulated=step.simulated,
     )
     return planned.driven_by(release.torques)
 
 
 def _forecast(
-    objective: Objective, F: Array, gained: Sequence[Array], releases: int, together: Collection[str]
+    objective: Objective, F: Array, gained: Sequence[Array], releases: int, alike: Sequence[Flags]
 ) -> float | None:
-    """Return the probability that a number of releases decides the causes.
+    """Return the probability that a number of releases decides the causes; None before any recording.
 
-    The causes in `together` count as one cause. The result is None before any recording, and if no further release is
-    necessary.
+    The pairs of causes in `alike` count as one cause.
     """
     diagnosis = objective.known.diagnosis
-    if diagnosis is None or _state(objective.known, together) != "record":
+    if diagnosis is None:
         return None
     if diagnosis.verdict == "no_gap":  # two releases decide a named cause although other effects are not excluded
-        settled = settled_probability(OpenAmplitudes.of(objective.known, F, excluded=True))
-        return settled * decision_probability(objective.pairs, gained, releases, together)
+        settled = settled_probability(OpenAmplitudes.of(objective.known, F, excluded=True), releases)
+        return settled * decision_probability(objective.pairs, gained, releases, alike)
     failed = recorded_releases(diagnosis) - 1  # there is no forecast for the first release
     confirmed = FORECAST.revealed if diagnosis.gap.remainder_Nm else FORECAST.confirmed
-    return decision_probability(objective.pairs, gained, releases, together, failed, confirmed)
+    return decision_probability(objective.pairs, gained, releases, alike, failed, confirmed)
 
 
 def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
@@ -144,20 +143,28 @@ def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
     ]
 
 
-def inseparable(objective: Objective, steps: Sequence[SequenceStep]) -> list[Inseparable]:
-    """Return the pairs of causes that even repeated releases do not separate, with their bench checks."""
-    if not steps:
-        return []
-    stuck = []
+def inseparable_pairs(objective: Objective, steps: Sequence[SequenceStep]) -> list[Flags]:
+    """Return, for each named effect, the (n, n) pairs of causes that even repeated planned releases do not separate."""
     F = objective.known.information + FORECAST.repeats * np.mean([step.information for step in steps], axis=0)
-    for pairs, gained in zip(objective.pairs, objective.gained(F), strict=True):
+    return [np.maximum(d2, d2.T) < FORECAST.separable for d2 in objective.gained(F)]
+
+
+def inseparable(objective: Objective, alike: Sequence[Flags]) -> list[Inseparable]:
+    """Return the pairs of causes that the planned releases do not separate, each with its bench checks.
+
+    Args:
+        objective: the objective
+        alike: (n, n) pairs of inseparable causes, for each named effect
+    """
+    stuck = []
+    for pairs, of_effect in zip(objective.pairs, alike, strict=True):
         best = int(np.argmax(pairs.probabilities))
         if pairs.probabilities[best] >= SURE:
             continue
-        for other, name in enumerate(pairs.names):
-            if other != best and max(gained[best, other], gained[other, best]) < FORECAST.separable:
-                check = EFFECTS[pairs.names[best]].bench_check
-                stuck.append(Inseparable(causes=(pairs.names[best], name), check=check))
+        check = EFFECTS[pairs.names[best]].bench_check
+        for other in np.flatnonzero(of_effect[best]).tolist():
+            if other != best:
+                stuck.append(Inseparable(causes=(pairs.names[best], pairs.names[other]), check=check))
     return stuck
 
 

@@ -132,13 +132,14 @@ def _pairs(known: Knowledge) -> OpenPairs:
     names = ("clock_rate", "encoder_scale_joint1")
     places = tuple(known.places[name] for name in names)
     assert [len(own) for own in places] == [1, 1]
-    causes = Causes(names[0], dict.fromkeys(names, 0.5))
+    causes = Causes(names[0], dict.fromkeys(names, 0.5), 0.0)
     open_pairs = OpenPairs.of(known, causes)
     size = np.array([1e-4])
     return OpenPairs(
         names[0],
         names,
         open_pairs.probabilities,
+        open_pairs.outside,
         open_pairs.fitted,
         places,
         (size, np.zeros(1)),

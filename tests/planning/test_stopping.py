@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dpr_lab.effects import effect_params
+from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis, load_diagnosis
 from dpr_lab.gap.result.evidence import Evidence, Exclusion, RecordingUsed
 from dpr_lab.gap.result.posterior import PosteriorComponent
@@ -20,8 +22,8 @@ from dpr_lab.planning.plan import usual_count
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.sequence import Planner, SequenceStep
 from dpr_lab.planning.stopping import Causes, causes_of, decided, possible, reservation, significance, undecided
-from dpr_lab.planning.summary import inseparable, summed_up
-from dpr_lab.planning.worth.criteria import OpenAmplitudes, open_bits
+from dpr_lab.planning.summary import inseparable, inseparable_pairs, summed_up
+from dpr_lab.planning.worth.criteria import OpenAmplitudes, OpenPairs, open_bits
 from dpr_lab.planning.worth.objective import Gain, Objective
 from dpr_lab.planning.worth.reasons import Expected, Reason, only_ratios_sentence, reason
 from dpr_lab.report.gap.next_steps import next_steps
@@ -198,32 +200,44 @@ def latency(sizes: float) -> Exclusion:
     return Exclusion(effect="latency_joint2", parameter="delay_s", size=5.0, estimate=-sizes, confidence=confidence)
 
 
+def settled(*sizes: float, gain: float = 2.5, cosine: float = 0.0) -> float:
+    """Forecast for a latency and further effects, whose signatures have this cosine with each other."""
+    names = [("latency_joint2", "delay_s"), ("base_tilt", "tilt_rad"), ("com_offset_link2", "offset_m")][: len(sizes)]
+    tested = tuple(
+        latency(size).model_copy(update={"effect": effect, "parameter": parameter})
+        for size, (effect, parameter) in zip(sizes, names, strict=True)
+    )
+    before = np.full((len(tested), len(tested)), cosine) + (1 - cosine) * np.eye(len(tested))
+    return settled_probability(OpenAmplitudes(tested, before, gain * before))
+
+
 @pytest.mark.parametrize("sizes", [2.5, 4.0, 5.5])
 def test_the_forecast_without_a_visible_gap_is_the_share_of_draws_that_exclude_or_decide_an_effect(
     sizes: float,
 ) -> None:
     gain, count, rng, limit = 2.5, 200_000, np.random.default_rng(0), 5.0 - NormalDist().inv_cdf(0.95)
-    made = settled_probability(OpenAmplitudes((latency(sizes),), np.ones(1), np.full(1, gain)))
-    present = rng.random(count) < 1 / (1 + np.exp(-0.5 * (sizes**2 - limit**2)))
+    present = rng.random(count) < 1 / (1 + np.exp(-0.5 * (sizes**2 - limit**2)) / FORECAST.at_limit)
     true = present * (sizes + rng.standard_normal(count))  # a flat prior of the size
     further = true * (gain - 1) ** 0.5 + rng.standard_normal(count)
     both = (sizes + (gain - 1) ** 0.5 * further) / gain**0.5
-    decided = FORECAST.decided + FORECAST.spread * rng.standard_normal(count)
-    assert made == pytest.approx(np.mean((both < limit) | (both > decided)), abs=0.01)
+    assert settled(sizes, gain=gain) == pytest.approx(np.mean((both < limit) | (both > 39**0.5)), abs=0.03)
 
 
 def test_the_forecast_without_a_visible_gap_considers_effects_that_are_excluded_now() -> None:
     """An effect of 3 standard deviations is excluded, but if it is present, its estimate grows."""
-
-    def settled(*sizes: float, gain: float = 2.5) -> float:
-        tested = tuple(map(latency, sizes))
-        return settled_probability(OpenAmplitudes(tested, np.ones(len(tested)), np.full(len(tested), gain)))
-
     assert 1.0 == settled() > settled(1.0) > settled(3.0) > settled(4.0)
     grown = [settled(5.0, gain=gain) for gain in (1.0, 2.0, 4.0, 16.0)]
     assert grown == sorted(grown)
     assert grown[0] < 0.05
     assert grown[-1] > 0.99
+
+
+def test_an_effect_that_becomes_visible_is_decided_only_if_its_alternatives_are_excluded() -> None:
+    """Two effects with the same signature count as one, because only a bench check separates them."""
+    apart, similar, same = (settled(5.0, 5.0 * cosine, gain=4.0, cosine=cosine) for cosine in (0.0, 0.9, 1.0))
+    assert min(apart, same) > 0.95
+    assert similar < 0.6
+    assert settled(5.0, 4.5, gain=16.0, cosine=0.9) > similar + 0.2
 
 
 def test_earlier_releases_do_not_lower_the_forecast_if_an_effect_that_is_not_excluded_is_the_reason(paper: Rig) -> None:
@@ -240,7 +254,7 @@ def test_earlier_releases_do_not_lower_the_forecast_if_an_effect_that_is_not_exc
 
 def test_a_cause_without_alternatives_lowers_the_forecast_if_it_may_be_outside_the_library(paper: Rig) -> None:
     known = known_before(paper)
-    causes = Causes("coulomb_joint1", {"coulomb_joint1": 0.8})
+    causes = Causes("coulomb_joint1", {"coulomb_joint1": 0.8}, 0.2)
     known = replace(known, causes=(causes,), named=frozenset({causes.about}), diagnosis=of_runs(one_cause(8.0), "P1"))
     (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
     objective = Objective.of(known)
@@ -249,6 +263,25 @@ def test_a_cause_without_alternatives_lowers_the_forecast_if_it_may_be_outside_t
     assert made.forecast == [pytest.approx(0.8 * FORECAST.confirmed)]
     assert made.releases[0].pairs == []
     assert objective.simulated(swing.release, swing.information) is None
+
+
+def test_a_failed_test_on_the_quarters_of_one_release_is_no_cause_outside_the_library() -> None:
+    """A second release replaces this test; afterwards the missing probability counts."""
+    effect = {"probability": 0.49, "outside": 0.02}
+    failed = one_cause(verdict="partly_explained", rivals=[])
+    failed = failed.model_copy(update={"effects": [failed.effects[0].model_copy(update=effect)]})
+    (one,), (two,) = (list(causes_of(of_runs(failed, *runs))) for runs in (("P1",), ("P1", "P2")))
+    assert (one.outside, two.outside) == (0.02, pytest.approx(0.51))
+
+
+def test_the_hidden_amplitude_of_a_richer_form_has_its_own_unit(paper: Rig) -> None:
+    """An offset of 1 mrad and a drift of 0.05 mrad/s count as equally large: both typical sizes have this ratio."""
+    names = ("encoder_offset_joint1", "encoder_drift_joint1")
+    known = known_before(paper)
+    offset = Estimate.of(known.model.estimate.ratios, effect_params({names[0]: {"offset_rad": 1e-3}}), np.zeros((0, 4)))
+    known = replace(known, model=replace(known.model, estimate=offset))
+    pairs = OpenPairs.of(known, Causes(names[0], dict.fromkeys(names, 0.49), 0.02))
+    assert pairs.sizes[1][-1] == pytest.approx(0.5 * 1e-4)
 
 
 def test_a_remainder_above_the_noise_lowers_the_forecast(paper: Rig) -> None:
@@ -284,11 +317,12 @@ def test_inseparable_causes_count_as_one() -> None:
 @pytest.mark.parametrize(("probability", "listed"), [(0.947, True), (0.96, False)])
 def test_a_cause_just_below_a_decision_gets_its_bench_check(paper: Rig, probability: float, listed: bool) -> None:
     known = known_before(paper)
-    causes = Causes("encoder_offset_joint1", {"encoder_offset_joint1": probability, "base_tilt": 0.98 - probability})
+    candidates = {"encoder_offset_joint1": probability, "base_tilt": 0.98 - probability}
+    causes = Causes("encoder_offset_joint1", candidates, 0.02)
     objective = Objective.of(replace(known, causes=(causes,), named=frozenset({"encoder_offset_joint1"})))
     assert len(objective.pairs) == 1
     step = Planner(objective, PlanLimits(), np.random.default_rng(0)).sequence(1, None)
-    stuck = inseparable(objective, step)
+    stuck = inseparable(objective, inseparable_pairs(objective, step))
     assert [pair.causes for pair in stuck] == [("encoder_offset_joint1", "base_tilt")] * listed
 
 

@@ -39,6 +39,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.gap.advice.check_kind import expected_bits
 from dpr_lab.gap.classes.calibration import CALIBRATION
+from dpr_lab.gap.hypothesis.detectable import comparable_size
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.planning.knowledge import RATIO_COLUMNS, Knowledge
@@ -94,7 +95,9 @@ class OpenPairs:
     """Name of this effect."""
     names: tuple[str, ...]
     probabilities: Array
-    """(n,) probability of each cause; their sum is 1 minus the probability of a cause outside the library."""
+    """(n,) probability of each cause."""
+    outside: float
+    """Probability of a cause outside the library."""
     fitted: tuple[int, ...]
     """Columns of the unknowns that every fit estimates."""
     places: tuple[tuple[int, ...], ...]
@@ -117,12 +120,13 @@ class OpenPairs:
             G = given(known.information, others, list(dict.fromkeys((*places, *about))))
             inverse = np.linalg.pinv(G[: len(places), : len(places)], rcond=1e-12, hermitian=True)
             imitation = inverse @ (G[: len(places), len(places) :] @ target) if name != causes.about else target
-            sizes.append(_with_hidden(name, causes.about, places, known, imitation, target))
+            sizes.append(_with_hidden(name, causes.about, places, known, imitation))
             spreads.append(inverse)
         return cls(
             causes.about,
             tuple(names),
             np.array([causes.probabilities[name] for name in names]),
+            causes.outside,
             tuple(others),
             tuple(known.places[name] for name in names),
             tuple(sizes),
@@ -179,17 +183,19 @@ class OpenPairs:
         return d2
 
 
-def _with_hidden(name: str, about: str, columns: Sequence[int], known: Knowledge, sizes: Array, target: Array) -> Array:
+def _with_hidden(name: str, about: str, columns: Sequence[int], known: Knowledge, sizes: Array) -> Array:
     """Return the sizes of a cause that are compared with the named effect.
 
     If the cause is a richer form of the named effect, its additional amplitude has the largest size that could remain
     undetected. A diagnosis keeps both forms in one class until this size would be detectable.
     """
-    if about not in EFFECTS[name].nested or not len(target):
+    if about not in EFFECTS[name].nested or about not in known.places:
         return sizes
-    shared = {known.model.columns[i].name for i in known.places[about]}
-    added = np.array([known.model.columns[i].name not in shared for i in columns])
-    return np.where(added, np.maximum(np.abs(sizes), CALIBRATION.hidden * np.abs(target).max()), sizes)
+    shared, params = {known.model.columns[i].name for i in known.places[about]}, known.model.estimate.params
+    hidden = {p.name: CALIBRATION.hidden * comparable_size(params, EFFECTS[about], p) for p in EFFECTS[name].amplitudes}
+    names = [known.model.columns[i].name for i in columns]
+    least = np.array([0.0 if name in shared else hidden[name] for name in names])
+    return np.where(least > 0, np.maximum(np.abs(sizes), least), sizes)
 
 
 def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
@@ -245,9 +251,9 @@ class OpenAmplitudes:
     tested: tuple[Exclusion, ...]
     """Test of each amplitude."""
     before: Array
-    """(n,) information about each amplitude from the recordings, with the unknowns of the model fitted."""
+    """(n, n) information about the amplitudes from the recordings, with the unknowns of the model fitted."""
     after: Array
-    """(n,) the same with further information."""
+    """(n, n) the same with further information."""
 
     @classmethod
     def of(cls, known: Knowledge, F: Array, excluded: bool = False) -> "OpenAmplitudes":
@@ -267,8 +273,8 @@ class OpenAmplitudes:
             names = [(column.effect, column.name) for column in known.model.columns]
             places = {i: tested[name] for i, name in enumerate(names) if name in tested}
         if not places:
-            return cls((), np.zeros(0), np.zeros(0))
-        before, after = (np.diag(given(information, known.fitted, [*places])) for information in (known.information, F))
+            return cls((), np.zeros((0, 0)), np.zeros((0, 0)))
+        before, after = (given(information, known.fitted, [*places]) for information in (known.information, F))
         return cls(tuple(places.values()), before, after)
 
 
@@ -281,7 +287,8 @@ def open_bits(known: Knowledge, F: Array) -> float:
     if not amplitudes.tested:
         return 0.0
     size = np.array([amplitude.size for amplitude in amplitudes.tested])
-    d = size * np.sqrt(np.maximum(amplitudes.after - amplitudes.before, 0.0) / CALIBRATION.temperature)
+    added = np.diag(amplitudes.after - amplitudes.before)
+    d = size * np.sqrt(np.maximum(added, 0.0) / CALIBRATION.temperature)
     return float(np.interp(d, *_even_bits()).mean())
 
 
