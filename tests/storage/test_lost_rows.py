@@ -101,3 +101,11 @@ def test_angles_that_share_no_row_are_refused_by_name(tmp_path: Path) -> None:
     columns = [np.column_stack(pair).ravel() for pair in ([T, T + 0.004], [THETA[:, 0], empty], [empty, THETA[:, 1]])]
     with pytest.raises(RunError, match="no row contains theta1 and theta2: the logger writes them in separate rows"):
         import_csv(write(tmp_path, "t,theta1,theta2", *columns), RIG)
+
+
+def test_torques_that_share_no_row_with_the_angles_are_refused(tmp_path: Path) -> None:
+    empty = np.full(N, np.nan)
+    torques = [np.column_stack([empty, np.sin(T)]).ravel()] * 2
+    columns = [np.column_stack(pair).ravel() for pair in ([T, T + 0.004], *([angle, empty] for angle in THETA.T))]
+    with pytest.raises(RunError, match="or interpolate angles and torques to the same times"):
+        import_csv(write(tmp_path, "t,theta1,theta2,tau1_Nm,tau2_Nm", *columns, *torques), RIG)

@@ -106,13 +106,15 @@ def refuse_missing(path: Path, t: Array, whole: Flags) -> None:
     begins, ends = [0, *(b for _, b in intervals)], [*(a for a, _ in intervals), len(t)]
     first, last = max(zip(begins, ends, strict=True), key=lambda part: part[1] - part[0])
     part = whole[first:last]
-    option = "a complete part (--start-s, --duration-s)"
+    option = "use a complete part (--start-s, --duration-s)"
+    if not whole.any():
+        option = "interpolate angles and torques to the same times if the logger writes them in separate rows"
     if intervals and part.sum() > PLAUSIBLE.lost_rows and np.mean(~part) <= PLAUSIBLE.lost_share:
         lasts = f" --duration-s {t[last] - t[first]:.6g}" if last < len(t) else ""
-        option = f"its longest part with values (--start-s {t[first]:.6g}{lasts})"
+        option = f"use its longest part with values (--start-s {t[first]:.6g}{lasts})"
     raise RunError(
         f"{path}: {(~whole).sum()} of {len(whole)} rows have no value (NaN; in a film also points that the tracker lost"
-        f" or confused): too many for a recording. Export it again, or use {option}"
+        f" or confused): too many for a recording. Export it again, or {option}"
     )
 
 

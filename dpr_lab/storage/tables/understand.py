@@ -105,16 +105,16 @@ def understand(
     path = Path(file)
     table, given = _read(path, rig, options, on_progress)
     columns = find_columns(table, given, options.unit, options.time_unit, options.rate_hz)
-    table = rows_of_angles(table, [name for axis, name in columns.names.items() if axis != "t" and name != NO_ROD])
-    options = replace(options, unit=columns.unit, time_unit=columns.time_unit)
-    options = stated_arm(rig, options, path, columns.names)
-    _refuse_conventions(table, options)
-    t, readings, notes = _readings(table, columns.names, rig, options)
     recorded = [
         name
         for name, column in zip(table.names, table.values, strict=True)
         if name != NO_ROD and not np.isnan(column).all()
     ]
+    table = rows_of_angles(table, [name for axis, name in columns.names.items() if axis != "t" and name != NO_ROD])
+    options = replace(options, unit=columns.unit, time_unit=columns.time_unit)
+    options = stated_arm(rig, options, path, columns.names)
+    _refuse_conventions(table, options)
+    t, readings, notes = _readings(table, columns.names, rig, options)
     inputs = known_inputs(recorded, table.other_lengths, rig, options, path)
     known = {name: torque_column(table, name) for pair in inputs.pairs.values() for name in pair}
     rows, removed = _rows_to_keep(path, t, {**readings, **known}, options)
