@@ -51,7 +51,11 @@ def all_codes(code: CodeType) -> Iterator[CodeType]:
 
 
 def replace_code(file: str, name: str) -> None:
-    """Give all functions of this name in a module the code of its changed file."""
+    """Give all functions of this name in a module the code of its changed file.
+
+    Raises:
+        ValueError: the change removes the only use of a variable of an enclosing scope, such as `super()`.
+    """
     import_module(file.removesuffix(".py").removesuffix("/__init__").replace("/", "."))
     new = [code for code in all_codes(compile(Path(file).read_bytes(), file, "exec")) if code.co_qualname == name]
     gc.unfreeze()  # frozen objects are not listed
@@ -105,8 +109,12 @@ def run_mutant(session: pytest.Session, mutant: dict[str, Any], name: str, answe
     os.environ.pop(warm_process.SERVER, None)  # its process has the unchanged code
     warm_process.start_server()
     before = sum(os.times()[:4])
-    replace_code(mutant["file"], name)
-    killer, slow = first_failure(session, mutant["tests"])
+    try:
+        replace_code(mutant["file"], name)
+    except ValueError:  # survivors get a process of their own
+        killer, slow = "", False
+    else:
+        killer, slow = first_failure(session, mutant["tests"])
     result = {"killer": killer, "slow": slow, "seconds": round(sum(os.times()[:4]) - before, 1)}
     os.write(answer, json.dumps(result).encode())
 

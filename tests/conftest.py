@@ -57,8 +57,8 @@ def pytest_collection() -> Iterator[None]:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark live and slow tests, compile kernels for all processes, validate written results, and sort the files.
 
-    Fast tests come first. Of the files, those with the longest time limits come first, then those with the most slow
-    tests: no process then works on one of them while the others are finished.
+    Fast tests come first. Of the files, those of the screen come first, then those with the longest time limits, then
+    those with the most slow tests: no process then works on one of them while the others are finished.
     """
     import_module("tests.one_compiler")
     import_module("tests.valid_files")
@@ -72,7 +72,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         marker = test.get_closest_marker("timeout")
         limits[test.path] = max(limits.get(test.path, 0.0), marker.args[0] if marker else 0.0)
         slow[test.path] += test.get_closest_marker("slow") is not None
-    items.sort(key=lambda test: (test.get_closest_marker("slow") is not None, -limits[test.path], -slow[test.path]))
+    fast_first = import_module("tests.fast_first")
+
+    def order(test: pytest.Item) -> tuple[bool, bool, float, int]:
+        is_slow, of_screen = test.get_closest_marker("slow") is not None, fast_first.is_of_screen(test.nodeid)
+        return is_slow, not of_screen, -limits[test.path], -slow[test.path]
+
+    items.sort(key=order)
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -12,6 +12,13 @@ def test_fast_and_slow_tests_of_a_file_are_two_groups() -> None:
     assert len({first, other, slow}) == 3
 
 
+def test_one_worker_gets_the_fast_tests_of_the_screen_and_other_files_stay_apart() -> None:
+    names = ("tests/tui/a.py::one", "tests/tui/steps/b.py::one", "tests/tui/terminal/c.py::one", "tests/d.py::one")
+    first, second, terminal, other = groups(names).values()
+    assert first == second
+    assert len({first, terminal, other}) == 3
+
+
 def test_slow_tests_are_sorted_behind_the_fast_ones(request: pytest.FixtureRequest) -> None:
     here = [result for result in request.session.items if result.path == request.path]
     assert here

@@ -34,8 +34,13 @@ def find_check(diagnosis: Diagnosis, name: str) -> AdvisedCheck:
     """Find a recommended check by its id.
 
     Raises:
-        RunError: the diagnosis has no such check.
+        RunError: the diagnosis has no such check, or the result of the check is recorded already.
     """
+    if done := next((done for done in diagnosis.checks_done if done.check.id == name), None):
+        raise RunError(
+            f"the result of check {name} is recorded already: {done.result}. To correct it, record the result with the"
+            " diagnosis from before this check"
+        )
     check = next((check for check in diagnosis.checks if check.id == name), None)
     if check is None:
         raise RunError(
@@ -56,11 +61,20 @@ def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Di
         RunError: the answer has another kind than the check, or an impossible value; no candidate predicts the value,
             and the value is not confirmed; or a run cannot be fitted.
     """
-    kind = kind_of(check)
-    if answer.given != kind.takes:
-        raise RunError(f"check {check.id} ({check.kind}: {check.text}): give its result, {kind.form(check)}")
-    result = kind.result(diagnosis, check, answer, candidates(diagnosis, check.about))
+    refuse_other_result(check, answer.given)
+    result = kind_of(check).result(diagnosis, check, answer, candidates(diagnosis, check.about))
     return _updated(diagnosis, check, answer, result)
+
+
+def refuse_other_result(check: AdvisedCheck, given: set[str]) -> None:
+    """Check that the result of a check consists of the fields of a `CheckAnswer` that its kind takes.
+
+    Raises:
+        RunError: other fields are given.
+    """
+    kind = kind_of(check)
+    if given != kind.takes:
+        raise RunError(f"check {check.id} ({check.kind}: {check.text}): give its result, {kind.form(check)}")
 
 
 def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:

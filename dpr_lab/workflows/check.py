@@ -52,7 +52,7 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
         already used the recording, the value has no unit, or no candidate predicts the value and `force` is not set.
         DprError: a result cannot be written.
     """
-    from dpr_lab.checks.update import find_check, update
+    from dpr_lab.checks.update import find_check, refuse_other_result, update
     from dpr_lab.configs import sha256_of
     from dpr_lab.gap.advice.check_kind import CheckAnswer
     from dpr_lab.gap.result.diagnosis import diagnosis_file, load_diagnosis
@@ -63,6 +63,7 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
         refuse_file(request.out)
     diagnosis = load_diagnosis(request.diagnosis)
     check = find_check(diagnosis, request.check)
+    refuse_other_result(check, {name for name in ("runs", "value", "std") if getattr(request, name) not in ((), None)})
     rig, runs = None, ()
     if request.runs:
         rig = load_rig(request.rig) if request.rig else stored_rig(request.runs[0])

@@ -62,7 +62,7 @@ def test_friction_at_rest_is_mujoco_s_own_and_softer(paper: Rig, tmp_path: Path,
 @pytest.mark.parametrize("effects", thinned([("coulomb_joint1",), ("hysteresis_joint1",)], 2), ids="+".join)
 def test_friction_at_rest_converges_to_that_of_dpr_lab_with_small_steps(paper: Rig, tmp_path: Path, effects):
     chosen = chosen_of(effects)
-    beginning = T[: len(T) // 4]
+    beginning = T[: len(T) // 8]
     assert error(engine(paper, chosen, tmp_path), lab_states(paper, chosen, beginning, 2.5e-4), 2e-5) < 1e-6
 
 

@@ -116,6 +116,19 @@ def test_a_recommendation_contains_its_own_check_only() -> None:
     )
 
 
+def test_a_second_result_of_a_check_is_refused_with_the_first() -> None:
+    before = made(checks=[measurement(CLOCK, CLOCK, 1)])
+    after = update(before, before.checks[0], CheckAnswer(value=SIZES[CLOCK], std=1e-4))
+    with pytest.raises(RunError, match=r"check 1-abcd is recorded already: .* = 0.505 % ± 0.01 %\. To correct it"):
+        find_check(after, "1-abcd")
+
+
+def test_recordings_are_no_result_of_a_measurement(tmp_path: Path) -> None:
+    (tmp_path / "diagnosis.json").write_text(json.dumps(made().to_json()))
+    with pytest.raises(RunError, match=r"check 1-abcd \(measurement: .*give its result, --value"):
+        take_check(CheckRequest(tmp_path / "diagnosis.json", "1-abcd", (tmp_path / "x.mcap",)))
+
+
 def test_a_decided_question_is_no_longer_recommended() -> None:
     checks = [measurement(CLOCK, CLOCK, 1), measurement(LENGTH, CLOCK, 2)]
     advice = [f"A bench measurement: {' Or: '.join(check['text'] for check in checks)}", "Weigh the rods."]
@@ -280,7 +293,7 @@ def test_a_recording_that_was_already_used_is_no_check(
     tables = BUILTIN / "tables"
     options = ImportOptions(angles="relative", zero="hanging")
     import_csv(tables / "side.csv", load_rig(tables / "bench.toml"), options, out=file)
-    diagnosis, sha256 = made(), load_run(file).sha256
+    diagnosis, sha256 = open_between(made(), "com_offset_link1"), load_run(file).sha256
     if "check" in role:
         former = diagnosis.checks[0].model_copy(update={"id": "0"})
         used = {"checks_done": [CheckDone(check=former, result="", before={}, after={}, recordings=[sha256])]}

@@ -77,7 +77,10 @@ def test_friction_that_the_bare_model_lacks_passes(recorded, paper: Rig) -> None
     ],
 )
 @pytest.mark.filterwarnings("error")
-def test_a_wrong_interpretation_is_refused_with_its_cause(swings, paper: Rig, angles: Callable, message: str) -> None:
+def test_a_wrong_interpretation_is_refused_with_its_cause(
+    swings, paper: Rig, angles: Callable, message: str, few_readings
+) -> None:
+    few_readings(message)
     with pytest.raises(IdentificationError, match=message):
         refuse_misread(read_as(swings, angles), paper)
 

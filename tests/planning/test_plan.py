@@ -265,8 +265,8 @@ def test_a_repeated_release_is_worth_less_and_a_plan_does_not_repeat_itself(firs
 
 
 @pytest.mark.slow
-def test_each_release_says_what_it_adds(paper: Rig) -> None:
-    first, second, third = plan(paper).releases
+def test_each_release_says_what_it_adds(first_plan: Plan) -> None:
+    first, second, third = first_plan.releases
     assert first.reason.startswith("distinguishes 9")
     assert first.reason.endswith("% of the effects of the library")
     assert second.reason.startswith("verifies the result of the first release with another swing")

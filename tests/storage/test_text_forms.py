@@ -1,10 +1,12 @@
 """Forms of text tables of real loggers: the same swing is read with the same angles from each."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig, load_rig
@@ -233,5 +235,27 @@ def test_frames_under_the_name_of_a_time_are_explained(tmp_path, one):
     swing = 1.2 * np.cos(0.09 * np.arange(1000))
     rows = "".join(f"{frame},{angle:.6f}\n" for frame, angle in enumerate(swing))
     (tmp_path / "a.csv").write_text("t,angle\n" + rows)
-    with pytest.raises(RunError, match=r"or the column numbers the rows or frames \(--rate-hz\)"):
+    sentence = r"periods of 0.93 s: the times are in ms .*, or the column numbers the rows or frames \(--rate-hz\)"
+    with pytest.raises(RunError, match=sentence):
         import_csv(tmp_path / "a.csv", one)
+
+
+@pytest.mark.parametrize(
+    ("driven", "ends"),
+    [((0, 3), r"from 3\.\d+ s on \(--start-s 3"), ((7, 10), r"in the first 6\.\d+ s \(--duration-s 6"), ((0, 10), "")],
+)
+def test_the_part_of_a_swing_without_a_hidden_drive_is_named(tmp_path, one, driven, ends):
+    """A coil increases the amplitude of a rod without a torque column, before or after a free decay."""
+
+    def change(t: float, state: np.ndarray) -> list[float]:
+        damping = -0.8 if driven[0] <= t < driven[1] else 0.2
+        return [state[1], -45.3 * np.sin(state[0]) - damping * state[1]]
+
+    t = np.arange(0, 10, 0.01)
+    angle = solve_ivp(change, (0, 10), [0.2, 0], t_eval=t, max_step=0.01).y[0]
+    rows = "".join(f"{t:.2f},{angle:.6f}\n" for t, angle in zip(t, angle, strict=True))
+    (tmp_path / "a.csv").write_text("t,angle\n" + rows)
+    remarks = " ".join(import_csv(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).notes)
+    assert "the energy of the swing changes by" in remarks
+    assert bool(ends) == ("they explain it" in remarks)
+    assert re.search(ends, remarks)

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -57,7 +58,7 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
         filmed = (
             f"; much less with --rate-hz {rate * pace:g}: was this the frame rate of the camera?"
             if rate and pace != 1.0
-            else _nearest(read, residual)
+            else _nearest(read, residual) or _explained_part(table)
         )
         counted = table.options.unit == "counts"
         angles = "counts_per_rev, zero_counts, --offset" if counted else "--unit, --zero, --offset, --angles"
@@ -99,6 +100,26 @@ def _nearest(read: ReadTable, residual: float) -> str:
     ):
         return ""
     return f"; it changes by {percent(tried[0][0])} if {tried[0][1]}"
+
+
+def _explained_part(table: InterpretedTable) -> str:
+    """Compose the end of a sentence that names the longest part of a free swing whose energy is explained.
+
+    A coil, a hand or a motor drives the rods in the other part. A sixteenth of the swing next to that part is excluded,
+    too. The text is empty if no part of at least half the swing is explained.
+    """
+    rows, before = table.looked_at, table.options.start_s - table.t[0]
+    t, rods = table.t[rows], table.theta[rows, 1:]
+    cuts = np.linspace(0, 0.5, 9)[1:] * (t[-1] - t[0])
+    for cut, safe in pairwise(cuts) if table.free else ():
+        later, earlier = t >= t[0] + cut, t <= t[-1] - cut
+        if residual_near(t[later], rods[later], None, table.rig) <= READ.sure:
+            begins = f"{t[0] + safe + before:.3g}"
+            return f"; they explain it from {begins} s on (--start-s {begins}): did a drive or a hand act before?"
+        if residual_near(t[earlier], rods[earlier], None, table.rig) <= READ.sure:
+            lasts = f"{t[-1] - safe - table.t[0]:.3g}"
+            return f"; they explain it in the first {lasts} s (--duration-s {lasts}): did a drive or a hand act later?"
+    return ""
 
 
 def _residual(read: ReadTable, other: OtherReading) -> float:
@@ -166,6 +187,6 @@ def _unit_of_time(table: InterpretedTable, unit: str) -> str:
     return (
         f"{table.path}: in {table.options.time_unit or 's'} the table lasts {lasts:.4g} s and its rods"
         f" {'hardly move' if unit != 's' else 'turn far too fast'}; the rods of the rig swing with periods of"
-        f" {' and '.join(f'{period:.2g} s' for period in periods(table.rig))}: the times are in {unit}"
+        f" {' and '.join(dict.fromkeys(f'{period:.2g} s' for period in periods(table.rig)))}: the times are in {unit}"
         f" (--time-unit {unit}){numbers}, or the angles in another unit (--unit)"
     )
