@@ -6,8 +6,8 @@ recommended release has the largest discrimination between the effect and the al
     discrimination = |s| sqrt(1 - cos^2),
 
 in standard deviations of the noise. Here s is the signature of the effect, and cos is the cosine similarity of the two
-signatures. Effects that no recording distinguishes need a bench measurement. A new kind of check needs a row of
-`CHECK_KINDS` and one file.
+signatures. For the members of a class, a fit to the simulated readings must confirm this discrimination. Effects that
+no recording distinguishes need a bench measurement. A new kind of check needs a row of `CHECK_KINDS` and one file.
 """
 
 from collections.abc import Iterator, Sequence
