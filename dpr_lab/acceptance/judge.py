@@ -250,7 +250,7 @@ def _untrusted(diagnosis: Diagnosis) -> str:
     if diagnosis.hints:
         return f"the description of the recordings is probably wrong: {diagnosis.hints[0]}"
     reasons = {
-        "inconclusive": "the recordings cannot show a gap",
+        "inconclusive": "the recordings cannot show a gap or decide its cause",
         "unexplained": "no effect explains the gap, so the intervals are not valid",
         "partly_explained": "part of the gap is unexplained, so the intervals are not valid",
     }

@@ -252,14 +252,16 @@ def failures(diagnosis: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.
         reasons: requested reasons
         sure: probability below which a named effect counts as unsure
     """
+    open_gap = diagnosis.undecided or diagnosis.verdict in ("unexplained", "partly_explained")
     sentences = {
-        "gap": diagnosis.sentence if diagnosis.verdict not in ("no_gap", "inconclusive") else "",
-        "unexplained": diagnosis.sentence if diagnosis.verdict in ("unexplained", "partly_explained") else "",
+        "gap": diagnosis.sentence if open_gap or diagnosis.verdict == "named" else "",
+        "unexplained": diagnosis.sentence if open_gap else "",
         "unsure": ", ".join(
             f"{e.name} is at {percent(e.probability)}" for e in diagnosis.effects if e.probability < sure
         ),
         "sensor": f"{len(diagnosis.sensor_findings)} sensor faults" if diagnosis.sensor_findings else "",
     }
-    always = ["inconclusive: the recordings cannot show a gap"] if diagnosis.verdict == "inconclusive" else []
+    unseen = diagnosis.verdict == "inconclusive" and not diagnosis.undecided
+    always = ["inconclusive: the recordings cannot show a gap"] if unseen else []
     always += [f"description: {hint}" for hint in diagnosis.hints]
     return [*always, *(f"{reason}: {sentences[reason]}" for reason in reasons if sentences[reason])]

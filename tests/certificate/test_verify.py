@@ -198,3 +198,7 @@ def test_reasons_to_fail(folder: Path) -> None:
     assert "coulomb_joint1 is at 50 %" in failures(doubted, ["unsure"])[0]
     assert len(failures(doubted, ["gap", "unexplained", "unsure"])) == 3
     assert failures(diagnosis.model_copy(update={"verdict": "no_gap", "effects": []}), ["gap", "unexplained"]) == []
+    open_causes = diagnosis.model_copy(update={"verdict": "inconclusive"})
+    assert [words.split(":")[0] for words in failures(open_causes, ["gap", "unexplained"])] == ["gap", "unexplained"]
+    no_causes = open_causes.model_copy(update={"effects": []})
+    assert failures(no_causes, ["gap", "unexplained"]) == ["inconclusive: the recordings cannot show a gap"]

@@ -1,5 +1,6 @@
 """Sets of effects that the search has fitted and that lack a named effect reduce its probability."""
 
+from dataclasses import replace
 from typing import Any
 from unittest.mock import Mock
 
@@ -49,6 +50,16 @@ def test_other_sets_do_not_count(other: tuple[str, ...], fields: dict[str, Any])
 def test_known_effects_of_the_rig_do_not_count_as_effects_of_an_exchange() -> None:
     larger = selection(COGGING, SPRING, OFFSET, DRIFT, max_effects=3, expected=frozenset({OFFSET}))
     assert larger.cost_without(SCALE) == 120.0
+
+
+def test_a_simpler_form_with_another_effect_is_evidence_against_the_richer_form() -> None:
+    simple = "encoder_offset_joint1"
+    fitted: Any = {frozenset({simple, SCALE}): costing(120.0)}
+    without: Any = {DRIFT: costing(REMOVED)}
+    chosen: Any = Mock(key=frozenset({DRIFT}), cost=100.0, residuals=Mock(inflation=1.0))
+    richer = replace(selection(), chosen=chosen, fitted=fitted, without_substitute=without)
+    assert richer.cost_without(DRIFT) == 120.0
+    assert richer.cost_without(DRIFT, [simple]) == REMOVED  # both forms are one class
 
 
 @pytest.mark.parametrize("member", [DRIFT, "encoder_offset_joint1"])

@@ -14,6 +14,7 @@ from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, bounde
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
+from dpr_lab.gap.which.replacements import SECOND_CAUSE
 from dpr_lab.gap.which.search import SearchState, apply
 from tests.background_rigs import law, recordings
 
@@ -127,3 +128,34 @@ def test_an_effect_stays_if_it_would_return_in_a_set_that_explains_less_with_mor
     assert proposed_removals(monkeypatch, all_three, *smaller, returned) != [smaller[0].key]
     fewer = stated(1e4, 5, scale, curve)
     assert proposed_removals(monkeypatch, all_three, *smaller, fewer) == [smaller[0].key]
+
+
+def sets_of(*models: Hypothesis, impossible: frozenset[str] = frozenset()) -> Any:
+    """Fitted sets with stated results; the set `impossible` has a size that no rig has."""
+    fits = {model.key: model for model in models}
+    sets = SimpleNamespace(fits=fits, bare=models[0], library=EFFECTS, expected=frozenset())
+    sets.described, sets.unexpected = lambda model: models[0], lambda model: list(model.effects)
+    sets.without = sets.without_substitute = lambda model, name: fits[model.key - {name}]
+    sets.as_possible = lambda model, other: model.key != impossible or other.key == impossible
+    return sets
+
+
+def test_no_removal_leads_to_a_size_that_no_rig_has() -> None:
+    spring = "spring_joint1"
+    models = stated(1e6, 3), stated(410.0, 6, spring, SCALE), stated(400.0, 5, spring), stated(2e4, 4, SCALE)
+    for move in (SMALLEST_ADEQUATE, DROP):
+        (free,) = move.propose(sets_of(*models), models[1])
+        assert free.model.effects == (spring,)
+        proposed = list(move.propose(sets_of(*models, impossible=frozenset({spring})), models[1]))
+        assert [proposal.model.effects for proposal in proposed] == ([(SCALE,)] if move is DROP else [])
+
+
+def test_a_second_cause_has_as_many_parameters_as_the_richer_form_adds_and_is_another_effect() -> None:
+    drift, simple = "encoder_drift_joint1", "encoder_offset_joint1"
+    current, simpler = stated(400.0, 5, drift), stated(900.0, 4, simple)
+    scores = [SimpleNamespace(effect=EFFECTS[name], columns=range(n), gain=400.0)
+              for name, n in ((drift, 1), (COGGING, 4), (SCALE, 1))]  # fmt: skip
+    sets = sets_of(stated(1e6, 3), current)
+    sets.replaced, sets.test = lambda *_: simpler, lambda model: SimpleNamespace(ranking=scores)
+    sets.with_one = lambda model, score: (*model.effects, score.effect.name)
+    assert [proposal.model for proposal in SECOND_CAUSE.propose(sets, current)] == [(simple, SCALE)]

@@ -3,8 +3,11 @@
 from types import SimpleNamespace as Fake
 from typing import Any
 
+import numpy as np
 import pytest
 
+from dpr_lab.gap.classes.posterior import Alternative, EffectPosterior
+from dpr_lab.gap.conclusion.sentence import sentence
 from dpr_lab.gap.conclusion.verdict import undecided, verdict
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.transfer.outcome import Transfer, WorseFreeRun
@@ -107,6 +110,37 @@ def test_quarters_of_one_release_and_untested_data_do_not_refute_a_probable_set(
     assert kind(transfer(0.0, 0.49, basis="one release")) == "named"
     assert kind(transfer(0.0, 0.49, tested=False)) == "named"
     assert kind(transfer(0.0, 0.49, tested=False), causes=((0.49, 0.0),)) == "partly_explained"
+
+
+def test_a_release_that_is_too_short_for_a_test_does_not_decide_between_improbable_causes() -> None:
+    short = transfer(0.0, 1.0, basis="one release", too_short=True)
+    improbable = ((0.49, 0.0), (0.3, 0.0))
+    assert kind(short, causes=improbable) == "inconclusive"
+    assert kind(transfer(0.0, 1.0, basis="one release"), causes=improbable) == "partly_explained"
+    assert kind(short, causes=((0.5, 0.0), (0.3, 0.0))) == "partly_explained"
+    assert kind(short, causes=improbable, expected=("a", "b")) == "partly_explained"
+    assert kind(short, causes=improbable, share=0.49, chosen=GAP) == "unexplained"
+    assert kind(short, causes=improbable, withholds=True) == "unexplained"
+
+
+def test_the_sentence_of_an_inconclusive_release_lists_the_leading_candidates_and_the_next_recordings() -> None:
+    drift = Alternative("encoder_drift_joint1", 0.99, 1.0, 0.3)
+    causes = (
+        EffectPosterior("coulomb_joint1", ("coulomb_joint1",), (), 0.12),
+        EffectPosterior("base_tilt", ("base_tilt", "encoder_offset_joint1"), (drift,), 0.49),
+        EffectPosterior("spring_joint1", ("spring_joint1",), (), 0.06),
+    )
+    state: Any = Fake(
+        description=Fake(hint="", withholds=False),
+        fitted=Fake(problem=Fake(t=np.array([0.1, 0.9, 1.7]))),
+        selection=Fake(chosen=Fake(effects=("base_tilt",)), expected=frozenset()),
+        posteriors=causes,
+        transfer=transfer(basis="one release", too_short=True),
+    )
+    words = sentence("inconclusive", state, (10, 10))
+    assert words.startswith("Inconclusive: this release of 1.6 s is too short to decide the cause of the gap.")
+    candidates = "base_tilt or encoder_offset_joint1 (49 %), encoder_drift_joint1 (30 %) and coulomb_joint1 (12 %)"
+    assert f"The leading candidates are {candidates}. Record three releases" in words
 
 
 def test_the_interval_decides_if_the_gap_is_below_half_of_the_noise() -> None:

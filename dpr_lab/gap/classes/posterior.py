@@ -349,10 +349,10 @@ def probabilities(selection: Selection, posteriors: tuple[EffectPosterior, ...],
 
     Args:
         selection: the selected set of effects
-        posteriors: probabilities of the selected effects; empty if no effects are named
+        posteriors: probabilities of the selected effects; empty if no effects are listed
         kind: the verdict
     """
-    if kind in ("no_gap", "inconclusive") or not posteriors:
+    if kind == "no_gap" or not posteriors:
         of_bare = {"no_gap": CALIBRATION.sure, "inconclusive": CALIBRATION.unseen}.get(kind, 1 - CALIBRATION.sure)
         return {"no_gap": of_bare, "unexplained": 1 - of_bare}
     by_name = {"no_gap": 0.0, "unexplained": outside(selection)}

@@ -16,7 +16,7 @@ from dpr_lab.gap.conclusion.notes import notes
 from dpr_lab.gap.conclusion.ratios import determined, ratio_covariance, ratios
 from dpr_lab.gap.conclusion.remedies import remedies
 from dpr_lab.gap.conclusion.sentence import sentence
-from dpr_lab.gap.conclusion.verdict import listed_causes, verdict
+from dpr_lab.gap.conclusion.verdict import listed_causes, too_short_to_decide, verdict
 from dpr_lab.gap.hypothesis.detectable import visible
 from dpr_lab.gap.result.checks import AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis, RollingShutter, SensorFinding
@@ -45,7 +45,9 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
     visible_counts = visible(minimum_sizes, state.fitted.recordings.prior.limits)
     kind = verdict(state, visible_counts)
     shown = state.posteriors if kind == "named" else listed_causes(state.posteriors)
-    scale, names_causes = state.scale, kind in ("named", "partly_explained")
+    scale, candidates = state.scale, kind == "inconclusive" and too_short_to_decide(state)
+    names_causes = kind in ("named", "partly_explained") or candidates
+    probable = () if withheld or (kind == "inconclusive" and not candidates) else state.posteriors
     named = [named_effect(state, posterior, scale) for posterior in shown] if names_causes else []
     named_families = families(state.fitted.problem, state.selection, named)
     estimate, residuals, setups = chosen.fit.estimate, chosen.residuals, state.fitted.problem.segments.setups
@@ -66,7 +68,7 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
         effects=named,
         families=named_families,
         rivals=[] if withheld else rivals(state.posteriors, closest=kind == "unexplained"),
-        probabilities=dict(probabilities(state.selection, () if withheld else state.posteriors, kind)),
+        probabilities=dict(probabilities(state.selection, probable, kind)),
         detectable={name: dict(least) for name, least in minimum_sizes.items()},
         absorbed=state.absorbed,
         sensor_findings=_sensor_findings(state),

@@ -2,10 +2,21 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from dpr_lab.gap.classes.posterior import EffectPosterior
-from dpr_lab.gap.conclusion.verdict import VERDICT, causes_named, fitted_only, listed_causes, small, undecided
+from dpr_lab.gap.conclusion.verdict import (
+    VERDICT,
+    causes_named,
+    fitted_only,
+    listed_causes,
+    small,
+    too_short_to_decide,
+    undecided,
+)
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
+from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Verdict
 from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.gap.state import Transferred
@@ -17,7 +28,7 @@ def sentence(kind: Verdict, state: Transferred, visible_counts: tuple[int, int])
     """Return the verdict in sentences; see `verdict` for the arguments."""
     hint = state.description.hint
     if kind == "inconclusive":
-        return _inconclusive(visible_counts)
+        return f"{_too_short(state)} {hint}".rstrip() if too_short_to_decide(state) else _inconclusive(visible_counts)
     if state.description.withholds:
         return f"Unexplained: a gap of {_in_noise(state.selection.bare.residuals.noise_ratio)}. {hint}"
     return f"{_sentence(kind, state)} {hint}".rstrip()
@@ -29,6 +40,22 @@ def _inconclusive(visible_counts: tuple[int, int]) -> str:
         f"Inconclusive: these recordings cannot show a gap. Of {effects} effects only {detectable} are detectable"
         f" at their typical size. Record more releases, longer, with larger swings, at a higher rate or"
         f" with less noise."
+    )
+
+
+def _too_short(state: Transferred) -> str:
+    """Return sentences that list the most probable causes, and the recordings that can decide between them."""
+    t, causes = state.fitted.problem.t, listed_causes(state.posteriors)
+    probable = {_class(cause): cause.probability for cause in causes}
+    for other in (other for cause in causes for other in cause.alternatives if other.probability >= PROBABLE):
+        probable[other.name] = max(probable.get(other.name, 0.0), other.probability)
+    leading = sorted(probable.items(), key=lambda candidate: -candidate[1])[: VERDICT.candidates]
+    candidates = listed([f"{words} ({percent(probability)})" for words, probability in leading])
+    are = "candidates are" if len(leading) > 1 else "candidate is"
+    return (
+        f"Inconclusive: this release of {np.ptp(t):.2g} s is too short to decide the cause of the gap. The leading"
+        f" {are} {candidates}. Record three releases from different angles, each for at least {VERDICT.enough_s:g} s or"
+        " until the rods rest."
     )
 
 

@@ -44,6 +44,13 @@ class VerdictRules:
 
     Three releases of 4 s at 1 kHz reach 0.99; one release of 1 s at 30 Hz reaches 0.4.
     """
+    candidates: int = 3
+    """Maximum number of candidates in the sentence of an inconclusive verdict; the result contains all of them."""
+    enough_s: float = 6.0
+    """Duration of the releases that an inconclusive verdict recommends, s.
+
+    Three such releases decide the causes of most simulated rigs (decision 74).
+    """
     noise: float = 6.0
     """Maximum residual of a named set that counts as complete, in standard deviations."""
 
@@ -59,9 +66,20 @@ def verdict(state: Transferred, visible_counts: tuple[int, int]) -> Verdict:
         visible_counts: number of effects that are detectable at their typical size, and number of those detectable at
             any size
     """
-    kind = "unexplained" if state.description.withholds else _verdict(state)
-    detectable, effects = visible_counts
-    return "inconclusive" if kind == "no_gap" and detectable < VERDICT.visible * effects else kind
+    if state.description.withholds:
+        return "unexplained"
+    kind, (detectable, effects) = _verdict(state), visible_counts
+    unseen = kind == "no_gap" and detectable < VERDICT.visible * effects
+    undecided_causes = kind == "partly_explained" and too_short_to_decide(state)
+    return "inconclusive" if unseen or undecided_causes else kind
+
+
+def too_short_to_decide(state: Transferred) -> bool:
+    """Return whether the only release is too short for a test of the effects, and no effect is probable without one."""
+    causes = listed_causes(state.posteriors)
+    if not (state.transfer.too_short and causes) or set(state.selection.chosen.effects) <= state.selection.expected:
+        return False
+    return max(cause.probability for cause in causes) < VERDICT.rather
 
 
 def _verdict(state: Transferred) -> Verdict:

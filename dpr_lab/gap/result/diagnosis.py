@@ -64,7 +64,8 @@ class Diagnosis(Shown, Saved):
     verdict: Verdict
     """Verdict: `no_gap`, `inconclusive`, `named`, `partly_explained` or `unexplained`.
 
-    `inconclusive` means that the recordings cannot show a gap.
+    `inconclusive` means that the recordings cannot show a gap, or that they show one but are too short to decide its
+    cause. In the second case `effects` contains the candidates.
     """
     sentence: str
     """Verdict in up to three sentences: causes, gap reduction, remainder; more sentences after checks."""
@@ -200,6 +201,11 @@ class Diagnosis(Shown, Saved):
     def only_uncertain(self) -> bool:
         """Whether effects explain the gap to the noise floor, so that only the causes are uncertain."""
         return UNCERTAIN in self.sentence
+
+    @property
+    def undecided(self) -> bool:
+        """Whether the recordings show a gap, but are too short to decide its cause."""
+        return self.verdict == "inconclusive" and bool(self.effects)
 
     def _heading(self) -> str:
         return self.sentence

@@ -127,3 +127,5 @@ class Transfer:
     """
     lone: LoneRecording | None = None
     """The only fitted recording with a remainder; None if there is none."""
+    too_short: bool = False
+    """Whether the only release has too few groups of segments for a significant test (`TransferSettings.ranked`)."""

@@ -95,6 +95,7 @@ def transfer(state: Selected, runs_by_model: Mapping[str, FreeRuns], expected: M
         oversized=selection.oversized,
         worse_free_run=worse_free_run(before, after, expected, held_out.names if held_out else before),
         lone=lone_recording(problem, selection.chosen, [record.run.name for record in recordings.records]),
+        too_short=basis == "one release" and test.groups < TRANSFER.ranked,
     )
 
 
@@ -133,6 +134,11 @@ class _Test:
     def noise(self) -> Array:
         """(segments,) expected chi2 of the noise."""
         return np.asarray(self.level * self.data.dof, dtype=np.float64)
+
+    @property
+    def groups(self) -> int:
+        """Number of groups of neighbouring segments, the independent values of the test."""
+        return len(block_starts(self.data.run, self.data.block))
 
     def above_noise(self, model: Hypothesis) -> Array:
         """Return the (segments,) chi2 of a model above the noise."""

@@ -32,6 +32,7 @@ def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]
         for model in sets.fits.values()
         if 0 < len(model.effects) < len(grown.effects)
         and grown.key & sets.expected <= model.key
+        and sets.as_possible(model, grown)
         and bounded_excess(model) < THRESHOLDS.keeps * bounded_excess(grown)
         and bounded_excess(model) - bounded_excess(grown) < THRESHOLDS.large * gap
         and (
@@ -63,7 +64,7 @@ def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Pro
 
     A single effect is judged by its share of the whole gap.
     """
-    removable = sets.unexpected(current)
+    removable = [name for name in sets.unexpected(current) if sets.as_possible(sets.without(current, name), current)]
     if len(current.effects) > 1 and removable:
         described = sets.described(current)
         needs = {name: need(described, current, sets.without_substitute(current, name)) for name in removable}

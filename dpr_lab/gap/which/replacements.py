@@ -87,14 +87,15 @@ SIMPLER_FORM = Move(
 
 
 def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets in which a simpler form and another effect replace an effect, with fewer parameters in total.
+    """Propose sets in which a simpler form and another effect replace an effect, without more parameters in total.
 
     The additional parameters of a richer form may imitate a second cause. For example, unequal friction in the two
-    directions imitates a zero offset.
+    directions imitates a zero offset, and a zero that drifts imitates a constant zero error and an error of the scale.
     """
     for simpler in (proposal.model for proposal in _simpler(sets, current)):
-        fewer = len(current.fit.free) - len(simpler.fit.free)
-        score = next((score for score in sets.test(simpler).ranking if len(score.columns) < fewer), None)
+        room, replaced = len(current.fit.free) - len(simpler.fit.free), current.key - simpler.key
+        others = (score for score in sets.test(simpler).ranking if score.effect.name not in replaced)
+        score = next((score for score in others if len(score.columns) <= room), None)
         if score is not None and score.gain > THRESHOLDS.chance * current.residuals.inflation:
             yield Proposal(sets.with_one(simpler, score))
 
@@ -159,11 +160,17 @@ def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposa
     return Decision(better, f"fewer parameters explain {'more' if better else 'less'}")
 
 
+def _better_second_cause(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    fewer = len(proposal.model.fit.free) < len(current.fit.free)
+    return (_better_with_fewer_parameters if fewer else _better_than_chance)(sets, current, proposal)
+
+
 SECOND_CAUSE = Move(
     "second cause",
-    "an effect is replaced by a simpler one and a second effect that explain more with fewer parameters",
+    "an effect is replaced by a simpler one and a second effect that explain more with fewer parameters, or"
+    " significantly more with as many",
     _second_cause,
-    _better_with_fewer_parameters,
+    _better_second_cause,
     then="repeat",
 )
 

@@ -79,14 +79,15 @@ class Selection:
     def cost_without(self, name: str, members: Iterable[str] = ()) -> float:
         """Return the lowest cost of a set without an effect, removed or exchanged.
 
-        The set must lack all members of the class, and their simpler and richer forms. If a single effect replaces the
+        The set must lack all members of the class and their richer forms. It may contain a simpler form of the effect
+        together with another effect, which then explain what the richer form adds. If a single effect replaces the
         named one, this effect is an alternative. A set of lower cost than the selected set does not count, because a
         rule of the search has rejected it. Neither does a set with an effect that worsens the prediction of held-out
         runs.
         """
         chosen, rest, same = self.chosen, self.chosen.key - {name}, {name, *members}
         forms = {other for other, effect in EFFECTS.items() if same.intersection((other, *effect.nested))}
-        forms |= {*EFFECTS[name].nested, *self.misleading}
+        forms |= {*self.misleading}
         exchanged = (
             model.cost_at(chosen.residuals.inflation)
             for key, model in self.fitted.items()
