@@ -75,7 +75,10 @@ def verdict(state: Transferred, visible_counts: tuple[int, int]) -> Verdict:
 
 
 def too_short_to_decide(state: Transferred) -> bool:
-    """Return whether the only release is too short for a test of the effects, and no effect is probable without one."""
+    """Return whether the only release is too short to decide between its causes.
+
+    It is too short for a test of the effects, and no effect has a probability of one half without a test.
+    """
     causes = listed_causes(state.posteriors)
     if not (state.transfer.too_short and causes) or set(state.selection.chosen.effects) <= state.selection.expected:
         return False
