@@ -25,7 +25,7 @@ from dpr_lab.fitting.estimate import (
     unknown_ratios,
     visible_ratios,
 )
-from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, fit
+from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, StopReason, fit
 from dpr_lab.fitting.linearise import Linearisation, linearise
 from dpr_lab.fitting.prior import prior_of
 from dpr_lab.fitting.problem import Problem
@@ -227,7 +227,8 @@ def short_fit(
     """
     first = first_fit(Z, runs, rig, iterations=iterations, settings=settings)
     arm_moves = any(setup.arm for setup in first.problem.segments.setups)
-    if first.fit.converged and not arm_moves and first.chi2_per_dof > SHORT.nested * worst:
+    ended = first.fit.stop is not StopReason.MAXIMUM_ITERATIONS
+    if ended and not arm_moves and first.chi2_per_dof > SHORT.nested * worst:
         return first
     problem, initial = segmented(runs, rig, SHORT.working_segment_s)
     start_longer = rods_estimate(first.fit.estimate.ratios, initial)

@@ -9,6 +9,7 @@ import pytest
 
 from dpr_lab.errors import IdentificationError
 from dpr_lab.estimation.arm_motion import arm_motion
+from dpr_lab.fitting.gauss_newton import StopReason
 from dpr_lab.identification.identify import identify
 from dpr_lab.identification.misread import tried
 from dpr_lab.identification.misread.energy import energy_remedy, energy_rise
@@ -16,6 +17,7 @@ from dpr_lab.identification.misread.readings import readings
 from dpr_lab.identification.misread.refuse import refuse_impossible_scale, refuse_misread
 from dpr_lab.identification.misread.tried import fitted, impossible, second_look
 from dpr_lab.identification.preprocess import preprocess
+from dpr_lab.identification.ratio_fit import first_fit, short_fit
 from dpr_lab.rig import Rig
 from dpr_lab.run import FilmNoise, Run
 from sim_device.plant.config import ArmConfig, load_plant
@@ -241,6 +243,20 @@ def test_an_abandoned_fit_would_not_have_improved(swings, paper: Rig) -> None:
     assert given_up.longest_s < 0.6 * whole.longest_s
     assert fitted(read, paper, quick=True, worst=20.0) is None  # after a part of the first run
     assert whole.chi2_per_dof > 20.0
+
+
+def test_a_fit_that_cannot_reach_its_limit_ends_early(swings, paper: Rig) -> None:
+    read = [preprocess(replace(run, theta=run.theta * [1.0, 1.0, -1.0], counts=None), paper) for run in swings]
+    whole, early = (
+        first_fit(paper.nominal, read, paper, iterations=20, settings=tried._ending_early(limit))
+        for limit in (np.inf, 1.0)
+    )
+    assert early.fit.stop is StopReason.PRELIMINARY
+    assert early.fit.iterations < whole.fit.iterations
+    assert whole.chi2_per_dof > 1.0  # without an early end, the fit does not reach the limit either
+    assert (
+        short_fit(paper.nominal, read, paper, settings=tried._ending_early(1.0), worst=1.0).segments == early.segments
+    )
 
 
 def test_the_right_reading_is_fitted_to_the_whole_runs(swings, paper: Rig) -> None:

@@ -26,8 +26,11 @@ class Effort:
     """Ratio of the chi2 of a segment to the median of all segments, above which it may cause a local minimum."""
     nowhere: float = 0.99
     """Ratio of chi2 with an effect to chi2 without it above which the fit of the effect has failed."""
-    starts: int = 4
-    """Maximum number of initial shapes for the fits of an effect with a high score."""
+    starts: int = 2
+    """Maximum number of initial shapes for the fits of an effect with a high score.
+
+    In 16 such fits from four shapes, the third and fourth shape never gave the lowest chi2.
+    """
     leading: float = 0.5
     """Minimum score of an effect, relative to the best score, for which several of its shapes are fitted."""
 

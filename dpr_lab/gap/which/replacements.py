@@ -126,6 +126,8 @@ def _grown_to(
     """
     while True:
         room = min(most - len(model.fit.free), widest)
+        if room < 1:
+            return
         ranking = (score for score in sets.test(model).ranking if score.effect.name != curve)
         score = next((score for score in ranking if len(score.columns) <= room), None)
         if score is None or score.gain < chance:

@@ -1,7 +1,7 @@
 """Fit other interpretations of recordings, and compare them with the fit of the given interpretation."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from dpr_lab.dynamics.base import RATIOS, whole_parameters
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.noise import noise_floor
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, alone_share, unknown_ratios
-from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON
+from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON, GaussNewton
 from dpr_lab.identification.misread.energy import ENERGY, energy_remedy, energy_rise
 from dpr_lab.identification.misread.readings import Misreading, other_zeros, readings
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
@@ -70,6 +70,10 @@ class MisreadSettings:
     """Maximum number of iterations for another interpretation; the right one converges in ten."""
     thorough: int = 40
     """Maximum number of iterations for the given interpretation."""
+    out_of_reach: float = 100.0
+    """Ratio of the reduced chi-square to its limit above which a fit ends after a step of small reduction."""
+    small_reduction: float = 0.1
+    """Relative reduction of chi2 that counts as small. Twenty such reductions change chi2 by a factor of 8 only."""
     wrong_inertia: float = 300.0
     """Maximum factor between the inertia b of a fit and its value in the rig file.
 
@@ -302,7 +306,8 @@ def fitted(
             if np.isfinite(worst) and _hopeless(runs, rig, worst, longer):
                 return None
             prepared = _preprocessed(runs, rig, longer * (SETTINGS.tried_s if quick else SETTINGS.looked_at_s), quick)
-            ratio_fit = short_fit(rig.nominal, prepared, rig, iterations=iterations, settings=GAUSS_NEWTON, worst=worst)
+            settings = _ending_early(worst)
+            ratio_fit = short_fit(rig.nominal, prepared, rig, iterations=iterations, settings=settings, worst=worst)
         except np.linalg.LinAlgError:
             return None
     return ratio_fit if np.isfinite(ratio_fit.chi2_per_dof) else None
@@ -318,9 +323,15 @@ def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> boo
         part = _preprocessed(runs[:1], rig, longer * SETTINGS.screened_s, thinned=True)
     except RunError:  # the part is too short
         return False
-    first = first_fit(rig.nominal, part, rig, iterations=SETTINGS.iterations, settings=GAUSS_NEWTON)
     shares = len(runs) * SETTINGS.tried_s / SETTINGS.screened_s
-    return first.chi2_per_dof > SETTINGS.worse * shares * worst
+    limit = SETTINGS.worse * shares * worst
+    first = first_fit(rig.nominal, part, rig, iterations=SETTINGS.iterations, settings=_ending_early(limit))
+    return first.chi2_per_dof > limit
+
+
+def _ending_early(limit: float) -> GaussNewton:
+    """Return the settings of a fit that ends as soon as it can hardly reach the reduced chi-square `limit`."""
+    return replace(GAUSS_NEWTON, preliminary=SETTINGS.small_reduction, far=SETTINGS.out_of_reach * limit)
 
 
 def residual(ratio_fit: RatioFit) -> float:
