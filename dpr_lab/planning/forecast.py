@@ -110,7 +110,7 @@ class TestedEffects(NamedTuple):
     """(n,) present estimates of the amplitudes, in standard deviations."""
     limits: Array
     """(n,) largest estimate of each amplitude that excludes its effect, in standard deviations."""
-    columns: list[Array]
+    columns: list[list[int]]
     """Columns of the amplitudes of each effect."""
     largest: list[int]
     """Column of the most significant amplitude of each effect."""
@@ -134,8 +134,8 @@ class TestedEffects(NamedTuple):
         limits = np.array([SIGMAS - NormalDist().inv_cdf(tested.sufficient) for tested in amplitudes.tested])
         names = np.array([tested.effect for tested in amplitudes.tested])
         effects = [EFFECTS[name] for name in dict.fromkeys(names.tolist())]
-        columns = [np.flatnonzero(names == effect.name) for effect in effects]
-        largest = [max(of_effect.tolist(), key=lambda i: abs(z[i]) - limits[i]) for of_effect in columns]
+        columns = [np.flatnonzero(names == effect.name).tolist() for effect in effects]
+        largest = [max(of_effect, key=lambda i: abs(z[i]) - limits[i]) for of_effect in columns]
         prices = PENALTY.parameter * np.array([len(effect.amplitudes) + len(effect.shapes) for effect in effects])
         repeated = amplitudes.after + FORECAST.repeats / releases * (amplitudes.after - amplitudes.before)
         D2 = _distances(repeated, largest) - _distances(amplitudes.after, largest)
