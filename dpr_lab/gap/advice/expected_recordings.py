@@ -88,7 +88,8 @@ class ExpectedRecording:
         present = np.array([parameter.read(self.estimate) for parameter in parameters])
         absent = np.zeros(len(self.sizes[other]))
         signal = self.changes[name] @ self.sizes[name]
-        imitation = np.linalg.lstsq(np.hstack([self.known, self.changes[other]]), signal)[0][-len(absent) :]
+        columns = np.hstack([self.known, self.changes[other]])
+        imitation = np.asarray(np.linalg.lstsq(columns, signal)[0][-len(absent) :], dtype=np.float64)
         initial = self.compensation[other] @ imitation - self.compensation[name] @ self.sizes[name]
         with_name, with_other = (
             moved(self.estimate, parameters, np.concatenate(values) - present, initial_step)
