@@ -131,16 +131,17 @@ def test_an_effect_stays_if_it_would_return_in_a_set_that_explains_less_with_mor
 
 
 def sets_of(*models: Hypothesis, impossible: frozenset[str] = frozenset()) -> Any:
-    """Fitted sets with stated results; the set `impossible` has a size that no rig has."""
+    """Fitted sets with stated results; the set `impossible` has a size that is typical of another cause."""
     fits = {model.key: model for model in models}
     sets = SimpleNamespace(fits=fits, bare=models[0], library=EFFECTS, expected=frozenset())
     sets.described, sets.unexpected = lambda model: models[0], lambda model: list(model.effects)
     sets.without = sets.without_substitute = lambda model, name: fits[model.key - {name}]
     sets.as_possible = lambda model, other: model.key != impossible or other.key == impossible
+    sets.imitating = lambda model: model.effects if model.key == impossible else ()
     return sets
 
 
-def test_no_removal_leads_to_a_size_that_no_rig_has() -> None:
+def test_no_removal_leads_to_a_size_that_is_typical_of_another_cause() -> None:
     spring = "spring_joint1"
     models = stated(1e6, 3), stated(410.0, 6, spring, SCALE), stated(400.0, 5, spring), stated(2e4, 4, SCALE)
     for move in (SMALLEST_ADEQUATE, DROP):

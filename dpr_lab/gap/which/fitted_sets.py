@@ -109,8 +109,11 @@ class FittedSets:
 
     def oversized(self, model: Hypothesis) -> tuple[str, ...]:
         """Return those effects of a set whose sizes are physically impossible or typical of another cause."""
-        sizes = significantly_oversized(model, self.problem.limits)
-        return (*sizes, *off_axis(self.problem, model), *springs_like_scale(self.problem, self.library, model))
+        return (*significantly_oversized(model, self.problem.limits), *self.imitating(model))
+
+    def imitating(self, model: Hypothesis) -> tuple[str, ...]:
+        """Return those effects of a set whose sizes are typical of another cause."""
+        return (*off_axis(self.problem, model), *springs_like_scale(self.problem, self.library, model))
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
         """Return whether a set has possible sizes, or the other set has impossible sizes too."""

@@ -24,7 +24,9 @@ from dpr_lab.shown import percent
 def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]:
     """Propose the smallest fitted set that explains nearly as much as the current set.
 
-    The smallest set may lie on another branch of the search.
+    The smallest set may lie on another branch of the search. It must not contain a size that is typical of another
+    cause, unless the current set contains it too. An impossible size is allowed, because the later moves start from a
+    new fit.
     """
     gap = bounded_excess(sets.described(grown))
     adequate = [
@@ -32,7 +34,7 @@ def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]
         for model in sets.fits.values()
         if 0 < len(model.effects) < len(grown.effects)
         and grown.key & sets.expected <= model.key
-        and sets.as_possible(model, grown)
+        and set(sets.imitating(model)) <= set(sets.imitating(grown))
         and bounded_excess(model) < THRESHOLDS.keeps * bounded_excess(grown)
         and bounded_excess(model) - bounded_excess(grown) < THRESHOLDS.large * gap
         and (
