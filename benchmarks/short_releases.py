@@ -106,6 +106,8 @@ def main() -> None:
             if not args.json:
                 named = [(names[0], round(p, 2)) for names, p in case.named]
                 print(f"{case.seed} {case.seconds:.1f} s {case.verdict:17} {named} | {case.true}", flush=True)
+    if not done:
+        raise SystemExit("every release was refused")
     show("Single short releases", bars(done), args.json)
 
 

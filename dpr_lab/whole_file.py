@@ -90,8 +90,9 @@ def whole_folder(out: Path, record: str) -> Iterator[Path]:
     """Provide a temporary folder (context manager) whose files are moved to `out` at the end.
 
     The file `record` describes the other files. It is moved last, and an earlier `record` in `out` is removed first.
-    Therefore it never describes the files of another result. After an exception, `out` keeps its former files, and the
-    temporary folder `out/new.NAME` keeps only `record`, if it was written.
+    Therefore it never describes the files of another result. If an exception ends the block, `out` keeps its former
+    files, and the temporary folder `out/new.NAME` keeps only `record`, if it was written. If the files cannot be moved,
+    those that were not moved remain in the temporary folder, and `out` contains no record.
 
     Raises:
         DprError: a folder or a file cannot be written.
@@ -102,18 +103,20 @@ def whole_folder(out: Path, record: str) -> Iterator[Path]:
         fresh.mkdir(parents=True)
     try:
         yield fresh
-        with _writing_to(out):
-            _move_all(fresh, out, record)
-    finally:
+    except BaseException:
         _remove_all_but(fresh, record)
+        raise
+    with _writing_to(out, f"the files that were not moved are in {fresh}"):
+        _move_all(fresh, out, record)
+    shutil.rmtree(fresh, ignore_errors=True)
 
 
 @contextmanager
-def _writing_to(folder: Path) -> Iterator[None]:
+def _writing_to(folder: Path, remedy: str = "choose another folder") -> Iterator[None]:
     try:
         yield
     except OSError as refused:
-        raise DprError(f"{folder}: cannot be written: {refused.strerror}; choose another folder") from refused
+        raise DprError(f"{folder}: cannot be written: {refused.strerror or refused}; {remedy}") from refused
 
 
 def _move_all(fresh: Path, out: Path, record: str) -> None:

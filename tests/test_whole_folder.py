@@ -57,3 +57,29 @@ def test_a_record_never_describes_the_files_of_another_result(tmp_path: Path, mo
             (folder / "a.json").write_text("new")
     assert not (tmp_path / "a.json").exists()
     assert (folder / "a.json").read_text() == "new"
+
+
+def write_all(out: Path, record: str, *names: str) -> None:
+    with whole_folder(out, record) as folder:
+        for name in (record, *names):
+            (folder / name).write_text("new")
+
+
+def test_files_that_cannot_be_moved_remain_in_the_temporary_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace = Path.replace
+
+    def refused(self: Path, target: Path) -> Path:
+        if self.name == "c.html":
+            raise PermissionError(13, "Permission denied")
+        return replace(self, target)
+
+    monkeypatch.setattr(Path, "replace", refused)
+    fresh = tmp_path / "new.a"
+    with pytest.raises(DprError, match=f"Permission denied; the files that were not moved are in {fresh}"):
+        write_all(tmp_path, "a.json", "b.txt", "c.html")
+    assert not (tmp_path / "a.json").exists()
+    names = {file.name for file in fresh.iterdir()}
+    assert names >= {"a.json", "c.html"}
+    assert names | {file.name for file in tmp_path.iterdir() if file.is_file()} == {"a.json", "b.txt", "c.html"}

@@ -25,14 +25,15 @@ def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[
     factor = f"Bayes factor {bayes_factor(done, after)}"
     if after == NONE_OF_THEM and done.log10_bayes_factor[NONE_OF_THEM] > 0:
         others = [effect for effect in diagnosis.effects if effect.name != about]
-        still_explains = others and diagnosis.verdict in ("named", "partly_explained")
+        open_verdict: Verdict = "inconclusive" if diagnosis.undecided else "partly_explained"
         outside = (
             f"{result} none of the named effects explains the measured value. Either the cause is a different"
             f" effect, or a different quantity was measured (probability {done.before[after]:.2g} ->"
             f" {done.after[after]:.2g},"
             f" {factor})."
         )
-        return ("partly_explained" if still_explains else "unexplained"), f"{outside} {before}"
+        explains = others and diagnosis.verdict != "unexplained"
+        return (open_verdict if explains else "unexplained"), f"{outside} {before}"
     best = likeliest({name: p for name, p in done.after.items() if name != NONE_OF_THEM})
     moved = (
         f"{result} {best} {done.before[best]:.2f} -> {done.after[best]:.2f}, Bayes factor {bayes_factor(done, best)}."

@@ -149,7 +149,7 @@ def show(diagnosis: "Diagnosis", out: Path | None = None, *, verbose: bool = Fal
         table("Causes", tables.SUMMARY_COLUMNS, causes, note=note)
     for text_below in (*diagnosis.notes, *diagnosis.remedies):
         line(in_words(text_below))
-    if diagnosis.verdict in ("partly_explained", "unexplained") and not diagnosis.only_uncertain:
+    if diagnosis.open_gap and not diagnosis.only_uncertain:
         line(in_words(diagnosis.where_sentence))
     if verbose:
         _show_effects(diagnosis)

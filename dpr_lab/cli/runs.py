@@ -56,6 +56,7 @@ def verify(files: RunFiles, as_json: JsonEach = False) -> None:
 
     Example: dpr-lab run verify runs/*.mcap
     """
+    from dpr_lab.storage.inspect import unchanged
     from dpr_lab.storage.inspect import verify as verify_run
 
     def check(file: Path) -> dict[str, Any]:
@@ -66,8 +67,7 @@ def verify(files: RunFiles, as_json: JsonEach = False) -> None:
 
     def show(outcome: dict[str, Any]) -> None:
         if outcome["ok"]:
-            interrupted = outcome["interrupted"]
-            line(f"{outcome['file']}: {f'unchanged; {interrupted}' if interrupted else 'complete and unchanged'}")
+            line(f"{outcome['file']}: {unchanged(outcome['interrupted'])}")
 
     _each(files, check, show, as_json)
 

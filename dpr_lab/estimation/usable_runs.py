@@ -56,8 +56,8 @@ def refuse_wrong_clocks(runs: Sequence[Run], limit_ppm: float = 600.0) -> None:
         error, words = clock_error(run.clock)
         if error > limit_ppm:
             raise RunError(
-                f"{run.file}: the device's clock runs {words} relative to the computer that recorded it (limit"
-                f" {limit_ppm:g} ppm; the error of a crystal is about 100 ppm): all times and all results in"
+                f"{run.file or run.name}: the device's clock runs {words} relative to the computer that recorded it"
+                f" (limit {limit_ppm:g} ppm; the error of a crystal is about 100 ppm): all times and all results in"
                 " seconds have this error. Repair the device's sample timer and record again, or use the run"
                 " as it is with --any-clock"
             )

@@ -98,6 +98,9 @@ def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
     uncertain = bool(inseparable) and diagnosis.only_uncertain  # the gap is explained, but the cause is ambiguous
     if diagnosis.hints:
         return "the description of the recordings is probably wrong"
+    if diagnosis.verdict == "inconclusive":
+        question = "decide the cause of the gap" if diagnosis.undecided else "show a gap"
+        return f"the recordings cannot {question}"
     if not (uncertain or diagnosis.verdict in ("no_gap", "named")):
         return "part of the gap is unexplained"
     unsure = [causes.about for causes in causes_of(diagnosis) if _most_probable(causes, inseparable) < SURE]

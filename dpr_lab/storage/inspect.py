@@ -82,7 +82,12 @@ class Verification:
     ok: bool
     faults: list[str]
     interrupted: str = ""
-    """Reason why the recording ended early, if the file is the undamaged copy of a damaged file; otherwise empty."""
+    """Reason why the recording ended early; empty if it is complete."""
+
+
+def unchanged(interrupted: str) -> str:
+    """Describe an unchanged file whose recording ended early for a reason, or is complete."""
+    return f"unchanged; {interrupted}" if interrupted else "complete and unchanged"
 
 
 def info(path: Path | str) -> RunInfo:

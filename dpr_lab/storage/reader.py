@@ -297,7 +297,8 @@ def _check_rig(stored: Scan, rig: Rig) -> None:
 
 
 def _what_happened(stored: Scan) -> list[str]:
-    reasons = [f"recording stopped early: {stored.interrupted}"] if stored.interrupted else []
+    early = f"stopped early: {stored.stopped}" if stored.stopped else stored.interrupted
+    reasons = [f"recording {early}"] if early else []
     return reasons + ([f"file {stored.damage}"] if stored.damage else [])
 
 

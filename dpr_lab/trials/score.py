@@ -191,7 +191,7 @@ def score(
         invented=None in hits,
         silent=diagnosis["verdict"] == "no_gap" and not effects,
         wrong_name=any(not claim.true and claim.probability > CLAIMED for claim in _claimed(effects, hits)),
-        admitted=diagnosis["verdict"] in ADMITTING,
+        admitted=diagnosis["verdict"] in ADMITTING or _candidates(diagnosis),
         explained_share=_number(diagnosis["gap"].get("explained_share")),
         closed=_number((diagnosis["gap"].get("closed_held_out") or {}).get("estimate")),
         sizes=tuple(_sizes(effects, true_sizes)),
@@ -209,11 +209,17 @@ def _named(diagnosis: Json) -> list[Json]:
 
     A jump of a reading that only the sensor screening detects counts as a named effect without a probability.
     """
-    effects: list[Json] = list(diagnosis["effects"]) if diagnosis["verdict"] in NAMING else []
+    naming = diagnosis["verdict"] in NAMING or _candidates(diagnosis)
+    effects: list[Json] = list(diagnosis["effects"]) if naming else []
     steps = any(finding["name"] == STEP for finding in diagnosis["sensor_findings"])
     if steps and all(effect["name"] != STEP for effect in effects):
         effects.append({"name": STEP, "class": [STEP], "probability": None, "parameters": {}})
     return effects
+
+
+def _candidates(diagnosis: Json) -> bool:
+    """Return whether the recordings show a gap, but are too short to decide between its candidate causes."""
+    return diagnosis["verdict"] == "inconclusive" and bool(diagnosis["effects"])
 
 
 def _causes(
@@ -260,10 +266,13 @@ def cause_named(effect: Json, truth: Truth) -> int | None:
 def _claims(diagnosis: Json, effects: Sequence[Json], hits: Sequence[int | None], truth: Truth) -> list[Claim]:
     """Return the statements of the diagnosis that have a probability.
 
-    These are the named effects, or the statement that there is no gap or an unexplained gap.
+    These are the named effects, or the statement that there is no gap or an unexplained gap. An inconclusive diagnosis
+    without candidates states nothing.
     """
     if claimed := _claimed(effects, hits):
         return claimed
+    if diagnosis["verdict"] == "inconclusive":
+        return []
     true = {"no_gap": truth.clean, "unexplained": truth.outside}.get(diagnosis["verdict"], False)
     return [Claim(_number(diagnosis["probabilities"].get(diagnosis["verdict"]), 1.0), true)]
 

@@ -81,13 +81,14 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
         RunError: a run or the model cannot be used, there are no runs, or trials are requested for a moving arm.
         IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.
-        KeyboardInterrupt: re-raised with the name of the file that contains the diagnosis, if report and models were
-            being written.
+        KeyboardInterrupt: re-raised with the name of the file that contains the diagnosis, if blind trials, report or
+            models were missing.
     """
     from dpr_lab.gap.diagnose import STAGES
     from dpr_lab.gap.diagnose import diagnose as diagnose_runs
     from dpr_lab.identification.misread.refuse import refuse_misread
     from dpr_lab.identification.model import load_model
+    from dpr_lab.report.plain import write_json
     from dpr_lab.rig import load_rig
 
     rig = load_rig(request.rig)
@@ -113,8 +114,13 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
     finish = partial(_with_trust, runs=runs, rig=rig, request=request, library=library, on_event=on_event)
     if request.out is None:
         return DiagnoseResult(finish(diagnosis), {})
-    with whole_folder(request.out, RECORD) as folder, kept_diagnosis(diagnosis, folder, request.out):
+    with (
+        with_verdict(diagnosis),
+        whole_folder(request.out, RECORD) as folder,
+        kept_diagnosis(diagnosis, folder, request.out),
+    ):
         diagnosis = finish(diagnosis)
+        write_json(diagnosis.to_json(), folder / RECORD)
         on_event(StageBegan(stages, stages, "report"))
         return save_results(diagnosis, runs, rig, folder, request.out, on_event)
 
@@ -156,7 +162,7 @@ def save_results(
     on_event: OnEvent,
     acceptance: "Acceptance | None" = None,
 ) -> DiagnoseResult:
-    """Write a diagnosis, its report and its models completely or not at all.
+    """Write a diagnosis, its report and its models to a temporary folder, and name them in the final folder.
 
     Raises:
         DprError: a file cannot be written.
@@ -181,6 +187,19 @@ def _refuse_trials(runs: "Sequence[Run]") -> None:
 
 
 @contextmanager
+def with_verdict(diagnosis: "Diagnosis") -> "Iterator[None]":
+    """Add the verdict to an error of the steps after the diagnosis.
+
+    Raises:
+        DprError: re-raised with the verdict.
+    """
+    try:
+        yield
+    except DprError as error:
+        raise type(error)(f"{error}. Verdict of the diagnosis: {diagnosis.sentence}") from error
+
+
+@contextmanager
 def kept_diagnosis(diagnosis: "Diagnosis", folder: Path, out: Path) -> "Iterator[None]":
     """Save a diagnosis before steps that may fail, and name its file if they fail.
 
@@ -190,20 +209,17 @@ def kept_diagnosis(diagnosis: "Diagnosis", folder: Path, out: Path) -> "Iterator
         out: final folder of the results
 
     Raises:
-        DprError: the diagnosis cannot be written, or re-raised with the verdict and the file of the diagnosis.
+        DprError: the diagnosis cannot be written, or re-raised with the file of the diagnosis.
         KeyboardInterrupt: re-raised with the file of the diagnosis.
     """
     from dpr_lab.report.plain import write_json
 
-    try:
-        write_json(diagnosis.to_json(), folder / RECORD)
-    except DprError as error:
-        raise type(error)(f"{error}. Verdict of the diagnosis: {diagnosis.sentence}") from error
-    saved = f"The other files of {out} are not changed. The diagnosis is in {folder / RECORD}"
+    write_json(diagnosis.to_json(), folder / RECORD)
+    saved = f"The diagnosis is in {folder / RECORD}; no other file in {out} was written"
     try:
         yield
     except DprError as error:
-        raise type(error)(f"{error}. {saved}: {diagnosis.sentence}") from error
+        raise type(error)(f"{error}. {saved}") from error
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
             f"interrupted: report and models are missing. {saved}. Run the same command again to write all files"
@@ -245,23 +261,23 @@ REASONS = ("gap", "unexplained", "unsure", "sensor")
 def failures(diagnosis: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.9) -> list[str]:
     """Return a sentence for each requested reason in `REASONS` that applies to a diagnosis.
 
-    A sentence is always included if the recordings cannot show a gap, or if their description is probably wrong.
+    A sentence is always included if the verdict is "inconclusive", or if the description of the recordings is probably
+    wrong.
 
     Args:
         diagnosis: the diagnosis
         reasons: requested reasons
         sure: probability below which a named effect counts as unsure
     """
-    open_gap = diagnosis.undecided or diagnosis.verdict in ("unexplained", "partly_explained")
     sentences = {
-        "gap": diagnosis.sentence if open_gap or diagnosis.verdict == "named" else "",
-        "unexplained": diagnosis.sentence if open_gap else "",
+        "gap": diagnosis.sentence if diagnosis.open_gap or diagnosis.verdict == "named" else "",
+        "unexplained": diagnosis.sentence if diagnosis.open_gap else "",
         "unsure": ", ".join(
             f"{e.name} is at {percent(e.probability)}" for e in diagnosis.effects if e.probability < sure
         ),
         "sensor": f"{len(diagnosis.sensor_findings)} sensor faults" if diagnosis.sensor_findings else "",
     }
-    unseen = diagnosis.verdict == "inconclusive" and not diagnosis.undecided
-    always = ["inconclusive: the recordings cannot show a gap"] if unseen else []
+    missing = "decide the cause of the gap" if diagnosis.undecided else "show a gap"
+    always = [f"inconclusive: the recordings cannot {missing}"] if diagnosis.verdict == "inconclusive" else []
     always += [f"description: {hint}" for hint in diagnosis.hints]
     return [*always, *(f"{reason}: {sentences[reason]}" for reason in reasons if sentences[reason])]

@@ -284,6 +284,21 @@ def test_the_hidden_amplitude_of_a_richer_form_has_its_own_unit(paper: Rig) -> N
     assert pairs.sizes[1][-1] == pytest.approx(0.5 * 1e-4)
 
 
+def test_a_candidate_without_a_column_counts_against_a_decision(paper: Rig) -> None:
+    known = known_before(paper)
+    pairs = OpenPairs.of(known, Causes("coulomb_joint1", {"coulomb_joint1": 0.5, "missed_counts": 0.4}, 0.1))
+    assert pairs.names == ("coulomb_joint1",)
+    assert pairs.outside == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    ("changed", "question"),
+    [({"effects": []}, "cannot show a gap"), ({}, "cannot decide the cause of the gap")],
+)
+def test_an_inconclusive_diagnosis_leaves_the_question_of_its_verdict(changed: dict[str, Any], question: str) -> None:
+    assert undecided(one_cause(verdict="inconclusive", **changed)) == f"the recordings {question}"
+
+
 def test_a_remainder_above_the_noise_lowers_the_forecast(paper: Rig) -> None:
     known, partly = known_before(paper), one_cause(verdict="partly_explained")
     (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)

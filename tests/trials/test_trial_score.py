@@ -93,6 +93,17 @@ def test_a_candidate_listed_under_unexplained_does_not_count_as_named():
     assert outcome.claims == (Claim(0.6, True),)
 
 
+def test_an_inconclusive_diagnosis_is_scored_by_its_candidates_and_claims_nothing_without_them():
+    candidates = scored(diagnosis_of("inconclusive", named("coulomb_joint1", 0.4)), COULOMB)
+    assert candidates.claims == (Claim(0.4, True),)
+    assert candidates.grade == "right"
+    outside = scored(diagnosis_of("inconclusive", named("coulomb_joint1", 0.4)), truth_of(foreign="bearing"))
+    assert outside.admitted
+    unseen = scored(diagnosis_of("inconclusive"), COULOMB)
+    assert unseen.claims == ()
+    assert unseen.grade == "not named"
+
+
 def test_a_foreign_form_is_scored_by_its_family():
     truth = truth_of(foreign="power_drag_outer", family=["air_drag_outer", "air_drag_both"])
     outcome = scored(diagnosis_of("partly_explained", named("air_drag_both"), named("spring_joint2", 0.4)), truth)

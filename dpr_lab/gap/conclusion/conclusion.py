@@ -57,7 +57,7 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
     return Diagnosis(
         verdict=kind,
         sentence=sentence(kind, state, visible_counts),
-        notes=notes(state, kind, named_families),
+        notes=notes(state, "partly_explained" if candidates else kind, named_families),
         hints=[state.description.hint] if state.description.hint else [],
         basis=transfer.basis,
         transfer={effect: dict(shares) for effect, shares in transfer.effects.items()},

@@ -47,8 +47,10 @@ def _too_short(state: Transferred) -> str:
     """Return sentences that list the most probable causes, and the recordings that can decide between them."""
     t, causes = state.fitted.problem.t, listed_causes(state.posteriors)
     probable = {_class(cause): cause.probability for cause in causes}
-    for other in (other for cause in causes for other in cause.alternatives if other.probability >= PROBABLE):
-        probable[other.name] = max(probable.get(other.name, 0.0), other.probability)
+    listed_names = {name for cause in causes for name in (cause.name, *cause.members)}
+    for other in (other for cause in causes for other in cause.alternatives if other.name not in listed_names):
+        if other.probability >= PROBABLE:
+            probable[other.name] = max(probable.get(other.name, 0.0), other.probability)
     leading = sorted(probable.items(), key=lambda candidate: -candidate[1])[: VERDICT.candidates]
     candidates = listed([f"{words} ({percent(probability)})" for words, probability in leading])
     are = "candidates are" if len(leading) > 1 else "candidate is"

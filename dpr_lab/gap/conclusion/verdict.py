@@ -77,7 +77,8 @@ def verdict(state: Transferred, visible_counts: tuple[int, int]) -> Verdict:
 def too_short_to_decide(state: Transferred) -> bool:
     """Return whether the only release is too short to decide between its causes.
 
-    It is too short for a test of the effects, and no effect has a probability of one half without a test.
+    It is too short for the signed-rank test of the effects, and no effect has a probability of one half. A set that
+    contains only effects of every rig of this kind is not undecided.
     """
     causes = listed_causes(state.posteriors)
     if not (state.transfer.too_short and causes) or set(state.selection.chosen.effects) <= state.selection.expected:

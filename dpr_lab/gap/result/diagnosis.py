@@ -203,6 +203,11 @@ class Diagnosis(Shown, Saved):
         return UNCERTAIN in self.sentence
 
     @property
+    def open_gap(self) -> bool:
+        """Whether the recordings show a gap, and its causes are incomplete or undecided."""
+        return self.undecided or self.verdict in ("partly_explained", "unexplained")
+
+    @property
     def undecided(self) -> bool:
         """Whether the recordings show a gap, but are too short to decide its cause."""
         return self.verdict == "inconclusive" and bool(self.effects)

@@ -126,9 +126,8 @@ class FittedSets:
     def described(self, model: Hypothesis) -> Hypothesis:
         """Return the bare model plus the effects of a set that correct the rig file or time stamps.
 
-        The other effects explain parts of the gap that remains with this model. An error of the description, for
-        example of a length or of the counts per turn, may cause a gap a thousand times as large, and is not a property
-        of the rig.
+        The other effects explain parts of the gap that remains with this model. An error of the description may cause a
+        gap a thousand times as large, and is not a property of the rig.
         """
         corrections = [name for name in model.effects if self.library[name].corrects]
         if not corrections:
@@ -136,10 +135,7 @@ class FittedSets:
         return reduce(self.without, (name for name in model.effects if name not in corrections), model)
 
     def start(self) -> Hypothesis:
-        """Return the bare model plus the significant effects that the rig is known to have.
-
-        The effects are added in order of size.
-        """
+        """Return the bare model plus the significant known effects of the rig, added in order of size."""
         model = self.bare
         while score := self._best_known(model):
             model = self.with_one(model, score)

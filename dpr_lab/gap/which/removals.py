@@ -25,8 +25,8 @@ def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]
     """Propose the smallest fitted set that explains nearly as much as the current set.
 
     The smallest set may lie on another branch of the search. It must not contain a size that is typical of another
-    cause, unless the current set contains it too. An impossible size is allowed, because the later moves start from a
-    new fit.
+    cause, unless the current set contains it too. An impossible size is allowed, because later moves can reduce it to a
+    possible size.
     """
     gap = bounded_excess(sets.described(grown))
     adequate = [
@@ -66,8 +66,10 @@ def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Pro
 
     A single effect is judged by its share of the whole gap.
     """
+    if len(current.effects) < 2:
+        return
     removable = [name for name in sets.unexpected(current) if sets.as_possible(sets.without(current, name), current)]
-    if len(current.effects) > 1 and removable:
+    if removable:
         described = sets.described(current)
         needs = {name: need(described, current, sets.without_substitute(current, name)) for name in removable}
         least = min(needs, key=lambda name: needs[name])

@@ -87,7 +87,7 @@ class Selection:
         """
         chosen, rest, same = self.chosen, self.chosen.key - {name}, {name, *members}
         forms = {other for other, effect in EFFECTS.items() if same.intersection((other, *effect.nested))}
-        forms |= {*self.misleading}
+        forms.update(self.misleading)
         exchanged = (
             model.cost_at(chosen.residuals.inflation)
             for key, model in self.fitted.items()

@@ -97,7 +97,7 @@ class OpenPairs:
     probabilities: Array
     """(n,) probability of each cause."""
     outside: float
-    """Probability of a cause outside the library."""
+    """Probability of a cause that has no column: outside the library, undetectable in the release, or improbable."""
     fitted: tuple[int, ...]
     """Columns of the unknowns that every fit estimates."""
     places: tuple[tuple[int, ...], ...]
@@ -126,7 +126,7 @@ class OpenPairs:
             causes.about,
             tuple(names),
             np.array([causes.probabilities[name] for name in names]),
-            causes.outside,
+            min(causes.outside + sum(p for name, p in causes.probabilities.items() if name not in names), 1.0),
             tuple(others),
             tuple(known.places[name] for name in names),
             tuple(sizes),

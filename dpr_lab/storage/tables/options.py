@@ -198,10 +198,13 @@ class TypedOption:
         try:
             if any(len(pair) != 2 or not all(pair) for pair in pairs):
                 raise ValueError
-            return {axis: float(value) if numeric else value for axis, value in pairs}
+            named = {axis: float(value) if numeric else value for axis, value in pairs}
         except ValueError as error:
             example = "a number or theta1=-1,theta2=0.5" if numeric else "name=column pairs, t=time,theta1=q1"
             raise ValueError(f"{self.name} must be {example}, not {text[:50]!r}") from error
+        if len(named) < len(pairs):
+            raise ValueError(f"{self.name} states a value twice: {text[:50]!r}; state each once")
+        return named
 
 
 @cache

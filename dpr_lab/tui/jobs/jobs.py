@@ -125,10 +125,11 @@ def survey(control: JobControl, *, paths: Sequence[Path]) -> None:
 
 def verify(control: JobControl, *, path: Path) -> str:
     """Check a run file like `dpr-lab run verify`, and return the result as text."""
+    from dpr_lab.storage.inspect import unchanged
     from dpr_lab.storage.inspect import verify as verify_run
 
     checked = verify_run(path)
-    return f"{path.name}: complete and unchanged" if checked.ok else f"{path.name}: {'; '.join(checked.faults)}"
+    return f"{path.name}: {unchanged(checked.interrupted) if checked.ok else '; '.join(checked.faults)}"
 
 
 def recover(control: JobControl, *, path: Path, out: Path) -> str:

@@ -53,9 +53,9 @@ closes the list and uses this selection, or the run under the cursor if no run i
 list and keeps the previous selection. `{runs.filter}` shows only runs that contain the entered words.
 
 `{runs.verify}` checks hash, chunks, ticks and end of the file under the cursor. `{runs.export}` writes the run in
-another format, to `exports/` next to the folder of the runs. `{runs.recover}` writes the valid part of a damaged run as
-a complete file. `{runs.note}` edits the note of the run under the cursor; it is stored in a separate file, because a
-run file never changes.
+another format, to `exports/` next to the folder of the runs. `{runs.recover}` writes the valid part of a damaged run to
+an undamaged file; this run stays marked as cut. `{runs.note}` edits the note of the run under the cursor; it is stored
+in a separate file, because a run file never changes.
 
 `{runs.import}` closes the list with this selection and imports a table of another logger. The imported run is also
 selected.
@@ -201,7 +201,7 @@ no samples. The reason is shown below the list.
             self.app.push_screen(FormatScreen(), partial(self._export, path))
 
     def action_recover(self) -> None:
-        """Write the valid part of a damaged run to a complete file in the same folder."""
+        """Write the valid part of a damaged run to an undamaged file in the same folder."""
         if (path := self._here) is not None:
             out = path.with_name(f"{path.stem}-recovered{path.suffix}")
             self._say(f"recovering {path.name}")

@@ -29,7 +29,7 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
     if undetectable:
         names = in_words(", ".join(undetectable))
         sentences.append(f"Effects that are undetectable at any size next to the named effects: {names}.")
-    if diagnosis.verdict in ("partly_explained", "unexplained"):
+    if diagnosis.open_gap:
         sentences.append(
             "The remainder has no named cause and could hide an effect. The stated confidence assumes that"
             " the signature of the remainder differs from the signature of the effect."

@@ -114,10 +114,10 @@ def _explained_part(table: InterpretedTable) -> str:
     for cut, safe in pairwise(cuts) if table.free else ():
         later, earlier = t >= t[0] + cut, t <= t[-1] - cut
         if residual_near(t[later], rods[later], None, table.rig) <= READ.sure:
-            begins = f"{t[0] + safe + before:.3g}"
+            begins = f"{round(t[0] + safe + before, 2):g}"
             return f"; they explain it from {begins} s on (--start-s {begins}): did a drive or a hand act before?"
         if residual_near(t[earlier], rods[earlier], None, table.rig) <= READ.sure:
-            lasts = f"{t[-1] - safe - table.t[0]:.3g}"
+            lasts = f"{round(t[-1] - safe - table.t[0], 2):g}"
             return f"; they explain it in the first {lasts} s (--duration-s {lasts}): did a drive or a hand act later?"
     return ""
 
@@ -182,7 +182,7 @@ def _refuse_unit_of_time(table: InterpretedTable, scale: float) -> None:
 def _unit_of_time(table: InterpretedTable, unit: str) -> str:
     lasts = table.t[-1] - table.t[0]
     steps = np.diff(table.t) / TO_SECONDS[table.options.time_unit or "s"]
-    counted = steps.min() == 1 and (steps == np.rint(steps)).all()
+    counted = bool(np.allclose(steps, np.rint(steps)) and np.rint(steps.min()) == 1)
     numbers = ", or the column numbers the rows or frames (--rate-hz)" if counted else ""
     return (
         f"{table.path}: in {table.options.time_unit or 's'} the table lasts {lasts:.4g} s and its rods"
