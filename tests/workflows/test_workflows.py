@@ -152,7 +152,7 @@ def test_a_diagnosis_reports_its_stages_and_fits(recorded, tmp_path: Path, monke
     (tmp_path / "diagnosis.html").write_text("old")
     monkeypatch.setattr("dpr_lab.report.saving.save_diagnosis", stopped)
     kept = tmp_path / "new.diagnosis" / "diagnosis.json"
-    with pytest.raises(KeyboardInterrupt, match=rf"are not changed. The diagnosis is in {kept}. Run the same"):
+    with pytest.raises(KeyboardInterrupt, match=rf"The diagnosis is in {kept}; no other file"):
         diagnose(DiagnoseRequest(files, "paper", out=tmp_path))
     assert (tmp_path / "diagnosis.html").read_text() == "old"
     assert json.loads(record.read_text())["files"]
