@@ -275,9 +275,9 @@ class OpenAmplitudes:
         if not places:
             return cls((), np.zeros((0, 0)), np.zeros((0, 0)))
         before, after = (given(information, known.fitted, [*places]) for information in (known.information, F))
-        seen = np.flatnonzero(np.diag(before) > 0.0)  # the others have no estimate
-        tests, rows = [*places.values()], np.ix_(seen, seen)
-        return cls(tuple(tests[i] for i in seen), before[rows], after[rows])
+        visible = np.flatnonzero(np.diag(before) > 0.0)  # the others have no estimate
+        tests, rows = [*places.values()], np.ix_(visible, visible)
+        return cls(tuple(tests[i] for i in visible), before[rows], after[rows])
 
 
 def open_bits(known: Knowledge, F: Array) -> float:
