@@ -41,8 +41,7 @@ def refuse_moving_arms(runs: Iterable[Run]) -> None:
             raise RunError(
                 f"{run.file or run.name}: its arm was {run.arm_mode}. Only `identify`, `compare`, `diagnose`, `accept`,"
                 " `plan`, `check`, `certify`, `drift` and `identifiability` support such a run;"
-                " import the table with --arm prescribed to"
-                " use the arm's encoder instead"
+                " import the table with --arm prescribed to use the arm's encoder instead"
             )
 
 

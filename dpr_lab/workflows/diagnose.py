@@ -270,7 +270,7 @@ def failures(diagnosis: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.
         sure: probability below which a named effect counts as unsure
     """
     sentences = {
-        "gap": diagnosis.sentence if diagnosis.open_gap or diagnosis.verdict == "named" else "",
+        "gap": diagnosis.sentence if diagnosis.has_gap else "",
         "unexplained": diagnosis.sentence if diagnosis.open_gap else "",
         "unsure": ", ".join(
             f"{e.name} is at {percent(e.probability)}" for e in diagnosis.effects if e.probability < sure

@@ -203,9 +203,14 @@ class Diagnosis(Shown, Saved):
         return UNCERTAIN in self.sentence
 
     @property
+    def has_gap(self) -> bool:
+        """Whether the recordings show a gap."""
+        return self.undecided or self.verdict in ("named", "partly_explained", "unexplained")
+
+    @property
     def open_gap(self) -> bool:
-        """Whether the recordings show a gap, and its causes are incomplete or undecided."""
-        return self.undecided or self.verdict in ("partly_explained", "unexplained")
+        """Whether the recordings show a gap whose causes are incomplete or undecided."""
+        return self.has_gap and self.verdict != "named"
 
     @property
     def undecided(self) -> bool:

@@ -45,7 +45,7 @@ def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
         gaps = list(zip(effects, (gap for _, gap in steps(diagnosis)), strict=True))
         basis = "fitted recordings"
     before, remainder = gaps[0][1], gaps[-1][1]
-    if before <= 0 or (diagnosis.verdict in ("no_gap", "inconclusive") and not diagnosis.undecided):
+    if before <= 0 or not diagnosis.has_gap:
         return None
     labels = {effect.name: words for words, effect in causes(diagnosis).items()}
     removed: dict[str, float] = {}
