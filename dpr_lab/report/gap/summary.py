@@ -71,10 +71,9 @@ def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
     budget = diagnosis.gap.budget
     if budget is None or budget.of_gap is None:
         return []
-    between = "pieces" if budget.basis == "pieces of one recording" else "recordings"
     parts = {
         "explained by the corrected model": budget.explained,
-        f"parameters that vary between {between}": budget.varying,
+        f"parameters that vary between {_repeated(diagnosis)}": budget.varying,
         "reproducible, not in the model": budget.unmodelled,
         "not reproducible": budget.not_reproducible,
         "noise": budget.noise,
@@ -85,11 +84,15 @@ def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
     """Return a bar of the mean squared residual by reproducibility, or None without a gap."""
     parts = [(f"{label}: {percent(share, 1)}", share) for label, share in repeatability_parts(diagnosis)]
-    budget = diagnosis.gap.budget
-    pieces = (budget is not None and budget.basis != "recordings") or are_pieces(diagnosis.gap.closed_held_out.held_out)
-    data = "pieces" if pieces else "recordings"
-    title = f"Repeatability: mean squared residual of the bare model on held-out {data}"
+    title = f"Repeatability: mean squared residual of the bare model on held-out {_repeated(diagnosis)}"
     return ShareBar(title, parts) if parts else None
+
+
+def _repeated(diagnosis: Diagnosis) -> str:
+    """Return what is compared with each other: "recordings" or "pieces" of a single recording."""
+    budget = diagnosis.gap.budget
+    single = budget is not None and budget.basis != "recordings"
+    return "pieces" if single or are_pieces(diagnosis.gap.closed_held_out.held_out) else "recordings"
 
 
 def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
@@ -100,7 +103,7 @@ def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
     budget = diagnosis.gap.budget
     if budget is None or budget.of_gap is None:
         return []
-    between = "recordings" if budget.basis == "recordings" else "pieces"
+    between = _repeated(diagnosis)
     if budget.of_reproducible is None:
         reason = budget.undecided or "No part of the gap is known to be reproducible."
         sentences = [f"The corrected model explains {percent(budget.of_gap)} of the mean squared gap. {reason}"]
