@@ -1,5 +1,7 @@
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +19,16 @@ def test_an_arc_is_the_part_of_the_circle_that_a_joint_covers() -> None:
     assert arc(np.linspace(0.0, 5.0, 400)) == pytest.approx(5.0)
     assert arc(np.linspace(0.0, 20.0, 400)) == pytest.approx(20.0)  # three turns repeat any pattern
     assert arc(np.array([*np.linspace(-1.0, 1.0, 99), *np.linspace(-1.0, 1.0, 99) + 4 * math.pi])) == pytest.approx(2.0)
+
+
+def test_the_arc_of_joint_1_is_that_of_its_readings_if_the_fit_swings_further() -> None:
+    """Without its tilt, a rig swings symmetrically in the fit and covers a larger arc."""
+    readings = np.linspace(-0.11, 0.22, 50)
+    problem: Any = SimpleNamespace(measured=np.c_[readings, readings], read=np.ones((50, 2), dtype=np.bool_))
+    reference: Any = SimpleNamespace(joint_angle=np.linspace([-0.3, -0.3], [0.3, 0.3], 50))
+    fit: Any = None
+    proposed = ShapeScan(problem, fit, reference, Recorded((None, None), list)).shapes(EFFECTS["detent_joint1"])
+    assert [order for ((_, order),) in proposed] == [39.0, 40.0]
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.rig_constants import rig_constants
-from dpr_lab.gap.hypothesis.steps import ReadingStep, shows_step, visible_steps
+from dpr_lab.gap.hypothesis.steps import ReadingStep, apparent_steps, is_sharp, shows_step, visible_steps
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -66,3 +66,19 @@ def test_a_step_of_one_count_is_the_resolution_of_the_encoder(record_of, paper: 
     assert visible_steps([record], [step_at(record, place, count)], constants) == []
     several = step_at(record, place, 3 * count)
     assert visible_steps([record], [several], constants) == [(1, 0, several.at)]
+
+
+def test_a_step_is_sharp_if_no_other_instant_shows_one_as_large():
+    """A zero that moves irregularly shows apparent steps everywhere."""
+    rng, n, place = np.random.default_rng(5), 400, 130
+    begins, ends = np.repeat([0, 200], 200), np.repeat([200, 400], 200)
+    noise, step = rng.normal(size=n), 10.0 * (np.arange(n) >= place)
+    wandering = 2.0 * np.cumsum(rng.normal(size=n))
+    of_step, of_zero = (apparent_steps(noise + error, begins, ends) for error in (step, wandering))
+    assert of_step[place] == pytest.approx(10.0, abs=6.0)
+    assert np.isnan(of_step[[7, 193, 207]]).all()  # a polynomial does not extend from one segment to the next
+    assert is_sharp(of_step, place + 2, 10.0)
+    assert not is_sharp(of_step, place + 40, 10.0)
+    assert not is_sharp(of_zero, place, 10.0)
+    assert not is_sharp(of_zero, 198, 10.0)
+    assert is_sharp(of_zero, 198, 100.0)

@@ -50,6 +50,8 @@ FORMS = {
     + "".join(f"{1e6 * t + 1e6:,.0f};{angle:.4f}\n" for t, angle in zip(T, DEG, strict=True)),
     "blanks before units": "Time (s) Angle (deg)\n" + lines("{t:.2f} {angle:.4f}\n"),
     "empty last column": "\tmass A\t\nt\tangle_deg\t\n" + lines("{t:.2f}\t{angle:.4f}\t\n"),
+    "tabs after the numbers alone": "Monday\t17:15\tPeriod : 4 ms\t\tOpen Loop\n\nt\tangle_deg\n"
+    + lines("{t:.2f}\t{angle:.4f}\t\n").replace(".", ","),
     "time in the last column": lines("{angle:.6f},{t:.2f}\n", SWING),
     "time and angle with their errors": "x y dx dy\n" + lines("{t:.2f}\t{angle:.6f}\t0.001\t{angle:.2f}\n", SWING),
     "an absolute angle and rates": "timestamp,omega,absolute_theta,gyroZ\n"
@@ -231,11 +233,22 @@ def test_the_example_names_the_only_column_that_sounds_like_an_angle(tmp_path, o
         import_csv(tmp_path / "a.csv", one)
 
 
+@pytest.mark.parametrize("zero", ["hanging", "upright"])
+def test_angles_in_mrad_are_named(tmp_path, one, zero):
+    t = np.arange(0, 4, 0.02)
+    swing = 1e3 * 1.1 * np.exp(-0.05 * t) * np.cos(2 * np.pi / 0.95 * t)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([t, swing]), "%.5g", ",", header="t,theta", comments="")
+    sentence, *others = [q for q in preview(tmp_path / "a.csv", one, ImportOptions(zero=zero)).questions if q.mend]
+    assert "the angles are in mrad" in sentence.sentence
+    assert sentence.mend == (*(("--zero", "hanging") if zero == "upright" else ()), "--scale", "0.001")
+    assert not others
+
+
 def test_frames_under_the_name_of_a_time_are_explained(tmp_path, one):
     swing = 1.2 * np.cos(0.09 * np.arange(1000))
     rows = "".join(f"{frame},{angle:.6f}\n" for frame, angle in enumerate(swing))
     (tmp_path / "a.csv").write_text("t,angle\n" + rows)
-    sentence = r"periods of 0.93 s: the times are in ms .*, or the column numbers the rows or frames \(--rate-hz\)"
+    sentence = r"periods of 0.93 s: the column numbers the rows or frames \(--rate-hz, about 59 Hz\), or .* in ms"
     with pytest.raises(RunError, match=sentence):
         import_csv(tmp_path / "a.csv", one)
 

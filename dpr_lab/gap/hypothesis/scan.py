@@ -146,11 +146,21 @@ class ShapeScan:
         grid = [[(param_index(effect.name, p.name), value) for value in p.scan] for p in effect.shapes if p.scan]
         grid_points = [tuple(choice) for choice in product(*grid)]
         if any(p.name == ORDER for p in effect.shapes):
-            covered = arc(self.reference.joint_angle[:, effect.joints[0]])
+            covered = self._covered(effect.joints[0])
             grid_points = [chosen for chosen in grid_points if chosen[0][1] * covered >= SCAN.periods * 2 * np.pi]
         if len(grid_points) <= SCAN.many or effect.stage not in TRAJECTORY_TORQUES:
             return grid_points
         return self._between(effect, _apart(grid_points, self._gains(effect, grid_points)))
+
+    def _covered(self, joint: int) -> float:
+        """Return the arc that a joint covers, rad.
+
+        A fit without the zero error or the tilt of the rig swings about another angle and covers a larger arc than the
+        readings. The readings of encoder 2 may be angles of the outer rod and not of joint 2.
+        """
+        covered = arc(self.reference.joint_angle[:, joint])
+        readings = self.problem.measured[self.problem.read[:, 0], 0]
+        return min(covered, arc(readings)) if joint == 0 and len(readings) else covered
 
     def _between(self, effect: Effect, separate: list[Shape]) -> list[Shape]:
         """Return the best shapes between the shapes of the grid, if the shape parameter is continuous.

@@ -17,6 +17,7 @@ from dpr_lab.effects.effect import Recorded
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.spread import NORMAL_MAD
 from dpr_lab.gap.screen.record import Record
 
 
@@ -43,6 +44,11 @@ class StepSettings:
     """Number of standard errors by which the step in the readings may be smaller than the step of the residual.
 
     It is also the minimum size, in standard errors, of a visible step in the readings.
+    """
+    sharp: float = 2.0
+    """Minimum ratio of half a step of the residual to the scatter of apparent steps at all instants of the recording.
+
+    A smaller step cannot be distinguished from a zero that moves gradually or irregularly.
     """
     counts: float = 1.5
     """Maximum size, in counts, of a step that is due to the resolution of an encoder.
@@ -137,12 +143,55 @@ def _steps(problem: Problem, fit: Fit) -> list[ReadingStep]:
     segments, steps = problem.segments, list[ReadingStep]()
     e, ends = problem.by_sample(fit.linear.e), segments.offsets[problem.owner + 1]
     Q = np.stack([problem.by_sample(column) for column in np.moveaxis(fit.linear.Q, 2, 0)], axis=2)
+    run_of = segments.run[problem.owner]
     for joint in range(2):
-        gain, size = step_gains(problem.weight[:, joint], e[:, joint], Q[:, joint], ends)
+        weight = problem.weight[:, joint]
+        gain, size = step_gains(weight, e[:, joint], Q[:, joint], ends)
+        residual = e[:, joint] / np.where(weight > 0, weight, 1.0)
+        apparent = apparent_steps(residual, segments.offsets[problem.owner], ends)
         for run, (first, last) in zip(segments.run.tolist(), pairwise(segments.offsets.tolist()), strict=True):
             i = first + 1 + int(np.argmax(gain[first + 1 : last]))
+            if not is_sharp(apparent[run_of == run], i - int(np.argmax(run_of == run)), float(size[i])):
+                continue
             steps.append(ReadingStep(float(gain[i]), joint, run, float(problem.t[i]) - STEPS.before_s, float(size[i])))
     return sorted(steps, reverse=True)
+
+
+def apparent_steps(residual: Array, begins: Integers, ends: Integers) -> Array:
+    """Fit a polynomial with a step to the residual around each sample.
+
+    Args:
+        residual: (samples,) residual, rad
+        begins: (samples,) index of the first sample of the segment
+        ends: (samples,) index of the first sample of the next segment
+
+    Returns:
+        (samples,) step before each sample, rad; NaN where the samples of the polynomial are not in one segment
+    """
+    side, place = STEPS.side, np.arange(len(residual))
+    apparent = np.full(len(residual), np.nan)
+    if len(residual) >= 2 * side:
+        apparent[side : len(residual) - side + 1] = np.correlate(residual, _STEP_SHAPE, "valid") / _STEP_POWER
+    return np.where((place - begins >= side) & (ends - place >= side), apparent, np.nan)
+
+
+def is_sharp(apparent: Array, place: int, size: float) -> bool:
+    """Return whether a step of the residual is sharp.
+
+    The step must exceed the apparent steps at the other instants of the recording, and must be visible in the residual.
+    Otherwise the zero may have moved gradually or irregularly. Next to the end of a segment, only the size is tested.
+
+    Args:
+        apparent: (samples,) apparent steps of one joint in one recording, rad
+        place: index of the first sample after the step
+        size: size of the step, rad
+    """
+    tested = apparent[np.isfinite(apparent)]
+    if not len(tested):
+        return True
+    near = apparent[max(place - STEPS.reach, 0) : place + STEPS.reach + 1] * np.sign(size)
+    least, scatter = STEPS.part * abs(size), NORMAL_MAD * float(np.median(np.abs(tested)))
+    return bool(least >= STEPS.sharp * scatter and (np.isnan(near).all() or np.nanmax(near) >= least))
 
 
 def step_gains(weight: Array, e: Array, Q: Array, ends: Integers) -> tuple[Array, Array]:

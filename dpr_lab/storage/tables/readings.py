@@ -303,6 +303,11 @@ def other_readings(
                 words=("--unit", unit, *other.words),
                 options=replace(other.options, unit=unit),
             )
+    if options.unit in (None, "rad"):
+        milli = {**values, **{axis: values[axis] / 1000 for axis in AXES[1:]}}
+        for zero, reference in product(zeros, references):
+            other = _changed(milli, options, columns, zero=zero, reference=reference)
+            yield replace(other, causes=("the angles are in mrad", *other.causes), scale=(1e-3, 1e-3))
     yield from _scaled(values, options, rig)
     for unit in TO_SECONDS if options.rate_hz is None else ():
         factor = TO_SECONDS[unit] / TO_SECONDS[options.time_unit or "s"]

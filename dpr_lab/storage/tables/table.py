@@ -120,6 +120,8 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
                     raise RunError(f"{path}: contains no row of numbers in its first {LIMITS.head} lines")
             else:
                 raise RunError(f"{path}: contains no row of numbers, so it is not a table of angles")
+            if not labels and _ends_with_delimiter(begin[1], early):
+                begin = begin[0], begin[1][:-1]
             early = [_trimmed(other, len(begin[1])) for other in early]
             names = labels or _of_numbers(_names(early, content.comments, delimiter, len(begin[1])), begin[1])
             if len(names) > len(begin[1]) and not labels and NEXT not in "".join(begin[1]):
@@ -195,6 +197,8 @@ class _Columns:
         """
         for number, cells in rows:
             row = numbers_of(cells)
+            if len(row) == len(self._values) + 1 and not row[-1].strip():
+                row.pop()  # the row ends with a delimiter
             if self._short is not None or len(row) > len(self._values):
                 self._refuse(*(self._short or (number, len(row))))
             if len(row) < len(self._values):
@@ -310,6 +314,14 @@ def _of_numbers(names: Sequence[str], cells: Sequence[str]) -> list[str]:
         stem, space, unit = name.strip().partition(" (")
         named += [f"{stem}{end}{space}{unit}" for end in ends] if size > 1 else [name]
     return named
+
+
+def _ends_with_delimiter(row: list[str], early: list[list[str]]) -> bool:
+    """Return whether a row of numbers ends with a delimiter, but the header above it does not."""
+    names = len(row) - 1
+    named = any(len(other) == names for other in early)
+    wider = any(len(other) > names and other[names].strip() for other in early)
+    return named and not wider and not row[-1].strip()
 
 
 def _trimmed(row: list[str], width: int) -> list[str]:

@@ -176,17 +176,30 @@ def _refuse_unit_of_time(table: InterpretedTable, scale: float) -> None:
         return
     unit = min(TO_SECONDS, key=lambda name: abs(math.log(TO_SECONDS[name] / TO_SECONDS[now] / scale)))
     if unit != now:
-        raise RunError(_unit_of_time(table, unit))
+        raise RunError(_unit_of_time(table, unit, scale))
 
 
-def _unit_of_time(table: InterpretedTable, unit: str) -> str:
+def _unit_of_time(table: InterpretedTable, unit: str, scale: float | None = None) -> str:
+    """Compose the message about a wrong unit of time.
+
+    Args:
+        table: the table
+        unit: the nearest unit
+        scale: true duration divided by the duration in the current unit, if the energy determines it. Whole numbers
+            whose scale agrees with no unit are the numbers of rows.
+    """
+    now = TO_SECONDS[table.options.time_unit or "s"]
     lasts = table.t[-1] - table.t[0]
-    steps = np.diff(table.t) / TO_SECONDS[table.options.time_unit or "s"]
-    counted = bool(np.allclose(steps, np.rint(steps)) and np.rint(steps.min()) == 1)
-    numbers = ", or the column numbers the rows or frames (--rate-hz)" if counted else ""
+    steps = np.diff(table.t) / now
+    whole = np.allclose(steps, np.rint(steps))
+    causes, rows = f"the times are in {unit} (--time-unit {unit})", "the column numbers the rows or frames (--rate-hz"
+    if whole and scale is not None and abs(math.log(TO_SECONDS[unit] / now / scale)) > math.log(READ.alike):
+        causes = f"{rows}, about {float(f'{1 / (now * scale):.2g}'):g} Hz), or {causes}"
+    elif whole and np.rint(steps.min()) == 1:
+        causes += f", or {rows})"
     return (
         f"{table.path}: in {table.options.time_unit or 's'} the table lasts {lasts:.4g} s and its rods"
         f" {'hardly move' if unit != 's' else 'turn far too fast'}; the rods of the rig swing with periods of"
-        f" {' and '.join(dict.fromkeys(f'{period:.2g} s' for period in periods(table.rig)))}: the times are in {unit}"
-        f" (--time-unit {unit}){numbers}, or the angles in another unit (--unit)"
+        f" {' and '.join(dict.fromkeys(f'{period:.2g} s' for period in periods(table.rig)))}:"
+        f" {causes}, or the angles in another unit (--unit)"
     )
