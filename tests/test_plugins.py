@@ -208,7 +208,7 @@ def test_readers_links_searches_and_formats(announce: Announce) -> None:
     announce(
         "own_search",
         """
-        from dpr_lab.search.problem import Algorithm
+        from dpr_lab.search.algorithm import Algorithm
         from dpr_lab.search.plain_ga import PlainGaSettings, plain_ga
 
         SEARCH = Algorithm(PlainGaSettings, plain_ga, "mine")

@@ -14,7 +14,7 @@ from dpr_lab.dynamics.base import base_parameters, ratios
 from dpr_lab.paper.printed import BEST_H, TRUE
 from dpr_lab.paper.swings import READINGS, errors, objective, swings
 from dpr_lab.rig import Rig
-from dpr_lab.search.iga import iga
+from dpr_lab.search import ALGORITHMS
 from dpr_lab.search.settings import IgaSettings
 
 Grid = Literal["on", "off"]
@@ -108,7 +108,8 @@ def run_search(case: SearchCase, rig: Rig, settings: IgaSettings) -> SearchResul
     """Run one search; the result does not depend on the number of cores."""
     reading, truth = READINGS[case.reading], swings(TRUTHS[case.grid], rig)
     wall, cpu = time.perf_counter(), time.process_time()
-    history = list(iga(objective(reading, truth, rig), rig.bounds, settings, np.random.default_rng(case.seed)))
+    rng = np.random.default_rng(case.seed)
+    history = list(ALGORITHMS["iga"].run(objective(reading, truth, rig), rig.bounds, settings, rng))
     last = history[-1]
     opened = (g.number for g in history if g.population_fitness > settings.alpha and g.best_fitness > settings.sigma)
     return SearchResult(

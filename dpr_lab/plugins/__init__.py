@@ -4,7 +4,7 @@
     dpr_lab.effects      `dpr_lab.effects.effect.Effect`, or several             any
     dpr_lab.readers      `dpr_lab.storage.readers.Reader`                        any
     dpr_lab.transports   `dpr_lab.transports.LinkKind`                           scheme of the URL
-    dpr_lab.searches     `dpr_lab.search.problem.Algorithm`                      `algorithm` of a search file
+    dpr_lab.searches     `dpr_lab.search.algorithm.Algorithm`                    `algorithm` of a search file
     dpr_lab.exports      `dpr_lab.exports.ExportFormat`                          name of the format
 
 Only installed packages are plugins. A package in the current folder is not a plugin, and a module in this folder cannot

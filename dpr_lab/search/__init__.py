@@ -8,12 +8,12 @@ from pydantic import BaseModel
 from dpr_lab.configs import find_config, read_config
 from dpr_lab.errors import ConfigError, unknown_name
 from dpr_lab.plugins.rows import plugin_rows
+from dpr_lab.search.algorithm import Algorithm
 from dpr_lab.search.cma_es import CmaEsSettings, cma_es
 from dpr_lab.search.differential_evolution import DifferentialEvolutionSettings, differential_evolution
 from dpr_lab.search.iga import iga
 from dpr_lab.search.multistart import MultistartSettings, multistart
 from dpr_lab.search.plain_ga import PlainGaSettings, plain_ga
-from dpr_lab.search.problem import Algorithm
 from dpr_lab.search.settings import IgaSettings, SearchSettings
 
 ALGORITHMS: dict[str, Algorithm[Any]] = {

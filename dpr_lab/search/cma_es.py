@@ -4,16 +4,14 @@ The package `cma` supplies the strategy through its ask-and-tell interface.
 """
 
 from collections.abc import Iterator
-from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from dpr_lab.search.fitness import FAILED_ABOVE, cost
-from dpr_lab.search.generations import generations
+from dpr_lab.search.fitness import FAILED_ABOVE
 from dpr_lab.search.population import Population, merged, ranked
-from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
+from dpr_lab.search.problem import SearchProblem
 from dpr_lab.search.settings import Count, Positive, SearchSettings
 
 FEWEST_GENES = 2
@@ -40,22 +38,15 @@ class CmaEsSettings(SearchSettings, frozen=True):
     """Factor by which the population grows at each restart, up to `LARGEST_GROWTH` times the first population."""
 
 
-def cma_es(
-    objective: Objective, bounds: Bounds, settings: CmaEsSettings, rng: np.random.Generator
-) -> Iterator[Generation]:
-    """Search the box for the smallest cost H by CMA-ES.
+def cma_es(problem: SearchProblem, settings: CmaEsSettings, rng: np.random.Generator) -> Iterator[Population]:
+    """Yield the populations of a search by CMA-ES.
 
-    See `dpr_lab.search.iga.iga` for arguments, yields and errors. The population of a generation consists of
-    its sample and the best individual so far. A restart begins at a random point of the box.
+    A population consists of the sample of a generation and the best individual so far. A restart begins at a random
+    point of the box.
 
     Source: Hansen (2016), The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772; restarts: Auger & Hansen (2005),
     IEEE Congress on Evolutionary Computation, 1769-1776.
     """
-    problem = SearchProblem(objective, bounds, partial(cost, aggregate=settings.aggregate))
-    return generations(problem, _populations(problem, settings, rng), settings)
-
-
-def _populations(problem: SearchProblem, settings: CmaEsSettings, rng: np.random.Generator) -> Iterator[Population]:
     genes = problem.box.shape[1]
     best = Population(np.empty((0, genes)), np.empty(0))
     size = first = settings.population or 4 + int(3 * np.log(max(genes, FEWEST_GENES)))

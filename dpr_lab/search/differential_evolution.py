@@ -1,18 +1,16 @@
 """Differential evolution of scipy, for comparison with the genetic algorithm."""
 
 from collections.abc import Iterator
-from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from dpr_lab.arrays import Array
-from dpr_lab.search.fitness import FAILED_ABOVE, cost
-from dpr_lab.search.generations import generations
+from dpr_lab.search.fitness import FAILED_ABOVE
 from dpr_lab.search.latin_hypercube import latin_hypercube
 from dpr_lab.search.population import Population, ranked
-from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
+from dpr_lab.search.problem import Bounds, SearchProblem
 from dpr_lab.search.settings import NotNegative, SearchSettings, Share
 
 
@@ -38,21 +36,12 @@ class DifferentialEvolutionSettings(SearchSettings, frozen=True):
 
 
 def differential_evolution(
-    objective: Objective, bounds: Bounds, settings: DifferentialEvolutionSettings, rng: np.random.Generator
-) -> Iterator[Generation]:
-    """Search the box for the smallest cost H by differential evolution.
-
-    See `dpr_lab.search.iga.iga` for arguments, yields and errors.
+    problem: SearchProblem, settings: DifferentialEvolutionSettings, rng: np.random.Generator
+) -> Iterator[Population]:
+    """Yield the populations of a search by differential evolution.
 
     Source: Storn & Price (1997), Journal of Global Optimization 11, 341-359.
     """
-    problem = SearchProblem(objective, bounds, partial(cost, aggregate=settings.aggregate))
-    return generations(problem, _populations(problem, settings, rng), settings)
-
-
-def _populations(
-    problem: SearchProblem, settings: DifferentialEvolutionSettings, rng: np.random.Generator
-) -> Iterator[Population]:
     population = latin_hypercube(problem, settings.population, rng)
     while True:
         yield population

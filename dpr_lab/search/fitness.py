@@ -1,4 +1,4 @@
-"""Cost and fitness, docs/theory.md (10)."""
+"""Cost and fitness, docs/theory.md (10), and population fitness (8)."""
 
 from typing import Literal
 
@@ -45,3 +45,20 @@ def fitness(costs: Array, scale: float, delta: float) -> Array:
     Source: docs/theory.md (10), restored from the text.
     """
     return scale / (costs + delta)
+
+
+def population_fitness(fitness: Array) -> float:
+    """Return the mean fitness of the population as a share of the largest fitness.
+
+        f_pop = (1/M) sum_i f_i / f_optimal
+
+    Args:
+        fitness: (M,) fitness of each individual
+
+    Returns:
+        f_pop in 0..1; 0 if every individual failed
+
+    Source: docs/theory.md (8).
+    """
+    best = float(fitness.max())
+    return float((fitness / best).mean()) if best > 0 else 0.0  # divide first, so that rounding cannot give more than 1

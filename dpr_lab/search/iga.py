@@ -8,53 +8,33 @@ mutation of step (7).
 """
 
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.search.crossover import cross
 from dpr_lab.search.feedback_mutation import near_duplicates, replacements
-from dpr_lab.search.fitness import cost, fitness
-from dpr_lab.search.generations import generations
+from dpr_lab.search.fitness import fitness, population_fitness
 from dpr_lab.search.hamming_pairing import pair
 from dpr_lab.search.hybrid_coding import fresh
 from dpr_lab.search.mutation import mutate
 from dpr_lab.search.orthogonal import Levels, array_for, experiment
 from dpr_lab.search.population import Population, merged, ranked
-from dpr_lab.search.population_fitness import population_fitness
-from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
+from dpr_lab.search.problem import SearchProblem
 from dpr_lab.search.settings import IgaSettings
 
 
-def iga(objective: Objective, bounds: Bounds, settings: IgaSettings, rng: np.random.Generator) -> Iterator[Generation]:
-    """Search the box for the smallest cost H by the improved genetic algorithm.
+def iga(problem: SearchProblem, settings: IgaSettings, rng: np.random.Generator) -> Iterator[Population]:
+    """Yield the populations of the improved genetic algorithm.
 
     The cost of the best individual never increases.
 
-    Args:
-        objective: (n, d) candidates -> (n, poses) E >= 0
-        bounds: (2, d) lower and upper bound of each gene, equal for a fixed gene
-        settings: population size, rates and constants
-        rng: source of randomness; the same state gives the same generations
-
-    Yields:
-        the initial population as generation 0, then every generation
-
     Raises:
-        ValueError: the bounds are not (2, d), not finite or reversed, or they all coincide
-        ConfigError: more genes are searched for than the orthogonal array has columns
+        ConfigError: more genes are searched for than the orthogonal array has columns.
 
     Source: docs/theory.md, section 2.
     """
-    problem = SearchProblem(objective, bounds, partial(cost, aggregate=settings.aggregate))
     levels = array_for(settings.orthogonal_array, problem.box.shape[1])
-    return generations(problem, _populations(problem, levels, settings, rng), settings)
-
-
-def _populations(
-    problem: SearchProblem, levels: Levels, settings: IgaSettings, rng: np.random.Generator
-) -> Iterator[Population]:
     genes = fresh(settings.population, problem.box, rng)  # (1)
     population = ranked(genes, problem.costs(genes))  # (2)
     while True:

@@ -4,7 +4,6 @@ The starts are the best points of a Latin hypercube.
 """
 
 from collections.abc import Iterator
-from functools import partial
 from typing import Annotated, Literal
 
 import numpy as np
@@ -12,10 +11,9 @@ from pydantic import Field
 
 from dpr_lab.arrays import Array
 from dpr_lab.search.fitness import cost
-from dpr_lab.search.generations import generations
 from dpr_lab.search.latin_hypercube import latin_hypercube
 from dpr_lab.search.population import Population, merged
-from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
+from dpr_lab.search.problem import SearchProblem
 from dpr_lab.search.settings import Count, Positive, SearchSettings
 
 MAX_POWER = 16
@@ -39,23 +37,14 @@ class MultistartSettings(SearchSettings, frozen=True):
     """Step of the finite differences, as a share of each gene's range."""
 
 
-def multistart(
-    objective: Objective, bounds: Bounds, settings: MultistartSettings, rng: np.random.Generator
-) -> Iterator[Generation]:
-    """Search the box for the smallest cost H by local searches from many starts.
+def multistart(problem: SearchProblem, settings: MultistartSettings, rng: np.random.Generator) -> Iterator[Population]:
+    """Yield the populations of local searches from many starts.
 
-    See `dpr_lab.search.iga.iga` for arguments, yields and errors. Generation 0 is a Latin hypercube. In each later
-    generation, a local search starts from the best point that has not been a start, and its result replaces that point.
+    Generation 0 is a Latin hypercube. In each later generation, a local search starts from the best point that has not
+    been a start, and its result replaces that point.
 
     Source: L-BFGS-B: Byrd, Lu, Nocedal & Zhu (1995), SIAM Journal on Scientific Computing 16(5), 1190-1208.
     """
-    problem = SearchProblem(objective, bounds, partial(cost, aggregate=settings.aggregate))
-    return generations(problem, _populations(problem, settings, rng), settings)
-
-
-def _populations(
-    problem: SearchProblem, settings: MultistartSettings, rng: np.random.Generator
-) -> Iterator[Population]:
     ends = Population(np.empty((0, problem.box.shape[1])), np.empty(0))
     while True:
         starts = latin_hypercube(problem, settings.population, rng)

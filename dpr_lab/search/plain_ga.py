@@ -1,17 +1,14 @@
 """Traditional genetic algorithm, for comparison: tournament, single-point crossover, Gaussian mutation, elitism."""
 
 from collections.abc import Iterator
-from functools import partial
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from dpr_lab.arrays import Array
-from dpr_lab.search.fitness import cost
-from dpr_lab.search.generations import generations
 from dpr_lab.search.population import Population, merged, ranked
-from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
+from dpr_lab.search.problem import Bounds, SearchProblem
 from dpr_lab.search.settings import Count, Positive, SearchSettings, Share
 
 
@@ -35,21 +32,12 @@ class PlainGaSettings(SearchSettings, frozen=True):
     """Standard deviation of the Gaussian mutation, as a share of the gene's range."""
 
 
-def plain_ga(
-    objective: Objective, bounds: Bounds, settings: PlainGaSettings, rng: np.random.Generator
-) -> Iterator[Generation]:
-    """Search the box for the smallest cost H by the traditional genetic algorithm.
-
-    See `dpr_lab.search.iga.iga` for arguments, yields and errors.
+def plain_ga(problem: SearchProblem, settings: PlainGaSettings, rng: np.random.Generator) -> Iterator[Population]:
+    """Yield the populations of the traditional genetic algorithm.
 
     Source: Goldberg (1989), Genetic Algorithms in Search, Optimization and Machine Learning, chapter 1, with real genes
     instead of bits.
     """
-    problem = SearchProblem(objective, bounds, partial(cost, aggregate=settings.aggregate))
-    return generations(problem, _populations(problem, settings, rng), settings)
-
-
-def _populations(problem: SearchProblem, settings: PlainGaSettings, rng: np.random.Generator) -> Iterator[Population]:
     lower, upper = problem.box
     genes = rng.uniform(lower, upper, (settings.population, len(lower)))
     population = ranked(genes, problem.costs(genes))

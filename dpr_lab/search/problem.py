@@ -1,16 +1,12 @@
-"""Input and output of a search: the interface that all algorithms share."""
+"""Input and output of a search: objective, bounds and generations."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dpr_lab.arrays import Array, Flags
-from dpr_lab.search.settings import SearchSettings
-
-Settings = TypeVar("Settings", bound=SearchSettings)
 
 Objective = Callable[[Array], Array]
 """Function from (n, d) candidates to (n, poses) errors E(Z) >= 0, docs/theory.md (2); `inf` for a failed candidate."""
@@ -37,21 +33,6 @@ class Generation:
     """(size, d) candidates, the best candidate first."""
     cost: Array
     """(size,) cost H of each candidate of the population."""
-
-
-@dataclass(frozen=True, slots=True)
-class Algorithm(Generic[Settings]):
-    """One row of `ALGORITHMS`: the settings and the function of a search algorithm.
-
-    `run(objective, bounds, settings, rng)` yields generation 0 and then every generation. It ends at
-    `settings.generations` or on stagnation, and its consumer may stop it earlier. It raises `ValueError` if the bounds
-    are not (2, d), not finite or reversed, or if they all coincide.
-    """
-
-    settings: type[Settings]
-    run: Callable[[Objective, Bounds, Settings, np.random.Generator], Iterator[Generation]]
-    words: str
-    """Title of the algorithm."""
 
 
 @dataclass(slots=True)

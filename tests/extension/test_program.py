@@ -58,13 +58,9 @@ def test_a_search_algorithm_is_a_file_and_a_row(copy: Copy) -> None:
         '''
         """Random search: keep the best of what chance proposes."""
 
-        from functools import partial
         from typing import Literal
 
-        from dpr_lab.search.fitness import cost
-        from dpr_lab.search.generations import generations
         from dpr_lab.search.population import merged, ranked
-        from dpr_lab.search.problem import SearchProblem
         from dpr_lab.search.settings import SearchSettings
 
 
@@ -73,12 +69,7 @@ def test_a_search_algorithm_is_a_file_and_a_row(copy: Copy) -> None:
             population: int = 50
 
 
-        def random_search(objective, bounds, settings, rng):
-            problem = SearchProblem(objective, bounds, partial(cost, aggregate=settings.aggregate))
-            return generations(problem, _populations(problem, settings, rng), settings)
-
-
-        def _populations(problem, settings, rng):
+        def random_search(problem, settings, rng):
             population = None
             while True:
                 genes = rng.uniform(*problem.box, (settings.population, problem.box.shape[1]))

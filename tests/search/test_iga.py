@@ -5,7 +5,6 @@ import pytest
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.search import ALGORITHMS, load_search
-from dpr_lab.search.iga import iga
 from dpr_lab.search.settings import IgaSettings
 
 BOX = np.array([np.full(9, 0.8), np.full(9, 1.2)])
@@ -20,7 +19,8 @@ def batches(objective, generations, box=BOX, **changed):
         return objective(z)
 
     seen, per_generation = 0, []
-    for _ in iga(counted, box, IgaSettings(generations=generations, **changed), np.random.default_rng(4)):
+    settings = IgaSettings(generations=generations, **changed)
+    for _ in ALGORITHMS["iga"].run(counted, box, settings, np.random.default_rng(4)):
         per_generation.append(sizes[seen:])
         seen = len(sizes)
     return per_generation

@@ -1,0 +1,97 @@
+"""Interface and main loop of the search algorithms, with the stopping rule that all of them share."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from dpr_lab.search.fitness import cost, fitness, population_fitness
+from dpr_lab.search.population import Population
+from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
+from dpr_lab.search.settings import SearchSettings
+
+Settings = TypeVar("Settings", bound=SearchSettings)
+
+
+@dataclass(frozen=True, slots=True)
+class Algorithm(Generic[Settings]):
+    """Settings and populations of a search algorithm."""
+
+    settings: type[Settings]
+    populations: Callable[[SearchProblem, Settings, np.random.Generator], Iterator[Population]]
+    """Generator function that yields the initial population and then every further population, without end.
+
+    The first individual of a population is the best individual so far.
+    """
+    words: str
+    """Title of the algorithm."""
+
+    def run(
+        self, objective: Objective, bounds: Bounds, settings: Settings, rng: np.random.Generator
+    ) -> Iterator[Generation]:
+        """Search the box for the smallest cost H.
+
+        The consumer may stop the search at any generation.
+
+        Args:
+            objective: (n, d) candidates -> (n, poses) E >= 0
+            bounds: (2, d) lower and upper bound of each gene, equal for a fixed gene
+            settings: population size, rates and constants
+            rng: source of randomness; the same state gives the same generations
+
+        Yields:
+            the initial population as generation 0, then every generation up to `settings.generations` or stagnation
+
+        Raises:
+            ValueError: the bounds are not (2, d), not finite or reversed, or they all coincide.
+        """
+        problem = SearchProblem(objective, bounds, partial(cost, aggregate=settings.aggregate))
+        return _generations(problem, self.populations(problem, settings, rng), settings)
+
+
+def _generations(
+    problem: SearchProblem, populations: Iterable[Population], settings: SearchSettings
+) -> Iterator[Generation]:
+    """Record the populations of a search, numbered, until it ends or stagnates.
+
+    Args:
+        problem: the search problem; it supplies the number of evaluations and the fixed genes
+        populations: infinite sequence, the initial population first; each population is computed on demand, and its
+            first row is the best individual so far
+        settings: stopping rule and constants of the fitness
+    """
+    best_costs: list[float] = []
+    for number, population in enumerate(populations):
+        best_costs.append(float(population.cost[0]))
+        yield _recorded(number, problem, population, settings)
+        if number == settings.generations or _stagnated(best_costs, settings):
+            return
+
+
+def _stagnated(best_costs: list[float], settings: SearchSettings) -> bool:
+    """Return whether the search stagnates.
+
+    The search stagnates if the relative decrease of the best cost over `stagnation_generations` is at most
+    `stagnation_improvement`.
+    """
+    patience = settings.stagnation_generations
+    if patience is None or len(best_costs) <= patience:
+        return False
+    return best_costs[-1] >= (1 - settings.stagnation_improvement) * best_costs[-1 - patience]
+
+
+def _recorded(number: int, problem: SearchProblem, population: Population, settings: SearchSettings) -> Generation:
+    f = fitness(population.cost, settings.fitness_scale, settings.delta)
+    candidates = problem.candidates(population.genes)
+    return Generation(
+        number=number,
+        evaluations=problem.evaluations,
+        best=candidates[0],
+        best_cost=float(population.cost[0]),
+        best_fitness=float(f[0]),
+        population_fitness=population_fitness(f),
+        population=candidates,
+        cost=population.cost,
+    )
