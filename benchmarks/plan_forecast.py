@@ -9,7 +9,7 @@ releases, as far as they are recorded. It is compared with the diagnoses of thes
 calibration error is found by drawing plants with replacement. With `--adaptive`, each release is the first one of a new
 plan. With `--own`, the plants are those of the simulated device.
 
-The net calibration error is defined in `dpr_lab.trials.summary.net_calibration_error`. With `--adaptive`, it was 0.031
+The net calibration error is defined in `benchmarks/_net_calibration.py`. With `--adaptive`, it was 0.031
 on 28 plants (seeds 1018000 to 1018027; 109 forecasts; calibration error 0.152, of an exact forecast 0.081). On 24 own
 plants (`single:faint`, from 2017000 on; 21 forecasts) it was 0 with an earlier forecast.
 """
@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from _bars import Bar, at_most, options, show
+from _net_calibration import net_calibration_error
 from _trial_cases import Case, hidden
 from plan_other_engine import AMPLITUDES, Plant, near_paper
 
@@ -42,7 +43,7 @@ from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
 from dpr_lab.trials.next_release import EQUAL_TIMES
 from dpr_lab.trials.score import Claim
-from dpr_lab.trials.summary import brier, calibration_error, error_if_exact, net_calibration_error, reliability
+from dpr_lab.trials.summary import brier, calibration_error, error_if_exact, reliability
 from sim_device.trials.offline_recorder import record
 
 EFFECTS_OF_PLANT = (1, 1, 2, 1, 0, 1)

@@ -13,6 +13,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.errors import DprError
+from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.run import Run, as_mounted
 from dpr_lab.storage.reader import full_turns
@@ -35,8 +36,6 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
     Raises:
         DprError: the device, the diagnosis or the seal failed, or another version is installed here.
     """
-    from dpr_lab.gap.diagnose import diagnose
-
     with plant_of(case) as plant:
         sealed = plant.public
         rig = parse_rig(sealed["rig"])

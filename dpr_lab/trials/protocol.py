@@ -23,7 +23,7 @@ from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.reader import load_run
 from dpr_lab.trials.score import TrialOutcome, score
-from dpr_lab.trials.sealing import PlantRequest, unseal
+from dpr_lab.trials.sealing import PlantRequest, ask
 from dpr_lab.trials.truth import Truth, unsealed
 from dpr_lab.whole_file import regular
 
@@ -132,7 +132,7 @@ def open_trial(trial: Trial) -> Opened:
     if not trial.diagnosis.is_file():
         raise RunError(f"{trial.folder}: is not diagnosed yet, so it stays sealed: dpr-lab trials run {trial.folder}")
     diagnosis = _diagnosis(trial.diagnosis)
-    opened = unseal(trial.folder / DEVICE)
+    opened = ask("--unseal", str(trial.folder / DEVICE))
     truth = unsealed(opened, trial.seal)
     outcome = score(diagnosis, truth, trial.rig, **truth.drawn, seconds=diagnosis["seconds"], seal=trial.seal)
     write_json(opened | {"seal": trial.seal, "score": outcome.to_json()}, trial.opened)

@@ -5,6 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.rig import Rig
 from dpr_lab.trials.truth import Truth, assumed_inertia
@@ -137,22 +139,13 @@ class TrialOutcome:
         return asdict(self) | dict.fromkeys(_NUMBERS) | numbers
 
 
-_LISTS = ("truth", "named", "class_sizes", "sensor_findings", "faults_missed")
+_OUTCOME = TypeAdapter(TrialOutcome)
 _NUMBERS = ("explained_share", "closed")
 
 
 def read_outcome(saved: Mapping[str, Any]) -> TrialOutcome:
     """Restore an outcome from the dict that `TrialOutcome.to_json` returns."""
-    lists = {name: tuple(saved[name]) for name in _LISTS}
-    sizes, claims = (
-        tuple(make(**record) for record in saved[name]) for name, make in (("sizes", SizeError), ("claims", Claim))
-    )
-    causes = tuple(Cause(**record) for record in saved["causes"])
-    classes = tuple(map(tuple, saved.get("classes", ())))
-    number = {name: _number(saved[name]) for name in _NUMBERS}
-    return TrialOutcome(
-        **{**saved, **lists, **number, "sizes": sizes, "claims": claims, "causes": causes, "classes": classes}
-    )
+    return _OUTCOME.validate_python({**saved, **{name: _number(saved[name]) for name in _NUMBERS}})
 
 
 def score(

@@ -172,15 +172,6 @@ def sealed_in_memory(request: PlantRequest, rig: str, *, direct: bool = True) ->
         yield HeldPlant(parsed(json.dumps(rig)), parsed)
 
 
-def unseal(folder: Path) -> dict[str, Any]:
-    """Reveal truth and salt of the plant that the device keeps in a folder.
-
-    Raises:
-        ConfigError: the folder contains no sealed plant.
-    """
-    return ask("--unseal", str(folder))
-
-
 def ask(*words: str) -> dict[str, Any]:
     """Run the simulated device with the given arguments, and return its output.
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.candidates import minutes, mounted_now
 from dpr_lab.planning.limits import PlanLimits
@@ -124,7 +125,7 @@ def played(
         release, used = choose(Situation(rig, runs, looks[-1].diagnosis if looks else None, rng, limits, proposal))
         seconds += time.process_time() - began
         runs.append(record(release))
-        diagnosis = _diagnosed(runs, rig)
+        diagnosis = diagnose(runs, rig)
         is_decided = decided(diagnosis)
         forecast = tuple(used.forecast) if used else ()
         began = time.process_time()
@@ -133,12 +134,6 @@ def played(
         looks.append(SequentialLook(release, diagnosis, is_decided, stuck, forecast, seconds if used else None))
         seconds = time.process_time() - began
     return looks
-
-
-def _diagnosed(runs: Sequence[Run], rig: Rig) -> Diagnosis:
-    from dpr_lab.gap.diagnose import diagnose
-
-    return diagnose(runs, rig)
 
 
 def _recorded(plant: HeldPlant, rig: Rig, release: CandidateRelease) -> Run:

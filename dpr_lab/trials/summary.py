@@ -61,37 +61,6 @@ def error_if_exact(claims: Sequence[Claim], draws: int = 200) -> float:
     return float(np.mean([calibration_error(row) for row in drawn])) if claims else float("nan")
 
 
-def net_calibration_error(groups: Sequence[Sequence[Claim]], bins: int = 10) -> float:
-    """Compute the root mean square calibration error without the contribution of chance.
-
-    Claims of one group may be correlated; the groups are independent. In one bin, s_i is the sum of outcome minus
-    probability over the claims of group i, n is the number of claims of all groups, and m is the number of groups with
-    claims. The sum of s_i s_j over i != j is on average zero for a calibrated forecast. The squared error is
-
-        sum over bins of  m / (m - 1) (sum over i != j of s_i s_j) / n,  divided by the number of all claims.
-
-    The average of the squared error does not depend on the number of groups. If the squared error is negative by
-    chance, the result is 0. Bins with claims of only one group do not contribute. On average, the result is at least as
-    large as the mean absolute error.
-
-    Source: A. Kumar, P. Liang & T. Ma (2019), Verified uncertainty calibration, NeurIPS 32, for groups of one claim.
-
-    Args:
-        groups: claims of each independent trial
-        bins: number of bins of equal width
-    """
-    missed, count = np.zeros((2, len(groups), bins))
-    for group, claims in enumerate(groups):
-        for claim in claims:
-            number = min(int(claim.probability * bins), bins - 1)
-            missed[group, number] += claim.true - claim.probability
-            count[group, number] += 1
-    members, size = np.sum(count > 0, axis=0), count.sum(axis=0)
-    squares = (missed.sum(axis=0) ** 2 - np.sum(missed**2, axis=0)) * members / np.maximum(members - 1, 1)
-    total = float(np.sum(squares[size > 0] / size[size > 0]))
-    return math.sqrt(max(total, 0.0) / size.sum()) if size.any() else math.nan
-
-
 def brier(claims: Sequence[Claim]) -> float:
     """Compute the Brier score: the mean squared difference between stated probability and outcome."""
     return float(np.mean([(claim.probability - claim.true) ** 2 for claim in claims])) if claims else float("nan")
@@ -204,9 +173,7 @@ def by_effect(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
             {
                 "effect": name,
                 "trials": len(with_effect),
-                "named": float(np.mean([cause.named for o in with_effect for cause in o.causes if cause.name == name])),
-                "first": share(leads, lambda o: o.first),
-                "exact": share(leads, lambda o: o.exact),
+                **_naming([cause for o in with_effect for cause in o.causes if cause.name == name], leads),
                 **size_errors([size for o in with_effect for size in o.sizes if size.effect == name]),
             }
         )
@@ -232,12 +199,16 @@ def by_size(
                     "from": low,
                     "to": None if math.isinf(high) else high,
                     "effects": len(inside),
-                    "named": float(np.mean([cause.named for cause in inside])),
-                    "first": share(leads, lambda o: o.first),
-                    "exact": share(leads, lambda o: o.exact),
+                    **_naming(inside, leads),
                 }
             )
     return rows
+
+
+def _naming(causes: Sequence[Cause], leads: Sequence[TrialOutcome]) -> dict[str, float]:
+    """Compute the share of the named causes, and the shares of correct names in the trials that they lead."""
+    named = float(np.mean([cause.named for cause in causes]))
+    return {"named": named, "first": share(leads, lambda o: o.first), "exact": share(leads, lambda o: o.exact)}
 
 
 def astray(outcome: TrialOutcome) -> dict[str, Any]:

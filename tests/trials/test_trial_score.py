@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.errors import DprError
 from dpr_lab.rig import PARAMETERS, load_rig
 from dpr_lab.trials.score import Cause, Claim, TrialOutcome, over_limit, read_outcome, score
-from dpr_lab.trials.summary import brier, calibration_error, confusion, net_calibration_error, reliability, summary
+from dpr_lab.trials.summary import brier, calibration_error, confusion, reliability, summary
 from dpr_lab.trials.truth import Truth, assumed_inertia, read_truth, unsealed
 
 CLEAN_ENCODERS = {"step_counts": 1, "jitter_ms": 0.0, "repeated_share": 0.0, "missing_share": 0.0}
@@ -226,7 +227,10 @@ def test_calibration_distinguishes_honest_from_overconfident_probabilities():
     assert calibration_error(boastful) == pytest.approx(0.35, abs=0.03)
 
 
-def test_the_net_calibration_error_contains_no_chance_although_the_claims_of_a_group_agree():
+def test_the_net_calibration_error_contains_no_chance_although_the_claims_of_a_group_agree(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    from _net_calibration import net_calibration_error
+
     chance, bias, squares = np.random.default_rng(2), 0.2, []
     for _ in range(200):
         drawn = [(chance.uniform(0.2, 0.9), chance.uniform()) for _ in range(60)]
