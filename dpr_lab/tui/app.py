@@ -44,7 +44,7 @@ from dpr_lab.tui.terminal.drivers import our_driver
 from dpr_lab.tui.terminal.plain import Plain
 from dpr_lab.tui.terminal.sight import Sight
 from dpr_lab.tui.terminal.signals import ENDING, end_on_signals
-from dpr_lab.tui.texts import ABOUT_TERMS, NOTICES
+from dpr_lab.tui.texts import ABOUT_TERMS, NOTICES, following
 from dpr_lab.tui.themes import THEMES
 from dpr_lab.tui.viewed_app import ViewedApp
 from dpr_lab.tui.widgets.chart import Chart
@@ -153,7 +153,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         last = next((i for i, step in enumerate(self.steps, 1) if self.workspace.step == step.NAME), 1)
         self.action_go(last)
         for notice in self._notices:
-            self.notify(notice, severity="warning", timeout=NOTICES.error_s, markup=False)
+            self.notify(notice, severity="warning", timeout=NOTICES.error_s)
 
     async def on_unmount(self) -> None:
         """End all processes."""
@@ -188,7 +188,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         """Notify the operator that a key has no function here."""
         if event.is_printable and len(self.screen_stack) == 1 and event.key not in self.screen.active_bindings:
             key, keys = self.get_key_display(Binding(event.key, "")), self.services.keys.of("app.help")
-            self.notify(f"{key} has no function here; {keys} shows the keys", timeout=NOTICES.hint_s, markup=False)
+            self.notify(f"{key} has no function here; {keys} shows the keys", timeout=NOTICES.hint_s)
 
     def on_cursor_position(self, event: events.CursorPosition) -> None:
         """Record that the terminal confirmed a frame."""
@@ -238,7 +238,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         if self.current is not message.step:
             self.current.enter()
             news = f"{message.step.NAME} is done: {message.step.outcome()}"
-            self.notify(news, timeout=NOTICES.news_s, markup=False)
+            self.notify(news, timeout=NOTICES.news_s)
 
     def on_resize(self, event: events.Resize) -> None:
         """Adapt the list of steps to the width; show a message if the window is too small."""
@@ -314,18 +314,15 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         if run is not None:
             self._choose_runs([*self.workspace.runs, run])
             news = f"imported as {run}, and selected for identification"
-            self.notify(news, timeout=NOTICES.news_s, markup=False)
+            self.notify(news, timeout=NOTICES.news_s)
 
     def action_next_theme(self) -> None:
         """Switch between dark, light and high contrast."""
-        names = [theme.name for theme in THEMES]
-        current = names.index(self.theme) if self.theme in names else -1
-        self.theme = names[(current + 1) % len(names)]
+        self.theme = following([theme.name for theme in THEMES], self.theme)
 
     def action_next_unit(self) -> None:
         """Switch between degrees and radians."""
-        names = list(UNITS)
-        self.workspace.angles = names[(names.index(self.workspace.unit.name) + 1) % len(names)]
+        self.workspace.angles = following(list(UNITS), self.workspace.unit.name)
         self.current.enter()
         self.save()
 
@@ -356,7 +353,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         except OSError as error:
             self.mishap(DprError(f"{folder}: the screenshot cannot be saved: {error.strerror or error}"))
             return None
-        self.notify(f"saved: {saved}", markup=False)
+        self.notify(f"saved: {saved}")
         return saved
 
     def action_report(self) -> None:
@@ -377,7 +374,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
             text = self.services.keys.fill(str(error))
         else:
             text = f"Unexpected: {type(error).__name__}: {error}. Your work is kept; {log(error, self.folder)}"
-        self.notify(text, severity="error", markup=False)
+        self.notify(text, severity="error")
 
     def _handle_exception(self, error: Exception) -> None:
         if self.is_running and self.screen_stack:

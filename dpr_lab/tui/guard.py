@@ -2,11 +2,12 @@
 
 import traceback
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 from textual.message import Message
 from textual.message_pump import MessagePump
+
+from dpr_lab.tui.notices.message_log import append
 
 
 class Guarded(MessagePump):
@@ -41,11 +42,7 @@ def log(error: Exception, folder: Path) -> str:
     """
     file = folder / "errors.log"
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if file.exists() and file.stat().st_size > ERROR_LOG.largest:
-            file.replace(file.with_name("errors.log.1"))
-        with file.open("a", encoding="utf-8") as lines:
-            lines.write(f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}\n{''.join(traceback.format_exception(error))}\n")
+        append(file, f"\n{''.join(traceback.format_exception(error))}", ERROR_LOG.largest)
     except OSError as why:
         return f"details cannot be written to {file}: {why.strerror}"
     return f"details are in {file}"

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from rich import box
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
@@ -11,6 +12,8 @@ from rich.text import Text
 
 from dpr_lab.report.digits import NUMERIC
 from dpr_lab.report.run_names import recorded, run_name, run_pose
+
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +73,15 @@ def sentences(title: str, lines: Sequence[str], *, mark: str = "•", numbered: 
     for number, line in enumerate(lines, 1):
         items.add_row(f"{number}." if numbered else mark, Text(line))
     return Group(Text(title, "bold"), items, Text(""))
+
+
+def following(values: Sequence[Value], current: object, by: int = 1) -> Value:
+    """Return the value `by` positions after the current one in a cycle of values.
+
+    If the current value is not in the cycle, positions are counted from before the first value.
+    """
+    position = next((i for i, value in enumerate(values) if value == current), -1)
+    return values[(position + by) % len(values)]
 
 
 def counted_runs(count: int) -> str:

@@ -49,13 +49,20 @@ class MessageLog:
         """Store a message, in one line of the file."""
         message = LoggedMessage(datetime.now(UTC), severity, text)
         self.messages.append(message)
-        line = f"{message.when:%Y-%m-%dT%H:%M:%SZ} {severity}: {printable(' '.join(text.split()))}\n"
         with suppress(OSError):
-            self._make_room()
-            with self.file.open("a", encoding="utf-8") as lines:
-                lines.write(line)
+            append(self.file, f" {severity}: {printable(' '.join(text.split()))}", SETTINGS.file_bytes)
 
-    def _make_room(self) -> None:
-        self.file.parent.mkdir(parents=True, exist_ok=True)
-        if self.file.exists() and self.file.stat().st_size > SETTINGS.file_bytes:
-            self.file.replace(self.file.with_name(f"{self.file.name}.1"))
+
+def append(file: Path, text: str, largest: int) -> None:
+    """Append a text after the current time to a log file.
+
+    A file larger than `largest` bytes is first renamed to `.1` and replaces the previous one.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    file.parent.mkdir(parents=True, exist_ok=True)
+    if file.exists() and file.stat().st_size > largest:
+        file.replace(file.with_name(f"{file.name}.1"))
+    with file.open("a", encoding="utf-8") as lines:
+        lines.write(f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}{text}\n")

@@ -31,7 +31,7 @@ from dpr_lab.tui.recorder.sighting import SIGHTING
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.capture_choices import CHOICES
 from dpr_lab.tui.steps.step import Step
-from dpr_lab.tui.texts import NOTICES, counted_runs
+from dpr_lab.tui.texts import counted_runs, following
 from dpr_lab.tui.widgets.capture_view import CaptureState, CaptureView
 from dpr_lab.tui.widgets.checklist import kept, next_pose, set_aside
 from dpr_lab.tui.widgets.countdown import Countdown, new_code
@@ -219,7 +219,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         attempt = self.attempt
         obstacle = self._obstacle()
         if attempt is None or obstacle:
-            self.notify(f"Not released: {obstacle}", severity="warning", timeout=NOTICES.news_s, markup=False)
+            self.warn(f"Not released: {obstacle}")
             return
         keys = frozenset(
             key for key, active in self.screen.active_bindings.items() if active.binding.id == "capture.release"
@@ -237,7 +237,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
 
     def action_again(self) -> None:
         """Set the recording aside and repeat the pose."""
-        self._decided("repeat", lambda run: self.notify(f"set aside: {set_aside(run)}", markup=False))
+        self._decided("repeat", lambda run: self.notify(f"set aside: {set_aside(run)}"))
         self.post_message(self.Done())
         if self.missing():
             self._draw()
@@ -254,8 +254,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         """Select the pose `by` positions further in the list."""
         self._require_none()
         if self._rig is not None and self._rig.poses:
-            names = list(self._rig.poses)
-            self._pose = names[(names.index(self._pose) + by) % len(names)]
+            self._pose = following(list(self._rig.poses), self._pose, by)
             self._draw()
 
     def action_length(self) -> None:
@@ -309,9 +308,9 @@ Grey values are outdated: no newer message has arrived from the device, and the 
             if not self.device.fresh(time.monotonic()):
                 held = "no release was commanded, but the device is silent; state of the latch UNKNOWN: keep clear"
             reason = obstacle if countdown is None else countdown.why
-            self.notify(f"Not released: {reason}; {held}", severity="warning", timeout=NOTICES.news_s, markup=False)
+            self.warn(f"Not released: {reason}; {held}")
         elif obstacle:
-            self.notify(f"Not released: {obstacle}", severity="warning", timeout=NOTICES.news_s, markup=False)
+            self.warn(f"Not released: {obstacle}")
         else:
             self._ordered = True
             self.device.tell(GoAhead(attempt.number, attempt.name, time.monotonic()))
@@ -323,7 +322,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
             self._ordered = False
             if self.device.seen.latched:
                 held = "The release was not carried out: the latch is CLOSED, the rods are held"
-                self.notify(held, severity="warning", timeout=NOTICES.news_s, markup=False)
+                self.warn(held)
 
     def _follow(self, report: AttemptSeen | GoAheadAsked | AttemptFinished) -> None:
         attempt = self.attempt
@@ -344,7 +343,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
                 f"The hanging rods deviate by {errors} from the vertical: either the encoders lost counts, or the"
                 " zero in the rig file is wrong"
             )
-            self.notify(warning, severity="warning", markup=False)
+            self.notify(warning, severity="warning")
 
     def _failed(self, report: RecorderFailed) -> None:
         if report.attempt is not None or not report.alive:

@@ -21,7 +21,7 @@ from dpr_lab.tui.steps import arm_results
 from dpr_lab.tui.steps.compare_charts import AXES, SETTINGS, VIEWS, ComparedRun
 from dpr_lab.tui.steps.job_step import JobStep, torque_key
 from dpr_lab.tui.steps.second_curve import SecondCurve
-from dpr_lab.tui.texts import counted_runs
+from dpr_lab.tui.texts import counted_runs, following
 from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.tui.widgets.slider import Slider
 from dpr_lab.workflows.compare import CompareRequest
@@ -211,8 +211,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         picker = self.query_one(f"#{what}", Select)
         options = {"run": range(self._compared), "axis": self._joints, "view": self._views}[what]
         if len(options):
-            current = options.index(picker.value) if picker.value in options else -1
-            picker.value = options[(current + 1) % len(options)]
+            picker.value = following(options, picker.value)
         next(chart for chart in self.query(Chart) if chart.display).focus()
 
     def action_edit(self) -> None:
@@ -367,7 +366,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
 
     def say(self, text: str) -> None:
         """Show a sentence in place of the figures."""
-        self.query_one("#figures", Static).update(text)
+        self.put("figures", text)
 
 
 def _role(held_out: bool) -> str:

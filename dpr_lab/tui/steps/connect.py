@@ -104,7 +104,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
                 ):  # other messages are shown on the page
                     mild = report.alive and self.device.ordered is None
                     severity = "warning" if mild else "error"
-                    self.notify(report.message, severity=severity, timeout=NOTICES.error_s, markup=False)
+                    self.notify(report.message, severity=severity, timeout=NOTICES.error_s)
             case _:
                 return
         if self.display:

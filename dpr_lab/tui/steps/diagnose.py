@@ -237,7 +237,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         if diagnosis.where:
             picker.value = 0
         else:
-            self.query_one("#place-text", Static).update(in_words(diagnosis.where_sentence))
+            self.put("place-text", in_words(diagnosis.where_sentence))
         self._draw(diagnosis)
 
     def _draw(self, diagnosis: "Diagnosis") -> None:
@@ -248,7 +248,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         if self.job is None:
             self.say(sentence(diagnosis) + self._doubt(diagnosis))
         for name, drawn in (("which", which_view), ("far", far_view), ("next", next_view)):
-            self.query_one(f"#{name}-text", Static).update(drawn(diagnosis, unit))
+            self.put(f"{name}-text", drawn(diagnosis, unit))
         number = self.query_one("#place", Select).value
         if isinstance(number, int) and number < len(diagnosis.where):
             self._draw_place(diagnosis.where[number])
@@ -264,7 +264,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
             self.post_message(self.Done())
 
     def _show_held_out(self) -> None:
-        self.query_one("#held-out", Static).update(named_runs(self.workspace.held_out) or "none")
+        self.put("held-out", named_runs(self.workspace.held_out) or "none")
 
     def _doubt(self, diagnosis: "Diagnosis") -> str:
         """Return a note if the diagnosis does not belong to the selected runs; otherwise return an empty text."""
@@ -294,7 +294,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         zero = Series("", centres, np.zeros(len(centres)), "foreground")
         scale, clipped = signal_scale(value, reach)
         note = " Part of the curve is outside the plot." if clipped else ""
-        self.query_one("#place-text", Static).update(in_words(place.sentence) + note)
+        self.put("place-text", in_words(place.sentence) + note)
         self.query_one("#place-map", Chart).show(
             [zero, *edges, Series("estimate", centres, value)],
             x_label=coordinate(place, unit)[0],

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from textual import on
 from textual.binding import Binding
 from textual.message import Message
-from textual.widgets import Input, Static, TabbedContent, TabPane
+from textual.widgets import Input, TabbedContent, TabPane
 
 from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.kernel_cache import COMPILING
@@ -19,6 +19,7 @@ from dpr_lab.tui.jobs.job_events import JobCancelled, JobCompiling, JobFailed, J
 from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess, start_job
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.step import Step
+from dpr_lab.tui.texts import following
 
 
 def job_keys(place: str) -> list[Binding]:
@@ -127,7 +128,7 @@ class JobStep(Step):
 
     def say(self, text: str) -> None:
         """Show a sentence."""
-        self.query_one("#state", Static).update(text)
+        self.put("state", text)
 
     def invite(self) -> None:
         """Describe the job, if there is neither a result nor a running job."""
@@ -239,8 +240,7 @@ class JobStep(Step):
     def action_view(self) -> None:
         """Show the next tab."""
         tabs = self.query_one(TabbedContent)
-        names = [pane.id or "" for pane in tabs.query(TabPane)]
-        tabs.active = names[(names.index(tabs.active) + 1) % len(names)]
+        tabs.active = following([pane.id or "" for pane in tabs.query(TabPane)], tabs.active)
         shown = (
             widget for widget in tabs.query_one(f"#{tabs.active}").query("VerticalScroll, Chart") if widget.display
         )

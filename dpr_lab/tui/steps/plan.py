@@ -213,7 +213,7 @@ diagnosed first.
     @on(DataTable.RowHighlighted)
     def _show_details(self) -> None:
         if self._made is not None:
-            self.query_one("#details", Static).update(_details(self._made.plan, self._marked))
+            self.put("details", _details(self._made.plan, self._marked))
 
 
 def _row(release: "PlannedRelease", unit: AngleUnit) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess, start_job
 from dpr_lab.tui.jobs.jobs import ComparisonSaved
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.services import Services
+from dpr_lab.tui.texts import following
 from dpr_lab.workflows.compare import CompareRequest
 from dpr_lab.workflows.events import RunCompared
 
@@ -90,9 +91,8 @@ class SecondCurve(Guarded, Horizontal):
 
     def cycle(self) -> None:
         """Select the next second curve."""
-        picker, values = self.query_one(Select), [value for _, value in self._offered] or [NOTHING]
-        current = values.index(picker.value) if isinstance(picker.value, int) and picker.value in values else -1
-        picker.value = values[(current + 1) % len(values)]
+        picker = self.query_one(Select)
+        picker.value = following([value for _, value in self._offered] or [NOTHING], picker.value)
 
     def edit(self) -> None:
         """Focus the field."""

@@ -5,11 +5,14 @@ from typing import ClassVar
 
 from textual.containers import Vertical
 from textual.message import Message
+from textual.visual import VisualType
+from textual.widgets import Static
 
 from dpr_lab.tui.guard import Guarded
 from dpr_lab.tui.recorder.connection import DeviceConnection
 from dpr_lab.tui.recorder.messages import RecorderReport
 from dpr_lab.tui.services import Services
+from dpr_lab.tui.texts import NOTICES
 from dpr_lab.tui.widgets.status_line import RecordingNow
 from dpr_lab.tui.workspace import Workspace
 
@@ -51,6 +54,14 @@ class Step(Guarded, Vertical, can_focus=True):
     def worded(self, text: str) -> str:
         """Replace the placeholders of actions in a text by the operator's keys (`KeyNames.fill`)."""
         return self.services.keys.fill(text)
+
+    def warn(self, text: str) -> None:
+        """Show a warning for some seconds."""
+        self.notify(text, severity="warning", timeout=NOTICES.news_s)
+
+    def put(self, name: str, content: VisualType) -> None:
+        """Show content in the text field with this id."""
+        self.query_one(f"#{name}", Static).update(content)
 
     @property
     def recording(self) -> RecordingNow | None:

@@ -97,7 +97,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
         if not previewed or self._shown is None:
             await self._preview()
             if self._shown is not None:
-                self.notify("This is the preview of the import: check it, then import", markup=False)
+                self.notify("This is the preview of the import: check it, then import")
             return
         warnings = warnings_of(self._shown[1])
         if not warnings:

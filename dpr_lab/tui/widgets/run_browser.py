@@ -25,6 +25,7 @@ from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess, start_job
 from dpr_lab.tui.jobs.jobs import RunSurveyed
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.services import Services
+from dpr_lab.tui.texts import following
 from dpr_lab.tui.widgets.dialogs import HELP_KEY
 from dpr_lab.tui.widgets.key_line import KeyLine
 
@@ -211,8 +212,7 @@ no samples. The reason is shown below the list.
         """Show recent folders when up or down is pressed in the folder field."""
         field, recent = self.query_one("#folder", Input), list(map(str, self._services.workspace.recent_folders))
         if field.has_focus and event.key in ("up", "down") and recent:
-            current = recent.index(field.value.rstrip("/")) if field.value.rstrip("/") in recent else -1
-            field.value = recent[(current + (1 if event.key == "down" else -1)) % len(recent)]
+            field.value = following(recent, field.value.rstrip("/"), 1 if event.key == "down" else -1)
             event.stop()
 
     def _ask(self, name: str, value: str) -> None:
