@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from dpr_lab.gap.diagnose import diagnose
     from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.identification.compare import Comparison
+    from dpr_lab.identification.identify import identifiability, identify
     from dpr_lab.identification.model import Model
-    from dpr_lab.identification.moving_arm.any_arm import identifiability, identify, load_model
     from dpr_lab.identification.moving_arm.identify import ArmComparison
-    from dpr_lab.identification.moving_arm.model import MovingArmModel
+    from dpr_lab.identification.moving_arm.model import MovingArmModel, load_model
     from dpr_lab.planning.plan import plan
     from dpr_lab.planning.result import Plan
     from dpr_lab.report.data_frame import to_dataframe
@@ -84,11 +84,11 @@ _PLACES = {
     "exports.corrected": ("corrected_model",),
     "gap.diagnose": ("diagnose",),
     "gap.result.diagnosis": ("Diagnosis",),
-    "identification.moving_arm.any_arm": ("identifiability", "identify", "load_model"),
     "identification.compare": ("Comparison",),
+    "identification.identify": ("identifiability", "identify"),
     "identification.model": ("Model",),
     "identification.moving_arm.identify": ("ArmComparison",),
-    "identification.moving_arm.model": ("MovingArmModel",),
+    "identification.moving_arm.model": ("MovingArmModel", "load_model"),
     "planning.plan": ("plan",),
     "planning.result": ("Plan",),
     "report.data_frame": ("to_dataframe",),

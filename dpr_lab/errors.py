@@ -18,7 +18,7 @@ Each class defines the exit code of `dpr-lab`. Other failures are reported in ot
 
 import difflib
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any
 
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
@@ -56,6 +56,17 @@ def known_name(name: str, known: Iterable[str], worded: Callable[[str], str] = s
         if wanted in (candidate.lower(), words, words.removesuffix(f" [{candidate.lower()}]")):
             return candidate
     return None
+
+
+def refuse_unknown(names: Iterable[str], known: Collection[str], kind: str) -> None:
+    """Check that all names of a kind are known.
+
+    Raises:
+        ConfigError: a name is unknown; the message lists known names.
+    """
+    for name in names:
+        if name not in known:
+            raise ConfigError(unknown_name(f"no {kind} named {name}", name, known))
 
 
 def unknown_name(

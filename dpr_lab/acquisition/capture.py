@@ -124,7 +124,7 @@ def capture(
         KeyboardInterrupt: re-raised with the name of the file, after the file was finished as incomplete and the device
             was stopped.
     """
-    pose, rate_hz = _pose(rig, pose_name), options.rate_hz or rig.link.rate_hz
+    pose, rate_hz = pose_named(rig, pose_name), options.rate_hz or rig.link.rate_hz
     check_encoders(device, rig)
     device.check_rate(rate_hz)
     check_room(out_dir, options.longest * rate_hz)
@@ -178,7 +178,12 @@ def check_encoders(device: Device, rig: Rig) -> None:
         )
 
 
-def _pose(rig: Rig, name: str) -> Pose:
+def pose_named(rig: Rig, name: str) -> Pose:
+    """Return a pose of a rig.
+
+    Raises:
+        ConfigError: the rig has no pose with this name.
+    """
     if name not in rig.poses:
         raise ConfigError(unknown_name(f"{rig.path or rig.name}: has no pose {name!r}", name, rig.poses))
     return rig.poses[name]

@@ -1,38 +1,37 @@
-"""Identify a model from runs by global search and least squares."""
+"""Identify a rig with any mode of the arm, and analyse which parameters its recordings determine."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from typing import TypeVar
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.errors import ConfigError, IdentificationError, RunError, unknown_name
+from dpr_lab.errors import ConfigError, IdentificationError, RunError, refuse_unknown
+from dpr_lab.estimation.usable_runs import refuse_other_rigs, refuse_repeated
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.identification.expected import expected_information
-from dpr_lab.identification.identifiability import Identifiability, identifiability
+from dpr_lab.identification.identifiability import Identifiability
+from dpr_lab.identification.identifiability import identifiability as analysed
 from dpr_lab.identification.identified import determined, identified_model
 from dpr_lab.identification.merging import merge_segments
 from dpr_lab.identification.misread.refuse import refuse_impossible, refuse_impossible_scale, refuse_misread
 from dpr_lab.identification.misread.solvable import solvable
-from dpr_lab.identification.model import (
-    Model,
-    SearchRecord,
-)
+from dpr_lab.identification.model import Model, SearchRecord
+from dpr_lab.identification.moving_arm.identifiability import ArmIdentifiability, identifiability_of_arm
+from dpr_lab.identification.moving_arm.identify import identify_moving_arm
+from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.objectives import OBJECTIVES
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
 from dpr_lab.identification.prior_update import update_prior
 from dpr_lab.identification.ratio_fit import RatioFit, short_fit
 from dpr_lab.identification.uncertainty import uncertainty
 from dpr_lab.rig import PARAMETERS, Rig
-from dpr_lab.run import Run, as_runs
+from dpr_lab.run import Run, as_runs, moves
 from dpr_lab.search import ALGORITHMS, load_search
 from dpr_lab.search.problem import Generation
 from dpr_lab.search.settings import SearchSettings
-
-Entry = TypeVar("Entry")
 
 
 @solvable
@@ -48,23 +47,55 @@ def identify(
     on_generation: Callable[[Generation, int], None] | None = None,
     stop: Callable[[], bool] | None = None,
     on_polish: Callable[[], None] | None = None,
-) -> Model:
-    """Identify the kinetic parameters of a rig from runs with a clamped or prescribed arm.
+) -> Model | MovingArmModel:
+    """Identify the parameters of a rig from recordings.
 
-    See `dpr_lab.identification.moving_arm.any_arm.identify` for the arguments; it accepts every mode of the
-    arm.
+    With a clamped or prescribed arm, a global search (by default the improved genetic algorithm, IGA) finds initial
+    values within the bounds of the rig file. A least-squares fit then estimates the ratios and their covariance. It
+    starts with segments of 0.25 s, which are lengthened as long as the model follows the readings.
+
+    With a free or driven arm, the parameters of arm and drive are identified as well. The same least-squares fit then
+    starts from the values of the rig file, and the search options below have no effect. A genetic algorithm searches
+    for initial values only if this fit fails.
+
+    Args:
+        runs: one or several runs; two free swings from different poses are sufficient
+        rig: bounds, measured values, encoders
+        objective: a name of `OBJECTIVES`: `segments` (default) or `paper` (E(Z), docs/theory.md equation 2)
+        search: a name of `ALGORITHMS`
+        settings: settings of the search; default: those of the objective
+        seed: seed of all random numbers; the same seed gives the same result for any number of threads
+        profile: whether to compute the interval of each ratio by profile likelihood as well, which takes some seconds
+        on_generation: function that is called with each generation and the maximum number of generations
+        stop: function that is called after each generation; if it returns true the search ends, and the local fit
+            starts from the best individual
+        on_polish: function that is called at the start of the local fit
+
+    Returns:
+        `MovingArmModel` if the arm of a run is free or driven, or if a single rod swings on a clamped arm of a rig
+        whose arm is free or driven in the rig file; otherwise `Model`. Both have `ratios`, `warnings`, `failures` and
+        `save`.
 
     Raises:
         ConfigError: the objective or the search is unknown.
-        RunError: there are no runs.
-        IdentificationError: no candidate inside the bounds could be simulated, or the recordings do not match the rig
-            because zero, unit, sign or order of the readings is specified incorrectly.
+        RunError: there are no runs, a run is given twice, or a run cannot be used or belongs to another rig.
+        IdentificationError: no candidate inside the bounds could be simulated, the recordings determine no parameter,
+            or they do not match the rig because zero, unit, sign or order of the readings is specified incorrectly.
+
+    Source: docs/theory.md, section 2 (search), 5 (multiple shooting), 11 and 12 (parameters from ratios).
     """
     runs = as_runs(runs)
+    refuse_repeated(runs)
+    refuse_other_rigs(runs, rig.name)
+    if has_arm_model(runs, rig):
+        if on_polish:
+            on_polish()
+        return identify_moving_arm(runs, rig)
     if not runs:
         raise RunError("no runs to identify from")
-    chosen = _choose(OBJECTIVES, objective, "objective")
-    algorithm = _choose(ALGORITHMS, search, "search")
+    refuse_unknown([objective], OBJECTIVES, "objective")
+    refuse_unknown([search], ALGORITHMS, "search")
+    chosen = OBJECTIVES[objective]
     refuse_misread(runs, rig)
     prepared_runs = [preprocess(run, rig) for run in runs]
     settings = settings or _suited(chosen.settings, search)
@@ -75,7 +106,8 @@ def identify(
     began = time.perf_counter()
     history: list[Generation] = []
     searched = [swing for swing in prepared_runs if swing.run.setup.free] or prepared_runs
-    for generation in algorithm.run(chosen.build(searched, rig), rig.bounds, settings, np.random.default_rng(seed)):
+    rng = np.random.default_rng(seed)
+    for generation in ALGORITHMS[search].run(chosen.build(searched, rig), rig.bounds, settings, rng):
         history.append(generation)
         if on_generation:
             on_generation(generation, settings.generations)
@@ -102,6 +134,16 @@ def identify(
     return identified_model(polish(history[-1].best, prepared_runs, rig), prepared_runs, rig, record, profile)
 
 
+def has_arm_model(runs: Sequence[Run], rig: Rig) -> bool:
+    """Check whether `identify` returns a `MovingArmModel` for these runs.
+
+    The result is also true for recordings of a rotary pendulum with a single rod and a clamped arm. These recordings
+    determine only ratios to the inertia of the rod.
+    """
+    alone = rig.rods.mounted == "inner" and rig.arm.mode in ("free", "driven")
+    return moves(runs) or (alone and bool(runs) and not any(run.arm_mode == "prescribed" for run in runs))
+
+
 def polish(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
     """Fit the ratios by least squares in longer and longer segments.
 
@@ -126,32 +168,48 @@ def polish(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
 
 
 @solvable
-def identifiability_of(
+def identifiability(
     runs: Run | Sequence[Run], rig: Rig, tell: Callable[[str], object] | None = None
-) -> Identifiability:
-    """Analyse which parameters of a rig free swings determine, and recommend bench measurements.
+) -> Identifiability | ArmIdentifiability:
+    """Analyse which parameters of a rig its recordings determine, and recommend bench measurements.
 
     Example: `dpr.identifiability(runs, rig).null_space`, or `dpr.identifiability([], rig)` before any recording.
 
     Args:
         runs: one or several recordings; if empty, releases from the poses of the rig are simulated with the values of
             the rig file
-        rig: bounds, measured values, encoders and poses
+        rig: bounds, measured values, encoders, poses and motor
         tell: function that is called with each notice or warning
 
+    Returns:
+        `ArmIdentifiability` if the arm is free or driven in a run (without runs: in the rig file); otherwise
+        `Identifiability`.
+
     Raises:
-        ConfigError: there are neither runs nor poses.
-        RunError: a run cannot be used.
-        IdentificationError: the fitted values are physically impossible.
+        ConfigError: there are neither runs nor poses; or a joint of the rig is prescribed, and there are no runs that
+            contain its motion.
+        RunError: a run cannot be used, or belongs to another rig.
+        IdentificationError: the fitted values are physically impossible, or cannot be simulated.
+
+    Source: docs/theory.md, sections 3 and 16.
     """
     tell, runs = tell or (lambda sentence: None), as_runs(runs)
+    refuse_other_rigs(runs, rig.name)
+    if moves(runs) or (not runs and rig.arm.mode in ("free", "driven")):
+        return identifiability_of_arm(runs, rig)
     if not runs:
+        if "prescribed" in (rig.joints.inner, rig.arm.mode):
+            joint = "inner rod" if rig.joints.inner == "prescribed" else "arm"
+            raise ConfigError(
+                f"the {joint} of rig {rig.name} is prescribed: its motion, which determines the identifiable"
+                " parameters, is known only from recordings. Give runs, for example runs/*.mcap"
+            )
         if not rig.poses:
             raise ConfigError(
                 f"{rig.path}: poses: there are no poses to simulate; add [poses.X1], or give recorded runs"
             )
         tell(f"no runs given: simulated releases from {', '.join(rig.poses)}, with the values of the rig file")
-        return identifiability(expected_information(rig.nominal, rig), rig)
+        return analysed(expected_information(rig.nominal, rig), rig)
     refuse_misread(runs, rig)
     ratio_fit = polish(rig.nominal, [preprocess(run, rig) for run in runs], rig)
     if not ratio_fit.fit.converged:
@@ -163,9 +221,7 @@ def identifiability_of(
     nine, _ = update_prior(ratio_uncertainty.values, ratio_uncertainty.of_runs, rig, ratio_fit.visible)
     Z = np.array([value.value for value in nine.values()])
     # A residual above the noise floor is treated as noise of that size.
-    return identifiability(
-        ratio_uncertainty.information / max(1.0, ratio_fit.chi2_per_dof), rig, Z, visible=ratio_fit.visible
-    )
+    return analysed(ratio_uncertainty.information / max(1.0, ratio_fit.chi2_per_dof), rig, Z, visible=ratio_fit.visible)
 
 
 def _suited(name: str, search: str) -> SearchSettings:
@@ -175,9 +231,3 @@ def _suited(name: str, search: str) -> SearchSettings:
     """
     settings = load_search(name)
     return settings if settings.algorithm == search else ALGORITHMS[search].settings()
-
-
-def _choose(table: Mapping[str, Entry], name: str, kind: str) -> Entry:
-    if name not in table:
-        raise ConfigError(unknown_name(f"no {kind} named {name}", name, table))
-    return table[name]

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -22,15 +22,14 @@ from dpr_lab.shown import FIXED_BY, Row, Shown
 from dpr_lab.whole_file import read_text, write_text
 
 RODS = ("theta1", "theta2")
-
+Kept = TypeVar("Kept")
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class _Record(BaseModel):
+class ModelPart(BaseModel):
+    """Part of a model file; keys of other versions are ignored."""
+
     model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
-
-
-Kept = TypeVar("Kept")
 
 
 def by_name(names: Sequence[str]) -> Callable[[dict[str, Kept]], dict[str, Kept]]:
@@ -46,7 +45,7 @@ def by_name(names: Sequence[str]) -> Callable[[dict[str, Kept]], dict[str, Kept]
     return ordered
 
 
-class EstimatedValue(_Record):
+class EstimatedValue(ModelPart):
     """Estimated value, its standard deviation and its 90 % interval."""
 
     value: Number
@@ -61,7 +60,7 @@ class EstimatedValue(_Record):
     """Source: `data`, or `bound` if the value depends mainly on nominal values and bounds of the rig file."""
 
 
-class ParameterValue(_Record):
+class ParameterValue(ModelPart):
     """One of the nine kinetic parameters and its source."""
 
     value: Number
@@ -78,11 +77,6 @@ class ParameterValue(_Record):
 def of_rods(ratios: dict[str, Kept]) -> dict[str, Kept]:
     """Check that the ratios are those of both rods, or of the inner rod alone."""
     return by_name(ALONE if set(ratios) == set(ALONE) else RATIOS)(ratios)
-
-
-def of_rods_or_none(ratios: dict[str, Kept]) -> dict[str, Kept]:
-    """Check the names as `of_rods` does, but accept an empty table."""
-    return ratios and of_rods(ratios)
 
 
 def ratios_alone(five: Sequence[EstimatedValue], p_over_b: float, gravity_rate: float) -> dict[str, EstimatedValue]:
@@ -104,7 +98,7 @@ def ratios_alone(five: Sequence[EstimatedValue], p_over_b: float, gravity_rate: 
     return {"e1/a": over_a(ratios["e1/b"], p_over_b * gravity_rate), "c1/a": over_a(ratios["c1/b"], 0.0)}
 
 
-class RigFacts(_Record):
+class RigFacts(ModelPart):
     """Constants of the rig that a simulation uses in addition to the ratios."""
 
     name: str
@@ -122,7 +116,7 @@ class RigFacts(_Record):
         return cls(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g)
 
 
-class RunUsed(_Record):
+class RunUsed(ModelPart):
     """A run that was used in the identification."""
 
     file: str
@@ -152,7 +146,7 @@ class RunUsed(_Record):
         return cls(file=str(run.file or run.name), sha256=run.sha256, pose=run.pose, **figures)
 
 
-class Covariance(_Record):
+class Covariance(ModelPart):
     """A covariance matrix and the order of its rows."""
 
     order: list[str]
@@ -169,7 +163,7 @@ class Covariance(_Record):
         return self
 
 
-class Identifiable(_Record):
+class Identifiable(ModelPart):
     """Directions in the space of the nine parameters that the recordings identify."""
 
     rank: int
@@ -180,7 +174,7 @@ class Identifiable(_Record):
     """Bench measurements that would determine more parameters, best first."""
 
 
-class FitSummary(_Record):
+class FitSummary(ModelPart):
     """Quality of the fit to all runs, which are cut into segments with free initial states."""
 
     rms_rad: Annotated[dict[str, Number], AfterValidator(by_name(RODS))]
@@ -197,7 +191,7 @@ class FitSummary(_Record):
     """Length of the longest segment, s."""
 
 
-class SearchRecord(_Record):
+class SearchRecord(ModelPart):
     """History of the global search by generation."""
 
     algorithm: str
@@ -220,7 +214,26 @@ class SearchRecord(_Record):
     """Columns of the history by generation: `evaluations`, `best_cost`, `best_fitness`, `population_fitness`."""
 
 
-class Model(Shown, _Record):
+class FittedModel(Shown, ModelPart):
+    """Common part of the models with a clamped and with a moving arm: runs and file."""
+
+    if TYPE_CHECKING:
+        runs: list[RunUsed]
+
+    def used(self, sha256: str) -> bool:
+        """Check whether the run with this hash was fitted; otherwise it is held out."""
+        return bool(sha256) and any(run.sha256 == sha256 for run in self.runs)
+
+    def save(self, path: Path) -> None:
+        """Write `model.json` atomically.
+
+        Raises:
+            RunError: the file cannot be written.
+        """
+        write_text(path, self.model_dump_json(indent=1) + "\n", RunError)
+
+
+class Model(FittedModel):
     """Identified model: five ratios with intervals, nine parameters with sources, and the history of the search."""
 
     rig: RigFacts
@@ -238,7 +251,7 @@ class Model(Shown, _Record):
     """
     covariance: Covariance
     """Covariance of the unknowns that the runs determine."""
-    cramer_rao_std: Annotated[dict[str, Number], AfterValidator(of_rods_or_none)]
+    cramer_rao_std: Annotated[dict[str, Number], AfterValidator(lambda ratios: ratios and of_rods(ratios))]
     """Cramer-Rao bound of the standard deviation of each ratio at this noise; empty in a corrected model of one rod."""
     parameters: Annotated[dict[str, ParameterValue], AfterValidator(by_name(PARAMETERS))]
     """The nine kinetic parameters by name, in SI units, with their sources."""
@@ -346,18 +359,6 @@ class Model(Shown, _Record):
                 f" {rig.L1:g} m: use the rig file of this model, or identify this rig first"
             )
         return self.unknowns
-
-    def used(self, sha256: str) -> bool:
-        """Check whether the run with this hash was fitted; otherwise it is held out."""
-        return bool(sha256) and any(run.sha256 == sha256 for run in self.runs)
-
-    def save(self, path: Path) -> None:
-        """Write `model.json` atomically.
-
-        Raises:
-            RunError: the file cannot be written.
-        """
-        write_text(path, self.model_dump_json(indent=1) + "\n", RunError)
 
 
 def load_model(path: Path | str) -> Model:

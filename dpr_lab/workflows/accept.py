@@ -6,10 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.gap.result import RECORD as DIAGNOSIS_RECORD
-from dpr_lab.whole_file import whole_folder
 from dpr_lab.workflows.checks import refuse_file
-from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose, kept_diagnosis, save_results, with_verdict
+from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose, diagnosis_folder, save_results
 from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_diagnosis, read_runs
 
@@ -123,7 +121,7 @@ def _save(
     """Write the results of the limits, and the diagnosis with its report."""
     from dpr_lab.report.plain import write_json
 
-    with with_verdict(diagnosis), whole_folder(out, DIAGNOSIS_RECORD) as folder, kept_diagnosis(diagnosis, folder, out):
+    with diagnosis_folder(diagnosis, out) as folder:
         write_json(asdict(acceptance), folder / RECORD)
         files = save_results(diagnosis, runs, rig, folder, out, on_event, acceptance).files
     return {"accept": str(out / RECORD), **files}

@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from dpr_lab.workflows.checks import refuse_file, refuse_no_poses, refuse_unknown_poses, with_modes, with_rods
+from dpr_lab.workflows.checks import refuse_file, refuse_no_poses, with_modes, with_rods
 from dpr_lab.workflows.events import CaptureBegan, CaptureDone, CaptureProgress, DeviceGreeted, OnEvent, ignore
 
 if TYPE_CHECKING:
@@ -77,13 +77,14 @@ def capture(request: CaptureRequest, confirm: "Confirm", on_event: OnEvent = ign
         ConfigError: the rig is not valid or lacks a pose, or a file with the name of the folder exists.
         DprError: see `dpr_lab.acquisition.capture.capture`.
     """
-    from dpr_lab.acquisition.capture import check_encoders
+    from dpr_lab.acquisition.capture import check_encoders, pose_named
     from dpr_lab.acquisition.device import Device
     from dpr_lab.rig import load_rig
     from dpr_lab.transports import open_transport
 
     rig = with_rods(with_modes(load_rig(request.rig), request.arm, request.inner), request.rods, request.elbow)
-    refuse_unknown_poses(rig, request.poses)
+    for name in request.poses:
+        pose_named(rig, name)
     refuse_no_poses(rig)
     refuse_file(request.out)
     url = rig.link.url if request.url is None else request.url

@@ -1,11 +1,10 @@
 """Checks of a request before its job starts."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
-from dpr_lab.errors import ConfigError, unknown_name
+from dpr_lab.errors import ConfigError
 
 if TYPE_CHECKING:
     from dpr_lab.rig import Rig
@@ -105,14 +104,3 @@ def refuse_no_poses(rig: "Rig") -> None:
             f"{rig.path or rig.name}: has no poses for a release: add a table [poses.NAME] with"
             " theta1 and theta2 (docs/rig-file.md)"
         )
-
-
-def refuse_unknown_poses(rig: "Rig", names: Sequence[str]) -> None:
-    """Check that the rig has all requested poses, before the first recording.
-
-    Raises:
-        ConfigError: a pose is missing.
-    """
-    unknown = [name for name in names if name not in rig.poses]
-    if unknown:
-        raise ConfigError(unknown_name(f"{rig.path or rig.name}: has no pose {unknown[0]!r}", unknown[0], rig.poses))

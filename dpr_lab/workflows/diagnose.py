@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.errors import ConfigError, DprError, RunError, unknown_name
+from dpr_lab.errors import ConfigError, DprError, RunError, refuse_unknown
 from dpr_lab.gap.result import RECORD
 from dpr_lab.shown import percent
 from dpr_lab.whole_file import whole_folder
@@ -114,11 +114,7 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
     finish = partial(_with_trust, runs=runs, rig=rig, request=request, library=library, on_event=on_event)
     if request.out is None:
         return DiagnoseResult(finish(diagnosis), {})
-    with (
-        with_verdict(diagnosis),
-        whole_folder(request.out, RECORD) as folder,
-        kept_diagnosis(diagnosis, folder, request.out),
-    ):
+    with diagnosis_folder(diagnosis, request.out) as folder:
         diagnosis = finish(diagnosis)
         write_json(diagnosis.to_json(), folder / RECORD)
         on_event(StageBegan(stages, stages, "report"))
@@ -187,42 +183,31 @@ def _refuse_trials(runs: "Sequence[Run]") -> None:
 
 
 @contextmanager
-def with_verdict(diagnosis: "Diagnosis") -> "Iterator[None]":
-    """Add the verdict to an error of the steps after the diagnosis.
+def diagnosis_folder(diagnosis: "Diagnosis", out: Path) -> "Iterator[Path]":
+    """Yield a temporary folder for the results that contains the diagnosis; it is moved to `out` at the end.
+
+    If a step after the diagnosis fails, the error also states the verdict and the file of the diagnosis.
 
     Raises:
-        DprError: re-raised with the verdict.
-    """
-    try:
-        yield
-    except DprError as error:
-        raise type(error)(f"{error}. Verdict of the diagnosis: {diagnosis.sentence}") from error
-
-
-@contextmanager
-def kept_diagnosis(diagnosis: "Diagnosis", folder: Path, out: Path) -> "Iterator[None]":
-    """Save a diagnosis before steps that may fail, and name its file if they fail.
-
-    Args:
-        diagnosis: the diagnosis
-        folder: temporary folder of the results
-        out: final folder of the results
-
-    Raises:
-        DprError: the diagnosis cannot be written, or re-raised with the file of the diagnosis.
+        DprError: a file cannot be written, or re-raised with verdict and file.
         KeyboardInterrupt: re-raised with the file of the diagnosis.
     """
     from dpr_lab.report.plain import write_json
 
-    write_json(diagnosis.to_json(), folder / RECORD)
-    saved = f"The diagnosis is in {folder / RECORD}; no other file in {out} was written"
+    saved = ""
     try:
-        yield
+        with whole_folder(out, RECORD) as folder:
+            write_json(diagnosis.to_json(), folder / RECORD)
+            saved = f". The diagnosis is in {folder / RECORD}; no other file in {out} was written"
+            yield folder
+            saved = ""
     except DprError as error:
-        raise type(error)(f"{error}. {saved}") from error
+        raise type(error)(f"{error}{saved}. Verdict of the diagnosis: {diagnosis.sentence}") from error
     except KeyboardInterrupt:
+        if not saved:
+            raise
         raise KeyboardInterrupt(
-            f"interrupted: report and models are missing. {saved}. Run the same command again to write all files"
+            f"interrupted: report and models are missing{saved}. Run the same command again to write all files"
         ) from None
 
 
@@ -243,9 +228,7 @@ def chosen_library(names: Sequence[str] | None, without: Sequence[str]) -> "Mapp
     from dpr_lab.effects import EFFECTS
 
     wanted = list(EFFECTS) if names is None else names
-    unknown = [name for name in (*wanted, *without) if name not in EFFECTS]
-    if unknown:
-        raise ConfigError(unknown_name(f"no effect named {unknown[0]}", unknown[0], EFFECTS))
+    refuse_unknown((*wanted, *without), EFFECTS, "effect")
     library = {name: EFFECTS[name] for name in EFFECTS if name in wanted and name not in without}
     if not library:
         raise ConfigError(

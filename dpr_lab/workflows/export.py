@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.errors import ConfigError, RunError, unknown_name
+from dpr_lab.errors import RunError, refuse_unknown
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.events import OnEvent, StageBegan, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
@@ -79,11 +79,10 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
     from dpr_lab.rig import load_rig
     from dpr_lab.run import torque_kinds
 
-    if unknown := [name for name in request.formats if name not in FORMATS]:
-        raise ConfigError(unknown_name(f"no format named {unknown[0]}", unknown[0], FORMATS))
+    refuse_unknown(request.formats, FORMATS, "format")
     refuse_file(request.out)
     rig = load_rig(request.rig)
-    model = model_to_export(request.model / "model.json" if request.model.is_dir() else request.model, rig)
+    model = model_to_export(request.model, rig)
     runs = read_runs(request.check, rig, on_event, torque=request.torque, moving=isinstance(model, MovingArmModel))
     for run in runs:
         if run.arm is not None:
@@ -129,14 +128,14 @@ def _scale(model: "AnyModel") -> dict[str, Any] | None:
 
 
 def model_to_export(file: Path, rig: "Rig") -> "AnyModel":
-    """Read a model of a rig, with a clamped or a moving arm.
+    """Read a model of a rig, with a clamped or a moving arm, from its file or the folder of a diagnosis.
 
     Raises:
         RunError: the model cannot be read, or belongs to another rig.
     """
-    from dpr_lab.identification.moving_arm.any_arm import load_model
-    from dpr_lab.identification.moving_arm.model import MovingArmModel
+    from dpr_lab.identification.moving_arm.model import MovingArmModel, load_model
 
+    file = file / "model.json" if file.is_dir() else file
     model = load_model(file)
     if not isinstance(model, MovingArmModel):
         model.starting_point(rig)

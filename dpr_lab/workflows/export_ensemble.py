@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.errors import ConfigError, RunError, unknown_name
+from dpr_lab.errors import RunError, refuse_unknown
 from dpr_lab.gap.result import RECORD
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.events import OnEvent, ignore
@@ -116,13 +116,11 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     from dpr_lab.rig import load_rig
     from dpr_lab.workflows.export import model_to_export
 
-    if unknown := [name for name in request.formats if name not in FORMATS]:
-        raise ConfigError(unknown_name(f"no format named {unknown[0]}", unknown[0], FORMATS))
+    refuse_unknown(request.formats, FORMATS, "format")
     refuse_file(request.out)
     rig = load_rig(request.rig)
-    file = request.model / "model.json" if request.model.is_dir() else request.model
-    model = model_to_export(file, rig)
-    diagnosis = _diagnosis_of(model, file.with_name(RECORD))
+    model = model_to_export(request.model, rig)
+    diagnosis = _diagnosis_of(model, (request.model if request.model.is_dir() else request.model.parent) / RECORD)
     moving = isinstance(model, MovingArmModel)
     runs = read_runs(request.check, rig, on_event, torque=request.torque, moving=moving)
     scatter, factor_of_fit = None, 1.0

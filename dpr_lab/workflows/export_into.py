@@ -75,7 +75,7 @@ def export_into(
 
     refuse_own_folder(out, into)
     loaded_rig = load_rig(rig)
-    loaded = model_to_export(model / "model.json" if model.is_dir() else model, loaded_rig)
+    loaded = model_to_export(model, loaded_rig)
     patched = into_file(loaded, loaded_rig, into, joints)
     file, diff_file = out / into.name, out / f"{into.name}.diff"
     diff = patched.diff(into, str(file))

@@ -45,7 +45,7 @@ def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore)
             motion, which only recordings contain.
         RunError: a run cannot be used.
     """
-    from dpr_lab.identification.moving_arm.any_arm import identifiability as identifiability_of
+    from dpr_lab.identification.identify import identifiability as identifiability_of
     from dpr_lab.rig import load_rig
     from dpr_lab.run import torque_kinds
 

@@ -62,7 +62,7 @@ def identify(request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proc
         RunError: a run cannot be used, or there are no runs.
         IdentificationError: no candidate inside the bounds could be simulated, or the fit determines nothing.
     """
-    from dpr_lab.identification.moving_arm.any_arm import identify as identify_runs
+    from dpr_lab.identification.identify import identify as identify_runs
     from dpr_lab.rig import load_rig
     from dpr_lab.search import load_search
 

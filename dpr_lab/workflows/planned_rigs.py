@@ -11,6 +11,7 @@ from dpr_lab.whole_file import write_text
 if TYPE_CHECKING:
     from dpr_lab.planning.result import Plan, PlannedRelease
     from dpr_lab.rig import Rig
+    from dpr_lab.rig_tables import AddedMass
 
 ARM_MODES = {"held": "clamped", "free": "free", "driven": "driven"}
 """Mode of the arm in the rig file for each state of the arm in a planned release."""
@@ -53,19 +54,19 @@ RigSetup = tuple[str, str, str, str]
 
 
 def _setup_of(rig: "Rig") -> RigSetup:
-    mass = rig.added_mass
-    return rig.rods.mounted, rig.rods.elbow, "" if mass is None else _mass_table(mass.model_dump()), rig.arm.mode
+    return rig.rods.mounted, rig.rods.elbow, _mass_table(rig.added_mass), rig.arm.mode
 
 
 def _setup(release: "PlannedRelease", rig: "Rig") -> RigSetup:
-    mass = "" if release.added_mass is None else _mass_table(release.added_mass.model_dump())
-    mode = ARM_MODES[release.arm]
     held = release.arm == "held" and rig.arm.mode not in ("free", "driven")
-    return release.mounted, release.elbow, mass, rig.arm.mode if held else mode
+    mode = rig.arm.mode if held else ARM_MODES[release.arm]
+    return release.mounted, release.elbow, _mass_table(release.added_mass), mode
 
 
-def _mass_table(mass: dict[str, object]) -> str:
-    return f'[added_mass]\nrod = "{mass["rod"]}"\nmass = {mass["mass"]}\nposition = {mass["position"]}\n'
+def _mass_table(mass: "AddedMass | None") -> str:
+    if mass is None:
+        return ""
+    return f'[added_mass]\nrod = "{mass.rod}"\nmass = {mass.mass}\nposition = {mass.position}\n'
 
 
 def _with_setup(text: str, setup: RigSetup, rig: "Rig") -> str:

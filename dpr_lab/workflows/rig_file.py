@@ -134,19 +134,19 @@ def _one_rod(m: RigMeasures) -> Parameters:
     """
     if m.mounted != "inner":
         raise ConfigError("two rods require the mass and length of the outer rod; for one rod, give --rods inner")
-    mass, inertia, moment = _mass(m.m1), m.m1.value * m.L1**2 / 3, m.m1.value * m.L1 / 2
+    mass, inertia, moment = mass_bounds(m.m1.value), m.m1.value * m.L1**2 / 3, m.m1.value * m.L1 / 2
     return {
-        "l1": ("distance from joint 1 to the centre of mass of the rod, m", _centre(m.L1), None),
+        "l1": ("distance from joint 1 to the centre of mass of the rod, m", centre_bounds(m.L1), None),
         "m1": ("mass of the rod, kg", mass, m.m1.std),
-        "c1": ("viscous friction of joint 1, N m s/rad", _friction(inertia, moment * m.g), None),
-        "J1": ("inertia of the rod about its centre of mass, kg m^2", _inertia(mass, m.L1), None),
+        "c1": ("viscous friction of joint 1, N m s/rad", friction_bounds(inertia, moment * m.g), None),
+        "J1": ("inertia of the rod about its centre of mass, kg m^2", inertia_bounds(mass, m.L1), None),
     }
 
 
 def _both_rods(m: RigMeasures, m2: Measure, mb: Measure, L2: float) -> Parameters:
     """Return the nine tables in `[parameters]` for a rig with two rods."""
     s, rods = DRAFT, m.m1.value + m2.value
-    mass = {"m1": _mass(m.m1), "m2": _mass(m2), "mb": _mass(mb)}
+    mass = {"m1": mass_bounds(m.m1.value), "m2": mass_bounds(m2.value), "mb": mass_bounds(mb.value)}
     if m.mb is None:
         mass["mb"] = (s.elbow[0] * rods, mb.value, s.elbow[2] * rods)
     stds = {"m1": m.m1.std, "m2": m2.std, "mb": mb.std}
@@ -154,15 +154,15 @@ def _both_rods(m: RigMeasures, m2: Measure, mb: Measure, L2: float) -> Parameter
     hanging = m.m1.value * m.L1**2 / 3 + (mb.value + m2.value) * m.L1**2 + tip
     moments = (m.m1.value / 2 + mb.value + m2.value) * m.L1, m2.value * L2 / 2
     return {
-        "l1": ("distance from joint 1 to the centre of mass of the inner rod, m", _centre(m.L1), None),
-        "l2": ("distance from joint 2 to the centre of mass of the outer rod, m", _centre(L2), None),
+        "l1": ("distance from joint 1 to the centre of mass of the inner rod, m", centre_bounds(m.L1), None),
+        "l2": ("distance from joint 2 to the centre of mass of the outer rod, m", centre_bounds(L2), None),
         "m1": ("mass of the inner rod, kg", mass["m1"], stds["m1"]),
         "m2": ("mass of the outer rod, kg", mass["m2"], stds["m2"]),
         "mb": ("mass of the parts at the elbow (encoder, bearing, motor), kg", mass["mb"], stds["mb"]),
-        "c1": ("viscous friction of joint 1, N m s/rad", _friction(hanging, moments[0] * m.g), None),
-        "c2": ("viscous friction of joint 2, N m s/rad", _friction(tip, moments[1] * m.g), None),
-        "J1": ("inertia of the inner rod about its centre of mass, kg m^2", _inertia(mass["m1"], m.L1), None),
-        "J2": ("inertia of the outer rod about its centre of mass, kg m^2", _inertia(mass["m2"], L2), None),
+        "c1": ("viscous friction of joint 1, N m s/rad", friction_bounds(hanging, moments[0] * m.g), None),
+        "c2": ("viscous friction of joint 2, N m s/rad", friction_bounds(tip, moments[1] * m.g), None),
+        "J1": ("inertia of the inner rod about its centre of mass, kg m^2", inertia_bounds(mass["m1"], m.L1), None),
+        "J2": ("inertia of the outer rod about its centre of mass, kg m^2", inertia_bounds(mass["m2"], L2), None),
     }
 
 
@@ -189,20 +189,24 @@ def refuse_rig_file(file: Path) -> None:
         raise ConfigError(f"{file}: exists already; choose another name")
 
 
-def _mass(measure: Measure) -> Bounds:
-    return DRAFT.mass[0] * measure.value, measure.value, DRAFT.mass[1] * measure.value
+def mass_bounds(mass: float) -> Bounds:
+    """Return bounds and nominal value of a mass, kg."""
+    return DRAFT.mass[0] * mass, mass, DRAFT.mass[1] * mass
 
 
-def _centre(length: float) -> Bounds:
+def centre_bounds(length: float) -> Bounds:
+    """Return bounds and nominal value of the distance of the centre of mass of a rod of this length, m."""
     return DRAFT.centre[0] * length, length / 2, DRAFT.centre[1] * length
 
 
-def _inertia(mass: Bounds, length: float) -> Bounds:
+def inertia_bounds(mass: Bounds, length: float) -> Bounds:
+    """Return bounds and nominal value of the inertia of a rod about its centre of mass, kg m^2."""
     lower, upper = DRAFT.inertia
     return lower * mass[0] * length**2, mass[1] * length**2 / 12, upper * mass[2] * length**2
 
 
-def _friction(inertia: float, stiffness: float) -> Bounds:
+def friction_bounds(inertia: float, stiffness: float) -> Bounds:
+    """Return bounds and nominal value of the viscous friction of a joint, N m s/rad; see `draft_rig`."""
     lower, guess, upper = (2 * z * math.sqrt(inertia * stiffness) for z in DRAFT.damping)
     return lower, guess, upper
 

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 from dpr_lab.errors import ConfigError
 from dpr_lab.whole_file import write_text
 from dpr_lab.workflows.rig_drive import MotorMeasures
-from dpr_lab.workflows.rig_file import DRAFT, refuse_rig_file
+from dpr_lab.workflows.rig_file import (
+    DRAFT,
+    centre_bounds,
+    friction_bounds,
+    inertia_bounds,
+    mass_bounds,
+    refuse_rig_file,
+)
 from dpr_lab.workflows.rig_toml import Bounds, about, rendered
 
 if TYPE_CHECKING:
@@ -117,24 +124,21 @@ def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> 
 
     The bounds are extended if the value of the model is outside. A missing value is set to its lower bound.
     """
-    d = DRAFT
     lengths = [rod.length or 2 * rod.centroid for rod in chain.rods]
     Z = {name: values.get(name, 0.0) for name in ("l1", "l2", "m1", "m2", "mb", "J1", "J2")}
     tip = Z["J2"] + Z["m2"] * Z["l2"] ** 2
     hanging = Z["J1"] + Z["m1"] * Z["l1"] ** 2 + (Z["mb"] + Z["m2"]) * lengths[0] ** 2 + tip
     moments = Z["m1"] * Z["l1"] + (Z["mb"] + Z["m2"]) * lengths[0], Z["m2"] * Z["l2"]
-    ranges: dict[str, tuple[float, float]] = {}
+    ranges: dict[str, Bounds] = {}
     for rod, inertia in list(enumerate((hanging, tip), 1))[: len(chain.rods)]:
         mass, length = Z[f"m{rod}"], lengths[rod - 1]
-        ranges[f"m{rod}"] = d.mass[0] * mass, d.mass[1] * mass
-        ranges[f"l{rod}"] = d.centre[0] * length, d.centre[1] * length
-        ranges[f"J{rod}"] = d.inertia[0] * mass * length**2, d.inertia[1] * mass * length**2
-        scale = 2 * math.sqrt(max(inertia * moments[rod - 1] * chain.gravity, 1e-30))
-        ranges[f"c{rod}"] = d.damping[0] * scale, d.damping[2] * scale
+        ranges[f"m{rod}"], ranges[f"l{rod}"] = mass_bounds(mass), centre_bounds(length)
+        ranges[f"J{rod}"] = inertia_bounds((mass, mass, mass), length)
+        ranges[f"c{rod}"] = friction_bounds(inertia, max(moments[rod - 1] * chain.gravity, 1e-30))
     if "mb" in values:
-        ranges["mb"] = (d.mass[0] * Z["mb"], d.mass[1] * Z["mb"]) if Z["mb"] > 0 else (5e-7, 2e-6)
+        ranges["mb"] = mass_bounds(Z["mb"]) if Z["mb"] > 0 else (5e-7, 1e-6, 2e-6)
     bounds = {}
-    for name, (lower, upper) in ranges.items():
+    for name, (lower, _, upper) in ranges.items():
         value = values[name]
         if not value > 0:
             value = {"mb": 1e-6, "J1": 1e-4 * lower, "J2": 1e-4 * lower}.get(name, lower)  # J: of a point mass

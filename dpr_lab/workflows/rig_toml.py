@@ -1,7 +1,8 @@
 """Rig files rendered by Jinja2 from the templates of this package."""
 
+import json
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -58,18 +59,14 @@ def _environment() -> "Environment":
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
-    environment.filters |= {"number": _number, "text": _text, "comment": _comment, "keys": _keys, "around": about}
+    text = partial(json.dumps, ensure_ascii=False)  # a JSON string is also a TOML string
+    environment.filters |= {"number": _number, "text": text, "comment": _comment, "keys": _keys, "around": about}
     return environment
 
 
 def _number(value: float, digits: int = 4) -> str:
     """Return a number in TOML with `digits` significant digits."""
     return repr(float(f"{value:.{digits}g}"))
-
-
-def _text(value: str) -> str:
-    """Return a text as a quoted TOML string."""
-    return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def _comment(text: object) -> str:

@@ -53,5 +53,5 @@ def test_a_full_disk_does_not_lose_the_verdict(tmp_path, monkeypatch: pytest.Mon
     monkeypatch.setattr("dpr_lab.report.plain.write_json", fail)
     diagnosis: Any = SimpleNamespace(sentence="No gap.", to_json=dict)
     with pytest.raises(DprError, match=r"no space left. Verdict of the diagnosis: No gap"):
-        with diagnose_job.with_verdict(diagnosis), diagnose_job.kept_diagnosis(diagnosis, tmp_path, tmp_path):
+        with diagnose_job.diagnosis_folder(diagnosis, tmp_path):
             pass

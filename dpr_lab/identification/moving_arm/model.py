@@ -4,25 +4,32 @@ import json
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from dpr_lab.configs import first_fault
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects.coulomb import COULOMB_JOINT0
 from dpr_lab.effects.spring import SPRING_JOINT0
 from dpr_lab.errors import RunError, all_printable
-from dpr_lab.identification.model import EstimatedValue, Number, RigFacts, RunUsed, refuse_unknown_effects
-from dpr_lab.shown import Row, Shown
-from dpr_lab.whole_file import read_text, write_text
+from dpr_lab.identification.model import (
+    EstimatedValue,
+    FittedModel,
+    Model,
+    ModelPart,
+    Number,
+    RigFacts,
+    RunUsed,
+    refuse_unknown_effects,
+)
+from dpr_lab.identification.model import load_model as load_rods_model
+from dpr_lab.shown import Row
+from dpr_lab.whole_file import read_text
 
 KIND = "moving_arm"
-CONFIG = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
 
-class ArmFitSummary(BaseModel):
+class ArmFitSummary(ModelPart):
     """Quality of the fit to the runs, which are cut into segments with free initial states."""
-
-    model_config = CONFIG
 
     rms_rad: dict[str, Number]
     """Rms residual of the encoder readings of each joint, rad."""
@@ -40,10 +47,8 @@ class ArmFitSummary(BaseModel):
     """Segment length, s, and reduced chi-square, for the first segments and after each merge."""
 
 
-class MovingArmModel(Shown, BaseModel):
+class MovingArmModel(FittedModel):
     """Identified rig with a moving arm; it contains only values that the recordings determine."""
-
-    model_config = CONFIG
 
     kind: Literal["moving_arm"] = KIND
     """Identifier of this kind of model file."""
@@ -110,18 +115,6 @@ class MovingArmModel(Shown, BaseModel):
         swing = [absent.get(place, value) for place, value in enumerate(self.swing)]
         return self.model_copy(update={"effects": effects, "swing": swing})
 
-    def used(self, sha256: str) -> bool:
-        """Check whether the run with this hash was used in the identification."""
-        return bool(sha256) and any(run.sha256 == sha256 for run in self.runs)
-
-    def save(self, path: Path) -> None:
-        """Write `model.json` atomically.
-
-        Raises:
-            RunError: the file cannot be written.
-        """
-        write_text(path, self.model_dump_json(indent=1) + "\n", RunError)
-
 
 def load_moving_arm_model(path: Path) -> MovingArmModel | None:
     """Read `model.json`; return None if the file is not JSON, or contains another kind of model.
@@ -141,3 +134,18 @@ def load_moving_arm_model(path: Path) -> MovingArmModel | None:
         raise RunError(f"{path}: is not a model of dpr-lab: {first_fault(error)}") from error
     refuse_unknown_effects(model.effects, path)
     return model
+
+
+def load_model(path: Path | str) -> Model | MovingArmModel:
+    """Read a model file `model.json` that `identify` or `diagnose --out` has written.
+
+    Args:
+        path: path of the file
+
+    Returns:
+        `MovingArmModel` for a rig with a free or driven arm, otherwise `Model`
+
+    Raises:
+        RunError: the file is missing, not JSON, or not a model; the message names the key.
+    """
+    return load_moving_arm_model(Path(path)) or load_rods_model(path)

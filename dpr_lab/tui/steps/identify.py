@@ -112,11 +112,11 @@ in the folder of the workspace.
 
     def enter(self) -> None:
         """Show the workspace's runs and its model."""
-        self.query_one("#runs", Static).update(named_runs(self.workspace.runs) or self.missing())
+        self.put("runs", named_runs(self.workspace.runs) or self.missing())
         if self.model is not None and self._unit is not self.workspace.unit and self.job is None:
             self.show_model(self.model)
         if self.workspace.model is not None and self.workspace.model != self._shown and self.job is None:
-            from dpr_lab.identification.moving_arm.any_arm import load_model
+            from dpr_lab.identification.moving_arm.model import load_model
 
             self._shown = self.workspace.model
             self.show_model(load_model(self._shown))
@@ -210,9 +210,9 @@ in the folder of the workspace.
 
         self.say(f"{news}{moving_arm.summary(model, self.workspace.unit)}.{self._doubt(model)}")
         arm_results.draw_merges(model, self.query_one("#cost", Chart), self.query_one("#fitness", Chart))
-        self.query_one("#ratios-text", Static).update(arm_results.ratios(model))
-        self.query_one("#nine-text", Static).update(arm_results.absolute(model))
-        self.query_one("#seen-text", Static).update(arm_results.identifiability(model))
+        self.put("ratios-text", arm_results.ratios(model))
+        self.put("nine-text", arm_results.absolute(model))
+        self.put("seen-text", arm_results.identifiability(model))
 
     def _show_rods(self, model: "Model", news: str) -> None:
         """Draw the model of the rods on a clamped or prescribed arm."""
@@ -228,11 +228,9 @@ in the folder of the workspace.
             table("Base parameters, because these runs also determine the scale", tables.BASE_COLUMNS, absolute)
         ] * bool(absolute)
         nine = table("Nine parameters and what determines them", tables.PARAMETER_COLUMNS, tables.parameter_rows(model))
-        self.query_one("#ratios-text", Static).update(
-            Group(ratios, Text(tables.ratio_note(model), "dim"), *base, warnings)
-        )
-        self.query_one("#nine-text", Static).update(Group(nine, Text(tables.parameter_note(model), "dim")))
-        self.query_one("#seen-text", Static).update(_identifiability(model))
+        self.put("ratios-text", Group(ratios, Text(tables.ratio_note(model), "dim"), *base, warnings))
+        self.put("nine-text", Group(nine, Text(tables.parameter_note(model), "dim")))
+        self.put("seen-text", _identifiability(model))
 
     def _doubt(self, model: "Model | MovingArmModel") -> str:
         """Return a note if the model was fitted to other runs than the selected ones; otherwise an empty text."""
