@@ -11,9 +11,12 @@ import pkgutil
 import signal
 import subprocess
 import sys
+import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
+from itertools import pairwise
+from multiprocessing import util
 from typing import Any
 
 from numba.core.registry import cpu_target
@@ -49,16 +52,17 @@ class Forked(subprocess.Popen[bytes]):
         self._close_pipe_fds(*pipes)  # pyright: ignore[reportAttributeAccessIssue, reportUnknownMemberType]
 
 
-def run_and_exit(function: Callable[[], int]) -> None:
+def run_and_exit(function: Callable[[], int | None]) -> None:
     """Run the function with the three descriptors like a new process without signal handlers and logs, and exit."""
     code = 1
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+    for number in signal.valid_signals():
+        if callable(signal.getsignal(number)) or number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
     logging.getLogger().handlers.clear()
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         setattr(sys, name, open(number, "w" if number else "r", closefd=False))
     try:
-        code = function()
+        code = function() or 0
     except SystemExit as end:
         code = int(end.code or 0)
     except BaseException:
@@ -67,6 +71,23 @@ def run_and_exit(function: Callable[[], int]) -> None:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)
+
+
+spawn_new = util.spawnv_passfds
+
+
+def fork_spawned(executable: bytes, words: Sequence[Any], streams: Sequence[int]) -> int:
+    """As `util.spawnv_passfds`, but what `multiprocessing` spawns runs in a forked process."""
+    program = str(words[-2])
+    if "spawn_main" not in program:
+        return spawn_new(executable, words, streams)
+    if (child := os.fork()) == 0:
+        for kept, following in pairwise(sorted({2, *streams, 1 << 16})):
+            os.closerange(kept + 1, following)
+        threading._threading_atexits.clear()  # pyright: ignore[reportAttributeAccessIssue]  of threads that ended
+        sys.argv = ["-c", words[-1]]
+        run_and_exit(lambda: exec(program))
+    return child
 
 
 for module in pkgutil.walk_packages(dpr_lab.__path__, "dpr_lab."):
@@ -81,6 +102,7 @@ for starts in (child_process, sealing):
     starts.subprocess = starts_device(  # pyright: ignore[reportAttributeAccessIssue]
         lambda words, **options: Forked(lambda: simulate([*words]), **options)
     )
+util.spawnv_passfds = fork_spawned
 for name in SCHEMAS:
     validator(name)
 cpu_target.typing_context.refresh()  # pyright: ignore[reportAttributeAccessIssue]

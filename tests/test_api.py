@@ -78,10 +78,12 @@ def test_results_show_themselves_on_a_few_lines(results, diagnosis) -> None:
     assert diagnosis.effects[0].name in repr(diagnosis)
 
 
+@pytest.mark.slow
 def test_a_name_cannot_write_into_a_notebook(results) -> None:
     assert "<script>" not in replace(results[0], name="<script>")._repr_html_()
 
 
+@pytest.mark.slow
 def test_results_become_data_frames(results, diagnosis) -> None:
     run, model, comparison = results
     frame = dpr.to_dataframe(run)
@@ -95,6 +97,7 @@ def test_results_become_data_frames(results, diagnosis) -> None:
         dpr.to_dataframe("run")  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_plots_are_figures(results, diagnosis) -> None:
     run, model, comparison = results
     figures = [

@@ -74,6 +74,7 @@ def test_an_effect_does_not_fail_where_another_may_be_the_cause(diagnosis: Diagn
     assert "the probability that it is the cause" in judged.reason
 
 
+@pytest.mark.slow
 def test_an_effect_that_was_not_named_passes_only_by_its_interval(diagnosis: Diagnosis) -> None:
     (seen,) = judge(diagnosis, limit("latency_joint2", "delay_s", 1e-3, "s")).limits
     assert seen.answer == "pass"
@@ -85,6 +86,7 @@ def test_an_effect_that_was_not_named_passes_only_by_its_interval(diagnosis: Dia
     assert strict.reason
 
 
+@pytest.mark.slow
 def test_a_cable_is_judged_with_its_other_amplitudes_free(diagnosis: Diagnosis) -> None:
     """Each interval of stiffness, hardening and constant torque holds for any values of the other amplitudes."""
     (loose,) = judge(diagnosis, limit("spring_joint2", "stiffness_Nm_per_rad", 1.0, "N m/rad")).limits
@@ -100,6 +102,7 @@ def test_a_cable_is_judged_with_its_other_amplitudes_free(diagnosis: Diagnosis) 
     assert strict.answer == "not decidable"
 
 
+@pytest.mark.slow
 def test_absent_cogging_is_judged_in_every_order(diagnosis: Diagnosis) -> None:
     """A limit that is passed in the order of the scan need not be passed in the other orders."""
     (loose,) = judge(diagnosis, limit("detent_joint2", "cos1_Nm", 1.0, "N m")).limits
@@ -113,6 +116,7 @@ def test_absent_cogging_is_judged_in_every_order(diagnosis: Diagnosis) -> None:
     assert strict.answer == "not decidable"
 
 
+@pytest.mark.slow
 def test_nothing_passes_where_the_gap_is_not_explained(diagnosis: Diagnosis) -> None:
     unexplained = diagnosis.model_copy(update={"verdict": "unexplained"})
     (judged,) = judge(unexplained, limit("latency_joint2", "delay_s", 1e-3, "s")).limits
@@ -120,6 +124,7 @@ def test_nothing_passes_where_the_gap_is_not_explained(diagnosis: Diagnosis) -> 
     assert "no effect explains" in judged.reason
 
 
+@pytest.mark.slow
 def test_an_alternative_of_the_named_effect_does_not_pass(diagnosis: Diagnosis) -> None:
     named = diagnosis.effects[0].model_copy(update={"members": ["coulomb_joint1", "latency_joint2"]})
     (judged,) = judge(
@@ -129,6 +134,7 @@ def test_an_alternative_of_the_named_effect_does_not_pass(diagnosis: Diagnosis) 
     assert "coulomb_joint1" in judged.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "expected"), [(0.0, "pass"), (10.0, "fail"), (1.0, "not decidable")])
 def test_a_ratio_is_judged_by_its_interval(diagnosis: Diagnosis, factor: float, expected: str) -> None:
     low, high = diagnosis.ratios["c2/b"].interval90
@@ -138,6 +144,7 @@ def test_a_ratio_is_judged_by_its_interval(diagnosis: Diagnosis, factor: float, 
     assert judge(diagnosis, Limits.model_validate({"ratios": {"c2/b": within}})).answer == expected
 
 
+@pytest.mark.slow
 def test_a_ratio_that_the_recordings_do_not_determine_is_not_decidable(diagnosis: Diagnosis) -> None:
     alone = diagnosis.model_copy(update={"determined": {"e1/a": diagnosis.ratios["e1/b"]}})
     wide = Limits.model_validate({"ratios": {"c2/b": {"min": 0.0, "unit": "1/s"}}})
@@ -145,6 +152,7 @@ def test_a_ratio_that_the_recordings_do_not_determine_is_not_decidable(diagnosis
     assert (judged.answer, judged.reason) == ("not decidable", "these recordings determine e1/a, not c2/b")
 
 
+@pytest.mark.slow
 def test_an_amplitude_that_the_fit_left_out_does_not_pass(diagnosis: Diagnosis) -> None:
     (named,) = diagnosis.effects
     left_out = EffectSize(value=0.0, interval90=(0.0, 0.0), interval90_with_scale=(0.0, 0.0))
@@ -164,6 +172,7 @@ def test_the_interval_of_a_ratio_has_the_digits_that_show_its_width() -> None:
 UNITS = ("1/s^2", "1", "1/(s^2 V)")
 
 
+@pytest.mark.slow
 def test_a_ratio_of_one_rod_or_of_the_arm_is_judged(diagnosis: Diagnosis, tmp_path: Path) -> None:
     arm = {"e1/a": diagnosis.ratios["e1/b"], "A/a": diagnosis.ratios["a/b"], "kt/(R a)": diagnosis.ratios["c2/b"]}
     wide = "".join(f'"{name}" = {{min = 0.0, unit = "{unit}"}}\n' for name, unit in zip(arm, UNITS, strict=True))
@@ -172,6 +181,7 @@ def test_a_ratio_of_one_rod_or_of_the_arm_is_judged(diagnosis: Diagnosis, tmp_pa
     assert [limit.answer for limit in acceptance.limits] == ["pass"] * 3
 
 
+@pytest.mark.slow
 def test_a_ratio_is_not_decidable_where_the_cause_is_unsure(diagnosis: Diagnosis) -> None:
     (named,) = diagnosis.effects
     unsure = diagnosis.model_copy(update={"effects": [named.model_copy(update={"probability": 0.8})]})
@@ -213,6 +223,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         load_limits(tmp_path / "none.toml", Limits)
 
 
+@pytest.mark.slow
 def test_a_free_run_is_judged_by_its_spread_over_releases(diagnosis: Diagnosis) -> None:
     limit = {"max": 0.05, "horizon_s": 2.0, "unit": "rad"}
     kept = Limits.model_validate({"free_run": limit})
@@ -310,6 +321,7 @@ def friction(size: float, speed: float = 3.0) -> Limits:
     return Limits.model_validate({"friction": {"joint1": {"max": size, "speed_rad_s": speed, "unit": "N m"}}})
 
 
+@pytest.mark.slow
 def test_the_friction_torque_of_a_joint_is_limited_up_to_a_speed(diagnosis: Diagnosis, paper: Rig) -> None:
     viscous = float(paper.nominal[PARAMETERS.index("c1")])
     true = TORQUE_NM + 3.0 * viscous
@@ -322,6 +334,7 @@ def test_the_friction_torque_of_a_joint_is_limited_up_to_a_speed(diagnosis: Diag
     assert "joint1 reaches" in fast.reason
 
 
+@pytest.mark.slow
 def test_the_friction_torque_is_undecided_where_its_law_may_be_another_effect(diagnosis: Diagnosis) -> None:
     named = diagnosis.effects[0].model_copy(
         update={"name": "load_friction_joint1", "members": ["load_friction_joint1"]}
@@ -334,6 +347,7 @@ def test_the_friction_torque_is_undecided_where_its_law_may_be_another_effect(di
     assert "is a friction law of joint 1 is 50 %" in other.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("back_emf", "above"), [(False, "fail"), (True, "not decidable")])
 def test_the_friction_of_an_arm_with_back_emf_can_pass_its_limit_but_not_fail(
     diagnosis: Diagnosis, back_emf: bool, above: str

@@ -48,6 +48,7 @@ def test_the_result_of_each_limit_is_a_claim_that_is_verified(certified: Path) -
     assert {"limits.toml", "all limits"} <= {line.claim for line in done.lines}
 
 
+@pytest.mark.slow
 def test_a_forged_result_is_found(certified: Path) -> None:
     text = certified.read_text().replace('"value": "fail"', '"value": "pass"')
     certified.write_text(text)
@@ -56,6 +57,7 @@ def test_a_forged_result_is_found(certified: Path) -> None:
     assert broken == ["limit of coulomb_joint1.torque_Nm", "all limits"]
 
 
+@pytest.mark.slow
 def test_a_changed_or_missing_limits_file_is_found(certified: Path) -> None:
     limits = certified.with_name("limits.toml")
     limits.write_text(LIMITS.replace("0.001", "0.1"))
@@ -64,6 +66,7 @@ def test_a_changed_or_missing_limits_file_is_found(certified: Path) -> None:
     assert [line.reason for line in verify(certified).lines if not line.holds] == ["does not exist"]
 
 
+@pytest.mark.slow
 def test_limits_cannot_be_left_out_of_a_certificate_that_claims_them(certified: Path) -> None:
     certificate = load_certificate(certified)
     certified.write_text(certificate.model_copy(update={"limits": None}).sealed().to_text())

@@ -129,6 +129,7 @@ def test_a_public_key_has_one_name_in_either_form(keys: Path) -> None:
         assert load_public_key(commented) == public
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "message"),
     [
@@ -168,6 +169,7 @@ def test_a_wrong_passphrase_is_refused(keys: Path, name: str) -> None:
         load_private_key(keys / name, lambda: "wrong")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "message"),
     [

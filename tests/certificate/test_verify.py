@@ -62,6 +62,7 @@ def test_choices_and_origin_are_declared_with_their_departures_from_the_default(
     assert origin["signature"] == "the author is unknown"
 
 
+@pytest.mark.slow
 def test_one_changed_byte_of_a_run_is_detected(copied: Path) -> None:
     run = copied.parent / "X2.mcap"
     data = bytearray(run.read_bytes())
@@ -87,6 +88,7 @@ def test_another_import_of_the_same_table_holds(copied: Path, paper: Rig) -> Non
     assert failed(copied) == [("X2.mcap", "is not the certified file")]
 
 
+@pytest.mark.slow
 def test_the_hash_of_the_readings_sees_every_field_that_a_fit_reads(folder: Path) -> None:
     run = load_run(folder / "X1.mcap")
     moved = run.theta.copy()
@@ -102,6 +104,7 @@ def test_the_hash_of_the_readings_sees_every_field_that_a_fit_reads(folder: Path
     assert replace(run, name="other", notes=("a note",), recorded_utc="now").readings_sha256 == run.readings_sha256
 
 
+@pytest.mark.slow
 def test_an_edit_under_the_old_seal_is_seen_before_the_diagnosis_is_repeated(copied: Path) -> None:
     edit(copied, lambda whole: whole["claims"]["a/b"].update(value=42), sealed=False)
     done = verify(copied)
@@ -140,6 +143,7 @@ def test_every_setting_of_a_diagnosis_is_a_choice_or_cannot_change_an_answer() -
     assert set(CertifiedChoices.model_fields) == settings - files - without_effect - refused
 
 
+@pytest.mark.slow
 def test_a_diagnosis_that_starts_from_a_model_is_not_certified(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="remove the model"):
         certify(replace(request_of(folder), model=tmp_path / "model.json"), tmp_path / "c.json")
@@ -168,6 +172,7 @@ def test_a_file_that_is_not_a_certificate_of_this_policy_is_refused_with_a_sente
         verify(tmp_path / "c.json")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["", "a\0b", "a" * 300, "runs", "/dev/null"])
 def test_a_recording_that_is_not_a_file_is_refused_with_a_sentence(copied: Path, name: str) -> None:
     (copied.parent / "runs").mkdir()

@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import fields
@@ -20,11 +21,15 @@ pytestmark = pytest.mark.slow
 
 
 class Client:
-    """Client of the service on the other end of the streams."""
+    """Client of the service on the other end of the streams; `fresh`: nothing of it is forked."""
 
-    def __init__(self, folder: Path) -> None:
-        pipe = subprocess.PIPE
-        self.process = started("dpr_lab", ["serve", "--stdio"], cwd=folder, stdin=pipe, stdout=pipe)
+    def __init__(self, folder: Path, fresh: bool = False) -> None:
+        pipe, words = subprocess.PIPE, ["serve", "--stdio"]
+        if fresh:
+            command = [sys.executable, "-m", "dpr_lab", *words]
+            self.process = subprocess.Popen(command, cwd=folder, stdin=pipe, stdout=pipe)
+        else:
+            self.process = started("dpr_lab", words, cwd=folder, stdin=pipe, stdout=pipe)
         self.received: list[dict[str, Any]] = []
 
     def write(self, line: bytes) -> None:
@@ -59,7 +64,8 @@ class Client:
             ["ps", "-ww", "-e", "-o", "pid=,ppid=,args="], capture_output=True, text=True, check=True
         )
         rows = [line.split(None, 2) for line in listed.stdout.splitlines()]
-        (job,) = [int(r[0]) for r in rows if int(r[1]) == self.process.pid and "spawn_main" in r[2]]
+        own = [row for row in rows if int(row[1]) == self.process.pid]
+        (job,) = [int(row[0]) for row in own if "resource_tracker" not in row[2]]
         return job
 
     def close(self) -> None:
@@ -74,8 +80,8 @@ class Client:
 
 
 @pytest.fixture
-def client(tmp_path: Path) -> Iterator[Client]:
-    started = Client(tmp_path)
+def client(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Client]:
+    started = Client(tmp_path, fresh=getattr(request, "param", False))
     yield started
     started.process.kill()
     started.process.communicate()
@@ -176,6 +182,7 @@ def test_a_job_cancelled_while_it_waits_does_not_run(client: Client, runs: list[
     assert client.end() == 0
 
 
+@pytest.mark.parametrize("client", [True], ids=["a new process"], indirect=True)
 def test_no_process_outlives_a_killed_service(client: Client, runs: list[Path]) -> None:
     client.request("long", "diagnose", runs=[str(run) for run in runs], rig="paper")
     client.until("fit")

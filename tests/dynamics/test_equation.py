@@ -113,6 +113,7 @@ def test_rods_on_a_driven_arm_satisfy_lagrange_s_equations(lagrangian, states):
         np.testing.assert_allclose(result, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_rods_on_a_clamped_arm_satisfy_lagrange_s_equations_and_equation_1(lagrangian, states):
     for state in states:
         q, w = state[:3], np.array([0.0, *state[4:]])
@@ -130,6 +131,7 @@ def test_a_drive_without_motion_is_a_clamp(states):
         np.testing.assert_allclose(driven, moved(q, w, CLAMPED, 0.0, 0.1, 0.2), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_energy_is_kinetic_plus_potential(lagrangian, states):
     for state in states:
         q, w = np.array([0.0, *state[1:3]]), np.array([0.0, *state[4:]])

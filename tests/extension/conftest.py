@@ -1,11 +1,13 @@
 """Copy of the packages that tests extend and run."""
 
 import ast
+import json
 import os
 import shutil
 import subprocess
 import sys
 import textwrap
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -58,6 +60,34 @@ class Copy:
         )
         assert done.returncode == 0, done.stderr
         return done.stdout
+
+
+def outputs(copy: Copy, extensions: dict[str, Callable[[Copy], str]]) -> dict[str, str]:
+    """Make several extensions, and run the program of each, all in one process; the output of each.
+
+    Args:
+        copy: the packages
+        extensions: functions that add files and rows and return a program
+    """
+    programs = {name: textwrap.dedent(extend(copy)) for name, extend in extensions.items()}
+    return json.loads(copy.run(ONE_AFTER_THE_OTHER.format(programs)).splitlines()[-1])
+
+
+ONE_AFTER_THE_OTHER = """
+import contextlib, io, json, traceback
+
+def output_of(program):
+    with contextlib.redirect_stdout(io.StringIO()) as output:
+        try:
+            exec(program, {{"__name__": "program"}})
+        except SystemExit:
+            pass
+        except BaseException:
+            traceback.print_exc(file=output)
+    return output.getvalue()
+
+print(json.dumps({{name: output_of(program) for name, program in {!r}.items()}}))
+"""
 
 
 def table_of(tree: ast.Module, name: str) -> ast.Tuple | ast.Dict:

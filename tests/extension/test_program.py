@@ -2,11 +2,27 @@
 
 import pytest
 
-from tests.extension.conftest import Copy
+from tests.extension.conftest import Copy, outputs
+
+pytestmark = pytest.mark.slow
 
 
-@pytest.mark.slow
-def test_a_transport_is_a_file_and_a_row(copy: Copy) -> None:
+@pytest.fixture(scope="module")
+def printed(copy: Copy) -> dict[str, str]:
+    """Output of the program of each extension."""
+    extensions = {
+        "transport": transport,
+        "search": search,
+        "command": command,
+        "help": lambda _: DPR_LAB.format(["--help"]),
+    }
+    return outputs(copy, extensions)
+
+
+DPR_LAB = "import sys; sys.argv = ['dpr-lab', *{}]; from dpr_lab.cli import main; main()"
+
+
+def transport(copy: Copy) -> str:
     copy.add(
         "dpr_lab/transports/loopback.py",
         '''
@@ -38,8 +54,7 @@ def test_a_transport_is_a_file_and_a_row(copy: Copy) -> None:
     )
     row = '"loop": LinkKind("loopback", "dpr_lab.transports.loopback:open_loopback", "loop://here")'
     copy.row("dpr_lab/transports/__init__.py", "TRANSPORTS", row)
-    result = copy.run(
-        """
+    return """
         from dpr_lab.transports import open_transport
         from firmware_protocol.messages import Frame
 
@@ -47,12 +62,13 @@ def test_a_transport_is_a_file_and_a_row(copy: Copy) -> None:
         link.send(Frame(0x123, b"abc"))
         print(link.url, [bytes(frame.data) for frame in link.receive(0.1).frames])
         """
-    )
-    assert result == "loop://here [b'abc']\n"
 
 
-@pytest.mark.slow
-def test_a_search_algorithm_is_a_file_and_a_row(copy: Copy) -> None:
+def test_a_transport_is_a_file_and_a_row(printed: dict[str, str]) -> None:
+    assert printed["transport"] == "loop://here [b'abc']\n"
+
+
+def search(copy: Copy) -> str:
     copy.add(
         "dpr_lab/search/random_search.py",
         '''
@@ -85,8 +101,7 @@ def test_a_search_algorithm_is_a_file_and_a_row(copy: Copy) -> None:
         "from dpr_lab.search.random_search import RandomSearchSettings, random_search",
     )
     (copy.folder / "settings.toml").write_text('algorithm = "random_search"\ngenerations = 20\n', encoding="utf-8")
-    result = copy.run(
-        """
+    return """
         import numpy as np
         from dpr_lab.search import ALGORITHMS, load_search
 
@@ -96,12 +111,13 @@ def test_a_search_algorithm_is_a_file_and_a_row(copy: Copy) -> None:
         found = list(ALGORITHMS[settings.algorithm].run(sphere, bounds, settings, np.random.default_rng(1)))
         print(len(found), found[-1].best_cost < 0.01 < found[0].best_cost or found[-1].best_cost < 1e-3)
         """
-    )
-    assert result == "21 True\n"
 
 
-@pytest.mark.slow
-def test_a_command_is_a_file_and_a_row(copy: Copy) -> None:
+def test_a_search_algorithm_is_a_file_and_a_row(printed: dict[str, str]) -> None:
+    assert printed["search"] == "21 True\n"
+
+
+def command(copy: Copy) -> str:
     copy.add(
         "dpr_lab/cli/weigh.py",
         '''
@@ -120,12 +136,14 @@ def test_a_command_is_a_file_and_a_row(copy: Copy) -> None:
         ''',
     )
     copy.row("dpr_lab/cli/app.py", "COMMANDS", '"weigh": "weigh:weigh"')
-    shell = "import sys; sys.argv = ['dpr-lab', *{}]; from dpr_lab.cli import main; main()"
-    assert "Say what the parts of a rig weigh." in copy.run(shell.format(["--help"]))
-    assert '"m1": 0.1' in copy.run(shell.format(["weigh", "--rig", "paper"]))
+    return DPR_LAB.format(["weigh", "--rig", "paper"])
 
 
-@pytest.mark.slow
+def test_a_command_is_a_file_and_a_row(printed: dict[str, str]) -> None:
+    assert "Say what the parts of a rig weigh." in printed["help"]
+    assert '"m1": 0.1' in printed["command"]
+
+
 def test_the_screen_of_a_command_is_a_file_and_a_row(copy: Copy) -> None:
     copy.add(
         "dpr_lab/tui/steps/weigh.py",

@@ -5,12 +5,18 @@ import json
 import pytest
 
 from tests.a_diagnosis import made
-from tests.extension.conftest import Copy
+from tests.extension.conftest import Copy, outputs
 
 pytestmark = pytest.mark.slow
 
 
-def test_an_export_format_is_a_file_and_a_row(copy: Copy) -> None:
+@pytest.fixture(scope="module")
+def printed(copy: Copy) -> dict[str, str]:
+    """Output of the program of each extension."""
+    return outputs(copy, {"export format": export_format, "kind of check": kind_of_check, "kind of file": kind_of_file})
+
+
+def export_format(copy: Copy) -> str:
     copy.add(
         "dpr_lab/exports/parameter_list.py",
         '''
@@ -27,8 +33,7 @@ def test_an_export_format_is_a_file_and_a_row(copy: Copy) -> None:
         '"list": ExportFormat("parameter list", "parameters.txt", parameter_list, in_python)',
         "from dpr_lab.exports.parameter_list import parameter_list",
     )
-    printed = copy.run(
-        """
+    return """
         from dpr_lab.cli.checks import EXPORT_NAMES
         from dpr_lab.exports import FORMATS
         from dpr_lab.identification.model import Model, ParameterValue
@@ -38,11 +43,13 @@ def test_an_export_format_is_a_file_and_a_row(copy: Copy) -> None:
         model = Model.model_construct(parameters=values, effects={})
         print(EXPORT_NAMES.check("parameter list"), FORMATS["list"].written(model, load_rig("paper")))
         """
-    )
-    assert printed == "list {'parameters.txt': 'm1 0.1\\n'}\n"
 
 
-def test_a_kind_of_check_is_a_file_and_a_row(copy: Copy) -> None:
+def test_an_export_format_is_a_file_and_a_row(printed: dict[str, str]) -> None:
+    assert printed["export format"] == "list {'parameters.txt': 'm1 0.1\\n'}\n"
+
+
+def kind_of_check(copy: Copy) -> str:
     copy.add(
         "dpr_lab/gap/advice/observation.py",
         '''
@@ -80,8 +87,7 @@ def test_a_kind_of_check_is_a_file_and_a_row(copy: Copy) -> None:
     diagnosis = made().to_json()
     diagnosis["checks"][0]["kind"] = "observation"
     (copy.folder / "diagnosis.json").write_text(json.dumps(diagnosis), encoding="utf-8")
-    printed = copy.run(
-        """
+    return """
         from pathlib import Path
         from dpr_lab.errors import RunError
         from dpr_lab.gap.result.diagnosis import load_diagnosis
@@ -96,14 +102,16 @@ def test_a_kind_of_check_is_a_file_and_a_row(copy: Copy) -> None:
         except RunError as error:
             print(error)
         """
-    )
-    assert printed.startswith("To record the result: dpr-lab check d.json CHECK, followed by ")
-    assert "--value yes or --value no (observation)" in printed
-    assert "\nyes True\n" in printed
-    assert "give its result, --value yes or --value no" in printed
 
 
-def test_a_kind_of_file_to_import_is_a_file_and_a_row(copy: Copy) -> None:
+def test_a_kind_of_check_is_a_file_and_a_row(printed: dict[str, str]) -> None:
+    assert printed["kind of check"].startswith("To record the result: dpr-lab check d.json CHECK, followed by ")
+    assert "--value yes or --value no (observation)" in printed["kind of check"]
+    assert "\nyes True\n" in printed["kind of check"]
+    assert "give its result, --value yes or --value no" in printed["kind of check"]
+
+
+def kind_of_file(copy: Copy) -> str:
     copy.add(
         "dpr_lab/storage/readers/reversed_text.py",
         '''
@@ -126,8 +134,7 @@ def test_a_kind_of_file_to_import_is_a_file_and_a_row(copy: Copy) -> None:
         'Reader("reversed text", (b"REVERSED",), read_reversed)',
         "from dpr_lab.storage.readers.reversed_text import read_reversed",
     )
-    outcome = copy.run(
-        """
+    return """
         from pathlib import Path
         from dpr_lab.rig import load_rig
         from dpr_lab.storage.csv_import import ImportOptions
@@ -137,5 +144,7 @@ def test_a_kind_of_file_to_import_is_a_file_and_a_row(copy: Copy) -> None:
         found = preview(file, load_rig("paper"), ImportOptions())
         print(found.kind, found.samples, found.rate_hz, found.theta[-1, 2])
         """
-    )
-    assert outcome == "reversed text 50 100.0 3.49\n"
+
+
+def test_a_kind_of_file_to_import_is_a_file_and_a_row(printed: dict[str, str]) -> None:
+    assert printed["kind of file"] == "reversed text 50 100.0 3.49\n"

@@ -46,6 +46,7 @@ def diagnosis() -> Diagnosis:
     return diagnose(recorded(3), load_rig("paper"), library={name: EFFECTS[name] for name in FEW})
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(900)  # kernels may have to be compiled
 def test_indistinguishable_effects_get_bench_measurements_with_ids(diagnosis: Diagnosis) -> None:
     assert {TILT, OFFSET} <= set(diagnosis.effects[0].members)
@@ -59,6 +60,7 @@ def test_indistinguishable_effects_get_bench_measurements_with_ids(diagnosis: Di
     assert set(diagnosis.to_json()["checks"][0]) >= {"id", "kind", "text", "splits", "expected_bits"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("measured", "value", "cause"), [(TILT, 0.0101, TILT), (TILT, 0.0, OFFSET), (OFFSET, 0.0, TILT)]
 )
@@ -196,6 +198,7 @@ def test_the_odds_of_a_class_are_its_prior_in_a_check() -> None:
     assert candidates(weighted, CLOCK) == pytest.approx({CLOCK: 0.0098, LENGTH: 0.9702})
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_a_recording_decides(diagnosis: Diagnosis) -> None:
     before = open_between(diagnosis, "com_offset_link1")
@@ -240,6 +243,7 @@ def test_two_forms_of_one_law_are_distinguished_by_the_amplitude_that_the_wider_
     assert after[names[0]] > 0.6 * sum(after.values())
 
 
+@pytest.mark.slow
 def test_a_check_is_of_one_diagnosis_and_of_one_kind(diagnosis: Diagnosis) -> None:
     with pytest.raises(RunError, match=r"recommends no check '1-beef'; available: 1-"):
         find_check(diagnosis, "1-beef")

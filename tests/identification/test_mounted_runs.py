@@ -54,6 +54,7 @@ def test_runs_of_different_mountings_share_their_parameters(fitted, paper: Rig, 
     assert ("p/b" in sure.names) == ("inner" in names)
 
 
+@pytest.mark.slow
 def test_the_inner_rod_alone_determines_its_own_two_ratios(fitted, paper: Rig) -> None:
     result, sure = fitted("inner")
     a, _, _, e1, c1, _ = base_parameters(TRUE, paper.L1, paper.g)
@@ -82,6 +83,7 @@ def test_a_weighed_outer_rod_and_the_inner_one_alone_fix_the_scale(paper: Rig, r
     assert without.base["b"].fixed_by == "bound"
 
 
+@pytest.mark.slow
 def test_a_rig_with_one_rod_is_captured_identified_and_compared(paper: Rig, runs: dict[str, list[Run]]) -> None:
     quick = load_search("segments").model_copy(update={"generations": 3})
     model = identify(runs["inner"][:2], paper, settings=quick)
@@ -98,6 +100,7 @@ def test_a_rig_with_one_rod_is_captured_identified_and_compared(paper: Rig, runs
     assert comparison.horizon_s == pytest.approx(3.0)
 
 
+@pytest.mark.slow
 def test_a_clamped_elbow_is_searched_for_as_one_rod(paper: Rig, runs: dict[str, list[Run]]) -> None:
     from dpr_lab.identification.objectives import OBJECTIVES
 
@@ -107,6 +110,7 @@ def test_a_clamped_elbow_is_searched_for_as_one_rod(paper: Rig, runs: dict[str, 
         assert (at_truth < elsewhere).all()
 
 
+@pytest.mark.slow
 def test_a_joint_that_turns_though_no_rod_hangs_there_is_refused(runs: dict[str, list[Run]]) -> None:
     theta = runs["both"][1].theta
     with pytest.raises(RunError, match=r"X2: joint 2 turns by .* although only the inner rod is mounted"):

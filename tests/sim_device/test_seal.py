@@ -39,6 +39,7 @@ def public_data(device: Path) -> dict[str, Any]:
     return sealed_trial(WANTED, device)
 
 
+@pytest.mark.slow
 def test_the_seal_is_a_hash_that_anybody_can_check(public_data, device: Path) -> None:
     kept = opened(device)
     text = kept["salt"] + json.dumps(kept["truth"], sort_keys=True, separators=(",", ":"))
@@ -108,11 +109,13 @@ def test_the_kept_plant_is_the_one_that_was_drawn(public_data, device: Path, tmp
     assert load_rig(tmp_path / "rig.toml").model_dump() == rig.model_dump()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="other systems have no mode bits")
 def test_the_folder_is_the_devices_alone(public_data, device: Path) -> None:
     assert device.stat().st_mode & 0o077 == 0
 
 
+@pytest.mark.slow
 def test_a_sealed_plant_is_never_replaced(public_data, device: Path) -> None:
     before = (device / "truth.json").read_bytes()
     with pytest.raises(ConfigError, match="never replaced"):

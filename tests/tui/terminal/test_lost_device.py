@@ -63,7 +63,7 @@ def test_a_device_killed_in_the_countdown_releases_nothing_and_claims_nothing(on
 def test_a_stopped_recorder_marks_all_values_as_old(on_terminal) -> None:
     terminal = on_terminal(SIM)
     to_ready(terminal)
-    recorder = next(pid for pid in children(terminal.process.pid) if b"spawn_main" in command(pid))
+    recorder = next(pid for pid in children(terminal.process.pid) if b"resource_tracker" not in command(pid))
     os.kill(recorder, signal.SIGSTOP)
     try:
         terminal.until_shown("NO MESSAGE from the device")
