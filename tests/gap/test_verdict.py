@@ -143,6 +143,20 @@ def test_the_sentence_of_an_inconclusive_release_lists_the_leading_candidates_an
     assert f"The leading candidates are {candidates}. Record three releases" in words
 
 
+def test_a_short_release_without_a_significant_effect_does_not_exclude_the_library() -> None:
+    state: Any = Fake(
+        description=Fake(hint="", withholds=False),
+        fitted=Fake(problem=Fake(t=np.array([0.0, 1.3]))),
+        selection=Fake(chosen=Fake(effects=(), residuals=GAP), share_explained=0.0),
+        posteriors=(),
+        transfer=transfer(0.0, basis="one release", too_short=True),
+    )
+    words = "Unexplained: a gap of 3 times the noise. This release of 1.3 s is too short to exclude the effects of the"
+    assert sentence("unexplained", state, (10, 10)).startswith(words)
+    state.transfer = transfer(0.0, basis="one release")
+    assert "and no effect of the library fits it" in sentence("unexplained", state, (10, 10))
+
+
 def test_the_interval_decides_if_the_gap_is_below_half_of_the_noise() -> None:
     assert kind(transfer(0.4, 0.5, gap_ratio=0.49)) == "named"
     assert kind(transfer(0.4, 1.0, gap_ratio=0.5)) == "partly_explained"

@@ -35,7 +35,10 @@ def test_an_undetermined_friction_torque_does_not_hide_the_curve() -> None:
 def test_after_an_unexplained_gap_a_probable_effect_is_not_excluded() -> None:
     gap = SimpleNamespace(after_rad={"joint1": 1e-3}, floor_rad={"joint1": 1e-4})
     made: Any = SimpleNamespace(verdict="unexplained", rivals=[], advice=[], checks=[], gap=gap, only_uncertain=False)
+    made.basis = "releases left out"
     assert next_steps(made)[0].startswith("No effect of the library is the cause")
+    made.basis = "one release"
+    assert next_steps(made)[0].startswith("One release does not exclude the effects of the library: record further")
     made.rivals = [SimpleNamespace(name="coulomb_joint1", probability=0.49)]
     (step,) = next_steps(made)
     assert "neither confirm nor exclude Coulomb friction, joint 1 [coulomb_joint1]: record further releases" in step

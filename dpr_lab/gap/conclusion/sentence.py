@@ -91,6 +91,11 @@ def _unexplained(state: Transferred) -> str:
             f" {_in_noise(transferred.gap_ratio)}. Fit these recordings too, or check that nothing on the rig"
             " was changed."
         )
+    if not posteriors and transferred.too_short:
+        return (
+            f"Unexplained: a gap of {remainder}. This release of {np.ptp(state.fitted.problem.t):.2g} s is too short to"
+            " exclude the effects of the library."
+        )
     if not posteriors:
         return f"Unexplained: a gap of {remainder}, and no effect of the library fits it."
     closest, several = _classes(posteriors), len(posteriors) > 1

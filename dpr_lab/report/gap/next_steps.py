@@ -19,7 +19,8 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         partly = "The remainder is smaller than the noise of a reading: inspect the rig only if it matters to you."
     likely = " or ".join(named(rival.name) for rival in diagnosis.rivals if rival.probability >= PROBABLE)
     more = f"The recordings neither confirm nor exclude {likely}: record further releases. If these do not confirm it,"
-    cause = more if likely else "No effect of the library is the cause:"
+    alone = "One release does not exclude the effects of the library: record further releases. If the gap remains,"
+    cause = more if likely else alone if diagnosis.basis == "one release" else "No effect of the library is the cause:"
     unexplained = {
         "partly_explained": partly,
         "unexplained": f"{cause} inspect the rig where the gap is largest, joint by joint.",
