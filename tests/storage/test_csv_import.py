@@ -272,6 +272,14 @@ def test_bad_tables_are_refused_in_a_sentence(tmp_path, content, sentence):
     assert not (tmp_path / "a.mcap").exists()
 
 
+@pytest.mark.parametrize(("row", "decimal_commas"), [("1,5,2,3", True), ("1,1.5,2,3", False)])
+def test_fields_with_points_are_not_split_decimal_commas(tmp_path, row, decimal_commas):
+    (tmp_path / "a.csv").write_text(f"{HEAD}0,1,2\n{row}\n2,1,2\n")
+    with pytest.raises(RunError, match="line 3 has 4 fields, but there are 3 columns") as caught:
+        read(tmp_path / "a.csv")
+    assert ("if commas are decimal signs" in str(caught.value)) == decimal_commas
+
+
 def test_a_column_that_is_named_for_a_rod_is_not_also_taken_for_the_arm(tmp_path):
     file = table(tmp_path / "a.csv", ("Time [s]", "Arm angle (rad)", "Tip angle (rad)"), T, THETA1, THETA2)
     with pytest.raises(RunError, match=r"--columns 'theta1=Arm angle \(rad\),theta2=Tip angle \(rad\)'"):

@@ -21,7 +21,7 @@ from dpr_lab.arrays import Array, Flags
 from dpr_lab.errors import RunError
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.run import FilmNoise
-from dpr_lab.shown import percent
+from dpr_lab.shown import counted, percent
 from dpr_lab.storage.readers.circle import most_of_a_circle
 from dpr_lab.storage.readers.rod_lengths import LENGTHS, WANTED, rod_length
 from dpr_lab.storage.tables.columns import counter, is_time, numbers, varies
@@ -229,8 +229,8 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
         if length.wrong.any():
             angle[length.wrong] = np.nan
             notes.append(
-                f"{axis}: in {np.count_nonzero(length.wrong)} frames the length of the rod is wrong, so the tracker"
-                " followed another object: these readings are excluded"
+                f"{axis}: in {counted(int(length.wrong.sum()), 'frame')} the length of the rod is wrong, so the"
+                " tracker followed another object: these readings are excluded"
             )
     notes += [
         f"{axis}: noise {length.std:.2g} rad, from the scatter of the rod's length in the picture"

@@ -200,7 +200,7 @@ class _Columns:
             if len(row) == len(self._values) + 1 and not row[-1].strip():
                 row.pop()  # the row ends with a delimiter
             if self._short is not None or len(row) > len(self._values):
-                self._refuse(*(self._short or (number, len(row))))
+                self._refuse(*(self._short or (number, len(row))), points=any("." in cell for cell in row))
             if len(row) < len(self._values):
                 self._short = (number, len(row))
                 continue
@@ -237,12 +237,12 @@ class _Columns:
             self._refuse(*self._short)
         self.notes = (f"the last line, {self._short[0]}, is incomplete and was ignored",)
 
-    def _refuse(self, number: int, length: int) -> NoReturn:
+    def _refuse(self, number: int, length: int, points: bool = False) -> NoReturn:
         width = len(self._values)
         decimal = ": if commas are decimal signs, export it with semicolons between the columns"
         raise RunError(
             f"{self._path}: line {number} has {length} fields, but there are {width} columns"
-            + (decimal if width < length <= 2 * width else "")
+            + (decimal if width < length <= 2 * width and not points else "")
         )
 
     def _number(self, word: str, place: int, line: int) -> float:

@@ -122,7 +122,10 @@ def understand(
     notes += [*unused_input(recorded, options.arm), *unnumbered(recorded, inputs.pairs, options)]
     if inputs.pairs and not any(column[rows].any() for column in known.values()):
         inputs = replace(inputs, pairs={})
-        notes.append("all torques are zero, so the recording is treated as a free swing")
+        notes.append(
+            "all torques are zero, so the recording is treated as a free swing: if motors drive the rods, their torques"
+            " are not in this table"
+        )
     values = {axis: _scaled(column[rows], axis, options) for axis, column in readings.items()}
     notes = [*table.notes, *columns.notes, *removed, *notes, *inputs.notes()]
     named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}
