@@ -41,6 +41,7 @@ def test_rods_are_not_released_while_the_arm_stands_outside_its_limits(tmp_path:
         assert max(spy.sent) <= 39
 
 
+@pytest.mark.slow
 def test_a_motor_that_drives_an_arm_described_as_free_is_named(tmp_path: Path, bench, agree) -> None:
     options = CaptureOptions(duration=1.0, pose_timeout=60.0, rest_timeout=60.0)
     with bench(rig="furuta", plant="furuta") as (device, _):

@@ -69,6 +69,7 @@ class WithoutPage:
         )
 
 
+@pytest.mark.slow
 def test_torques_of_no_known_unit_are_refused(paper: Rig, tmp_path: Path, table: Path, simulated, agree) -> None:
     link = WithoutPage(open_transport(simulated(torques=table).url))
     with Device(link) as device:  # pyright: ignore[reportArgumentType]

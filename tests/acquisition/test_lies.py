@@ -174,6 +174,7 @@ def test_ticks_that_go_back_end_the_recording(lying, paper: Rig, tmp_path: Path,
     assert result.duration_s < 3.0
 
 
+@pytest.mark.slow
 def test_ticks_that_go_back_a_little_degrade_it(lying, paper: Rig, tmp_path: Path, agree) -> None:
     with lying(back_by(3)) as (device, _):
         captured = capture(device, paper, "X1", CaptureOptions(duration=4.0), tmp_path, confirm=agree)

@@ -152,6 +152,7 @@ def test_invalid_recording_requests_are_errors_of_the_caller(wrong: dict[str, An
         CaptureOptions(**wrong)
 
 
+@pytest.mark.slow
 def test_two_captures_in_a_row_make_two_files(paper: Rig, tmp_path: Path, bench, agree) -> None:
     options = CaptureOptions(duration=0.5)
     with bench() as (device, _):

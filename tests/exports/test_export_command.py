@@ -102,6 +102,7 @@ def saved(runs: list[Run], corrected: Model, paper: Rig, tmp_path_factory) -> tu
     return folder, files
 
 
+@pytest.mark.slow
 def test_an_effect_that_the_format_lacks_is_replaced_by_a_simpler_one_and_refitted(corrected: Model, runs, paper: Rig):
     models = fitted_for(["python", "urdf"], corrected, runs, paper)
     assert models["python"] is corrected

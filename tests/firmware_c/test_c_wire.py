@@ -75,6 +75,7 @@ def test_any_frame_is_framed_as_python_does(framing, frame):
     assert framing().encode(frame) == encode_frame(frame)
 
 
+@pytest.mark.slow
 @given(st.lists(noise, max_size=12), st.lists(st.integers(0, 400), max_size=6))
 def test_any_bytes_in_any_pieces_give_what_python_finds(framing, pieces, cuts):
     line = b"".join(pieces)

@@ -46,6 +46,7 @@ def nearly_singular(recorded, bare):
     return problem, base.fit.estimate.changed(ratios=ratios)
 
 
+@pytest.mark.slow
 def test_derivatives_of_a_swing_that_diverges_with_twice_the_step_use_the_step_itself(nearly_singular, monkeypatch):
     problem, estimate = nearly_singular
     free, predicted = free_parameters(estimate, (), problem), problem.predict(estimate)

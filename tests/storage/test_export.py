@@ -66,7 +66,10 @@ READERS = {".csv": from_csv, ".parquet": from_parquet, ".h5": from_hdf5, ".nc": 
 
 
 @pytest.mark.parametrize("counts", [None, COUNTS], ids=["angles", "counts"])
-@pytest.mark.parametrize("suffix", [suffix for suffix in EXPORTERS if suffix != ".mcap"])
+@pytest.mark.parametrize(
+    "suffix",
+    [pytest.param(suffix, marks=[pytest.mark.slow] * (suffix == ".nc")) for suffix in EXPORTERS if suffix != ".mcap"],
+)
 def test_an_export_read_back_is_the_run(tmp_path, suffix, counts):
     if suffix == ".nc":
         pytest.importorskip("h5netcdf")

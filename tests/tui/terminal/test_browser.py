@@ -5,7 +5,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
 import urllib.error
@@ -156,16 +155,16 @@ class Served:
 def served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Served]]:
     pytest.importorskip("textual_serve")
     monkeypatch.setenv("DPR_LAB_STATE", str(tmp_path / "state"))
-    started: list[subprocess.Popen[str]] = []
+    processes: list[subprocess.Popen[str]] = []
 
     def start(*words: str) -> Served:
         port = free_port()
         line = ["tui", "--serve", str(port), "--link", "sim://", "--out", str(tmp_path / "bench"), *words]
-        process = subprocess.Popen([sys.executable, "-m", "dpr_lab", *line], stdout=subprocess.PIPE, text=True)
-        started.append(process)
+        process = started("dpr_lab", line, stdout=subprocess.PIPE, text=True)
+        processes.append(process)
         assert process.stdout is not None
         result = process.stdout.readline().split()
-        if not result and len(started) < ATTEMPTS:  # another program took the port meanwhile
+        if not result and len(processes) < ATTEMPTS:  # another program took the port meanwhile
             return start(*words)
         assert result[0] == "open"
         deadline = time.monotonic() + PATIENCE_S
@@ -175,7 +174,7 @@ def served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable
         return Served(process, port, line, result[1])
 
     yield start
-    for process in started:
+    for process in processes:
         process.terminate()
         process.wait(PATIENCE_S)
         assert process.stdout is not None
@@ -197,9 +196,10 @@ def test_the_page_is_for_this_computer_alone_and_its_screen_is_read_only(served:
     assert opened(page.url, Origin="http://evil.example")[0] == 403
     url = page.websocket(f"/{page.token}/ws?width=80&height=24")
     assert "read-only" in asyncio.run(screen_of(url, "Connect", "c", "read-only"))
-    taken = subprocess.run([sys.executable, "-m", "dpr_lab", *page.words], capture_output=True, text=True)
-    assert taken.returncode == 4
-    assert "choose another port" in taken.stderr
+    with started("dpr_lab", page.words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as second:
+        _, errors = second.communicate()
+    assert second.returncode == 4
+    assert "choose another port" in errors
 
 
 @pytest.mark.slow
