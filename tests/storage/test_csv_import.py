@@ -125,6 +125,9 @@ def test_common_names_of_angles_of_encoders_arm_and_a_single_rod(tmp_path):
     assert guess_columns(["q1", "q1_actual", "q2_actual"]) == {"theta1": "q1", "theta2": "q2_actual"}
     film = guess_columns(["time_s", "theta1_exp", "theta2_exp", "theta1_sim", "theta2_sim"])
     assert film == {"t": "time_s", "theta1": "theta1_exp", "theta2": "theta2_exp"}
+    pendubot = guess_columns(["t", "U", "Us or Alpha1_r", "Alpha1", "dAlpha1", "Alpha2", "dAlpha2"])
+    assert pendubot == {"t": "t", "theta1": "Alpha1", "theta2": "Alpha2"}
+    assert guess_columns(["t", "q1", "q2", "alpha1", "alpha2"]) == {"t": "t", "theta1": "q1", "theta2": "q2"}
     rows = np.column_stack([T, THETA1 - np.pi])
     np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="time,rod_angle", comments="")
     rod = RIG.model_copy(update={"rods": Rods(mounted="inner")})

@@ -32,6 +32,7 @@ _ANGLE_NAME = (
 )
 _MEASURED_NAME = rf"{_ANGLE_WORD}({{axis}}{_MEASURED}|{_MEASURED}{{axis}}){_ANGLE_UNIT}?"
 _ARM_NAME = rf"arm(angle|pos|position)?{_ANGLE_UNIT}?"
+_OTHER_ANGLE = "(alpha|beta|psi|α|β|ψ)"  # used last, because alpha is also an angular acceleration
 JOINT_NAMES = {"theta1": "shoulder|(inner|upper)(rod|link|arm)", "theta2": "elbow|(outer|lower)(rod|link|arm)"}
 _ON_ARM = {"theta0": f"theta{_ANGLE_UNIT}?", "theta1": f"alpha{_ANGLE_UNIT}?"}
 """Patterns of the angles of arm and rod in the notation of Quanser."""
@@ -106,8 +107,8 @@ def numbers(table: Table) -> Array:
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
     """Find columns by common names; quantities without exactly one match are omitted.
 
-    Names with a word such as `measured` or `exp`, and names of joints, such as `shoulder`, are used only if no column
-    has a plain name.
+    Names with a word such as `measured` or `exp`, names of joints, such as `shoulder`, and other letters, such as
+    `alpha1`, are used only if no column has a plain name.
     """
     common, angle, ending = (
         (_COUNT_NAME, _COUNT_NAME, "(counts?|ticks?)?")
@@ -123,6 +124,7 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
         ]
     for quantity, joint in JOINT_NAMES.items():
         patterns[quantity] += [f"({joint}){ending}", f"({joint}){_MEASURED}{ending}"]
+        patterns[quantity] += [f"{_OTHER_ANGLE}{quantity[-1]}{_ANGLE_UNIT}?"] * (unit != "counts")
     named = {q: _matches(names, alternatives) for q, alternatives in patterns.items()}
     return {quantity: matches[0] for quantity, matches in named.items() if len(matches) == 1}
 
