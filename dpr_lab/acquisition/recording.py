@@ -95,7 +95,7 @@ class Recording:
         """
         if self.release_tick is None or not len(self.samples):
             return 0.0
-        return (self.samples.last_tick - self.release_tick) / self._writer.metadata.rate_hz
+        return (self.samples.last_tick - self.release_tick) / self.rate_hz
 
     def add(self, batches: Iterable[Batch]) -> None:
         """Write new batches to the file."""
@@ -136,9 +136,8 @@ class Recording:
 
     def tail(self, seconds: float) -> tuple[Array, Array]:
         """Return the times (n,), s, and angles (n, 3), rad, of the last `seconds`."""
-        rate_hz = self._writer.metadata.rate_hz
-        ticks, counts = self.samples.newest(round(seconds * rate_hz))
-        return ticks / rate_hz, self.rig.mounted_theta(counts)
+        ticks, counts = self.samples.newest(round(seconds * self.rate_hz))
+        return ticks / self.rate_hz, self.rig.mounted_theta(counts)
 
     @property
     def clock_due(self) -> bool:
@@ -188,7 +187,7 @@ class Recording:
     def since(self, first: int) -> tuple[Array, Array]:
         """Return the times since the release (n,), s, and angles (n, 3), rad, from sample `first` on."""
         ticks, counts = self.samples.newest(len(self.samples) - first)
-        return (ticks - (self.release_tick or 0)) / self._writer.metadata.rate_hz, self.rig.mounted_theta(counts)
+        return (ticks - (self.release_tick or 0)) / self.rate_hz, self.rig.mounted_theta(counts)
 
     def new_inputs(self) -> Array | None:
         """Return the input of the arm's drive (n,) at the samples since the last call.
@@ -329,8 +328,7 @@ class Recording:
             DeviceFault: the instant is before RELEASE was sent, so the device does not know when the rods were
                 released.
         """
-        rate_hz = self._writer.metadata.rate_hz
-        if self.release_tick is not None or tick - max(self._newest_tick, 0) > within_s * rate_hz:
+        if self.release_tick is not None or tick - max(self._newest_tick, 0) > within_s * self.rate_hz:
             return False
         if self._earliest_release is None or tick < self._earliest_release:
             newest = max(self._newest_tick, 0)
@@ -339,7 +337,7 @@ class Recording:
                 f" {newest}, so the instant of the release is unknown: check its firmware and record again"
             )
         self.release_tick = tick
-        self._end_tick = tick + round(self._duration * rate_hz)
+        self._end_tick = tick + round(self._duration * self.rate_hz)
         return True
 
     def _host_ns(self, host_time: float) -> int:

@@ -65,7 +65,7 @@ def accept(
     refuse_impossible_plan(limits, wanted, rig)
     if request.out:
         refuse_file(request.out)
-    runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque, moving=True)
+    runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
     if diagnosis_file is None:
         diagnosis = diagnose(replace(request, out=None), on_event).diagnosis
     else:

@@ -112,7 +112,7 @@ def _accepted(diagnosis: "Diagnosis", limits: "Limits | None", request: Diagnose
     if limits is None:
         return None
     rig = load_rig(request.rig)
-    runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque, moving=True)
+    runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
     return judged(diagnosis, limits, runs, rig)
 
 

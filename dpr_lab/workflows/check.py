@@ -68,7 +68,7 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
     rig, runs = None, ()
     if request.runs:
         rig = load_rig(request.rig) if request.rig else stored_rig(request.runs[0])
-        runs = tuple(read_runs(request.runs, rig, on_event, torque=request.torque, moving=True))
+        runs = tuple(read_runs(request.runs, rig, on_event, torque=request.torque))
         _refuse_used(runs, diagnosis, check)
     answer = CheckAnswer(runs, rig, request.value, request.std, request.confirmed)
     updated = update(diagnosis, check, answer)

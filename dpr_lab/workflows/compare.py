@@ -108,5 +108,5 @@ def _follow(file: Path, model: "Model", request: CompareRequest, on_event: OnEve
             f"{file}: run of rig {rig.name}, L1 = {rig.L1:g} m, but the model belongs to {model.rig.name}, L1 ="
             f" {model.rig.L1:g} m: give a model of this rig"
         )
-    (run,) = read_runs([file], rig, on_event, request.any_clock, request.torque, moving=True)
+    (run,) = read_runs([file], rig, on_event, request.any_clock, request.torque)
     return follow(run, rig, model)

@@ -48,10 +48,7 @@ def compare_moving_arm(
 
     refuse_file(out)
     rigs = [stored_rig(file) for file in runs]
-    recorded = [
-        read_runs([file], rig, on_event, any_clock, torque, moving=True)[0]
-        for file, rig in zip(runs, rigs, strict=True)
-    ]
+    recorded = [read_runs([file], rig, on_event, any_clock, torque)[0] for file, rig in zip(runs, rigs, strict=True)]
     refuse_repeated(recorded)
     compared: list[ArmComparison] = []
     for run, rig in zip(recorded, rigs, strict=True):

@@ -92,7 +92,7 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
     from dpr_lab.rig import load_rig
 
     rig = load_rig(request.rig)
-    read = read_runs((*request.runs, *request.held_out), rig, on_event, request.any_clock, request.torque, moving=True)
+    read = read_runs((*request.runs, *request.held_out), rig, on_event, request.any_clock, request.torque)
     runs, held_out = read[: len(request.runs)], read[len(request.runs) :]
     if request.out:
         refuse_file(request.out)

@@ -108,7 +108,7 @@ def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResul
         refuse_file(request.out)
     rig = load_rig(request.rig)
     effects = _effects(request.diagnosis) if request.diagnosis else None
-    runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque, moving=True)
+    runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque)
     moving = any(run.arm_mode in ("free", "driven") for run in runs)
     if moving and request.model:
         raise RunError("runs with a free or driven arm start from the rig file: omit --model")

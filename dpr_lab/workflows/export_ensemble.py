@@ -239,7 +239,7 @@ def _fitted_runs(model: "Model", rig: "Rig") -> "list[Run]":
     if not files or not all(file.is_file() for file in files):
         return []
     try:
-        runs = read_runs(files, rig, ignore, torque=model.runs[0].torque_kind or None)
+        runs = read_runs(files, rig, ignore, torque=model.runs[0].torque_kind or None, moving=False)
     except RunError:
         return []
     if [run.sha256 for run in runs] != [used.sha256 for used in model.runs]:

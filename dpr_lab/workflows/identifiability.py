@@ -50,6 +50,6 @@ def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore)
     from dpr_lab.run import torque_kinds
 
     rig = load_rig(request.rig)
-    runs = read_runs(request.runs, rig, on_event, torque=request.torque, moving=True)
+    runs = read_runs(request.runs, rig, on_event, torque=request.torque)
     answer = identifiability_of(runs, rig, lambda sentence: on_event(Warned(sentence)))
     return IdentifiabilityResult(rig.name, answer, torque_kinds(runs))

@@ -68,7 +68,7 @@ def identify(request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proc
 
     refuse_folder(request.out)
     rig = load_rig(request.rig)
-    runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque, moving=True)
+    runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque)
     settings = load_search(request.settings) if request.settings else None
     model = identify_runs(
         runs,

@@ -88,12 +88,12 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
     diagnosis, runs = None, []
     if request.runs:
         if request.diagnosis:
-            runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque, moving=True)
+            runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque)
             diagnosis = read_diagnosis(request.diagnosis, runs)
         else:
             wanted = DiagnoseRequest(request.runs, request.rig, any_clock=request.any_clock, torque=request.torque)
             diagnosis = diagnose(wanted, on_event).diagnosis
-            runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque, moving=True)
+            runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
     planned = plan_runs(rig, runs, diagnosis, limits=limits, budget_min=budget, seed=request.seed)
     return _kept(planned, rig, request.out)
 

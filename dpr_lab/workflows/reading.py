@@ -20,7 +20,7 @@ def read_runs(
     on_event: OnEvent,
     any_clock: bool = True,
     torque: str | None = None,
-    moving: bool = False,
+    moving: bool = True,
 ) -> "list[Run]":
     """Read runs, in the order of their files.
 

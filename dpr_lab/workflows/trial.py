@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 from dpr_lab.errors import RunError
 from dpr_lab.workflows.capture import CaptureRequest, capture
 from dpr_lab.workflows.checks import refuse_file
-from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
+from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult, diagnose
 from dpr_lab.workflows.events import CaptureDone, Event, OnEvent, TrialSealed, ignore
 
 if TYPE_CHECKING:
-    from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.trials.protocol import Trial
     from dpr_lab.trials.sealing import PlantRequest
 
@@ -32,14 +31,6 @@ class DiagnoseTrialRequest:
     folder: Path
     model: Path | None = None
     """Identified model that provides initial values; None: values of the rig file."""
-
-
-@dataclass(frozen=True, slots=True)
-class DiagnoseTrialResult:
-    """Diagnosis of a trial, and its files by name."""
-
-    diagnosis: "Diagnosis"
-    files: dict[str, str]
 
 
 def draw(request: TrialRequest, on_event: OnEvent = ignore) -> "Trial":
@@ -74,7 +65,7 @@ def draw(request: TrialRequest, on_event: OnEvent = ignore) -> "Trial":
     return keep_runs(folder, sealed["seal"], request.plant, recorded.files)
 
 
-def diagnose_trial(request: DiagnoseTrialRequest, on_event: OnEvent = ignore) -> DiagnoseTrialResult:
+def diagnose_trial(request: DiagnoseTrialRequest, on_event: OnEvent = ignore) -> DiagnoseResult:
     """Diagnose a sealed trial and write the diagnosis.
 
     See `diagnose` for the events.
@@ -97,7 +88,7 @@ def diagnose_trial(request: DiagnoseTrialRequest, on_event: OnEvent = ignore) ->
         on_event,
     )
     keep_diagnosis(trial, diagnosed.diagnosis.to_json())
-    return DiagnoseTrialResult(diagnosed.diagnosis, {**diagnosed.files, "diagnosis": str(trial.diagnosis)})
+    return DiagnoseResult(diagnosed.diagnosis, {**diagnosed.files, "diagnosis": str(trial.diagnosis)})
 
 
 def _pass_on(event: Event, on_event: OnEvent) -> None:
