@@ -12,8 +12,9 @@ from numba.core.ccallback import CFunc
 from numba.core.codegen import get_host_cpu_features
 from numba.core.runtime.nrt import rtsys as runtime
 from numba.core.sigutils import normalize_signature
+from numba.core.types import FunctionType
 from numba.experimental import function_type as function_type  # type of a kernel that is passed as a pointer
-from numba.extending import register_jitable
+from numba.extending import register_jitable, typeof_impl
 
 from dpr_lab.kernel_cache import CACHE
 from dpr_lab.progress import compiling
@@ -104,10 +105,20 @@ def behind_pointer(function: Callable[..., None], *examples: Any) -> Any:
     if numba_config.DISABLE_JIT:
         return function
     signature = normalize_signature(numba.void(*map(numba.typeof, examples)))
-    kernel: Any = CFunc(function, signature, locals={}, options={"error_model": "numpy", "_nrt": False})
+    kernel: Any = _Pointer(function, signature, locals={}, options={"error_model": "numpy", "_nrt": False})
+    kernel.pointer_type = FunctionType(kernel._sig)
     kernel._cache = _cache_of(function, False) or kernel._cache
     kernel.compile()
     return kernel
+
+
+class _Pointer(CFunc):
+    """Kernel that other kernels receive; its type is created once, because each call of a kernel needs it."""
+
+
+@typeof_impl.register(_Pointer)
+def _type_of_pointer(kernel: Any, context: Any) -> Any:
+    return kernel.pointer_type
 
 
 class KernelCache(caching.FunctionCache):

@@ -145,7 +145,9 @@ def _arrays(segments: Segments, constants: RigConstants) -> SegmentArrays:
 
 def _shaped(values: Array, shape: tuple[int, ...], name: str) -> Array:
     """Broadcast values to a shape; the result is writable and contiguous, as the compiled kernel requires."""
+    shaped = np.empty(shape)
     try:
-        return np.array(np.broadcast_to(values, shape), dtype=np.float64, order="C")
+        shaped[:] = values
     except ValueError:
         raise ValueError(f"{name} must have shape {shape}, not {values.shape}") from None
+    return shaped

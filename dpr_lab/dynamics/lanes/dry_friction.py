@@ -21,7 +21,7 @@ and is handled in scalar code.
 import math
 
 from dpr_lab.arrays import Flags
-from dpr_lab.dynamics.arm import CLAMPED, FREE, push_on_arm, reduced_rods
+from dpr_lab.dynamics.arm import CLAMPED, FREE, ReducedRods, push_on_arm, reduced_rods
 from dpr_lab.dynamics.dry_friction import direction_of, held, pushes, slides, slides_with_arm
 from dpr_lab.dynamics.events import EVENTS, JointMotion, Three, correction, first_event, of_joints, stopped
 from dpr_lab.dynamics.lanes.effects import add_dry_limit0, add_dry_limits
@@ -36,9 +36,9 @@ from dpr_lab.dynamics.lanes.workspace import (
     waits,
 )
 from dpr_lab.effects.effect_kernels import STEPPED
-from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.effects.quantities import HELD_ARM, RigConstants
 from dpr_lab.effects.stages import Requirements
-from dpr_lab.kernels import subroutine
+from dpr_lab.kernels import inlined, subroutine
 
 
 @subroutine
@@ -67,16 +67,21 @@ def begin_dry(w: LaneWorkspace, required: Requirements) -> bool:
 @subroutine
 def accelerate_held(w: LaneWorkspace, rig: RigConstants, arm: bool) -> None:
     """Set the accelerations of a stage with resting joints held, and the torques that hold them."""
+    if not arm:
+        for k in range(LANES):
+            _hold(w, k, reduced_rods(motion_at(w, k), base_at(w, k), terms_at(w, k), HELD_ARM, CLAMPED, 0.0))
+        return
     for k in range(LANES):
-        mode = _mode(w, k, arm)
-        torque0 = w.torque0[k] if arm else 0.0
-        rods = reduced_rods(motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), mode, torque0)
-        direction1, direction2 = w.direction1[k], w.direction2[k]
-        w.alpha0[k], w.alpha1[k], w.alpha2[k] = held(rods, direction1, direction2)
-        w.push1[k], w.push2[k] = pushes(rods, direction1, direction2)
-        if arm:
-            alphas = w.alpha1[k], w.alpha2[k]
-            w.push0[k] = push_on_arm(motion_at(w, k), base_at(w, k), arm_at(w, k, rig), torque0, alphas)
+        motion, base, model = motion_at(w, k), base_at(w, k), arm_at(w, k, rig)
+        _hold(w, k, reduced_rods(motion, base, terms_at(w, k), model, _mode(w, k, True), w.torque0[k]))
+        w.push0[k] = push_on_arm(motion, base, model, w.torque0[k], (w.alpha1[k], w.alpha2[k]))
+
+
+@inlined
+def _hold(w: LaneWorkspace, k: int, rods: ReducedRods) -> None:
+    """Set the accelerations of lane k with resting joints held, and the torques that hold the joints of the rods."""
+    w.alpha0[k], w.alpha1[k], w.alpha2[k] = held(rods, w.direction1[k], w.direction2[k])
+    w.push1[k], w.push2[k] = pushes(rods, w.direction1[k], w.direction2[k])
 
 
 @subroutine

@@ -70,21 +70,27 @@ def _most_different(question: OpenQuestion, pairs: Sequence[tuple[str, str]]) ->
     for best in np.argsort(separations)[::-1].tolist():
         expected, separation = question.expected[best], separations[best]
         if question.one_class and separation >= DISTINGUISHED:
-            separation = min(separation, _apart_after_fits(expected, *pairs[0]))
+            separation = min(separation, _apart_after_fits(expected, *pairs[0], separation))
         if separation >= DISTINGUISHED:
             return expected, separation
     return None, 0.0
 
 
-def _apart_after_fits(expected: ExpectedRecording, name: str, other: str) -> float:
+def _apart_after_fits(expected: ExpectedRecording, name: str, other: str, separation: float) -> float:
     """Return the distance of two causes after fits of each to the readings of the other.
 
     A richer form can always imitate its simpler form, so the larger distance counts. Other causes are equivalent if
     one of them can imitate the other. The smaller distance then counts, because a fit may end before its minimum.
+
+    The second fit is omitted if the first decides: it reaches the distance `separation` before the fits, or the causes
+    are already equivalent.
     """
-    distances = expected.apart_after_fit(name, other), expected.apart_after_fit(other, name)
     one_is_richer = name in EFFECTS[other].nested or other in EFFECTS[name].nested
-    return max(distances) if one_is_richer else min(distances)
+    first = expected.apart_after_fit(name, other)
+    if first >= separation if one_is_richer else first < DISTINGUISHED:
+        return first
+    second = expected.apart_after_fit(other, name)
+    return max(first, second) if one_is_richer else min(first, second)
 
 
 def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior: Mapping[str, float]) -> Result:
