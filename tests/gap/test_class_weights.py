@@ -117,10 +117,12 @@ def test_a_curve_that_imitates_the_effect_or_the_remainder_is_no_alternative(
     monkeypatch.setattr(posterior, "substitute_curve", lambda *_: substitute)
     other = "detent_joint1"
     instead, with_both = frozenset({"base_tilt", other}), frozenset({"base_tilt", NAME, other})
-    assert _takes_over(place({instead: Mock(), with_both: Mock()}), other) is taken
-    assert _takes_over(place({instead: Mock()}), other) is (remainder and not decay)
+    worse, as_good = Mock(cost_at=lambda _: 101.0), Mock(cost_at=lambda _: 100.0)
+    assert _takes_over(place({instead: worse, with_both: Mock()}), other) is taken
+    assert _takes_over(place({instead: worse}), other) is (remainder and not decay)
+    assert not _takes_over(place({instead: as_good}), other)
     assert not _takes_over(place({with_both: Mock()}), other)
-    assert _prior_odds(place({instead: Mock()}), other) == (CALIBRATION.drifting if decay else 1.0)
+    assert _prior_odds(place({instead: worse}), other) == (CALIBRATION.drifting if decay else 1.0)
     assert _prior_odds(place(), other) == 1.0
 
 
@@ -208,7 +210,7 @@ def test_the_own_share_counts_unless_every_rig_has_a_member_of_the_class() -> No
     )
     selection.unique_share = lambda name: 0.5
     unexplained = (0.1 / 0.35) ** 4 * 2.0 + 0.25 * 0.1 / 0.5 * 2.0 / 8.0
-    odds = unexplained + (0.018 / 0.01) ** 2
+    odds = unexplained + (0.009 / 0.01) ** 2
     assert outside(selection, NAME) == pytest.approx(odds / (1 + odds))
     assert outside(selection, NAME, members=["viscous_ground_link2"]) == pytest.approx(odds / (1 + odds))
     assert outside(selection, NAME, members=["encoder_offset_joint1"]) == pytest.approx(unexplained / (1 + unexplained))

@@ -98,7 +98,7 @@ def test_an_effect_that_every_rig_has_compensates_for_nothing(
     name = "coulomb_joint2"
     sets = FittedSets(screened(runs), problem, {name: EFFECTS[name]}, base)
     result = replace(refined(forward(sets)), own_shares={name: 0.001})
-    assert outside(result, name) > 0.7
+    assert outside(result, name) > 0.4
     assert outside(result, name, members=("encoder_offset_joint2",)) == CALIBRATION.outside_when_closed
 
 

@@ -26,7 +26,7 @@ class Calibration:
 
     The value applies to an effect that explains as much as the remainder, if the remainder is far above the noise.
     """
-    compensates: float = 0.018
+    compensates: float = 0.009
     """Own share at which a smaller effect is equally likely to be a cause or a compensation.
 
     A compensation makes up for the inexact form of a larger effect.

@@ -262,11 +262,15 @@ def _cost(place: _Place, score: Score) -> float:
 
 
 def _takes_over(place: _Place, other: str) -> bool:
-    """Return whether another effect is a curve that would only imitate the named effect or fit small causes."""
+    """Return whether another effect is a curve that would only imitate the named effect or fit small causes.
+
+    A curve whose set costs no more than the selected set is not dismissed, because its amplitudes are worth their
+    penalty.
+    """
     bare, chosen, instead = place.selection.bare, place.selection.chosen, place.filled(other)
     if instead is None or follows_decay(bare, instead, chosen):
         return False
-    if follows_remainder(bare, instead, chosen):
+    if follows_remainder(bare, instead, chosen) and instead.cost_at(chosen.residuals.inflation) > chosen.cost:
         return True
     with_both = place.selection.fitted.get(chosen.key | {other})
     return with_both is not None and substitute_curve(with_both, instead) == other
