@@ -222,6 +222,16 @@ def test_an_angle_that_was_never_computed_does_not_hide_the_points(tmp_path: Pat
     np.testing.assert_allclose(run.theta[:, 1], SWING, atol=2e-3)
 
 
+def test_a_note_states_that_points_next_to_angles_are_not_used(tmp_path: Path) -> None:
+    """An angle that a tracking program computed about the origin of the picture differs from the angle of the rod."""
+    points = 180.0 * BOB + (3.0, 70.0)
+    angle = np.degrees(np.arctan2(points[:, 0], -points[:, 1]))
+    note = "the coordinates of points are not used, because the table also contains angles"
+    for columns, head in (((points, angle), "t,X,Y,Angle(deg)"), ((angle,), "t,Angle(deg)")):
+        table = read_text(text(tmp_path / "a.csv", np.column_stack([T, *columns]), head=f"{head}\n"), ())
+        assert any(note in words for words in table.notes) == ("X" in head)
+
+
 def test_a_column_that_is_named_as_the_angle_is_no_coordinate(tmp_path: Path) -> None:
     """A tracker exports the time as x and the angle as y."""
     file = text(tmp_path / "a.txt", np.column_stack([T, np.degrees(SWING) - 180]), "\t", "x\ty\n")

@@ -103,7 +103,12 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
     if not tracked:
         if take:
             raise RunError(f"{path}: is a single table without parts: remove --take")
-        return without_copies(table)
+        note = (
+            "the coordinates of points are not used, because the table also contains angles. If the angles do not refer"
+            " to the pivot, remove them from the table: then the coordinates are imported"
+        )
+        notes = (note,) if _points(table, despite_angles=True)[1] else ()
+        return without_copies(replace(table, notes=(*table.notes, *notes)))
     return _angles(replace(table, kind=kind), tracked, take)
 
 
@@ -129,8 +134,11 @@ def _with_names(table: Table) -> Table:
     return replace(table, names=("t",) * timed + tuple(names))
 
 
-def _points(table: Table) -> tuple[str, list[_Point]]:
-    """Return the kind of the table and the points that the table contains."""
+def _points(table: Table, despite_angles: bool = False) -> tuple[str, list[_Point]]:
+    """Return the kind of the table and the points that the table contains.
+
+    Points of a table that also contains angles are omitted, unless `despite_angles` is true.
+    """
     rows = {row[0].lower(): row for row in table.heading if row and len(row) == len(table.names)}
     if "bodyparts" in rows and "coords" in rows:
         columns = zip(rows["bodyparts"], (coord.lower() for coord in rows["coords"]), strict=True)
@@ -141,7 +149,7 @@ def _points(table: Table) -> tuple[str, list[_Point]]:
         return "table of points by Tracker", list(_upwards(table, columns, 0, 1.0))
     ungrouped = [own_name(name) for name in table.names]
     # a program that did not compute the angle writes the same value in all rows
-    angles = any(
+    angles = not despite_angles and any(
         _ANGLE.search(name.lower()) and varies(column) for name, column in zip(ungrouped, table.values, strict=True)
     )
     alone = [("point", match[1].lower()) if (match := _ALONE.fullmatch(name)) else ("", "") for name in ungrouped]
