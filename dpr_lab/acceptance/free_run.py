@@ -8,8 +8,8 @@ from dpr_lab.effects import effect_params, without_events
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.gap.damage.disturbances import without_disturbances
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.screen.as_diagnosed import recordings_as_in
 from dpr_lab.gap.screen.record import THINNING
-from dpr_lab.gap.screen.repeated import recordings_as_in
 from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, with_distinct_names

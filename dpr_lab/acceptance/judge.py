@@ -154,8 +154,7 @@ def _other_friction(diagnosis: Diagnosis, joint: int) -> str:
     for named in diagnosis.effects:
         if named.name in NOT_OF_SPEED and named.name.endswith(f"joint{joint}"):
             return f"{named.name} is named, and its torque does not depend on the speed alone"
-        odds = {name: named.odds.get(name, 1 / len(named.members)) for name in named.members}
-        sure = named.probability * sum(share for name, share in odds.items() if name in laws)
+        sure = sum(probability for name, probability in named.candidates.items() if name in laws)
         alternatives = [rival for rival in diagnosis.rivals if rival.instead_of == named.name]
         sure += sum(rival.probability for rival in alternatives if rival.name in laws)
         if 1 - SURE < sure < SURE:
@@ -304,6 +303,6 @@ def _unsure(diagnosis: Diagnosis, effect: str) -> str:
     """
     for named in diagnosis.effects:
         if named.name == effect:
-            sure = named.probability * named.odds.get(effect, 1 / len(named.members))
+            sure = named.candidates[effect]
             return "" if sure >= SURE else f"the probability that it is the cause is {percent(sure)}"
     return ""

@@ -84,9 +84,8 @@ def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:
     """
     if done := _done(diagnosis, about):
         return {name: p for name, p in done[-1].after.items() if name != NONE_OF_THEM}
-    named = _named(diagnosis, about)
-    members = {name: named.probability * named.odds.get(name, 1 / len(named.members)) for name in named.members}
-    return members | {rival.name: rival.probability for rival in diagnosis.rivals if rival.instead_of == about}
+    rivals = {rival.name: rival.probability for rival in diagnosis.rivals if rival.instead_of == about}
+    return _named(diagnosis, about).candidates | rivals
 
 
 def hypotheses(diagnosis: Diagnosis, about: str) -> dict[str, float]:
@@ -154,7 +153,7 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
             "rivals": rivals,
             "probabilities": moved,
             "sentence": sentence,
-            "remedies": _remedies(diagnosis, check.about, done),
+            "remedies": _remedies(diagnosis, done),
             "advice": _advice(diagnosis, remaining_checks),
             "checks": remaining_checks,
             "checks_done": [*diagnosis.checks_done, done],
@@ -197,18 +196,14 @@ def _reweighed(check: AdvisedCheck, done: CheckDone) -> AdvisedCheck:
 
 def _outside(diagnosis: Diagnosis, done: CheckDone) -> float:
     """Return the probability of a cause outside the library: the largest value over all named effects."""
-    checked = {
-        previous.check.about: previous.after[NONE_OF_THEM]
-        for previous in diagnosis.checks_done
-        if NONE_OF_THEM in previous.after
-    }
-    checked[done.check.about] = done.after[NONE_OF_THEM]
+    checked = diagnosis.outside_by_checks | {done.check.about: done.after[NONE_OF_THEM]}
     unchecked = any(effect.name not in checked for effect in diagnosis.effects)
     return max([*checked.values(), *([diagnosis.probabilities.get(NONE_OF_THEM, 0.0)] if unchecked else [])])
 
 
-def _remedies(diagnosis: Diagnosis, about: str, done: CheckDone) -> list[str]:
+def _remedies(diagnosis: Diagnosis, done: CheckDone) -> list[str]:
     """Return the remedies of the named effects; omit an effect that is no longer the most probable cause."""
+    about = done.check.about
     if likeliest(done.after) == about:
         return diagnosis.remedies
     return [remedy for remedy in diagnosis.remedies if not remedy.startswith(f"For {about}:")]

@@ -17,9 +17,9 @@
 
 Reading order. These modules contain the decisions, about 14,000 words of text and code, about an hour:
 `state`, `diagnose`, `bare_model`, `hypothesis.hypothesis`, `hypothesis.score_test`, `hypothesis.thresholds`,
-`which.search`, `which.moves`, `which.forward`, `which.select`, `which.removals`, `corrections`, `transfer.transfer`,
-`conclusion.verdict`. The other modules contain about 71,300 words. They are the computations behind one decision each,
-and can be read when they are changed.
+`which.search`, `which.moves`, `which.forward`, `which.select`, `which.removals`,
+`corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 72,500 words. They are the
+computations behind one decision each, and can be read when they are changed.
 
 Terms of all modules:
 

@@ -107,6 +107,7 @@ def _begin(request: Request, stage: str) -> None:
 
 
 def _screened(request: Request) -> ScreenedRuns:
+    """Cut a long record into pieces, screen all runs, and refuse those that contradict their description."""
     if not request.runs:
         raise RunError("no runs to diagnose")
     for run in (*request.runs, *request.held_out):
@@ -123,6 +124,10 @@ def _screened(request: Request) -> ScreenedRuns:
 
 
 def _fitted(screened: ScreenedRuns) -> Fitted:
+    """Fit the bare model, and locate its residual.
+
+    The held-out runs receive the ratios, the noise and the rolling shutter of the fitted runs.
+    """
     request = screened.request
     _begin(request, "bare model")
     recordings, problem, bare = fit_bare_model(screened.recordings, request.start)
@@ -185,6 +190,7 @@ def _selected(drafted: Drafted) -> Selected:
 
 
 def _transferred(selected: Selected) -> Transferred:
+    """Test the selected set on other recordings, and compute the size of the gap and the covariance."""
     fitted, selection = selected.fitted, selected.selection
     rig, recordings, problem, chosen = fitted.request.rig, fitted.recordings, fitted.problem, selection.chosen
     _begin(fitted.request, "transfer")

@@ -2,6 +2,7 @@
 
     ScreenedRuns    request, recordings, held-out recordings
     Fitted          + segments, bare model, locations of the gap
+    (Drafted)       Fitted, and the state of the search after forward selection (`corrections.Drafted`)
     Selected        selected set of effects for the fitted recordings, classes with their probabilities
     Transferred     + performance on held-out recordings, size of the gap, covariance
 

@@ -70,8 +70,7 @@ def causes_of(diagnosis: Diagnosis) -> Iterator[Causes]:
     """
     alone = recorded_releases(diagnosis) < STOPPING.fewest
     for effect in diagnosis.effects:
-        odds = {name: effect.odds.get(name, 1 / len(effect.members)) for name in effect.members}
-        alternatives = {name: effect.probability * share for name, share in odds.items()}
+        alternatives = effect.candidates
         for rival in diagnosis.rivals:
             if rival.instead_of == effect.name and rival.name not in effect.members:
                 alternatives[rival.name] = rival.probability

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.dynamics.base import RATIO_UNITS
 from dpr_lab.report.angles import RADIANS, AngleUnit
-from dpr_lab.report.digits import interval, plus_minus, superscripts
+from dpr_lab.report.digits import plus_minus
 from dpr_lab.report.run_names import run_label
+from dpr_lab.report.tables import ratio_row
 from dpr_lab.shown import counted
 
 if TYPE_CHECKING:
@@ -36,15 +36,7 @@ def summary(model: "MovingArmModel", angles: AngleUnit = RADIANS) -> str:
 
 def ratio_rows(model: "MovingArmModel") -> list[list[str]]:
     """Return one row for each ratio that the recordings determine."""
-    return [
-        [
-            name,
-            plus_minus(estimate.value, estimate.std),
-            interval(*estimate.interval90, estimate.value, estimate.std),
-            superscripts(RATIO_UNITS.get(name, "")),
-        ]
-        for name, estimate in model.ratios.items()
-    ]
+    return [ratio_row(name, ratio) for name, ratio in model.ratios.items()]
 
 
 def absolute_rows(model: "MovingArmModel") -> list[list[str]]:

@@ -21,7 +21,7 @@ from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.result.causes import EffectSize
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Evidence, Exclusion, JointFriction
-from dpr_lab.gap.screen import repeated
+from dpr_lab.gap.screen import as_diagnosed
 from dpr_lab.gap.transfer.free_run import FreeRunError
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.planning.limits import PlanLimits
@@ -260,7 +260,7 @@ def test_a_kick_before_the_horizon_leaves_a_run_out(paper: Rig, monkeypatch: pyt
     ends = {"kicked": 1.2, "whole": 1.97}
     errors = {name: FreeRunError(np.arange(0.3, end, 0.005), np.ones(1)) for name, end in ends.items()}
     monkeypatch.setattr(free_run, "free_runs", lambda *_: SimpleNamespace(errors=errors))
-    monkeypatch.setattr(repeated, "record", lambda run, _: run)
+    monkeypatch.setattr(as_diagnosed, "record", lambda run, _: run)
     monkeypatch.setattr(free_run, "without_disturbances", lambda recordings, _: recordings)
     runs: list[Any] = [SimpleNamespace(name=name, t=np.arange(0.0, 2.001, 0.005)) for name in ends]
     gap = SimpleNamespace(closed_held_out=SimpleNamespace(per_run={}))
@@ -289,7 +289,7 @@ def test_missed_counts_of_one_run_are_not_applied_to_another_run(paper: Rig, mon
         return SimpleNamespace(errors={})
 
     monkeypatch.setattr(free_run, "free_runs", simulated)
-    monkeypatch.setattr(repeated, "record", lambda run, _: run)
+    monkeypatch.setattr(as_diagnosed, "record", lambda run, _: run)
     monkeypatch.setattr(free_run, "without_disturbances", lambda recordings, _: recordings)
     runs: list[Any] = [SimpleNamespace(name=f"R{i}", t=np.array([0.0, end])) for i, end in enumerate((0.5, 2.0, 2.0))]
     gap = SimpleNamespace(closed_held_out=SimpleNamespace(per_run={run.name: 1.0 for run in runs}))
@@ -308,7 +308,7 @@ def test_runs_of_one_name_are_judged_separately(paper: Rig, monkeypatch: pytest.
             errors={run.name: FreeRunError(np.array([2.0]), np.ones(1)) for run in recordings.records}
         ),
     )
-    monkeypatch.setattr(repeated, "record", lambda run, _: run)
+    monkeypatch.setattr(as_diagnosed, "record", lambda run, _: run)
     monkeypatch.setattr(free_run, "without_disturbances", lambda recordings, _: recordings)
     t = np.linspace(0.0, 2.0, 9)
     run = Run("X1", t, np.zeros((9, 3)), None, None, paper.name, "", 4.0)

@@ -130,18 +130,19 @@ def _expected(
     A, _ = linear.flat
     compensation = -np.linalg.pinv(linear.R, rcond=1e-9) @ linear.initial_state_coefficients
     ends = np.cumsum([len(known), *map(len, parameters.values())])
+    columns = {name: slice(i, j) for name, i, j in zip(parameters, ends[:-1], ends[1:], strict=True)}
     fitted = {
         name: np.array([parameter.read(estimate) for parameter in of_effect]) for name, of_effect in parameters.items()
     }
     return ExpectedRecording(
         choice,
         A[:, : ends[0]],
-        {name: A[:, i:j] for name, i, j in zip(parameters, ends[:-1], ends[1:], strict=True)},
+        {name: A[:, of_effect] for name, of_effect in columns.items()},
         {
             name: sizes if sizes.any() else np.array([parameter.size for parameter in parameters[name]])
             for name, sizes in fitted.items()
         },
-        {name: compensation[..., i:j] for name, i, j in zip(parameters, ends[:-1], ends[1:], strict=True)},
+        {name: compensation[..., of_effect] for name, of_effect in columns.items()},
         replace(trial, prior=None),
         at_release,
         always_free,

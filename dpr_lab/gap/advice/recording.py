@@ -19,7 +19,7 @@ from dpr_lab.gap.hypothesis.score_test import score_test
 from dpr_lab.gap.hypothesis.steps import recorded
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, AdvisedRelease
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.screen.repeated import recordings_as_in
+from dpr_lab.gap.screen.as_diagnosed import recordings_as_in
 from dpr_lab.run import torque_kinds
 
 DISTINGUISHED = 5.0

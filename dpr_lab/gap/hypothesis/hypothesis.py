@@ -20,7 +20,7 @@ from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import folds, predictive_loss
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics, residual_statistics
-from dpr_lab.gap.hypothesis.swing_lines import on_swing_line
+from dpr_lab.gap.hypothesis.swing_lines import on_swing_line, one_decay
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,33 +98,8 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
     params, limits = fitted.estimate.params, problem.limits
     sizes = {} if limits is None else {name: relative_size(params, limits, name) for name in curves}
     on_line = frozenset(name for name in names if on_swing_line(problem, name, fitted.estimate))
-    drifts = frozenset(names) & {effect.name for effect in FRICTION_DRIFT} if _one_decay(problem) else frozenset[str]()
+    drifts = frozenset(names) & {effect.name for effect in FRICTION_DRIFT} if one_decay(problem) else frozenset[str]()
     return Hypothesis(names, fitted, residuals, loss, sizes, on_line, drifts)
-
-
-def _one_decay(problem: Problem) -> bool:
-    """Return whether the amplitude is a single function of time, so that amplitude and time are inseparable.
-
-    The amplitude is such a function for a single undriven swing (one release or its pieces) and for equal releases of
-    one rod.
-    """
-    segments = problem.segments
-    if not all(setup.free for setup in segments.setups):
-        return False
-    first, last = segments.t[segments.offsets[:-1]], segments.t[segments.offsets[1:] - 1]
-    order = np.argsort(first)
-    return bool((last[order][:-1] <= first[order][1:]).all()) or _equal_releases(problem)
-
-
-def _equal_releases(problem: Problem, tolerance: float = 0.1) -> bool:
-    """Return whether one rod swings from the same angle in all runs, within a relative tolerance."""
-    segments = problem.segments
-    if not all(setup.alone for setup in segments.setups):
-        return False
-    from_hanging = np.abs(problem.measured[:, 0] - np.pi)
-    of_segment = np.maximum.reduceat(from_hanging, segments.offsets[:-1])
-    widest = [of_segment[segments.run == run].max() for run in np.unique(segments.run)]
-    return min(widest) > (1 - tolerance) * max(widest)
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:

@@ -1,9 +1,12 @@
-"""Harmonics of the swing of a single rod, and vibrations that are indistinguishable from them.
+"""Vibrations at harmonics of the swing, and recordings of a single decay.
 
 If the model lacks a law of angle or speed, the residual contains multiples of the frequency of the swing. This
 frequency changes slowly with the amplitude. A vibration of the base at such a multiple can follow the residual along
 one release. The frequency of a true vibration is independent of the swing, so such a match is not evidence of a
 vibration.
+
+Along a single decay, the amplitude is a function of time. A drift of friction then looks like a loss that depends on
+speed.
 """
 
 from dataclasses import dataclass
@@ -80,3 +83,28 @@ def _line(problem: Problem, run: int) -> tuple[float, float, float] | None:
     usual = float(np.median(intervals))
     periods = intervals[np.abs(intervals - usual) < 0.5 * usual]  # without gaps
     return float(1 / periods.max()), float(1 / periods.min()), float(t[-1] - t[0])
+
+
+def one_decay(problem: Problem) -> bool:
+    """Return whether the amplitude is a single function of time, so that amplitude and time are inseparable.
+
+    The amplitude is such a function for a single undriven swing (one release or its pieces) and for equal releases of
+    one rod.
+    """
+    segments = problem.segments
+    if not all(setup.free for setup in segments.setups):
+        return False
+    first, last = segments.t[segments.offsets[:-1]], segments.t[segments.offsets[1:] - 1]
+    order = np.argsort(first)
+    return bool((last[order][:-1] <= first[order][1:]).all()) or _equal_releases(problem)
+
+
+def _equal_releases(problem: Problem, tolerance: float = 0.1) -> bool:
+    """Return whether one rod swings from the same angle in all runs, within a relative tolerance."""
+    segments = problem.segments
+    if not all(setup.alone for setup in segments.setups):
+        return False
+    from_hanging = np.abs(problem.measured[:, 0] - np.pi)
+    of_segment = np.maximum.reduceat(from_hanging, segments.offsets[:-1])
+    widest = [of_segment[segments.run == run].max() for run in np.unique(segments.run)]
+    return min(widest) > (1 - tolerance) * max(widest)

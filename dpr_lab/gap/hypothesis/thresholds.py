@@ -138,71 +138,6 @@ def promising_gain(model: Hypothesis) -> float:
     return max(THRESHOLDS.chance, min(THRESHOLDS.chance * inflation / GAUSS_NEWTON.exceeded, of_excess))
 
 
-def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:
-    """Return the curve of a smaller set that imitates the removed effect, or None.
-
-    The amplitudes of such a curve cancel each other, and grow when the effect is removed. On a small arc, for example,
-    an eccentricity with large harmonics imitates a zero offset. This imitation does not make the offset superfluous.
-    """
-    if smaller.cost <= model.cost:
-        return None
-    grown = {
-        name: smaller.curves[name] / max(size, PENALTY.ordinary)
-        for name, size in model.curves.items()
-        if name in smaller.curves
-    }
-    largest = max(grown, key=lambda name: grown[name], default=None)
-    return largest if largest is not None and grown[largest] > THRESHOLDS.takes_over else None
-
-
-def follows_remainder(bare: Hypothesis, larger: Hypothesis, simple: Hypothesis) -> bool:
-    """Return whether a curve, vibration or drift only follows the remainder of small unknown causes."""
-    tests = (curve_follows_remainder, follows_swing, follows_decay)
-    return any(follows(bare, larger, simple) for follows in tests)
-
-
-def curve_follows_remainder(bare: Hypothesis, with_curve: Hypothesis, simple: Hypothesis) -> bool:
-    """Return whether a curve only follows the small remainder of unknown causes.
-
-    Three conditions must hold: the simpler set explains nearly all that the curve explains, its remainder is below the
-    noise, and with this remainder as noise the curve is not significant.
-    """
-    curves = set(with_curve.curves) - simple.key
-    if not curves or not simple.effects or simple.residuals.noise_ratio > 1.0:
-        return False
-    explained = bounded_excess(bare) - bounded_excess(with_curve)
-    if bounded_excess(bare) - bounded_excess(simple) < THRESHOLDS.nearly_all * explained:
-        return False
-    inflation = simple.residuals.inflation
-    return simple.cost - with_curve.cost_at(inflation) < THRESHOLDS.chance * inflation
-
-
-def follows_swing(bare: Hypothesis, vibrating: Hypothesis, other: Hypothesis) -> bool:
-    """Return whether a vibration only follows the residual of a missing law.
-
-    Such a vibration has a harmonic of the swing frequency.
-
-    In this case another set explains most of this residual. Any missing law of angle or speed leaves a residual at
-    these frequencies.
-    """
-    if not vibrating.on_line - other.key or not other.effects:
-        return False
-    explained = bounded_excess(bare) - bounded_excess(vibrating)
-    return bounded_excess(bare) - bounded_excess(other) > THRESHOLDS.most_of_it * explained
-
-
-def follows_decay(bare: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> bool:
-    """Return whether a friction drift along one decay only follows the residual of a missing loss.
-
-    In this case another set of the same size explains nearly all of this residual. Along a decay the amplitude
-    decreases with time. A loss that depends on speed, which every rod has, therefore looks like a drift.
-    """
-    if not drifting.of_decay - other.key or not other.effects or len(other.fit.free) > len(drifting.fit.free):
-        return False
-    explained = bounded_excess(bare) - bounded_excess(drifting)
-    return bounded_excess(bare) - bounded_excess(other) > THRESHOLDS.nearly_all * explained
-
-
 def indifference(
     bare: Hypothesis, model: Hypothesis, *, independent: float = THRESHOLDS.chance, share: float = THRESHOLDS.integrator
 ) -> float:
@@ -211,45 +146,6 @@ def indifference(
     Chance or the steps of the integrator can cause such a difference.
     """
     return max(independent * model.residuals.inflation, share * (bare.residuals.chi2 - model.residuals.chi2))
-
-
-def form_indifference(bare: Hypothesis, model: Hypothesis) -> float:
-    """Return the largest increase of cost at which a simpler form replaces a richer one.
-
-    While a residual remains, a richer form may merely compensate for the residual. At the noise floor, a richer form
-    may follow the error of the integrator.
-    """
-    share = THRESHOLDS.integrator if at_noise_floor(model) else THRESHOLDS.contained
-    return indifference(bare, model, share=share)
-
-
-def adds_less_than_remains(richer: Hypothesis, simpler: Hypothesis | None) -> bool:
-    """Return whether a richer form leaves more excess than it removes, compared with a simpler form.
-
-    The result is false if no simpler form is fitted, or if the richer form reaches the noise floor.
-    """
-    if simpler is None or at_noise_floor(richer):
-        return False
-    return bounded_excess(simpler) - bounded_excess(richer) < bounded_excess(richer)
-
-
-def small_effects(bare: Hypothesis, path: Sequence[tuple[str, Hypothesis]]) -> frozenset[str]:
-    """Return the small effects of a set.
-
-    The small effects together explain less than `THRESHOLDS.small` of the gap in addition to the larger effects.
-
-    Args:
-        bare: the bare model
-        path: names of the effects, largest first, each with the set that contains it and the larger ones
-    """
-    before = [bare, *(model for _, model in path)]
-    least = THRESHOLDS.small * bounded_excess(bare) + bounded_excess(before[-1])
-    return frozenset(name for (name, _), smaller in zip(path, before, strict=False) if bounded_excess(smaller) < least)
-
-
-def indistinguishable(test: ScoreTest, first: Score, second: Score) -> bool:
-    """Return whether each of two effects can imitate the other in these recordings."""
-    return min(test.cosine(first, second), test.cosine(second, first)) > THRESHOLDS.indistinguishable
 
 
 def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
@@ -292,29 +188,6 @@ def scatter(before: Hypothesis, after: Hypothesis, errors: float = THRESHOLDS.co
     return float(errors * np.sqrt(len(reductions) * np.var(reductions, ddof=1)))
 
 
-def explains_as_much(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> bool:
-    """Return whether a smaller set explains about as much as a richer set.
-
-    The smaller set must explain nearly all that the richer set explains. Its criterion, which contains the penalty of
-    the parameters, must not be significantly higher. While a residual remains, the difference is compared with its
-    scatter between segments. Neither set is then the exact model, so the noise of a reading is not the relevant scale
-    of the difference.
-
-    Source: Vuong (1989), Likelihood ratio tests for model selection and non-nested hypotheses, Econometrica 57,
-    307-333.
-    """
-    if len(simple.fit.free) >= len(rich.fit.free):
-        return False
-    if bounded_excess(bare) - bounded_excess(simple) < THRESHOLDS.nearly_all * (
-        bounded_excess(bare) - bounded_excess(rich)
-    ):
-        return False
-    margin = indifference(bare, rich)
-    if not at_noise_floor(rich) and np.isfinite(by_chance := scatter(simple, rich, THRESHOLDS.beyond_chance)):
-        margin = max(margin, by_chance)
-    return simple.cost - rich.cost < margin
-
-
 def accepted(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
     """Return whether an additional effect explains more than chance and an inexact form would.
 
@@ -350,3 +223,128 @@ def need(described: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float
         return 0.0
     large = growth > THRESHOLDS.large * bounded_excess(described)
     return factor / (THRESHOLDS.keeps_if_large if large else THRESHOLDS.keeps)
+
+
+def explains_as_much(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> bool:
+    """Return whether a smaller set explains about as much as a richer set.
+
+    The smaller set must explain nearly all that the richer set explains. Its criterion, which contains the penalty of
+    the parameters, must not be significantly higher. While a residual remains, the difference is compared with its
+    scatter between segments. Neither set is then the exact model, so the noise of a reading is not the relevant scale
+    of the difference.
+
+    Source: Vuong (1989), Likelihood ratio tests for model selection and non-nested hypotheses, Econometrica 57,
+    307-333.
+    """
+    if len(simple.fit.free) >= len(rich.fit.free):
+        return False
+    if bounded_excess(bare) - bounded_excess(simple) < THRESHOLDS.nearly_all * (
+        bounded_excess(bare) - bounded_excess(rich)
+    ):
+        return False
+    margin = indifference(bare, rich)
+    if not at_noise_floor(rich) and np.isfinite(by_chance := scatter(simple, rich, THRESHOLDS.beyond_chance)):
+        margin = max(margin, by_chance)
+    return simple.cost - rich.cost < margin
+
+
+def form_indifference(bare: Hypothesis, model: Hypothesis) -> float:
+    """Return the largest increase of cost at which a simpler form replaces a richer one.
+
+    While a residual remains, a richer form may merely compensate for the residual. At the noise floor, a richer form
+    may follow the error of the integrator.
+    """
+    share = THRESHOLDS.integrator if at_noise_floor(model) else THRESHOLDS.contained
+    return indifference(bare, model, share=share)
+
+
+def adds_less_than_remains(richer: Hypothesis, simpler: Hypothesis | None) -> bool:
+    """Return whether a richer form leaves more excess than it removes, compared with a simpler form.
+
+    The result is false if no simpler form is fitted, or if the richer form reaches the noise floor.
+    """
+    if simpler is None or at_noise_floor(richer):
+        return False
+    return bounded_excess(simpler) - bounded_excess(richer) < bounded_excess(richer)
+
+
+def small_effects(bare: Hypothesis, path: Sequence[tuple[str, Hypothesis]]) -> frozenset[str]:
+    """Return the small effects of a set.
+
+    The small effects together explain less than `THRESHOLDS.small` of the gap in addition to the larger effects.
+
+    Args:
+        bare: the bare model
+        path: names of the effects, largest first, each with the set that contains it and the larger ones
+    """
+    before = [bare, *(model for _, model in path)]
+    least = THRESHOLDS.small * bounded_excess(bare) + bounded_excess(before[-1])
+    return frozenset(name for (name, _), smaller in zip(path, before, strict=False) if bounded_excess(smaller) < least)
+
+
+def indistinguishable(test: ScoreTest, first: Score, second: Score) -> bool:
+    """Return whether each of two effects can imitate the other in these recordings."""
+    return min(test.cosine(first, second), test.cosine(second, first)) > THRESHOLDS.indistinguishable
+
+
+def follows_remainder(bare: Hypothesis, larger: Hypothesis, simple: Hypothesis) -> bool:
+    """Return whether a curve, vibration or drift only follows the remainder of small unknown causes."""
+    tests = (curve_follows_remainder, follows_swing, follows_decay)
+    return any(follows(bare, larger, simple) for follows in tests)
+
+
+def curve_follows_remainder(bare: Hypothesis, with_curve: Hypothesis, simple: Hypothesis) -> bool:
+    """Return whether a curve only follows the small remainder of unknown causes.
+
+    Three conditions must hold: the simpler set explains nearly all that the curve explains, its remainder is below the
+    noise, and with this remainder as noise the curve is not significant.
+    """
+    curves = set(with_curve.curves) - simple.key
+    if not curves or not simple.effects or simple.residuals.noise_ratio > 1.0:
+        return False
+    explained = bounded_excess(bare) - bounded_excess(with_curve)
+    if bounded_excess(bare) - bounded_excess(simple) < THRESHOLDS.nearly_all * explained:
+        return False
+    inflation = simple.residuals.inflation
+    return simple.cost - with_curve.cost_at(inflation) < THRESHOLDS.chance * inflation
+
+
+def follows_swing(bare: Hypothesis, vibrating: Hypothesis, other: Hypothesis) -> bool:
+    """Return whether a vibration only follows the residual of a missing law.
+
+    The frequency of such a vibration is a multiple of the frequency of the swing, and another set explains most of this
+    residual. Any missing law of angle or speed leaves a residual at these frequencies.
+    """
+    if not vibrating.on_line - other.key or not other.effects:
+        return False
+    explained = bounded_excess(bare) - bounded_excess(vibrating)
+    return bounded_excess(bare) - bounded_excess(other) > THRESHOLDS.most_of_it * explained
+
+
+def follows_decay(bare: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> bool:
+    """Return whether a friction drift along one decay only follows the residual of a missing loss.
+
+    In this case another set of the same size explains nearly all of this residual. Along a decay the amplitude
+    decreases with time. A loss that depends on speed, which every rod has, therefore looks like a drift.
+    """
+    if not drifting.of_decay - other.key or not other.effects or len(other.fit.free) > len(drifting.fit.free):
+        return False
+    explained = bounded_excess(bare) - bounded_excess(drifting)
+    return bounded_excess(bare) - bounded_excess(other) > THRESHOLDS.nearly_all * explained
+
+
+def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:
+    """Return the curve of a smaller set that imitates the removed effect, or None.
+
+    The amplitudes of such a curve cancel each other, and grow when the effect is removed. On a small arc, for example,
+    an eccentricity with large harmonics imitates a zero offset. This imitation does not make the offset superfluous.
+    """
+    if smaller.cost <= model.cost:
+        return None
+    grown = {
+        name: smaller.curves[name] / max(size, PENALTY.ordinary)
+        for name, size in model.curves.items()
+        if name in smaller.curves
+    }
+    largest = max(grown, key=lambda name: grown[name], default=None)
+    return largest if largest is not None and grown[largest] > THRESHOLDS.takes_over else None

@@ -47,6 +47,12 @@ class NamedEffect(Saved):
     share: Number
     """Unique contribution: share of the excess that returns without the effect."""
 
+    @property
+    def candidates(self) -> dict[str, float]:
+        """Probability that a member of the class is the cause, by member; equal in a file of an older version."""
+        equal = 1 / len(self.members)
+        return {name: self.probability * self.odds.get(name, equal) for name in self.members}
+
 
 class NamedFamily(Saved):
     """Named effects that together form one component."""

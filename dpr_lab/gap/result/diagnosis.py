@@ -14,7 +14,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
 from dpr_lab.gap.result import RECORD
 from dpr_lab.gap.result.causes import NamedEffect, NamedFamily, RivalEffect
-from dpr_lab.gap.result.checks import AdvisedCheck, CheckDone
+from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
 from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.gap_size import Gap, Where
 from dpr_lab.gap.result.posterior import PosteriorComponent
@@ -216,6 +216,11 @@ class Diagnosis(Shown, Saved):
     def undecided(self) -> bool:
         """Whether the recordings show a gap, but are too short to decide its cause."""
         return self.verdict == "inconclusive" and bool(self.effects)
+
+    @property
+    def outside_by_checks(self) -> dict[str, float]:
+        """Probability of a cause outside the library after the checks, by named effect."""
+        return {done.check.about: done.after[NONE_OF_THEM] for done in self.checks_done if NONE_OF_THEM in done.after}
 
     def _heading(self) -> str:
         return self.sentence

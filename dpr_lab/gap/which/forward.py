@@ -74,13 +74,13 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
     it is then repeated without this noise (`dpr_lab.gap.corrections`). With `to_floor`, one effect is fitted before
     this test, because a linear test predicts the reduction by a backlash poorly.
     """
-    best, front, passed = start, [start], False
+    best, front, last_rejected = start, [start], False
     for room in range(max_effects - len(sets.unexpected(start)), 0, -1):
-        if not (to_floor and best is start and not passed) and refutes_process_noise(sets, best):
+        if not (to_floor and front == [start]) and refutes_process_noise(sets, best):
             return
         level: dict[frozenset[str], Hypothesis] = {}
         for model in front:
-            level = _with_one_more(sets, best, model, level, last=passed or room == 1)
+            level = _with_one_more(sets, best, model, level, last=last_rejected or room == 1)
             if len(sets.unexpected(model)) + 2 <= max_effects and (pair := _with_two_losses(sets, model)):
                 level[pair.key] = pair
         if not level:
@@ -90,11 +90,11 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
         largest = ranked[0]
         yield Proposal(largest)
         if accepted(sets.bare, best, largest) and not follows_remainder(sets.bare, largest, best):
-            best, passed = largest, False
-        elif passed or not far_from_noise(best):
+            best, last_rejected = largest, False
+        elif last_rejected or not far_from_noise(best):
             return
         else:
-            passed = True
+            last_rejected = True
         if to_floor and at_noise_floor(best):
             return
         front = [largest] if at_noise_floor(largest) else [largest, *_runners_up(sets, largest, ranked[1:])]

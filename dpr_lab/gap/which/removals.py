@@ -139,8 +139,8 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
     removable = [name for name in sets.unexpected(current) if not sets.library[name].universal]
     smaller_sets = {
         name: smaller
-        for name, smaller in ((name, sets.without(current, name)) for name in removable)
-        if bounded_excess(smaller) <= limit
+        for name in removable
+        if bounded_excess(smaller := sets.without(current, name)) <= limit
         and sets.as_possible(smaller, current)
         and not _between(sets, smaller, current)
         and not _returns(sets, smaller, current)
@@ -150,11 +150,13 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
         share = own_share(sets.problem, smaller, sets.test(smaller), name)
         if share is not None:
             shares.append(Proposal(smaller, share))
-    for least in sorted(shares, key=lambda proposal: proposal.value)[:1]:
-        simpler = [other for other in smaller_sets.values() if explains_as_much(sets.bare, other, least.model)]
-        if simpler and least.value < THRESHOLDS.own_share:
-            yield Proposal(min(simpler, key=lambda model: (len(model.fit.free), model.cost)))
-        yield least
+    if not shares:
+        return
+    least = min(shares, key=lambda proposal: proposal.value)
+    simpler = [other for other in smaller_sets.values() if explains_as_much(sets.bare, other, least.model)]
+    if simpler and least.value < THRESHOLDS.own_share:
+        yield Proposal(min(simpler, key=lambda model: (len(model.fit.free), model.cost)))
+    yield least
 
 
 def _between(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:

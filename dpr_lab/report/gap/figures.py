@@ -111,13 +111,10 @@ def save_gap_figures(diagnosis: Diagnosis, out_dir: Path) -> dict[str, Path]:
     Raises:
         DprError: the folder or a file cannot be written.
     """
-    figures = {
-        "where": where_figure(diagnosis),
-        "waterfall": waterfall_figure(diagnosis),
-        "gap_horizon": horizon_figure(diagnosis),
-    }
-    if diagnosis.evidence is not None:
-        del figures["waterfall"]
+    figures = {"where": where_figure(diagnosis), "gap_horizon": horizon_figure(diagnosis)}
+    if diagnosis.evidence is None:
+        figures["waterfall"] = waterfall_figure(diagnosis)
+    else:
         drawn = {section.name: section.figure(diagnosis) for section in SECTIONS if section.figure}
         figures |= {name: figure for name, figure in drawn.items() if figure}
     return save_each(figures, out_dir)

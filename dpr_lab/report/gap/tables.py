@@ -161,9 +161,7 @@ def standing_rows(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBAB
         open_from: further alternatives are shown if they are at least this probable; the others share one row
     """
     remainder = f"{percent(1 - diagnosis.gap.explained_share, 1)} of the excess remains"
-    checked = {
-        done.check.about: done.after[NONE_OF_THEM] for done in diagnosis.checks_done if NONE_OF_THEM in done.after
-    }
+    checked = diagnosis.outside_by_checks
     rows: list[tuple[str, ...]] = []
     for candidate in _candidates(diagnosis):
         known = candidate.probability + sum(other.probability for other in candidate.alternatives)
