@@ -44,9 +44,13 @@ def find_config(kind: str, name: str | Path) -> Path:
         return builtin
     if path.is_dir():
         raise ConfigError(f"{name}: is a folder: give a file in this folder")
-    known = sorted(p.stem for p in (BUILTIN / kind).glob("*.toml"))
     problem = f"{name}: is neither a file nor the name of a built-in {kind.removesuffix('s')}"
-    raise ConfigError(unknown_name(problem, str(name), known))
+    raise ConfigError(unknown_name(problem, str(name), built_in(kind)))
+
+
+def built_in(kind: str) -> list[str]:
+    """Return the names of the built-in files of a kind, `rigs` or `search`."""
+    return sorted(path.stem for path in (BUILTIN / kind).glob("*.toml"))
 
 
 def read_config(path: Path, model: type[Model]) -> Model:

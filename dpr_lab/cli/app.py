@@ -5,7 +5,7 @@ The module of a command is imported only when the command runs or its help is sh
 
 import os
 from collections import UserDict
-from importlib import import_module
+from pkgutil import resolve_name
 from typing import Any
 
 import typer
@@ -87,8 +87,7 @@ class LazyCommands(UserDict[str, Any]):
         Raises:
             KeyError: unknown command.
         """
-        module, _, attribute = self.data[name].partition(":")
-        command = getattr(import_module(f"dpr_lab.cli.{module}"), attribute)
+        command = resolve_name(f"dpr_lab.cli.{self.data[name]}")
         program = typer.Typer(rich_markup_mode=None)
         if isinstance(command, typer.Typer):
             program.add_typer(command, name=name)

@@ -13,7 +13,7 @@ from dpr_lab.cli.console import emit, line, table
 from dpr_lab.cli.option_groups import DiagnosisChoices, with_groups
 
 if TYPE_CHECKING:
-    from dpr_lab.certificate.lines import Declared, Verified
+    from dpr_lab.certificate.lines import Declared
     from dpr_lab.workflows.certify import Certified, VerifiedCertificate
 
 
@@ -124,17 +124,15 @@ def verify(
 def _show_verified(done: "VerifiedCertificate") -> None:
     _show_declared("Choices: declared, not verified", done.choices)
     _show_declared("Origin: declared by the certificate", done.origin)
-    files = [
-        [checked.claim, _cell(checked.certified), _cell(checked.now), _held(checked)]
-        for checked in done.lines
-        if _is_file(checked)
-    ]
+    files, claims = [], []
+    for checked in done.lines:
+        cells = [checked.claim, _cell(checked.certified), _cell(checked.now)]
+        held = ": ".join(filter(None, ("holds" if checked.holds else "FAILS", checked.reason)))
+        if checked.within is None:
+            files.append([*cells, held])
+        else:
+            claims.append([*cells, _tolerance(checked.within), held])
     table("Files and signature", ["item", "certified", "now", "result"], files)
-    claims = [
-        [checked.claim, _cell(checked.certified), _cell(checked.now), _tolerance(checked.within), _held(checked)]
-        for checked in done.lines
-        if not _is_file(checked)
-    ]
     if claims:
         table("Claims", ["claim", "certified", "now", "tolerance", "result"], claims)
     broken = [checked.claim for checked in done.lines if not checked.holds]
@@ -157,19 +155,11 @@ def _show_declared(title: str, declared: "Sequence[Declared]") -> None:
     table(title, ["item", "value", "note"], [[entry.name, entry.value, entry.note] for entry in declared])
 
 
-def _is_file(checked: "Verified") -> bool:
-    return checked.within is None
-
-
-def _held(checked: "Verified") -> str:
-    return ": ".join(filter(None, ("holds" if checked.holds else "FAILS", checked.reason)))
-
-
 def _interval(ends: tuple[float, float] | None) -> str:
     return "" if ends is None else f"{ends[0]:.5g} to {ends[1]:.5g}"
 
 
-def _tolerance(within: float | None) -> str:
+def _tolerance(within: float) -> str:
     return f"{within:.2g}" if within else "equal"
 
 

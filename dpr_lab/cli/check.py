@@ -73,15 +73,10 @@ def show(updated: "Diagnosis", out: Path | None) -> None:
     table(title, check_tables.MOVED_COLUMNS, check_tables.moved_rows(done), note=check_tables.MOVED_NOTE)
     file = "DIAGNOSIS.json" if out is None else str(out / RECORD)
     if updated.checks and not check_tables.informative(updated.checks):
-        line(
-            f"Remaining checks ({', '.join(check.id for check in updated.checks)}): no further information is expected."
-        )
+        remaining = ", ".join(check.id for check in updated.checks)
+        line(f"Remaining checks ({remaining}): no further information is expected.")
     elif updated.checks:
-        table(
-            "Remaining checks",
-            check_tables.CHECK_COLUMNS,
-            check_tables.check_rows(updated),
-            note=f"{check_tables.EXPECTED_NOTE} {check_tables.how_to_record(updated, file)}",
-        )
+        note = f"{check_tables.EXPECTED_NOTE} {check_tables.how_to_record(updated, file)}"
+        table("Remaining checks", check_tables.CHECK_COLUMNS, check_tables.check_rows(updated), note=note)
     if out:
         line(f"diagnosis: {out / RECORD}")

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Annotated, Literal
 
 import typer
@@ -38,13 +39,25 @@ def require_runs(torque: str | None, runs: Iterable[Path] | None) -> None:
 class Choices:
     """Names that an option accepts, alone or separated by commas.
 
-    The list of the names is loaded only when it is needed.
+    Their table is imported only when it is needed. Locations are written as `module:name`.
     """
 
     what: str
-    names: Callable[[], Iterable[str]]
-    worded: Callable[[str], str] = str
-    """Function that converts a name to its description, which may end with the identifier in brackets."""
+    table: str
+    """Location of the table of the names."""
+    words: str = "builtins:str"
+    """Location of the function that converts a name to its description, which may end with the identifier in
+    brackets."""
+
+    @property
+    def names(self) -> Iterable[str]:
+        """All names of the table."""
+        return resolve_name(self.table)
+
+    @property
+    def worded(self) -> Callable[[str], str]:
+        """Function that converts a name to its description."""
+        return resolve_name(self.words)
 
     def complete(self, incomplete: str) -> list[tuple[str, str]]:
         """Return the completions of the last name: pairs of completed text and description.
@@ -52,7 +65,7 @@ class Choices:
         Names are separated by commas.
         """
         before, comma, prefix = incomplete.rpartition(",")
-        matching = (name for name in self.names() if name.startswith(prefix))
+        matching = (name for name in self.names if name.startswith(prefix))
         return [(f"{before}{comma}{name}", self.worded(name).removesuffix(f" [{name}]")) for name in matching]
 
     def check(self, value: str | None) -> str | None:
@@ -76,17 +89,17 @@ class Choices:
         parts: list[str] = []
         for part in value.split(","):
             whole = f"{parts[-1]},{part}" if parts else ""
-            if whole and known_name(whole, self.names(), self.worded):
+            if whole and known_name(whole, self.names, self.worded):
                 parts[-1] = whole
             else:
                 parts.append(part)
         return parts
 
     def _known(self, given: str) -> str:
-        name = known_name(given, self.names(), self.worded)
+        name = known_name(given, self.names, self.worded)
         if name is None:
             message = unknown_name(
-                f"no {self.what} named {given.strip() or repr(given)}", given, self.names(), self.worded
+                f"no {self.what} named {given.strip() or repr(given)}", given, self.names, self.worded
             )
             raise typer.BadParameter(folded(message, sys.stderr, len("Error: Invalid value for '--objective': ")))
         return name
@@ -97,78 +110,21 @@ def names_in(given: str | None) -> tuple[str, ...] | None:
     return None if given is None else tuple(name.strip() for name in given.split(",") if name.strip())
 
 
-def _searches() -> Iterable[str]:
-    from dpr_lab.search import ALGORITHMS
-
-    return ALGORITHMS
-
-
-def _objectives() -> Iterable[str]:
-    from dpr_lab.identification.objectives import OBJECTIVES
-
-    return OBJECTIVES
-
-
-def _search_words(name: str) -> str:
-    from dpr_lab.search import search_words
-
-    return search_words(name)
-
-
-def _objective_words(name: str) -> str:
-    from dpr_lab.identification.objectives import objective_words
-
-    return objective_words(name)
-
-
-def _effects() -> Iterable[str]:
-    from dpr_lab.effects import EFFECTS
-
-    return EFFECTS
-
-
-def _effect_words(name: str) -> str:
-    from dpr_lab.report.words import named
-
-    return named(name)
-
-
-def built_in_rigs() -> list[str]:
-    """Return the names of the rig files that come with dpr-lab."""
-    from dpr_lab.configs import BUILTIN
-
-    return sorted(path.stem for path in (BUILTIN / "rigs").glob("*.toml"))
-
-
 def complete_rig(incomplete: str) -> list[str]:
     """Return the completions of a rig option: built-in rigs and rig files in the current folder."""
+    from dpr_lab.configs import built_in
+
     files = [str(path) for path in Path().glob(f"{incomplete}*") if path.is_dir() or path.suffix == ".toml"]
-    return [name for name in built_in_rigs() if name.startswith(incomplete)] + files
+    return [name for name in built_in("rigs") if name.startswith(incomplete)] + files
 
 
-def _exports() -> Iterable[str]:
-    from dpr_lab.exports import FORMATS
-
-    return FORMATS
-
-
-def _export_words(name: str) -> str:
-    from dpr_lab.exports import FORMATS
-
-    return f"{FORMATS[name].program} [{name}]"
-
-
-def _reasons() -> Iterable[str]:
-    from dpr_lab.workflows.diagnose import REASONS
-
-    return REASONS
-
-
-SEARCHES = Choices("search", _searches, _search_words)
-OBJECTIVE_NAMES = Choices("objective", _objectives, _objective_words)
-EFFECT_NAMES = Choices("effect", _effects, _effect_words)
-EXPORT_NAMES = Choices("format", _exports, _export_words)
-REASON_NAMES = Choices("reason", _reasons)
+SEARCHES = Choices("search", "dpr_lab.search:ALGORITHMS", "dpr_lab.search:search_words")
+OBJECTIVE_NAMES = Choices(
+    "objective", "dpr_lab.identification.objectives:OBJECTIVES", "dpr_lab.identification.objectives:objective_words"
+)
+EFFECT_NAMES = Choices("effect", "dpr_lab.effects:EFFECTS", "dpr_lab.report.words:named")
+EXPORT_NAMES = Choices("format", "dpr_lab.exports:FORMATS", "dpr_lab.exports:format_words")
+REASON_NAMES = Choices("reason", "dpr_lab.workflows.diagnose:REASONS")
 
 NO_RIG = (
     "A rig file contains lengths and masses of the rig. `dpr-lab rig new` writes a rig file; for a single rod, add"
@@ -199,7 +155,8 @@ HeldOut = Annotated[
     list[Path] | None, typer.Option(help="Held-out run: used to validate the diagnosis, not fitted; may be repeated.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
-
+AnyJson = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of the random numbers; the same seed gives the same result.")]
 AnyClock = Annotated[
     bool,
     typer.Option(

@@ -35,20 +35,18 @@ def conform(
         for exchange in conformity(opened, settings):
             exchanges.append(exchange)
             bar(None, exchange.what)
-    ok = all(exchange.ok for exchange in exchanges)
+    failed = sum(not exchange.ok for exchange in exchanges)
     if as_json:
-        checks = [
-            asdict(exchange) | {"said": exchange.message} for exchange in exchanges
-        ]  # `said` is the key in earlier versions
-        emit({"link": link, "ok": ok, "checks": checks})
+        # `said` is the key in earlier versions
+        checks = [asdict(exchange) | {"said": exchange.message} for exchange in exchanges]
+        emit({"link": link, "ok": not failed, "checks": checks})
     else:
         rows = [(exchange.what, "ok" if exchange.ok else "failed", exchange.message) for exchange in exchanges]
         table(f"Conformity of {link}", ("check", "state", "result"), rows)
-        failed = sum(not exchange.ok for exchange in exchanges)
         line(
             f"The device does not conform to the protocol: {failed} of {len(exchanges)} checks failed."
             if failed
             else f"The device conforms to the protocol: all {len(exchanges)} checks passed."
         )
-    if not ok:
+    if failed:
         raise typer.Exit(1)

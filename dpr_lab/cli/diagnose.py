@@ -1,6 +1,5 @@
 """`dpr-lab diagnose`: diagnosis of the difference between simulation and rig."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,17 +15,6 @@ if TYPE_CHECKING:
 
     from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.workflows.diagnose_simulator import SimulatorDiagnosis
-
-
-@dataclass(frozen=True, slots=True)
-class ShownRows:
-    """Maximum numbers of rows of the tables in the short output."""
-
-    runs: int = 6
-    """Maximum number of runs in the table of the gap reduction."""
-
-
-SHOWN = ShownRows()
 
 
 @with_groups
@@ -156,7 +144,7 @@ def show(diagnosis: "Diagnosis", out: Path | None = None, *, verbose: bool = Fal
     elif rows := tables.open_rows(diagnosis):
         table("Probable alternatives", tables.STANDING_COLUMNS, rows, note=tables.STANDING_NOTE)
     if diagnosis.effects:
-        _show_gap_reduction(diagnosis, None if verbose else SHOWN.runs)
+        _show_gap_reduction(diagnosis, verbose=verbose)
     elif diagnosis.where:
         table("Residual maps", tables.PLACE_COLUMNS, tables.place_rows(diagnosis))
     if verbose:
@@ -185,12 +173,12 @@ def _show_effects(diagnosis: "Diagnosis") -> None:
         table("Alternatives", tables.STANDING_COLUMNS, rows, note=tables.STANDING_NOTE)
 
 
-def _show_gap_reduction(diagnosis: "Diagnosis", most: int | None) -> None:
-    """Print the gap reduction of the `most` least reduced runs, or of all runs."""
+def _show_gap_reduction(diagnosis: "Diagnosis", *, verbose: bool, most: int = 6) -> None:
+    """Print the gap reduction of the `most` least reduced runs, or of all runs with `verbose`."""
     from dpr_lab.report.gap import tables
 
     rows, title = tables.closed_rows(diagnosis), "Gap reduction by run"
-    if most is not None and len(rows) > most:
+    if not verbose and len(rows) > most:
         title = f"{title}: the {most} smallest of {len(rows)}"
         rows = tables.closed_rows(diagnosis, most=most)
     table(title, tables.CLOSED_COLUMNS, rows, note=tables.CLOSED_NOTE)
@@ -240,17 +228,7 @@ def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
 
     name, least = done.simulator.name, done.least
     line(f"Joints of {name}, those of the rods first: {', '.join(map(repr, done.joints))}.")
-    rows = [
-        (
-            cause.joint,
-            cause.quantity,
-            f"{cause.before:.5g}",
-            f"{cause.after:.5g}",
-            cause.unit,
-            percent(cause.share),
-        )
-        for cause in least.causes
-    ]
+    rows = [(c.joint, c.quantity, f"{c.before:.5g}", f"{c.after:.5g}", c.unit, percent(c.share)) for c in least.causes]
     if rows and done.result.diagnosis.verdict == "no_gap":
         line(f"The verdict concerns missing effects. In addition, numbers in {name} are wrong:")
     if rows:

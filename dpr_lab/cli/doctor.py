@@ -1,5 +1,6 @@
 """`dpr-lab doctor`: test of the installation, with a remedy for each problem."""
 
+import re
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -25,6 +26,8 @@ class SystemCheck:
     """Result of the check, and the remedy if the check failed."""
     group: str = ""
     """Group of the check. Checks of one group with equal state share a table row. Empty: the check has its own row."""
+    exit_code: int = 1
+    """Exit code of the command if this is the first check that failed with an error."""
 
     def to_json(self) -> dict[str, str]:
         """Return the check as an object of `doctor --json`."""
@@ -44,17 +47,15 @@ def doctor(
     """
     from dpr_lab.cli.listener import Listener
 
-    failed: list[DprError] = []
     with Listener():
-        findings = list(_examine(link, rig, failed))
+        findings = list(_examine(link, rig))
+    codes = [finding.exit_code for finding in findings if finding.state == "wrong"]
     if as_json:
-        emit({"ok": not any(f.state == "wrong" for f in findings), "findings": [f.to_json() for f in findings]})
+        emit({"ok": not codes, "findings": [finding.to_json() for finding in findings]})
     else:
         table("dpr-lab doctor", ("check", "state", "result"), _rows(findings))
-    if failed:
-        raise typer.Exit(failed[0].exit_code)
-    if any(f.state == "wrong" for f in findings):
-        raise typer.Exit(1)
+    if codes:
+        raise typer.Exit(next((code for code in codes if code != 1), 1))
 
 
 def _rows(findings: Sequence[SystemCheck]) -> list[tuple[str, str, str]]:
@@ -71,23 +72,23 @@ def _rows(findings: Sequence[SystemCheck]) -> list[tuple[str, str, str]]:
     return rows
 
 
-def _examine(link: str | None, rig: str | None, failed: list[DprError]) -> Iterator[SystemCheck]:
+def _examine(link: str | None, rig: str | None) -> Iterator[SystemCheck]:
     yield SystemCheck("Python", "ok", f"{sys.version.split()[0]}, {sys.executable}")
     yield from _packages()
     yield from _plugins()
     yield _disk()
     yield from _links()
     if rig is not None:
-        yield _try("rig", lambda: _rig(rig), failed)
+        yield _try("rig", lambda: _rig(rig))
     if link is not None:
-        yield _try("device", lambda: _device(link, rig), failed)
+        yield _try("device", lambda: _device(link, rig))
 
 
 def _packages() -> Iterator[SystemCheck]:
     from importlib.metadata import PackageNotFoundError, requires, version  # slow to import
 
     for requirement in requires("dpr-lab") or []:
-        name = requirement.split(";")[0].split("[")[0].split(">")[0].split("<")[0].split("=")[0].strip()
+        name = re.split(r"[\s;\[<>=]", requirement)[0]
         extra = requirement.partition("extra == ")[2].strip("'\" ")
         if name == "dpr-lab" or extra == "dev":
             continue
@@ -140,12 +141,11 @@ def _links() -> Iterator[SystemCheck]:
         )
 
 
-def _try(what: str, look: Callable[[], str], failed: list[DprError]) -> SystemCheck:
+def _try(what: str, look: Callable[[], str]) -> SystemCheck:
     try:
         return SystemCheck(what, "ok", look())
     except DprError as error:
-        failed.append(error)
-        return SystemCheck(what, "wrong", str(error))
+        return SystemCheck(what, "wrong", str(error), exit_code=error.exit_code)
 
 
 def _rig(name: str) -> str:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import EFFECT_NAMES, Json
+from dpr_lab.cli.checks import EFFECT_NAMES, AnyJson, Json
 from dpr_lab.cli.console import emit, line, table
 from dpr_lab.cli.listing import Listing
 
@@ -43,7 +43,7 @@ app = typer.Typer(
 
 @app.command("list")
 def list_effects(
-    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
+    as_json: AnyJson = False,
 ) -> None:
     """List the effects with their equations and the packages that contain them.
 

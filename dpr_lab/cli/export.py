@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from dpr_lab.exports.into.replay import FileReplay
     from dpr_lab.workflows.export import ExportResult
     from dpr_lab.workflows.export_ensemble import EnsembleRequest, EnsembleResult
+    from dpr_lab.workflows.export_into import ExportedInto
 
 
 def export(
@@ -95,10 +96,18 @@ def export(
         request = EnsembleRequest(model, rig, ensemble, seed or 0, formats, out, tuple(check or ()), torque)
         _ensemble(request, as_json)
         return
-    if into is not None:
-        _into(model, rig, into, out, names_in(joints) or (), tuple(check or ()), torque, as_json)
-        return
     from dpr_lab.cli.listener import Listener
+
+    if into is not None:
+        from dpr_lab.workflows.export_into import export_into
+
+        with Listener() as listener:
+            written = export_into(model, rig, into, out, names_in(joints) or (), tuple(check or ()), torque, listener)
+        if as_json:
+            emit(written.to_json())
+        else:
+            _show_into(into.name, written)
+        return
     from dpr_lab.workflows.export import ExportRequest
     from dpr_lab.workflows.export import export as export_model
 
@@ -192,36 +201,20 @@ def _limits(done: "EnsembleResult", size: int) -> "Iterator[str]":
         )
 
 
-def _into(
-    model: Path,
-    rig: str,
-    into: Path,
-    out: Path,
-    joints: tuple[str, ...],
-    check: tuple[Path, ...],
-    torque: str | None,
-    as_json: bool,
-) -> None:
-    from dpr_lab.cli.listener import Listener
+def _show_into(name: str, done: "ExportedInto") -> None:
     from dpr_lab.report.words import in_words
-    from dpr_lab.workflows.export_into import export_into
 
-    with Listener() as listener:
-        done = export_into(model, rig, into, out, joints, check, torque, listener)
-    if as_json:
-        emit(done.to_json())
-        return
     rows = [(change.element, change.attribute, change.before or "none", change.after) for change in done.changes]
     if rows:
-        table(f"Changed in {into.name}", ("element", "attribute", "before", "after"), rows)
+        table(f"Changed in {name}", ("element", "attribute", "before", "after"), rows)
         text(done.diff.rstrip())
     else:
-        line(f"{into.name} already has the numbers of the model")
+        line(f"{name} already has the numbers of the model")
     for effect, reason in done.lost.items():
         line(f"not in the file: {in_words(effect)}: {reason}")
     for effect in done.passive:
         line(f"not in the file, but in {done.passive_file}: {in_words(effect)}")
-    show_replays(into.name, done.replays)
+    show_replays(name, done.replays)
     line(f"model: {done.file}")
     line(f"difference: {done.diff_file}")
     if done.passive_file:
@@ -231,14 +224,9 @@ def _into(
 def show_replays(name: str, replays: "Sequence[FileReplay]") -> None:
     """Print the errors of the user's file before and after the change, for each recording."""
     if replays:
-        kinds = {
-            "before": "before_rad",
-            "after": "after_rad",
-            "with passive forces": "passive_rad",
-            "dpr-lab": "lab_rad",
-        }
-        if replays[0].passive_rad is None:
-            del kinds["with passive forces"]
+        kinds = {"before": "before_rad", "after": "after_rad"}
+        kinds |= {} if replays[0].passive_rad is None else {"with passive forces": "passive_rad"}
+        kinds |= {"dpr-lab": "lab_rad"}
         columns = ("run", "until, s", *(f"{name}, mrad" for name in kinds))
         rows = [
             (replay.run, f"{replay.until_s:.3g}", *(f"{1e3 * getattr(replay, kind):.3g}" for kind in kinds.values()))
@@ -257,9 +245,9 @@ def _show(done: "ExportResult") -> None:
     from dpr_lab.report.words import in_words
 
     if done.lab is not None and done.bare_rad is not None:
-        rows = [["dpr-lab's own simulation", f"{1e3 * done.lab.off_rad:.3g}", f"{100 * done.lab.closed:.0f} %"]]
-        rows += [
-            [name, f"{1e3 * tried.off_rad:.3g}", f"{100 * tried.closed:.0f} %"] for name, tried in done.tried.items()
+        replayed = {"dpr-lab's own simulation": done.lab, **done.tried}
+        rows = [
+            [name, f"{1e3 * errors.off_rad:.3g}", f"{100 * errors.closed:.0f} %"] for name, errors in replayed.items()
         ]
         rows.append(["bare model", f"{1e3 * done.bare_rad:.3g}", "0 %"])
         runs = ", ".join(done.lab.by_run)

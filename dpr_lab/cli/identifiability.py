@@ -50,7 +50,6 @@ def identifiability(
 
 def show_arm(analysis: "ArmIdentifiability") -> None:
     """Print the results for a rig with a moving arm as tables and sentences."""
-    from dpr_lab.identification.directions import described
     from dpr_lab.shown import FIXED_BY
 
     _print(f"{analysis.heading}.")
@@ -59,16 +58,12 @@ def show_arm(analysis: "ArmIdentifiability") -> None:
             "No runs were given, so the recordings are simulated with the values of the rig file. The values"
             " below are not results."
         )
-    valued = not analysis.simulated
-    table(
-        "Quantities determined by the recordings",
-        ("combination", *(("value",) if valued else ()), "relative std"),
-        [
-            (name, *((f"{analysis.values[name]:.5g}",) if valued else ()), f"{std:.1e}")
-            for name, std in analysis.combinations.items()
-        ]
-        + [(name, *(("",) if valued else ()), "not determined") for name in analysis.unseen],
-    )
+    columns = ("combination", "value", "relative std")
+    rows = [(name, f"{analysis.values[name]:.5g}", f"{std:.1e}") for name, std in analysis.combinations.items()]
+    rows += [(name, "", "not determined") for name in analysis.unseen]
+    if analysis.simulated:
+        columns, rows = columns[::2], [row[::2] for row in rows]
+    table("Quantities determined by the recordings", columns, rows)
     table(
         "Parameters and what determines them",
         ("parameter", "relative std", "determined by"),
@@ -77,10 +72,7 @@ def show_arm(analysis: "ArmIdentifiability") -> None:
             for name, source in analysis.fixed_by.items()
         ],
     )
-    if analysis.null_space:
-        _print("Parameter changes that neither recordings nor measured values can detect:")
-    for direction in analysis.null_space:
-        _print(f"- {described(direction)}")
+    _show_undetected(analysis)
     _show_advice(analysis)
 
 
@@ -89,7 +81,6 @@ def show(analysis: "Identifiability") -> None:
 
     The tables are as wide as the terminal, or 160 columns in a pipe.
     """
-    from dpr_lab.identification.directions import described
     from dpr_lab.identification.identifiability import CRAMER_RAO_NOTE
     from dpr_lab.report.digits import NONE, plus_minus
     from dpr_lab.report.tables import PARAMETER_UNITS, interval_words
@@ -121,22 +112,23 @@ def show(analysis: "Identifiability") -> None:
                 interval_words(parameter),
                 PARAMETER_UNITS[name][0],
                 FIXED_BY[parameter.fixed_by],
-                ", ".join(_helping(analysis, name)) or NONE,
+                ", ".join(measured for measured, helped in analysis.helps.items() if name in helped) or NONE,
             )
             for name, parameter in analysis.parameters.items()
         ],
     )
-    if analysis.null_space:
-        _print("Parameter changes that neither recordings nor measured values can detect:")
-    for direction in analysis.null_space:
-        _print(f"- {described(direction)}")
+    _show_undetected(analysis)
     _show_length(analysis)
     _show_advice(analysis)
 
 
-def _helping(analysis: "Identifiability", name: str) -> list[str]:
-    """Return the names of the measured values that contribute information about a parameter, separated by commas."""
-    return [measured for measured, helped in analysis.helps.items() if name in helped]
+def _show_undetected(analysis: "Identifiability | ArmIdentifiability") -> None:
+    from dpr_lab.identification.directions import described
+
+    if analysis.null_space:
+        _print("Parameter changes that neither recordings nor measured values can detect:")
+    for direction in analysis.null_space:
+        _print(f"- {described(direction)}")
 
 
 def _show_length(analysis: "Identifiability") -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import OBJECTIVE_NAMES, SEARCHES, AnyClock, Json, RigName, TorqueKind
+from dpr_lab.cli.checks import OBJECTIVE_NAMES, SEARCHES, AnyClock, Json, RigName, Seed, TorqueKind
 from dpr_lab.cli.console import emit, line, say, table
 from dpr_lab.errors import IdentificationError
 
@@ -43,9 +43,7 @@ def identify(
     settings: Annotated[
         str | None, typer.Option(help="Search settings: a TOML file, or the name of a built-in one.")
     ] = None,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the random numbers; the same seed gives the same result.")
-    ] = 0,
+    seed: Seed = 0,
     profile: Annotated[
         bool, typer.Option("--profile", help="Also compute profile likelihood intervals of the ratios.")
     ] = False,
@@ -103,12 +101,8 @@ def show(model: "Model") -> None:
     from dpr_lab.report import tables
 
     line(tables.summary(model))
-    table(
-        tables.ratio_title(model),
-        tables.RATIO_COLUMNS,
-        tables.ratio_rows(model),
-        note=tables.ratio_note(model),
-    )
+    title, note = tables.ratio_title(model), tables.ratio_note(model)
+    table(title, tables.RATIO_COLUMNS, tables.ratio_rows(model), note=note)
     if absolute := tables.base_rows(model):
         table("Base parameters, because these runs also determine the scale", tables.BASE_COLUMNS, absolute)
     profiled = [(name, e.profile90) for name, e in model.ratios.items() if e.profile90 is not None]

@@ -69,14 +69,12 @@ class Listener:
             case events.TrialSealed():
                 say(f"seal of the plant: {event.seal}")
             case events.TrustTrialDone():
-                remaining = f"about {math.ceil(event.left_s / 60)} min" if event.done else ""
+                text = "the remaining time is estimated after the first trial"
+                if event.done:
+                    remaining = f"about {math.ceil(event.left_s / 60)} min"
+                    text = f"{event.done} of {event.of}, {remaining} left"
                 if event.done == 1:
                     say(f"the first blind trial took {event.elapsed_s:.0f} s: {remaining} for the remaining trials")
-                text = (
-                    f"{event.done} of {event.of}, {remaining} left"
-                    if event.done
-                    else "the remaining time is estimated after the first trial"
-                )
                 self._at("trust", event.done, event.of, text)
             case events.TrialDone():
                 self._trial(event)

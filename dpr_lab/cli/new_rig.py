@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from dpr_lab.cli.checks import positive
+from dpr_lab.cli.checks import AnyJson, positive
 from dpr_lab.cli.console import emit, line, say
 from dpr_lab.cli.option_groups import with_groups
 
@@ -139,7 +139,7 @@ def new(
     g: Annotated[float, typer.Option(help="Gravity, m/s^2.")] = 9.81,
     url: Annotated[str | None, typer.Option("--link", help="Link to the device.")] = None,
     out: Annotated[Path | None, typer.Option(help="File to write. Default: NAME.toml.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
+    as_json: AnyJson = False,
 ) -> None:
     """Write a rig file from lengths and masses, with plausible bounds of all parameters.
 

@@ -8,11 +8,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from dpr_lab.cli.checks import AnyClock, HeldOut, Library, MaxEffects, TorqueKind, Without, names_in
+from dpr_lab.cli.checks import AnyClock, HeldOut, Library, MaxEffects, Seed, TorqueKind, Without, names_in
 
 if TYPE_CHECKING:
     from dpr_lab.workflows.diagnose import DiagnoseRequest
@@ -60,9 +58,7 @@ class DiagnosisChoices:
     library: Library = None
     without: Without = None
     max_effects: MaxEffects = 4
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the random numbers; the same seed gives the same result.")
-    ] = 0
+    seed: Seed = 0
     any_clock: AnyClock = False
     torque: TorqueKind = None
 

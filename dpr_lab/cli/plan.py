@@ -137,15 +137,13 @@ def commands(made: "Plan") -> list[str]:
     if made.state == "bench check":
         return []
     return [
-        f"to record release {release.number}: {_replayed(release)}dpr-lab capture --rig {release.rig} --link LINK"
+        f"to record release {release.number}: "
+        + (f"let the device replay {release.input} from the release on, and " if release.input else "")
+        + f"dpr-lab capture --rig {release.rig} --link LINK"
         f" --pose {release.pose} --duration {release.duration_s:g} --out runs"
         for release in made.releases[: None if made.state == "first" else 1]
         if release.pose
     ]
-
-
-def _replayed(release: "PlannedRelease") -> str:
-    return f"let the device replay {release.input} from the release on, and " if release.input else ""
 
 
 def _show_detectable(made: "Plan", most: int = 6) -> None:

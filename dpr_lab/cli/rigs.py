@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from dpr_lab.cli.checks import built_in_rigs, complete_rig, names_in, positive
+from dpr_lab.cli.checks import AnyJson, complete_rig, names_in, positive
 from dpr_lab.cli.console import emit, line, table, text
 from dpr_lab.cli.listing import Listing
 from dpr_lab.cli.new_rig import new
@@ -18,19 +18,19 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+RigFile = Annotated[str, typer.Argument(help="Rig file, or name of a built-in rig.", autocompletion=complete_rig)]
 
 
 @app.command("list")
-def list_(as_json: Json = False) -> None:
+def list_(as_json: AnyJson = False) -> None:
     """List the names of the built-in rigs, which the option --rig accepts.
 
     Example: dpr-lab rig list
     """
-    from dpr_lab.configs import find_config
+    from dpr_lab.configs import built_in, find_config
     from dpr_lab.rig import load_rig
 
-    rigs = {name: load_rig(name) for name in built_in_rigs()}
+    rigs = {name: load_rig(name) for name in built_in("rigs")}
     if as_json:
         emit([{"name": name, "file": str(rig.path), "poses": list(rig.poses)} for name, rig in rigs.items()])
         return
@@ -40,8 +40,8 @@ def list_(as_json: Json = False) -> None:
 
 @app.command()
 def show(
-    rig: Annotated[str, typer.Argument(help="Rig file, or name of a built-in rig.", autocompletion=complete_rig)],
-    as_json: Json = False,
+    rig: RigFile,
+    as_json: AnyJson = False,
 ) -> None:
     """Print a rig file after checking it.
 
@@ -73,7 +73,7 @@ def from_model(
         float | None,
         typer.Option(help="Gravity, m/s^2, downwards along z; default: the value of the model.", callback=positive),
     ] = None,
-    as_json: Json = False,
+    as_json: AnyJson = False,
 ) -> None:
     """Write a rig file from a simulator model with two hinges in a chain, and list the parts that are not imported.
 
@@ -86,16 +86,15 @@ def from_model(
         emit(read.to_json())
         return
     line(f"{read.file}: from the {read.format} model {read.model}, joints {', '.join(read.joints)}")
-    rows = [(key, f"{value:.6g}", *MEANING[key].rsplit(", ", 1)[::-1]) for key, value in read.nominal.items()]
-    rows += [(f"arm.{key}", f"{value:.6g}", *MEANING[key].rsplit(", ", 1)[::-1]) for key, value in read.arm.items()]
+    rows = [
+        (f"{prefix}{key}", f"{value:.6g}", *MEANING[key].rsplit(", ", 1)[::-1])
+        for prefix, values in (("", read.nominal), ("arm.", read.arm))
+        for key, value in values.items()
+    ]
     table("Nominal values", ("key", "value", "unit", "meaning"), rows)
     if read.terms:
         rows = [(term.joint, term.quantity, f"{term.value:.6g}", term.unit) for term in read.terms]
-        table(
-            "Effects that a rig file cannot contain",
-            ("joint", "quantity", "value", "unit"),
-            rows,
-        )
+        table("Effects that a rig file cannot contain", ("joint", "quantity", "value", "unit"), rows)
     for note in read.notes:
         line(f"note: {note}")
     line(f"next: give counts_per_rev of your encoders in {read.file}, then dpr-lab rig check {read.file}")
@@ -106,8 +105,8 @@ app.command("new")(new)
 
 @app.command()
 def check(
-    rig: Annotated[str, typer.Argument(help="Rig file, or name of a built-in rig.", autocompletion=complete_rig)],
-    as_json: Json = False,
+    rig: RigFile,
+    as_json: AnyJson = False,
 ) -> None:
     """Check a rig file for errors, missing keys and implausible values. The exit code is 1 if it cannot be used.
 

@@ -1,6 +1,6 @@
 """`dpr-lab run info|verify|recover|export|layout`: inspection, verification, export and viewer layouts of run files."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,17 +17,10 @@ app = typer.Typer(
 )
 
 
-def _viewers() -> Iterable[str]:
-    from dpr_lab.storage.viewers import VIEWERS
-
-    return VIEWERS
-
-
-VIEWER_NAMES = Choices("viewer", _viewers)
+VIEWER_NAMES = Choices("viewer", "dpr_lab.storage.viewers:VIEWERS")
 
 RunFile = Annotated[Path, typer.Argument(help="A run file (.mcap).")]
 RunFiles = Annotated[list[Path], typer.Argument(help="Run files (.mcap).")]
-Json = Json
 JsonEach = Annotated[
     bool, typer.Option("--json", help="JSON on stdout: one object for one file, a list of objects for several files.")
 ]

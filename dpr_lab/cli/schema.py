@@ -1,6 +1,5 @@
 """`dpr-lab schema`: JSON Schemas of the results."""
 
-from collections.abc import Iterable
 from typing import Annotated
 
 import typer
@@ -8,14 +7,7 @@ import typer
 from dpr_lab.cli.checks import Choices
 from dpr_lab.cli.console import emit, table
 
-
-def _schemas() -> Iterable[str]:
-    from dpr_lab.report.schemas import SCHEMAS
-
-    return SCHEMAS
-
-
-SCHEMA_NAMES = Choices("schema", _schemas)
+SCHEMA_NAMES = Choices("schema", "dpr_lab.report.schemas:SCHEMAS")
 
 
 def schema(

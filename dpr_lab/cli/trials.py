@@ -76,12 +76,10 @@ Size = Annotated[
 Folder = Annotated[Path, typer.Argument(help="Folder written by `trials draw`.")]
 
 
-def _centre(name: str | None, arm: TrialArm | None) -> str:
-    """Return the name of the rig or plant.
-
-    If no name is given, the default for the mode of the arm is used.
-    """
-    return name or ("paper" if arm is None else "driven_double")
+def _centres(rig: str | None, plant: str | None, arm: TrialArm | None) -> tuple[str, str]:
+    """Return the names of rig and plant; without a name, the default for the mode of the arm."""
+    default = "paper" if arm is None else "driven_double"
+    return rig or default, plant or default
 
 
 @app.command()
@@ -114,7 +112,7 @@ def draw(
     from dpr_lab.workflows.trial import draw as draw_trial
 
     with Listener() as listener:
-        wanted = PlantRequest(kind, level, seed, _centre(rig, arm), _centre(plant, arm), arm)
+        wanted = PlantRequest(kind, level, seed, *_centres(rig, plant, arm), arm)
         trial = draw_trial(TrialRequest(wanted, out), listener)
     if as_json:
         emit({"trial": str(out), "seal": trial.seal, "asked": trial.asked, "runs": [str(run) for run in trial.runs]})
@@ -214,18 +212,13 @@ def strategy_rows(strategies: dict[str, dict[str, Any]]) -> list[tuple[str, ...]
             f"{summary['decided']:.2f}",
             f"{summary['right_when_stopped']:.2f}",
             f"{summary['true_when_stopped']:.2f}",
-            _forecast_error(summary) if summary["forecasts"] else "",
+            # The error of an exact forecast with the same number of outcomes is in brackets.
+            f"{summary['forecast_calibration_error']:.2f} ({summary['forecast_error_if_exact']:.2f})"
+            if summary["forecasts"]
+            else "",
         )
         for name, summary in strategies.items()
     ]
-
-
-def _forecast_error(summary: dict[str, Any]) -> str:
-    """Return the calibration error of a forecast as text.
-
-    The error of an exact forecast with the same number of outcomes is added in brackets.
-    """
-    return f"{summary['forecast_calibration_error']:.2f} ({summary['forecast_error_if_exact']:.2f})"
 
 
 @app.command()
@@ -281,7 +274,7 @@ def campaign(
         say(warning)
     kinds = tuple(kind or (DRAWN if arm is None else ON_ARM))
     strategies = tuple(STRATEGIES) if plan else ()
-    tried_on = Campaign(kinds, level, seed, _centre(rig, arm), _centre(plant, arm), arm, strategies)
+    tried_on = Campaign(kinds, level, seed, *_centres(rig, plant, arm), arm, strategies)
     with Listener() as listener:
         done = run_campaign(CampaignRequest(tried_on, n, out, jobs or os.cpu_count() or 1, scheduler), listener)
     if as_json:

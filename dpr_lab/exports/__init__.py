@@ -69,6 +69,19 @@ _ALL = (
     "input", "whole0",
 )  # fmt: skip
 
+
+def _unit(standard: str, file: str) -> ExportFormat:
+    """Return the format of units by a version of the FMI standard."""
+    return ExportFormat(
+        f"FMI {standard[0]}",
+        file,
+        lambda model, rig, _: {file: fmu(model, rig, standard)},
+        in_fmu,
+        calls=_ALL,
+        optional=True,
+    )
+
+
 FORMATS: dict[str, ExportFormat] = {
     "python": ExportFormat(
         "Python",
@@ -91,22 +104,13 @@ FORMATS: dict[str, ExportFormat] = {
     "sdf": ExportFormat(
         "SDFormat", "corrected_model.sdf", lambda *model: {"corrected_model.sdf": sdf.sdf(*model)}, in_sdf, sdf.WORDS
     ),
-    "fmu": ExportFormat(
-        "FMI 3",
-        "corrected_model.fmu",
-        lambda model, rig, _: {"corrected_model.fmu": fmu(model, rig)},
-        in_fmu,
-        calls=_ALL,
-        optional=True,
-    ),
-    "fmu2": ExportFormat(
-        "FMI 2",
-        "corrected_model_fmi2.fmu",
-        lambda model, rig, _: {"corrected_model_fmi2.fmu": fmu(model, rig, "2.0")},
-        in_fmu,
-        calls=_ALL,
-        optional=True,
-    ),
+    "fmu": _unit("3.0", "corrected_model.fmu"),
+    "fmu2": _unit("2.0", "corrected_model_fmi2.fmu"),
 }
 FORMATS |= plugin_rows("exports", ExportFormat, FORMATS)
 """Name of a format -> its definition."""
+
+
+def format_words(name: str) -> str:
+    """Return the program and the identifier of a format, for example `MuJoCo [mjcf]`."""
+    return f"{FORMATS[name].program} [{name}]"

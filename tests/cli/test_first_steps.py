@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import typer
 
-from dpr_lab.cli.checks import EFFECT_NAMES, OBJECTIVE_NAMES, SEARCHES, built_in_rigs, complete_rig
-from dpr_lab.configs import BUILTIN
+from dpr_lab.cli.checks import EFFECT_NAMES, OBJECTIVE_NAMES, SEARCHES, complete_rig
+from dpr_lab.configs import BUILTIN, built_in
 from dpr_lab.effects import EFFECTS
 from dpr_lab.identification.objectives import OBJECTIVES, objective_words
 from dpr_lab.rig import load_rig
@@ -91,7 +91,7 @@ def test_help_names_every_search(cli) -> None:
 @pytest.mark.slow
 def test_built_in_rigs_are_listed_and_shown(cli, on_terminal, tmp_path: Path) -> None:
     listed = cli("rig", "list", "--json")
-    assert [rig["name"] for rig in listed.json] == built_in_rigs() == ["driven_double", "furuta", "multiarm", "paper"]
+    assert [rig["name"] for rig in listed.json] == built_in("rigs") == ["driven_double", "furuta", "multiarm", "paper"]
     (tmp_path / "mine.toml").write_text(cli("rig", "show", "paper").out)
     code, shown = on_terminal([sys.executable, "-m", "dpr_lab", "rig", "show", "paper"], {"COLUMNS": "80"})
     assert (code, shown.replace("\r", "")) == (0, (tmp_path / "mine.toml").read_text())

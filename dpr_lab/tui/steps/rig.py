@@ -13,7 +13,7 @@ from textual.message import Message
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
-from dpr_lab.configs import BUILTIN, find_config
+from dpr_lab.configs import built_in, find_config
 from dpr_lab.errors import ConfigError
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.report.tables import PARAMETER_UNITS
@@ -156,12 +156,12 @@ the selected rig.
 
     def _offer(self) -> None:
         """List the recently used rigs, then the built-in rigs."""
-        built_in = sorted(path.stem for path in (BUILTIN / "rigs").glob("*.toml"))
-        before = [name for name in self.workspace.recent_rigs if name not in built_in]
+        names = built_in("rigs")
+        before = [name for name in self.workspace.recent_rigs if name not in names]
         options = [Option(Content(f"{name}  (used before)"), id=name) for name in before]
-        options += [Option(Content(f"{name}  (built in)"), id=name) for name in built_in]
-        names = self.query_one(OptionList).clear_options().add_options(options)
-        names.highlighted = next((i for i, option in enumerate(options) if option.id == self.workspace.rig), 0)
+        options += [Option(Content(f"{name}  (built in)"), id=name) for name in names]
+        listed = self.query_one(OptionList).clear_options().add_options(options)
+        listed.highlighted = next((i for i, option in enumerate(options) if option.id == self.workspace.rig), 0)
 
     def action_edit(self) -> None:
         """Focus the field."""
