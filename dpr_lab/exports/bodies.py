@@ -20,6 +20,7 @@ from dpr_lab.rig import Rig
 
 AnyModel = Model | MovingArmModel
 Effects = Mapping[str, Mapping[str, float]]
+"""Sizes of effects by effect and parameter, SI."""
 
 
 def words_of(effects: Effects) -> dict[str, Words]:
@@ -73,29 +74,27 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
     """
     if isinstance(model, MovingArmModel):
         return arm_bodies(model, rig, expressed)
-    z = {name: parameter.value for name, parameter in model.parameters.items()}
-    a, b, d, e1 = (model.base[name].value for name in ("a", "b", "d", "e1"))
-    scale = b / (z["J2"] + z["m2"] * z["l2"] ** 2)
-    m1, m2, mb = scale * z["m1"], scale * z["m2"], scale * z["mb"]
-    values = list(expressed.values())
+    a, b, d, e1, c1, c2 = (model.base[name].value for name in ("a", "b", "d", "e1", "c1", "c2"))
+    m1, m2, mb = _masses(model)
+    values, constants = list(expressed.values()), rig_constants(rig)
     length = model.rig.L1 + sum(words.get("added_length", 0.0) for words in values)
-    moment2 = d / length
-    moment1 = e1 / model.rig.g - (m2 + mb) * length
-    constants = rig_constants(rig)
-    lengths = (length, rig.L2 or 2 * z["l2"])
-    masses, moments = (m1, m2), (moment1, moment2)
-    offset_masses, inertias = (constants.m1, constants.m2), (a - (m2 + mb) * length**2, b)
-    rods = tuple(
-        rod_about_joint(
-            lengths[j], masses[j], moments[j], inertias[j], model.base[f"c{j + 1}"].value,
-            offset_masses[j],
-            words_of_joint(expressed, j),
-        )
-        for j in range(2)
-    )  # fmt: skip
+    length2 = rig.L2 or 2 * model.parameters["l2"].value
+    moment1, inertia1 = e1 / model.rig.g - (m2 + mb) * length, a - (m2 + mb) * length**2
+    inner, outer = (words_of_joint(expressed, joint) for joint in range(2))
+    rods = (
+        rod_about_joint(length, m1, moment1, inertia1, c1, constants.m1, inner),
+        rod_about_joint(length2, m2, d / length, b, c2, constants.m2, outer),
+    )
     tilt = sum(words.get("tilt", 0.0) for words in values)
     arm = arm_of(model, rig) if any("arm" in words for words in values) else None
     return Bodies(rods, mb, model.rig.g, tilt, arm)
+
+
+def _masses(model: Model) -> tuple[float, float, float]:
+    """Return m1, m2 and mb at the scale of the base parameters, kg."""
+    z = {name: parameter.value for name, parameter in model.parameters.items()}
+    scale = model.base["b"].value / (z["J2"] + z["m2"] * z["l2"] ** 2)
+    return scale * z["m1"], scale * z["m2"], scale * z["mb"]
 
 
 def notes(model: AnyModel, made: Bodies, lost: Mapping[str, str]) -> list[str]:
@@ -113,9 +112,7 @@ def arm_of(model: Model, rig: Rig) -> Arm | None:
     """
     params = effect_params(known_effects(model.effects))
     held = arm_model(rig_constants(rig), HELD_ARM, params.tolist(), active_effects(params))
-    z = {name: parameter.value for name, parameter in model.parameters.items()}
-    scale = model.base["b"].value / (z["J2"] + z["m2"] * z["l2"] ** 2)
-    alone = held.inertia - scale * (z["m1"] + z["m2"] + z["mb"]) * rig.rig.L0**2
+    alone = held.inertia - sum(_masses(model)) * rig.rig.L0**2
     if held is HELD_ARM or not 0.0 < alone < float("inf"):
         return None
     return Arm(rig.rig.L0, alone, held.friction, {"stiffness": held.stiffness, "rest_angle": 0.0})

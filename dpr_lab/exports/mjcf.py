@@ -30,7 +30,7 @@ from dpr_lab.effects.effect_kernels import (
 from dpr_lab.effects.quantities import plus
 from dpr_lab.exports.bodies import AnyModel, Effects, bodies, in_words
 from dpr_lab.exports.module_parts import known_effects, of_effects
-from dpr_lab.exports.python_module import module_text
+from dpr_lab.exports.python_module import python_module
 from dpr_lab.exports.rigid_bodies import THIN, Link
 from dpr_lab.exports.xml import rendered
 from dpr_lab.identification.moving_arm.model import MovingArmModel
@@ -218,7 +218,7 @@ def passive(
     if moving:
         more |= {"called_arm_torques": arm_torques, "called_arm_drives": arm_drives, "called_whole": whole_torques}
     effects_of = partial(of_effects, effects=called)
-    text = module_text(model, rig, more, {name: effects_of for name in more if name.startswith("called_")})
+    text = python_module(model, rig, more, {name: effects_of for name in more if name.startswith("called_")})
     joints = {number: terms for number, *terms in zip((1, 2), place.joints, place.upright, place.sign, strict=True)}
     joints = ({0: ["joint0", 0.0, 1.0]} if moving else {}) | (joints if outer else {1: joints[1]})
     return text + _CALLBACK.format(

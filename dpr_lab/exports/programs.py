@@ -34,6 +34,10 @@ class ReplaySettings:
     step_s: float = 1e-3
     """Time step of the programs, s; torques are constant during a step."""
 
+    def steps(self, start: float, end: float) -> Array:
+        """Return the instants of the steps from the start to beyond the end, s."""
+        return start + self.step_s * np.arange(np.ceil((end - start) / self.step_s) + 2)
+
 
 REPLAY = ReplaySettings()
 

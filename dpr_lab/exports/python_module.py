@@ -75,26 +75,21 @@ def derivative(t, x, torques=(0.0, 0.0)):
 '''
 
 
-def python_module(model: Model | MovingArmModel, rig: Rig) -> str:
+def python_module(
+    model: Model | MovingArmModel, rig: Rig, more: Mapping[str, Any] = {}, rewritten: Mapping[str, Rewrite] = {}
+) -> str:
     """Generate a Python module with the corrected model.
 
     The module supports every effect of the library and needs only numpy.
-    """
-    return module_text(model, rig)
 
-
-def module_text(
-    model: Model | MovingArmModel,
-    rig: Rig,
-    more: Mapping[str, Any] | None = None,
-    rewritten: Mapping[str, Rewrite] | None = None,
-) -> str:
-    """Generate the source of the module, with additional functions of dpr-lab.
-
-    `more` and `rewritten` are passed to `sources`.
+    Args:
+        model: the corrected model
+        rig: rig of the model
+        more: additional functions of dpr-lab, as for `sources`
+        rewritten: transformations of functions, as for `sources`
     """
     if isinstance(model, MovingArmModel):
-        return arm_module_text(model, rig, more or {}, rewritten or {})
+        return arm_module_text(model, rig, more, rewritten)
     effects = {name: values for name, values in model.effects.items() if name in OF_FREE_SWINGS}
     params = effect_params(known_effects(effects))
     base = tuple(model.base[name].value for name in ("a", "b", "d", "e1", "c1", "c2"))
@@ -114,4 +109,4 @@ def module_text(
         parameters="\n".join(parameter_lines(effects)),
     )
     mode = FREE if simulated.required.arm else CLAMPED
-    return assembled(head, simulated, _CLAMPED.format(mode=mode), effects, more or {}, rewritten or {}, mode)
+    return assembled(head, simulated, _CLAMPED.format(mode=mode), effects, more, rewritten, mode)

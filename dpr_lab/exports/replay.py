@@ -28,7 +28,7 @@ def release(run: Run, rig: Rig, model: Model, until: float | None = None) -> Rep
     stride = max(1, round(followed.preprocessed.run.rate_hz / REPLAY.rate_hz))
     samples = np.flatnonzero(freely.t <= end)[::stride]
     start = segment_start(first) if model.effects else first
-    steps = start + REPLAY.step_s * np.arange(np.ceil((end - start) / REPLAY.step_s) + 2)
+    steps = REPLAY.steps(start, end)
     drives = followed.preprocessed.run.setup.torques
     pushed = np.zeros((len(steps), 2)) if drives is None else drives.mean_before(steps)
     return Replay(

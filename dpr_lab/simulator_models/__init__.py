@@ -4,8 +4,9 @@ Each reader converts a file to a `SimulatorModel`, which contains parts, joints 
 `double_pendulum` finds the two rods in this model, and the arm if there is one.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TypeVar
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.simulator_models.mjcf import read_mjcf
@@ -13,6 +14,8 @@ from dpr_lab.simulator_models.sdf import read_sdf
 from dpr_lab.simulator_models.tree import SimulatorModel
 from dpr_lab.simulator_models.urdf import read_urdf
 from dpr_lab.simulator_models.xml_file import read_xml
+
+Format = TypeVar("Format")
 
 READERS: dict[str, Callable[[Path, bytes | None], SimulatorModel]] = {
     "mujoco": read_mjcf,
@@ -34,9 +37,16 @@ def read_model(path: Path, text: bytes | None = None) -> SimulatorModel:
     Raises:
         ConfigError: the file cannot be read, is none of these formats, or its library is not installed.
     """
-    root = read_xml(path, text)
-    if root.tag not in READERS:
-        raise ConfigError(
-            f"{path}: its root element is <{root.tag[:50]}>; MJCF has <mujoco>, URDF <robot>, SDFormat <sdf>"
-        )
-    return READERS[root.tag](path, text)
+    return of_format(READERS, path, text)(path, text)
+
+
+def of_format(formats: Mapping[str, Format], path: Path, text: bytes | None = None) -> Format:
+    """Return the entry of a table for the root element of a file.
+
+    Raises:
+        ConfigError: the file cannot be read, or the table does not contain its root element.
+    """
+    tag = read_xml(path, text).tag
+    if tag not in formats:
+        raise ConfigError(f"{path}: its root element is <{tag[:50]}>; MJCF has <mujoco>, URDF <robot>, SDFormat <sdf>")
+    return formats[tag]

@@ -84,6 +84,10 @@ class SimulatorModel:
     notes: tuple[str, ...] = ()
     """Notes on elements that were not read, and on terms that a rig file cannot contain."""
 
+    def moved_by(self, joint: str) -> Part:
+        """Return the part that the first joint with this name moves."""
+        return next(part for part in self.parts if part.joint is not None and part.joint.name == joint)
+
 
 def follows(joint: str, factor: float, offset: float) -> dict[str, str]:
     """Return the entry of `ModelJoint.other` for a joint that mimics another joint."""

@@ -107,10 +107,10 @@ def _complete(root: Element, path: Path) -> None:
                 raise ConfigError(f"{path}: joint {joint.get('name', '')!r}: its {end} {name!r} is no link of the file")
 
 
-def _numbers(text: str | None, default: str, count: int = 3) -> Vector:
+def _numbers(text: str | None, default: str) -> Vector:
     values = np.array((text or default).split(), dtype=np.float64)
-    if values.shape != (count,) or not np.all(np.isfinite(values)):
-        raise ValueError(f"{text!r} is not {count} finite numbers")
+    if values.shape != (3,) or not np.all(np.isfinite(values)):
+        raise ValueError(f"{text!r} is not 3 finite numbers")
     return values
 
 

@@ -37,6 +37,8 @@ class BandSettings:
     """Maximum number of instants, `start_s` apart, that are tried as the start of the band."""
     length_s: float = 10.0
     """Maximum duration of the comparison, s."""
+    window_s: float = 1.5
+    """Duration of a window of a moving arm, s."""
     rate_hz: float = 200.0
     """Rate of the compared readings, Hz."""
     unlike: float = 10.0

@@ -12,8 +12,9 @@ the motion depends on tau / b. A free swing does not determine b. In this case, 
 distribution that has the interval of b. All masses, inertias and torques are proportional to b.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
+from typing import TypeVar
 
 import numpy as np
 
@@ -26,6 +27,8 @@ from dpr_lab.exports.ensemble.scatter import RatioScatter
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.identification.model import Model
+
+Drawn = TypeVar("Drawn")
 
 
 def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: int, seed: int) -> list[Model]:
@@ -43,7 +46,11 @@ def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: in
     rng = np.random.default_rng(seed)
     weights = np.array([component.probability for component in components])
     chosen = rng.choice(len(components), size=n, p=weights / weights.sum())
-    return [_drawn(model, components[index], rng) for index in chosen.tolist()]
+    models = []
+    for component in [components[index] for index in chosen.tolist()]:
+        values = first_possible(lambda component=component: drawn_values(component, rng), _possible)
+        models.append(_with_values(model, component, values, rng))
+    return models
 
 
 def posterior_of(
@@ -125,14 +132,18 @@ def _positive() -> frozenset[str]:
     return frozenset(("c1/b", "c2/b", "b", *effects))
 
 
-def _drawn(model: Model, component: PosteriorComponent, rng: np.random.Generator, tries: int = 1000) -> Model:
-    for _ in range(tries):
-        drawn = drawn_values(component, rng)
-        if _possible(drawn):
-            return _with_values(model, component, drawn, rng)
-    raise RunError(
-        "almost no sample of the posterior is physically possible: these recordings do not determine the model"
-    )
+def first_possible(draw: Callable[[], Drawn], possible: Callable[[Drawn], bool], tries: int = 1000) -> Drawn:
+    """Draw repeatedly, and return the first draw that is physically possible.
+
+    Raises:
+        RunError: no draw is possible.
+    """
+    drawn = next(filter(possible, (draw() for _ in range(tries))), None)
+    if drawn is None:
+        raise RunError(
+            "almost no sample of the posterior is physically possible: these recordings do not determine the model"
+        )
+    return drawn
 
 
 def square_root(covariance: Array) -> Array:

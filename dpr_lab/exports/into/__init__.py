@@ -3,23 +3,23 @@
 Only numbers of the rods and the arm are changed.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from dpr_lab.errors import ConfigError
 from dpr_lab.exports.bodies import AnyModel
+from dpr_lab.exports.into.editor import Editor
 from dpr_lab.exports.into.mjcf import MjcfEditor
-from dpr_lab.exports.into.model_file import Editor, changed_file
+from dpr_lab.exports.into.model_file import changed_file
 from dpr_lab.exports.into.sdf import SdfEditor
 from dpr_lab.exports.into.target import PatchedModel
 from dpr_lab.exports.into.urdf import UrdfEditor
 from dpr_lab.rig import Rig
-from dpr_lab.simulator_models.xml_file import read_xml
+from dpr_lab.simulator_models import of_format
 
-EDITORS: dict[str, Callable[[Path], Editor]] = {"mujoco": MjcfEditor, "robot": UrdfEditor, "sdf": SdfEditor}
+EDITORS: dict[str, type[Editor]] = {"mujoco": MjcfEditor, "robot": UrdfEditor, "sdf": SdfEditor}
 """Editors of file formats, by the root element of the file."""
 
-WORDS: dict[str, frozenset[str]] = {editor.name: editor.words for editor in (MjcfEditor, UrdfEditor, SdfEditor)}
+WORDS: dict[str, frozenset[str]] = {editor.name: editor.words for editor in EDITORS.values()}
 """Elements of effects that files can contain, by format."""
 
 
@@ -38,7 +38,4 @@ def into_file(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ())
         ConfigError: the file cannot be read or changed, is of none of these formats, or its L1 or g is not that of the
             rig.
     """
-    tag = read_xml(path).tag
-    if tag not in EDITORS:
-        raise ConfigError(f"{path}: its root element is <{tag[:50]}>; MJCF has <mujoco>, URDF <robot>, SDFormat <sdf>")
-    return changed_file(model, rig, EDITORS[tag](path), joints)
+    return changed_file(model, rig, of_format(EDITORS, path)(path), joints)

@@ -5,35 +5,25 @@ therefore determined numerically. The file is read again with a changed coordina
 coordinate.
 """
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.exports.into.target import ArmTarget, BodyChange, RodTarget, joint_values, numbers
+from dpr_lab.exports.into.editor import Editor
+from dpr_lab.exports.into.target import BodyChange, Target, joint_values, numbers
 from dpr_lab.simulator_models.chain import ChainArm, ChainRod
-from dpr_lab.simulator_models.tree import Part, SimulatorModel, Vector
+from dpr_lab.simulator_models.tree import SimulatorModel, Vector
 from dpr_lab.simulator_models.xml_edit import XmlEdit
 
 
-class DescriptionEditor(ABC):
-    """Common part of the editors of URDF and SDFormat files (`Editor`)."""
+class DescriptionEditor(Editor):
+    """Common part of the editors of URDF and SDFormat files."""
 
-    name: ClassVar[str]
-    words: ClassVar[frozenset[str]]
-    passive: ClassVar[bool]
     joint_names: ClassVar[dict[str, str]]
     """Names of the quantities of a joint in the format."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    @abstractmethod
-    def read(self, text: bytes) -> SimulatorModel:
-        """Read the model from the content `text` of the file, as `Editor.read` does."""
 
     @abstractmethod
     def place(self, edit: XmlEdit, owner: int) -> Vector:
@@ -56,12 +46,12 @@ class DescriptionEditor(ABC):
         """Return the index of the element whose position determines the position of the outer joint."""
 
     def move_joint(self, edit: XmlEdit, joints: tuple[str, str], shift: Vector) -> None:
-        """Shift the second joint relative to the first joint, as `Editor.move_joint` does."""
+        """Shift the second joint by moving the element that contains its position."""
         joint = joints[1]
         owner = self.elbow_owner(self._element(edit, "joint", joint), self._link(edit, joint))
 
         def anchor(changed: SimulatorModel) -> Vector:
-            joint_in_file = _part(changed, joint).joint
+            joint_in_file = changed.moved_by(joint).joint
             assert joint_in_file is not None
             return joint_in_file.anchor
 
@@ -69,7 +59,7 @@ class DescriptionEditor(ABC):
         self._move(edit, owner, f"{element.tag} {element.attributes['name']}", anchor, shift)
 
     def set_body(self, edit: XmlEdit, joint: str, change: BodyChange) -> None:
-        """Change centre of mass and inertia of a body, as `Editor.set_body` does."""
+        """Change the inertial element of the link that a joint moves."""
         if not change.moves and not change.scales:
             return
         inertial, label = edit.child(self._link(edit, joint), "inertial"), f"link {change.name}"
@@ -78,10 +68,10 @@ class DescriptionEditor(ABC):
         if change.scales:
             self.scale_inertia(edit, inertial, label, change.factor)
         if change.moves:
-            self._move(edit, inertial, label, lambda changed: _part(changed, joint).centroid, change.shift)
+            self._move(edit, inertial, label, lambda changed: changed.moved_by(joint).centroid, change.shift)
 
-    def set_joint(self, edit: XmlEdit, part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> None:
-        """Set the quantities of a joint that differ from the target, as `Editor.set_joint` does."""
+    def set_joint(self, edit: XmlEdit, part: ChainRod | ChainArm, target: Target) -> None:
+        """Set the quantities that the format can contain, where they differ from the target."""
         values = joint_values(part, target)
         texts = {self.joint_names[key]: numbers([v]) for key, (_, v) in values.items() if key in self.joint_names}
         if texts:
@@ -89,10 +79,7 @@ class DescriptionEditor(ABC):
             self.set_values(edit, self._element(edit, "joint", name), f"joint {name}", texts)
 
     def overriding(self) -> str:
-        """Compose the message for a changed file that does not contain the written numbers.
-
-        See `Editor.overriding`.
-        """
+        """Compose the message for a changed file that does not contain the written numbers."""
         return (
             f"{self.path}: the changed file does not contain the written numbers when it is read again: change the file"
             " by hand"
@@ -111,7 +98,7 @@ class DescriptionEditor(ABC):
 
     def _link(self, edit: XmlEdit, joint: str) -> int:
         """Return the index of the link that a joint moves."""
-        return self._element(edit, "link", _part(self.read(edit.text()), joint).name)
+        return self._element(edit, "link", self.read(edit.text()).moved_by(joint).name)
 
     def _move(
         self, edit: XmlEdit, owner: int, label: str, measure: Callable[[SimulatorModel], Vector], shift: Vector
@@ -133,7 +120,3 @@ class DescriptionEditor(ABC):
             raise ConfigError(f"{self.path}: the position of {label} is defined elsewhere: change it by hand")
         moved = place + np.linalg.solve(slopes, shift)
         self.set_place(edit, owner, label, np.where(np.abs(moved) < 1e-12, 0.0, moved))
-
-
-def _part(model: SimulatorModel, joint: str) -> Part:
-    return next(part for part in model.parts if part.joint is not None and part.joint.name == joint)

@@ -7,12 +7,9 @@ import numpy as np
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import ARM
-from dpr_lab.exports.bodies import words_of
+from dpr_lab.exports.bodies import Effects, words_of
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
-
-Effects = Mapping[str, Mapping[str, float]]
-"""Sizes of effects by effect and parameter, SI."""
 
 
 @dataclass(frozen=True, slots=True)

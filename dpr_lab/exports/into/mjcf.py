@@ -1,12 +1,12 @@
 """Edit the numerical attributes of joints, bodies and motors in MJCF files."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.exports.into.target import PATCH, ArmTarget, BodyChange, RodTarget, joint_values, numbers
+from dpr_lab.exports.into.editor import Editor
+from dpr_lab.exports.into.target import PATCH, BodyChange, Target, joint_values, numbers
 from dpr_lab.simulator_models.chain import ChainArm, ChainRod
 from dpr_lab.simulator_models.mjcf import SWITCHES, CompiledMjcf, compile_mjcf
 from dpr_lab.simulator_models.tree import SimulatorModel, Vector
@@ -17,24 +17,20 @@ ATTRIBUTES = {"friction": "frictionloss", "rest": "springref"}
 """MJCF attributes of the quantities of a joint, where the names differ."""
 
 
-class MjcfEditor:
-    """Editor of MJCF files (`Editor`); its frames are those of the last content that was read."""
+class MjcfEditor(Editor):
+    """Editor of MJCF files; its frames are those of the last content that was read."""
 
     name = "MJCF"
     words = frozenset({"friction", "stiffness", "rest_angle", "armature", "offset", "added_length", "gear"})
-    passive = True
     _compiled: CompiledMjcf
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
     def read(self, text: bytes) -> SimulatorModel:
-        """Read the model from the content `text` of the file, as `Editor.read` does."""
+        """Read the compiled model of the content `text`."""
         self._compiled = compile_mjcf(self.path, text)
         return self._compiled.simulator_model()
 
     def move_joint(self, edit: XmlEdit, joints: tuple[str, str], shift: Vector) -> None:
-        """Shift the second joint relative to the first joint, as `Editor.move_joint` does.
+        """Shift the second joint by the position of its body.
 
         Raises:
             ConfigError: the second body is not a child of the first.
@@ -47,30 +43,25 @@ class MjcfEditor:
         edit.set(moved, f"body {frame.name}", pos=numbers(place))
 
     def set_body(self, edit: XmlEdit, joint: str, change: BodyChange) -> None:
-        """Change centre of mass and inertia of a body, as `Editor.set_body` does."""
+        """Change the inertial element of a body; a body without one gets one."""
         if not change.moves and not change.scales:
             return
         frame, (_, body) = self._compiled.body(joint), self._tags(edit, joint)
-        place, label, inertial = (
-            frame.local_centroid + frame.turned.T @ change.shift,
-            f"body {frame.name}",
-            edit.child(body, "inertial"),
-        )
+        place = frame.local_centroid + frame.turned.T @ change.shift
+        label, inertial = f"body {frame.name}, inertial", edit.child(body, "inertial")
         if inertial is None:
             inertia = change.factor * frame.principal
             values = {"pos": place, "quat": frame.local_turn, "mass": [change.mass], "diaginertia": inertia}
-            edit.insert(
-                body, "inertial", f"{label}, inertial", **{name: numbers(value) for name, value in values.items()}
-            )
+            edit.insert(body, "inertial", label, **{name: numbers(value) for name, value in values.items()})
             return
         if change.moves:
-            edit.set(inertial, f"{label}, inertial", pos=numbers(place))
+            edit.set(inertial, label, pos=numbers(place))
         if change.scales:
             form = "fullinertia" if "fullinertia" in edit.tags[inertial].attributes else "diaginertia"
             values = np.array(edit.tags[inertial].attributes.get(form, "").split(), dtype=np.float64)
-            edit.set(inertial, f"{label}, inertial", **{form: numbers(change.factor * values)})
+            edit.set(inertial, label, **{form: numbers(change.factor * values)})
 
-    def set_joint(self, edit: XmlEdit, part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> None:
+    def set_joint(self, edit: XmlEdit, part: ChainRod | ChainArm, target: Target) -> None:
         """Set the quantities of a joint, and the gear of its motor, where they differ from the target."""
         turn = math.degrees(1.0) if self._compiled.degrees else 1.0
         changed = {

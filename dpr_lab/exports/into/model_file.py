@@ -4,12 +4,11 @@
 """
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Protocol
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports.bodies import AnyModel, bodies, in_words, left_out
+from dpr_lab.exports.into.editor import Editor
 from dpr_lab.exports.into.in_file import hinge
 from dpr_lab.exports.into.passive import PassiveForces, passive_forces
 from dpr_lab.exports.into.target import (
@@ -17,7 +16,7 @@ from dpr_lab.exports.into.target import (
     ArmTarget,
     BodyChange,
     PatchedModel,
-    RodTarget,
+    Target,
     arm_change,
     arm_target,
     arm_to_change,
@@ -33,39 +32,6 @@ from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
 from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.simulator_models.tree import SimulatorModel, Vector
 from dpr_lab.simulator_models.xml_edit import ChangedAttribute, XmlEdit
-
-
-class Editor(Protocol):
-    """Interface of the editors that read and write the numbers of one file format."""
-
-    name: str
-    """Name of the format."""
-    words: frozenset[str]
-    """Elements of effects that its files can contain."""
-    passive: bool
-    """Whether MuJoCo reads its files, so that a module can apply further effects as passive forces."""
-    path: Path
-    """The user's file."""
-
-    def read(self, text: bytes) -> SimulatorModel:
-        """Read the model from the content `text` instead of the content of the file."""
-        ...
-
-    def move_joint(self, edit: XmlEdit, joints: tuple[str, str], shift: Vector) -> None:
-        """Shift the second joint relative to the first by a (3,) vector in the world frame, m."""
-        ...
-
-    def set_body(self, edit: XmlEdit, joint: str, change: BodyChange) -> None:
-        """Move the centre of mass of the body of a joint, and scale the inertia of this body."""
-        ...
-
-    def set_joint(self, edit: XmlEdit, part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> None:
-        """Set the quantities of a joint that differ from the target."""
-        ...
-
-    def overriding(self) -> str:
-        """Compose the message for a file whose other settings override the written numbers."""
-        ...
 
 
 def changed_file(model: AnyModel, rig: Rig, editor: Editor, joints: Sequence[str]) -> PatchedModel:
@@ -107,7 +73,7 @@ def changed_file(model: AnyModel, rig: Rig, editor: Editor, joints: Sequence[str
         gravity = model.rig.g if read.gravity is None else None
         added = passive_forces(model, rig, expressed, chain, path.name, gravity)
     targets = rod_targets(chain, made, added.friction)
-    hinges: list[tuple[ChainRod | ChainArm, RodTarget | ArmTarget, BodyChange]] = [
+    hinges: list[tuple[ChainRod | ChainArm, Target, BodyChange]] = [
         (rod, target, body_change(read, chain, joints, number, target, path))
         for number, (rod, target) in enumerate(zip(chain.rods, targets, strict=True))
     ]

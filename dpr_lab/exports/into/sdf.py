@@ -14,7 +14,7 @@ from dpr_lab.simulator_models.xml_edit import XmlEdit
 
 
 class SdfEditor(DescriptionEditor):
-    """Editor of SDFormat files; implements `Editor`."""
+    """Editor of SDFormat files."""
 
     name = "SDFormat"
     passive = False  # MuJoCo cannot read SDFormat
@@ -27,7 +27,7 @@ class SdfEditor(DescriptionEditor):
     }
 
     def read(self, text: bytes) -> SimulatorModel:
-        """Read the model from the content `text` of the file, as `Editor.read` does."""
+        """Read the links and joints of the content `text`."""
         return read_sdf(self.path, text)
 
     def place(self, edit: XmlEdit, owner: int) -> Vector:

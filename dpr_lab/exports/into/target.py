@@ -46,15 +46,11 @@ PATCH = PatchSettings()
 
 
 @dataclass(frozen=True, slots=True)
-class RodTarget:
-    """Target values of a rod in the changed file, in SI units."""
+class Target:
+    """Target values of a rod or arm and its joint in the changed file, in SI units."""
 
-    centroid: float
-    """Distance of the centre of mass from the joint along the rod, m."""
-    offset: float
-    """Distance of the centre of mass from the axis of the rod, m."""
     inertia: float
-    """Inertia about the centre of mass, kg m^2."""
+    """Inertia of a rod about its centre of mass, or of arm and rotor without the rods about the arm's axis, kg m^2."""
     damping: float
     words: Words
     gear: float | None
@@ -62,17 +58,21 @@ class RodTarget:
 
 
 @dataclass(frozen=True, slots=True)
-class ArmTarget:
-    """Target values of the arm in the changed file, in SI units."""
+class RodTarget(Target):
+    """Target values of a rod."""
+
+    centroid: float
+    """Distance of the centre of mass from the joint along the rod, m."""
+    offset: float
+    """Distance of the centre of mass from the axis of the rod, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmTarget(Target):
+    """Target values of the arm."""
 
     length: float
     """Distance of the rods' plane from the axis of the arm, m."""
-    inertia: float
-    """Inertia of arm and rotor about the axis of the arm, without the rods, kg m^2."""
-    damping: float
-    words: Words
-    gear: float | None
-    """Gear ratio of the motor of its joint; None if there is no motor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +185,7 @@ def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> l
         inertia = inertia_about_joint - rod_in_file.mass * (centroid**2 + offset**2)
         gear = None if rod_in_file.gear is None else rod_in_file.gear * rod.words.get("gear", 1.0)
         words = {**rod.words, "friction": rod.words.get("friction", 0.0) + held} if held else rod.words
-        targets.append(RodTarget(centroid, offset, inertia, rod.damping, words, gear))
+        targets.append(RodTarget(inertia, rod.damping, words, gear, centroid, offset))
     return targets
 
 
@@ -206,7 +206,7 @@ def arm_target(chain: ModelChain, in_file: ChainArm, made: Bodies, nominal_gain:
     carried = sum(rod.mass for rod in chain.rods) + chain.elbow_mass
     gear = None if in_file.gear is None else in_file.gear * (arm.gain / nominal_gain if arm.input else 1.0)
     words = {**arm.words, "armature": in_file.joint.armature}
-    return ArmTarget(arm.length, total - carried * arm.length**2, arm.damping, words, gear)
+    return ArmTarget(total - carried * arm.length**2, arm.damping, words, gear, arm.length)
 
 
 def arm_change(read: SimulatorModel, in_file: ChainArm, target: ArmTarget, path: Path) -> BodyChange:
@@ -215,7 +215,7 @@ def arm_change(read: SimulatorModel, in_file: ChainArm, target: ArmTarget, path:
     Raises:
         ConfigError: no positive inertia of the body leads to the target.
     """
-    part = next(part for part in read.parts if part.joint is not None and part.joint.name == in_file.joint.name)
+    part = read.moved_by(in_file.joint.name)
     axis = in_file.joint.axis
     inertia = float(axis @ part.inertia @ axis)
     needed = target.inertia - (in_file.inertia - inertia)
@@ -238,7 +238,7 @@ def body_change(
         ConfigError: the body has no mass, or no positive inertia of the body leads to the target.
     """
     rod = chain.rods[number]
-    part = next(part for part in read.parts if part.joint is not None and part.joint.name == rod.joint.name)
+    part = read.moved_by(rod.joint.name)
     if not part.mass > 0:
         raise ConfigError(f"{path}: body {part.name!r} has no mass of its own: give it an <inertial> element")
     across = np.cross(chain.axis, rod.along)
@@ -259,7 +259,7 @@ def body_change(
     return BodyChange(part.name, part.mass, shift, factor)
 
 
-def joint_values(part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> dict[str, tuple[float, float]]:
+def joint_values(part: ChainRod | ChainArm, target: Target) -> dict[str, tuple[float, float]]:
     """Return the quantities of a joint that differ from the target.
 
     Each quantity has two values, SI: the value in the file and the value in the target.
@@ -304,7 +304,7 @@ def refuse_overridden(
     pairs = [(chain.rods[0].length or 0.0, length)] if len(targets) == 2 else []
     for rod, target in zip(chain.rods, targets, strict=True):
         pairs += [(math.hypot(rod.centroid, rod.offset), math.hypot(target.centroid, target.offset))]
-    hinges: list[tuple[ChainRod | ChainArm, RodTarget | ArmTarget]] = list(zip(chain.rods, targets, strict=True))
+    hinges: list[tuple[ChainRod | ChainArm, Target]] = list(zip(chain.rods, targets, strict=True))
     if chain.arm and of_arm:
         pairs += [(chain.arm.length, of_arm.length)]
         hinges += [(chain.arm, of_arm)]

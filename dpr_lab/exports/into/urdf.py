@@ -15,15 +15,14 @@ INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 class UrdfEditor(DescriptionEditor):
-    """Editor of URDF files; implements `Editor`."""
+    """Editor of URDF files."""
 
     name = "URDF"
-    passive = True
     words = frozenset({"friction", "offset", "added_length"})
     joint_names = {"damping": "damping", "friction": "friction"}  # noqa: RUF012
 
     def read(self, text: bytes) -> SimulatorModel:
-        """Read the model from the content `text` of the file, as `Editor.read` does."""
+        """Read the links and joints of the content `text`."""
         return read_urdf(self.path, text)
 
     def place(self, edit: XmlEdit, owner: int) -> Vector:

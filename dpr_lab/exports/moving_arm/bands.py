@@ -6,7 +6,7 @@ given the first readings of the window. The later readings are compared.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,17 +25,6 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
 
-@dataclass(frozen=True, slots=True)
-class ArmBandSettings:
-    """Additional settings of predictive bands for a moving arm."""
-
-    window_s: float = 1.5
-    """Duration of a window, s."""
-
-
-ARM_BANDS = ArmBandSettings()
-
-
 def predictive_arm_band(members: Sequence[MovingArmModel], run: Run, rig: Rig, seed: int) -> PredictiveBand:
     """Compute the predictive band of an ensemble for one recording.
 
@@ -49,7 +38,7 @@ def predictive_arm_band(members: Sequence[MovingArmModel], run: Run, rig: Rig, s
         RunError: the mode of the arm differs between run and models, or no model can follow the readings.
     """
     rng = np.random.default_rng(seed)
-    problem, initial = run_problem(run, rig, members[0], ARM_BANDS.window_s)
+    problem, initial = run_problem(run, rig, members[0], BANDS.window_s)
     segments = problem.segments
     first = segments.t[segments.offsets[:-1]][problem.owner]
     head = segments.t < first + BANDS.start_s

@@ -1,6 +1,7 @@
 """Sample models with a moving arm from a posterior (diagnosis) or a covariance (identification)."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -8,8 +9,8 @@ from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects import effect_params
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
-from dpr_lab.errors import ConfigError, RunError
-from dpr_lab.exports.ensemble.sampled import drawn_values, scaled_effects, square_root
+from dpr_lab.errors import ConfigError
+from dpr_lab.exports.ensemble.sampled import drawn_values, first_possible, scaled_effects, square_root
 from dpr_lab.exports.moving_arm.bodies import arm_bodies
 from dpr_lab.exports.moving_arm.corrected import with_engine_values, with_swing
 from dpr_lab.gap.result.posterior import PosteriorComponent
@@ -23,7 +24,7 @@ KNOWN_TORQUE = ("torque", "current")
 
 
 def sampled_arm_models(
-    model: MovingArmModel, components: Sequence[PosteriorComponent], rig: Rig, n: int, seed: int, tries: int = 1000
+    model: MovingArmModel, components: Sequence[PosteriorComponent], rig: Rig, n: int, seed: int
 ) -> list[MovingArmModel]:
     """Draw models with a moving arm from a posterior.
 
@@ -33,24 +34,16 @@ def sampled_arm_models(
         rig: rig of the model
         n: number of models
         seed: seed of the random numbers
-        tries: maximum number of draws per model to find values for which rigid bodies exist
 
     Raises:
         RunError: almost no random model is physically possible.
     """
     rng = np.random.default_rng(seed)
-    models = list[MovingArmModel]()
-    for _ in range(n):
-        for _ in range(tries):
-            drawn = _of_posterior(model, components, rig, rng) if components else _of_covariance(model, rng)
-            if _possible(drawn, rig):
-                models.append(drawn.with_arm_effects())
-                break
-        else:
-            raise RunError(
-                "almost no sample of the posterior is physically possible: these recordings do not determine the model"
-            )
-    return models
+
+    def draw() -> MovingArmModel:
+        return _of_posterior(model, components, rig, rng) if components else _of_covariance(model, rng)
+
+    return [first_possible(draw, partial(_possible, rig)).with_arm_effects() for _ in range(n)]
 
 
 def widened_model(model: MovingArmModel, factor: float) -> MovingArmModel:
@@ -61,7 +54,7 @@ def widened_model(model: MovingArmModel, factor: float) -> MovingArmModel:
     return model.model_copy(update={"covariance": covariance, "absolute": absolute})
 
 
-def _possible(model: MovingArmModel, rig: Rig) -> bool:
+def _possible(rig: Rig, model: MovingArmModel) -> bool:
     """Check whether rigid bodies can have the values of a model.
 
     The result is always True if the inertia of the arm is not determined.

@@ -115,12 +115,12 @@ def arm_replays(run: Run, rig: Rig, model: MovingArmModel) -> list[Replay]:
     for (first, last), x0 in zip(pairwise(followed.offsets.tolist()), followed.initial, strict=True):
         t = followed.t[first:last]
         start = segment_start(float(t[0]))
-        steps = start + REPLAY.step_s * np.arange(np.ceil((t[-1] - start) / REPLAY.step_s) + 2)
+        inputs = _inputs(run, rig, REPLAY.steps(start, float(t[-1])))
         measured, simulated = (
             np.column_stack([joints[first:last, 0], to_rods(joints[first:last, 1:])])
             for joints in (followed.measured, followed.simulated)
         )
-        swings.append(Replay(run.name, t, measured, simulated, start, x0, followed.noise, _inputs(run, rig, steps)))
+        swings.append(Replay(run.name, t, measured, simulated, start, x0, followed.noise, inputs))
     return swings[: ARM_REPLAY.segments]
 
 
