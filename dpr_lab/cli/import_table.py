@@ -125,16 +125,13 @@ def _show(understood: "Preview", as_json: bool) -> None:
     if as_json:
         emit(understood.to_json())
         return
-    table(
-        f"{understood.file.name}: interpretation (no run was written)",
-        ("", "interpretation"),
-        list(understood.facts().items()),
-    )
+    title = f"{understood.file.name}: interpretation (no run was written)"
+    table(title, ("", "interpretation"), list(understood.facts().items()))
     rows = [[f"{value:.6f}" for value in row] for row in understood.first_rows()]
     table("First rows (rad)", ("t_s", *names_of(understood.joints)), rows)
     for joint in understood.joints:
         line(chart_title(joint))
-        for drawn in text_chart(understood.t, understood.theta[:, joint]):
+        for drawn in text_chart(understood.swing.t, understood.swing.theta[:, joint]):
             line(drawn)
     for note in understood.notes:
         say(note)

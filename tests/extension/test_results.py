@@ -142,7 +142,7 @@ def kind_of_file(copy: Copy) -> str:
         lines = [f"{k / 100} {3 + k / 200} {3 + k / 100}"[::-1] for k in range(50)]
         (file := Path("a.rev")).write_text("\\n".join(["REVERSED", *lines]))
         found = preview(file, load_rig("paper"), ImportOptions())
-        print(found.kind, found.samples, found.rate_hz, found.theta[-1, 2])
+        print(found.swing.kind, len(found.swing.t), found.swing.rate_hz, found.swing.theta[-1, 2])
         """
 
 

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,6 @@ BROKEN = (
     AttributeError,
     EOFError,
     LookupError,
-    MemoryError,
     NotImplementedError,
     OSError,
     RecursionError,
@@ -45,20 +45,20 @@ def refuse_large(path: Path, values: int) -> None:
 
 
 def refuse_swollen(path: Path, size: int) -> None:
-    """Refuse a compressed file whose unpacked size exceeds `most_unpacked`.
+    """Refuse a compressed file of numbers that is too large, or whose unpacked size exceeds `most_unpacked`.
 
     Args:
         path: the file
         size: unpacked size in bytes, declared or counted
 
     Raises:
-        RunError: the unpacked size exceeds the limit.
+        RunError: the unpacked size exceeds a limit.
     """
+    refuse_large(path, size // 8)
     if size > most_unpacked(path):
         raise RunError(
-            f"{path}: unpacks from {path.stat().st_size:,} bytes to {size:,} or more, which is too much for"
-            f" a recording: save its"
-            " columns without compression, or as CSV"
+            f"{path}: unpacks from {path.stat().st_size:,} bytes to {size:,} or more, which is too much for a"
+            " recording: save its columns without compression, or as CSV"
         )
 
 
@@ -68,18 +68,31 @@ def most_unpacked(path: Path) -> int:
     return limits.small_bytes + limits.expansion * path.stat().st_size
 
 
-def broken(path: Path, kind: str, error: BaseException) -> RunError:
-    """Create the error for a file that the library of its format cannot read."""
-    if isinstance(error, MemoryError):
-        return RunError(f"{path}: needs more memory than is free on this computer: split it into recordings")
-    return RunError(
-        f"{path}: is damaged or incomplete, or is not a {kind}: copy or save the file again, or export its table as CSV"
-    )
+@contextmanager
+def library_of(path: Path, kind: str, *errors: type[Exception]) -> Iterator[None]:
+    """Provide a context in which the library of a format reads a file.
+
+    Args:
+        path: the file
+        kind: kind of the file
+        errors: exceptions that the library raises for invalid bytes, in addition to `BROKEN`
+
+    Raises:
+        RunError: the library cannot read the file.
+    """
+    try:
+        yield
+    except MemoryError as error:
+        message = "needs more memory than is free on this computer: split it into recordings"
+        raise RunError(f"{path}: {message}") from error
+    except (*BROKEN, *errors) as error:
+        raise RunError(
+            f"{path}: is damaged or incomplete, or is not a {kind}: copy or save the file again, or export its table as"
+            " CSV"
+        ) from error
 
 
-def table_of(
-    path: Path, kind: str, arrays: Mapping[str, NDArray], take: Sequence[str] = (), notes: Sequence[str] = ()
-) -> Table:
+def table_of(path: Path, kind: str, arrays: Mapping[str, NDArray], take: Sequence[str] = ()) -> Table:
     """Convert named arrays to a table.
 
     A vector becomes one column, and a matrix becomes several columns. Single numbers are ignored.
@@ -92,7 +105,6 @@ def table_of(
         kind: kind of the file
         arrays: arrays of any shape and type; non-numeric arrays are ignored
         take: names of the arrays, and of the groups with their content, that are read
-        notes: notes for the operator
 
     Raises:
         RunError: there is no array of numbers, no array with a requested name, or too many numbers.
@@ -114,8 +126,7 @@ def table_of(
         tuple(np.asarray(column, dtype=np.float64) for column in usable.values()),
         ("",) * len(usable),
         np.arange(1, rows + 1),
-        tuple(notes),
-        kind,
+        kind=kind,
         other_lengths={short[name]: len(column) for name, column in columns.items() if name not in usable},
     )
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
 from dpr_lab.storage.export import extra
-from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, refuse_swollen, table_of
+from dpr_lab.storage.readers.arrays import library_of, refuse_swollen, table_of
 from dpr_lab.storage.readers.matlab import object_sentence
 from dpr_lab.storage.tables.table import Table
 
@@ -46,21 +46,17 @@ def read_hdf5(path: Path, take: Sequence[str]) -> Table:
         import h5py
     arrays: dict[str, NDArray] = {}
     total = 0
-    try:
-        with h5py.File(path, "r") as file:
-            for name, held in _objects(path, file):
-                if "MATLAB_object_decode" in held.attrs:
-                    raise object_sentence(path, _text(held.attrs.get("MATLAB_class", "unknown")))
-                if not isinstance(held, h5py.Dataset) or held.dtype.kind not in "biuf":
-                    continue
-                if held.external or held.is_virtual:
-                    raise RunError(f"{path}: the values of {name!r} are in another file: copy them into this file")
-                total += held.size or 0
-                refuse_large(path, total)
-                refuse_swollen(path, 8 * total)
-                arrays[name] = np.asarray(held[()])
-    except BROKEN as error:
-        raise broken(path, KIND, error) from error
+    with library_of(path, KIND), h5py.File(path, "r") as file:
+        for name, held in _objects(path, file):
+            if "MATLAB_object_decode" in held.attrs:
+                raise object_sentence(path, _text(held.attrs.get("MATLAB_class", "unknown")))
+            if not isinstance(held, h5py.Dataset) or held.dtype.kind not in "biuf":
+                continue
+            if held.external or held.is_virtual:
+                raise RunError(f"{path}: the values of {name!r} are in another file: copy them into this file")
+            total += held.size or 0
+            refuse_swollen(path, 8 * total)
+            arrays[name] = np.asarray(held[()])
     return table_of(path, KIND, arrays, take)
 
 

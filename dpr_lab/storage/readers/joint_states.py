@@ -20,7 +20,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from dpr_lab.errors import RunError, printable
 from dpr_lab.storage.export import JOINT_STATE, JOINT_STATE_DEFINITION, extra
 from dpr_lab.storage.layout import NANOSECONDS, PROVENANCE
-from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large
+from dpr_lab.storage.readers.arrays import library_of, refuse_large
 from dpr_lab.storage.scan import mapped
 from dpr_lab.storage.tables.table import Table
 from dpr_lab.whole_file import regular
@@ -41,7 +41,6 @@ class BagLimits:
 
 
 LIMITS = BagLimits()
-_BROKEN = (*BROKEN, McapError, zstandard.ZstdError, struct.error)
 
 Stamped = tuple[str, int, bytes]
 """One message: topic, log time in ns, and CDR bytes."""
@@ -55,7 +54,7 @@ def read_mcap(path: Path, take: Sequence[str]) -> Table:
         have the same name.
         DprError: mcap-ros2-support is not installed.
     """
-    return _table(path, "MCAP file", lambda: _mcap_messages(path), take)
+    return _table(path, "MCAP file", _mcap_messages(path), take)
 
 
 def read_sqlite(path: Path, take: Sequence[str]) -> Table:
@@ -63,7 +62,7 @@ def read_sqlite(path: Path, take: Sequence[str]) -> Table:
 
     See `read_mcap` for arguments and errors.
     """
-    return _table(path, KIND, lambda: _sqlite_messages(path), take)
+    return _table(path, KIND, _sqlite_messages(path), take)
 
 
 def read_bag(folder: Path, take: Sequence[str]) -> Table:
@@ -79,18 +78,16 @@ def read_bag(folder: Path, take: Sequence[str]) -> Table:
     if not files:
         raise RunError(f"{folder}: is a ROS 2 bag without a .mcap or .db3 file; decompress a compressed bag first")
     opened = {".mcap": _mcap_messages, ".db3": _sqlite_messages}
-    return _table(folder, KIND, lambda: chain.from_iterable(opened[p.suffix](p) for p in files), take)
+    return _table(folder, KIND, chain.from_iterable(opened[p.suffix](p) for p in files), take)
 
 
 def _by_number(path: Path) -> list[tuple[int, str]]:
     return [(int(part) if part.isdigit() else 0, part) for part in re.split(r"(\d{1,9})", path.name)]
 
 
-def _table(path: Path, kind: str, messages: Callable[[], Iterable[Stamped]], take: Sequence[str]) -> Table:
-    try:
-        times, names, rows, topic = _gathered(path, messages(), take)
-    except _BROKEN as error:
-        raise broken(path, kind, error) from error
+def _table(path: Path, kind: str, messages: Iterable[Stamped], take: Sequence[str]) -> Table:
+    with library_of(path, kind, McapError, zstandard.ZstdError, struct.error, sqlite3.Error):
+        times, names, rows, topic = _gathered(path, messages, take)
     values = np.full((len(rows), len(names)), np.nan)
     for row, positions in enumerate(rows):
         values[row, list(positions)] = list(positions.values())
@@ -216,19 +213,16 @@ def _expanded(chunk: Chunk) -> Chunk:
 
 def _sqlite_messages(path: Path) -> Iterator[Stamped]:
     regular(path, RunError)
-    try:
-        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as bag:
-            bag.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LIMITS.record_bytes)
-            bag.execute("PRAGMA trusted_schema = OFF")
-            tables = bag.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
-            if not {("topics",), ("messages",)} <= set(tables.fetchmany(LIMITS.joints)):
-                raise RunError(f"{path}: is a database, but not a ROS 2 bag")
-            kinds = (JOINT_STATE, "cdr")
-            query = (
-                "SELECT name, timestamp, data FROM messages JOIN topics ON topics.id = topic_id"
-                " WHERE topics.type = ? AND serialization_format = ? ORDER BY timestamp"
-            )
-            for name, stamp, data in bag.execute(query, kinds):
-                yield str(name), int(stamp), bytes(data)
-    except sqlite3.Error as error:
-        raise broken(path, KIND, error) from error
+    with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as bag:
+        bag.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LIMITS.record_bytes)
+        bag.execute("PRAGMA trusted_schema = OFF")
+        tables = bag.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
+        if not {("topics",), ("messages",)} <= set(tables.fetchmany(LIMITS.joints)):
+            raise RunError(f"{path}: is a database, but not a ROS 2 bag")
+        kinds = (JOINT_STATE, "cdr")
+        query = (
+            "SELECT name, timestamp, data FROM messages JOIN topics ON topics.id = topic_id"
+            " WHERE topics.type = ? AND serialization_format = ? ORDER BY timestamp"
+        )
+        for name, stamp, data in bag.execute(query, kinds):
+            yield str(name), int(stamp), bytes(data)

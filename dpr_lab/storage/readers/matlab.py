@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.storage.readers.arrays import BROKEN, broken, most_unpacked, refuse_large, refuse_swollen, table_of
+from dpr_lab.storage.readers.arrays import library_of, most_unpacked, refuse_large, refuse_swollen, table_of
 from dpr_lab.storage.tables import table as text_table
 from dpr_lab.storage.tables.table import Table
 
@@ -42,16 +42,14 @@ def read_matlab(path: Path, take: Sequence[str]) -> Table:
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
-    try:
+    held: dict[str, Any] = {}
+    with library_of(path, KIND, MatReadError, struct.error, zlib.error):
         content = path.read_bytes() if path.stat().st_size <= _most_bytes() else b""
         if not content:
             refuse_large(path, path.stat().st_size // 8)
             raise RunError(f"{path}: is empty")
-        held: dict[str, Any] = {}
         for part in _parts(path, content) if content.startswith(b"MATLAB 5.0") else (content,):
             held |= loadmat(BytesIO(part), simplify_cells=False, chars_as_strings=False)
-    except (*BROKEN, MatReadError, struct.error, zlib.error) as error:
-        raise broken(path, KIND, error) from error
     return table_of(path, KIND, dict(_arrays(path, "", held)), take)
 
 

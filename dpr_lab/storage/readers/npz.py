@@ -2,13 +2,14 @@
 
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
 from dpr_lab.errors import RunError
-from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, refuse_swollen, table_of
+from dpr_lab.storage.readers.arrays import library_of, refuse_large, refuse_swollen, table_of
 from dpr_lab.storage.tables.table import Table
 
 KIND = "NumPy file"
@@ -20,7 +21,7 @@ def read_numpy(path: Path, take: Sequence[str]) -> Table:
     Raises:
         RunError: the file is damaged, is another archive, or contains pickled objects or more numbers than a recording.
     """
-    try:
+    with library_of(path, KIND, zipfile.BadZipFile, zlib.error), _plain_arrays(path):
         if not zipfile.is_zipfile(path):
             refuse_large(path, path.stat().st_size // 8)
             with path.open("rb") as file:
@@ -31,15 +32,18 @@ def read_numpy(path: Path, take: Sequence[str]) -> Table:
                 raise RunError(
                     f"{path}: is a compressed document, but not .npz: save the table of a spreadsheet as CSV (UTF-8)"
                 )
-            size = sum(member.file_size for member in members)
-            refuse_large(path, size // 8)
-            refuse_swollen(path, size)
+            refuse_swollen(path, sum(member.file_size for member in members))
         with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
             return table_of(path, KIND, {name: held[name] for name in held.files}, take)
+
+
+@contextmanager
+def _plain_arrays(path: Path) -> Iterator[None]:
+    """Provide a context in which pickled objects are refused by a message of their own."""
+    try:
+        yield
     except ValueError as error:
-        if "allow_pickle" in str(error):
-            reason = "contains pickled objects, which could contain code: save plain arrays of numbers"
-            raise RunError(f"{path}: {reason}") from error
-        raise broken(path, KIND, error) from error
-    except (*BROKEN, zipfile.BadZipFile, zlib.error) as error:
-        raise broken(path, KIND, error) from error
+        if "allow_pickle" not in str(error):
+            raise
+        reason = "contains pickled objects, which could contain code: save plain arrays of numbers"
+        raise RunError(f"{path}: {reason}") from error

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dpr_lab.storage.export import extra
-from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, refuse_swollen, table_of
+from dpr_lab.storage.readers.arrays import library_of, refuse_swollen, table_of
 from dpr_lab.storage.tables.table import Table
 
 KIND = "Parquet file"
@@ -20,17 +20,13 @@ def read_parquet(path: Path, take: Sequence[str]) -> Table:
     with extra("parquet"):
         import pyarrow as pa
         import pyarrow.parquet as pq
-    try:
-        with pq.ParquetFile(path) as file:
-            numeric = [
-                field.name
-                for field in file.schema_arrow
-                if pa.types.is_integer(field.type) or pa.types.is_floating(field.type)
-            ]
-            refuse_large(path, file.metadata.num_rows * len(numeric))
-            refuse_swollen(path, 8 * file.metadata.num_rows * len(numeric))
-            read = file.read(columns=numeric, use_threads=False)
+    with library_of(path, KIND, pa.ArrowException), pq.ParquetFile(path) as file:
+        numeric = [
+            field.name
+            for field in file.schema_arrow
+            if pa.types.is_integer(field.type) or pa.types.is_floating(field.type)
+        ]
+        refuse_swollen(path, 8 * file.metadata.num_rows * len(numeric))
+        read = file.read(columns=numeric, use_threads=False)
         columns = {name: read.column(name).to_numpy() for name in numeric}
-    except (*BROKEN, pa.ArrowException) as error:
-        raise broken(path, KIND, error) from error
     return table_of(path, KIND, columns, take)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.storage.readers.arrays import BROKEN, broken, refuse_large, table_of
+from dpr_lab.storage.readers.arrays import library_of, refuse_large, table_of
 from dpr_lab.storage.tables.table import Table
 
 KIND = "JSON file"
@@ -29,10 +29,8 @@ def read_records(path: Path, take: Sequence[str]) -> Table:
         RunError: the file is not JSON, or contains no numbers in lists or records, or more numbers than a recording.
     """
     refuse_large(path, path.stat().st_size // 8)
-    try:
+    with library_of(path, KIND):
         document = _document(path.read_text(encoding="utf-8-sig"))
-    except BROKEN as error:
-        raise broken(path, KIND, error) from error
     lists = dict(_lists("", document))
     records = {name: rows for name, rows in lists.items() if any(isinstance(row, dict) for row in rows)}
     if not records:

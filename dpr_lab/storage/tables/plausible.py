@@ -129,6 +129,15 @@ def unwrapped(angles: Array) -> Array:
     return np.unwrap(angles, discont=PLAUSIBLE.jump)
 
 
+def without_wraps(column: Array, options: ImportOptions) -> Array:
+    """Unwrap a column at the period that the options state; missing values are kept."""
+    if options.wrap is None:
+        return column
+    known, turned = np.isfinite(column), column.copy()
+    turned[known] = np.unwrap(column[known], period=options.wrap)
+    return turned
+
+
 def turn_of_hanging(angle: Array) -> float:
     """Return the full turns between pi and the first hanging angle of a rod, rad.
 
@@ -169,8 +178,7 @@ def drop_outliers(readings: dict[str, Array], rig: Rig, options: ImportOptions) 
         counted = abs(rig.radians_per_count[AXES.index(axis)]) if options.unit == "counts" else None
         scale = (counted or TO_RADIANS[options.unit or "rad"]) * abs(options.scale.get(axis, 1.0))
         known = np.flatnonzero(np.isfinite(column))
-        turned = column[known] if options.wrap is None else np.unwrap(column[known], period=options.wrap)
-        wild = known[outliers(turned * scale)]
+        wild = known[outliers(without_wraps(column, options)[known] * scale)]
         if len(wild):
             column[wild] = np.nan
             notes.append(f"{axis}: outliers removed: {len(wild)}")

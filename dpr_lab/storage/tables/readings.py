@@ -1,6 +1,6 @@
 """Convert a table to angles, and propose other interpretations if needed."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -123,6 +123,12 @@ class ReadTable:
         theta, _ = angles(values, options, self.rig, self.path)
         return theta[:, [1, 1]] if self.rig.rods.mounted != "both" else theta[:, 1:]
 
+    def residual(self, other: OtherReading) -> float:
+        """Return the energy residual of an interpretation; infinite if the rods hardly move."""
+        rods = self.rods(other.values, other.options)
+        fit = energy_fit(self.t * other.time_factor, rods, self.torques, self.rig)
+        return np.inf if fit is None else fit.residual
+
     def others(self) -> Iterator[OtherReading]:
         """Yield all alternative interpretations that are tried."""
         return other_readings(self.values, self.options, self.columns, self.rig)
@@ -135,16 +141,18 @@ def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
     tried: list[tuple[float, OtherReading]] = []
     slower = [_slower(read.values, read.options, fit.time_scale)] if np.isfinite(fit.time_scale) else []
     for reading in (*read.others(), *slower):
-        rods = read.rods(reading.values, reading.options)
-        refitted = energy_fit(read.t * reading.time_factor, rods, read.torques, read.rig)
-        if refitted is not None and refitted.residual < min(READ.sure, fit.residual / READ.better):
-            tried.append((refitted.residual, reading))
+        if (residual := read.residual(reading)) < min(READ.sure, fit.residual / READ.better):
+            tried.append((residual, reading))
     if not tried and read.torques is None and (moved := _as_counts(read) or _with_other_zeros(read)):
         return [moved]
     best = min((residual for residual, _ in tried), default=np.inf)
-    alike = [reading for residual, reading in tried if residual <= READ.alike * best]
-    fewest = min((len(reading.causes) for reading in alike), default=0)
-    return [reading for reading in alike if len(reading.causes) == fewest]
+    return fewest_changes([reading for residual, reading in tried if residual <= READ.alike * best])
+
+
+def fewest_changes(readings: Sequence[OtherReading]) -> list[OtherReading]:
+    """Select the interpretations with the fewest differences from the given one."""
+    fewest = min((len(reading.causes) for reading in readings), default=0)
+    return [reading for reading in readings if len(reading.causes) == fewest]
 
 
 def _as_counts(read: ReadTable) -> OtherReading | None:
@@ -201,9 +209,8 @@ def balanced_readings(read: ReadTable) -> list[OtherReading]:
         ((unbalance, reading) for unbalance, reading in tried if unbalance <= limit), key=lambda pair: pair[0]
     )
     named = [reading for _, reading in alike if reading is not zeros] or [reading for _, reading in alike]
-    fewest = min((len(reading.causes) for reading in named), default=0)
     if named:
-        return [reading for reading in named if len(reading.causes) == fewest]
+        return fewest_changes(named)
     far = np.abs(nearest).max() >= READ.wrong_zero_rad
     far = far and given.residual(nearest) <= min(READ.sure_balance, residual / READ.better_zero)
     return [_with_zeros(read, _by_energy(read, nearest))] if far else []

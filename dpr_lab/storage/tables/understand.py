@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.arrays import Array, Flags, Integers
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.arm_motion import refuse_still_arm
 from dpr_lab.estimation.counted_rows import edge_rows
@@ -38,11 +38,12 @@ from dpr_lab.storage.tables.plausible import (
     recorded_by_stamps,
     refuse_missing,
     turn_of_hanging,
+    without_wraps,
     wrap_notes,
 )
 from dpr_lab.storage.tables.questions.questions import questions, refuse_push
 from dpr_lab.storage.tables.table import Table
-from dpr_lab.storage.tables.time_stamps import carried_times, even_times, spread_times, stamps_at_gaps
+from dpr_lab.storage.tables.time_stamps import carried_times, even_times, shares_times, spread_times, stamps_at_gaps
 from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, torque_column, unnumbered
 
 
@@ -159,7 +160,7 @@ def _readings(
     t, rounded = even_times(t, readings)
     t, shared = spread_times(t, readings)
     outliers = drop_outliers(readings, rig, options)
-    t, misplaced = stamps_at_gaps(t, {axis: _unwrapped(column, options) for axis, column in readings.items()})
+    t, misplaced = stamps_at_gaps(t, {axis: without_wraps(column, options) for axis, column in readings.items()})
     stamps = filter(None, (carried, rounded, shared, misplaced))
     return t, readings, [*outliers, *empty, *stamps, *cart_note(table, names, rig, options)]
 
@@ -323,16 +324,7 @@ def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> 
 
 def _scaled(column: Array, axis: str, options: ImportOptions) -> Array:
     """Return the readings of a column: unwrapped, multiplied by the scale, then shifted by the offset."""
-    return _unwrapped(column, options) * options.scale.get(axis, 1.0) + options.offset.get(axis, 0.0)
-
-
-def _unwrapped(column: Array, options: ImportOptions) -> Array:
-    """Unwrap a column; missing values are kept."""
-    if options.wrap is None:
-        return column
-    known, turned = np.isfinite(column), column.copy()
-    turned[known] = np.unwrap(column[known], period=options.wrap)
-    return turned
+    return without_wraps(column, options) * options.scale.get(axis, 1.0) + options.offset.get(axis, 0.0)
 
 
 def _recorded(table: Table, readings: dict[str, Array]) -> tuple[dict[str, Array], list[str]]:
@@ -367,7 +359,7 @@ def _rows_to_keep(
         part = f"after {start:g} s" if options.duration_s is None else f"between {start:g} s and {stop:g} s"
         raise RunError(f"{path}: no rows {part}; the table ends at {known[-1]:g} s")
     doubled = np.diff(t[rows], prepend=-np.inf) == 0
-    _refuse_coarse_times(path, readings, rows, doubled)
+    _refuse_coarse_times(path, t[rows], {axis: column[rows] for axis, column in readings.items()})
     distinct = rows[~doubled]
     if len(distinct) < 2:
         raise RunError(f"{path}: only {len(distinct)} row remains: a run needs at least two instants")
@@ -375,13 +367,12 @@ def _rows_to_keep(
     return distinct[new], _counted_notes(empty, int(doubled.sum())) + ([note] if note else [])
 
 
-def _refuse_coarse_times(path: Path, readings: Mapping[str, Array], rows: NDArray[np.intp], doubled: Flags) -> None:
+def _refuse_coarse_times(path: Path, t: Array, readings: Mapping[str, Array]) -> None:
     """Refuse a time column with too few digits."""
-    later, before = rows[doubled], rows[np.flatnonzero(doubled) - 1]
-    changed = np.logical_or.reduce([column[later] != column[before] for column in readings.values()])
-    if changed.sum() > PLAUSIBLE.doubled_share * len(rows):
+    shared = shares_times(t, readings).sum()
+    if shared > PLAUSIBLE.doubled_share * len(t):
         raise RunError(
-            f"{path}: {changed.sum()} of {len(rows)} rows have the same time as the previous row but other"
+            f"{path}: {shared} of {len(t)} rows have the same time as the previous row but other"
             " readings: the time column has too few digits. Export more digits, or give the rate (--rate-hz)"
         )
 

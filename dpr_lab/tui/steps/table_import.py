@@ -148,5 +148,5 @@ def _lines(preview: Preview) -> list[Content]:
     lines += ["", "".join(f"{name:>11}" for name in ("t_s", *names_of(preview.joints)))]
     lines += ["".join(f"{value:>11.5f}" for value in row) for row in preview.first_rows(3)]
     for joint in preview.joints:
-        lines += ["", chart_title(joint), *text_chart(preview.t, preview.theta[:, joint], height=4)]
+        lines += ["", chart_title(joint), *text_chart(preview.swing.t, preview.swing.theta[:, joint], height=4)]
     return [*warnings, *map(Content, [*preview.notes, *lines])]

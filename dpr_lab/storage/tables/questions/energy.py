@@ -37,7 +37,7 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
         residual = fit.residual
         others = better_readings(fit, read)
         if others and all(other.scale != (1.0, 1.0) for other in others):
-            others += [other for other in _turned(read) if _residual(read, other) < READ.sure]
+            others += [other for other in _turned(read) if read.residual(other) < READ.sure]
         if not others and (doubt := _torque_question(table, fit, looked_at)):
             return [doubt], []
     if fit is not None and not others and table.options.inner != "prescribed":
@@ -92,7 +92,7 @@ def _nearest(read: ReadTable, residual: float) -> str:
     """
     turned = _turned(read)
     others = [other for other in read.others() if other.mend and (not turned or other.scale == (1.0, 1.0))] + turned
-    fits = sorted(((_residual(read, other), other.sentence) for other in others), key=lambda pair: pair[0])
+    fits = sorted(((read.residual(other), other.sentence) for other in others), key=lambda pair: pair[0])
     tried = [(unbalance, sentence) for unbalance, sentence in fits if math.isfinite(unbalance)]
     lead, most = SETTINGS.nearest
     if not tried or tried[0][0] > min(
@@ -120,13 +120,6 @@ def _explained_part(table: InterpretedTable) -> str:
             lasts = f"{round(t[-1] - safe - table.t[0], 2):g}"
             return f"; they explain it in the first {lasts} s (--duration-s {lasts}): did a drive or a hand act later?"
     return ""
-
-
-def _residual(read: ReadTable, other: OtherReading) -> float:
-    """Return the energy residual of an interpretation; infinite if the rods hardly move."""
-    rods = read.rods(other.values, other.options)
-    fit = energy_fit(read.t * other.time_factor, rods, read.torques, read.rig)
-    return math.inf if fit is None else fit.residual
 
 
 def _turned(read: ReadTable) -> list[OtherReading]:

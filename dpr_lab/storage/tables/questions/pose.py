@@ -1,15 +1,13 @@
 """Warn about the pose of the release."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
-from dpr_lab.identification.misread.balance import energy_fit
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
-from dpr_lab.storage.tables.readings import READ, OtherReading, ReadTable, with_zeros
+from dpr_lab.storage.tables.readings import READ, OtherReading, fewest_changes, with_zeros
 
 
 def pose_questions(table: InterpretedTable) -> list[TableQuestion]:
@@ -54,11 +52,9 @@ def _readings_in_pose(table: InterpretedTable) -> list[OtherReading]:
     others, as_read = list(read.others()), OtherReading((), (), read.values, table.options)
     candidates = [as_read.mirrored, *others, *(other.mirrored for other in others)]
     posed = [other for other in candidates if other.time_factor == 1 and _in_pose(table, other)]
-    residuals = [_residual(read, other) for other in posed]
+    residuals = [read.residual(other) for other in posed]
     limit = min(READ.right, READ.alike * min(residuals, default=0.0))
-    matching = [other for other, residual in zip(posed, residuals, strict=True) if residual <= limit]
-    fewest = min((len(other.causes) for other in matching), default=0)
-    return [other for other in matching if len(other.causes) == fewest]
+    return fewest_changes([other for other, residual in zip(posed, residuals, strict=True) if residual <= limit])
 
 
 def _zeros_in_pose(table: InterpretedTable, added: Array) -> list[OtherReading]:
@@ -70,13 +66,8 @@ def _zeros_in_pose(table: InterpretedTable, added: Array) -> list[OtherReading]:
         return []
     read, tolerance = table.read(), table.rig.poses[table.options.pose].tolerance
     other = with_zeros(read.values, table.options, added, tolerance)
-    worst = max(READ.right, _residual(read, replace(other, values=read.values)))
-    return [other] if _residual(read, other) <= worst else []
-
-
-def _residual(read: ReadTable, other: OtherReading) -> float:
-    fit = energy_fit(read.t, read.rods(other.values, other.options), read.torques, read.rig)
-    return math.inf if fit is None else fit.residual
+    worst = max(READ.right, read.residual(replace(other, values=read.values)))
+    return [other] if read.residual(other) <= worst else []
 
 
 def as_posed(table: InterpretedTable, other: OtherReading) -> OtherReading:
