@@ -73,8 +73,8 @@ class Listener:
                 if event.done:
                     remaining = f"about {math.ceil(event.left_s / 60)} min"
                     text = f"{event.done} of {event.of}, {remaining} left"
-                if event.done == 1:
-                    say(f"the first blind trial took {event.elapsed_s:.0f} s: {remaining} for the remaining trials")
+                    if event.done == 1:
+                        say(f"the first blind trial took {event.elapsed_s:.0f} s: {remaining} for the remaining trials")
                 self._at("trust", event.done, event.of, text)
             case events.TrialDone():
                 self._trial(event)

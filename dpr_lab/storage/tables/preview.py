@@ -61,9 +61,9 @@ class Preview:
     def facts(self) -> dict[str, str]:
         """Return the interpretation of the table as texts by property name."""
         swing, options, t = self.swing, self.swing.options, self.swing.t
-        how = "converted by the encoders of the rig"
+        convention = "converted by the encoders of the rig"
         if options.unit != "counts":
-            how = f"{options.angles}, {options.zero} is 0"
+            convention = f"{options.angles}, {options.zero} is 0"
         axes = ", ".join(f"{axis} = {name}" for axis, name in sorted(swing.columns.items()) if name != NO_ROD)
         # Rounded times hardly affect the mean rate. If rows are missing, the rate is computed from the median step.
         rate_hz = swing.rate_hz if self._gaps else (len(t) - 1) / float(t[-1] - t[0])
@@ -72,7 +72,7 @@ class Preview:
         facts = {
             "file": swing.kind,
             "columns": axes,
-            "angles": f"{options.unit}, {how}",
+            "angles": f"{options.unit}, {convention}",
             "time": f"{len(t):,} rows, {t[-1]:.6g} s from the release{rest}, unit {options.time_unit}",
             "recorded": swing.recorded_at or "date unknown (--recorded-at)",
             "rate": f"{rate_hz:.5g} Hz, {steps}; {self._gaps or 'no'} gaps",

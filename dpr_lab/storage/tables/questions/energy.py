@@ -44,7 +44,7 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
         _refuse_unit_of_time(table, fit.kinetic_scale)
     for other in others:
         if "--time-unit" in other.mend:
-            raise RunError(_unit_of_time(table, *other.mend[1:]))
+            raise RunError(_unit_of_time(table, other.mend[1]))
     if others:
         others = [as_posed(table, other) for other in others]
         return [read_otherwise("the energy of the swing is not conserved, but it is", others)], others
