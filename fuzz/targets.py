@@ -8,6 +8,7 @@ import json
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -111,7 +112,7 @@ def run_file(data: bytes) -> None:
         path.write_bytes(data)
         assert not verify(path).ok  # there is no hash file
         with suppress(RunError):
-            info(path).to_json()
+            json.dumps(asdict(info(path)))
         with suppress(RunError):
             _check_run(load_run(path))
 
@@ -130,7 +131,7 @@ def run_content(data: bytes) -> None:
             content = path.read_bytes()
             path.write_bytes(content[: content.index(b"complete") - 64])
         with suppress(RunError):
-            info(path).to_json()
+            json.dumps(asdict(info(path)))
         with suppress(RunError):
             _check_run(load_run(path, verify=False))
         with suppress(RunError):

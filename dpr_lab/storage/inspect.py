@@ -1,9 +1,8 @@
 """Inspect run files: show metadata, verify integrity, and recover damaged files."""
 
-import json
 from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -69,10 +68,6 @@ class RunInfo:
     note: str
     notes: tuple[str, ...]
     extra: Mapping[str, str]
-
-    def to_json(self) -> str:
-        """Return the metadata as a JSON object."""
-        return json.dumps(asdict(self), ensure_ascii=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from dpr_lab.storage.sidecar import read_sidecar
 # Encoder zeros and noise may differ between runs of the same rig, so they are not compared.
 _SAME_ENCODERS = ("counts_per_rev", "joint2", "direction")
 _SAME_FRAME = ("L1", "g")
+Mode = TypeVar("Mode", bound=str)
 
 
 def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> Run:
@@ -174,25 +175,26 @@ def arm_mode(stored: Scan) -> ArmMode:
         RunError: the mode is unknown.
     """
     of_rig = stored.metadata.rig.arm.mode
-    stated = stored.metadata.extra.get("arm", "prescribed" if of_rig == "driven" else of_rig)
-    for mode in get_args(ArmMode):
-        if mode == stated:
-            return mode
-    raise RunError(f"{stored.path}: its arm is {stated!r}, which this version of dpr-lab does not know: update dpr-lab")
+    return _mode(stored, "arm", "prescribed" if of_rig == "driven" else of_rig, get_args(ArmMode), "arm")
 
 
-def inner_mode(stored: Scan) -> str:
+def inner_mode(stored: Scan) -> InnerMode:
     """Return the mode of the inner rod that the run states, otherwise that of its rig.
 
     Raises:
         RunError: the mode is unknown.
     """
-    stated = str(stored.metadata.extra.get("inner", stored.metadata.rig.joints.inner))
-    if stated not in get_args(InnerMode):
-        raise RunError(
-            f"{stored.path}: its inner rod is {stated!r}, which this version of dpr-lab does not know: update dpr-lab"
-        )
-    return stated
+    return _mode(stored, "inner", stored.metadata.rig.joints.inner, get_args(InnerMode), "inner rod")
+
+
+def _mode(stored: Scan, key: str, default: Mode, modes: tuple[Mode, ...], what: str) -> Mode:
+    stated = stored.metadata.extra.get(key, default)
+    for mode in modes:
+        if mode == stated:
+            return mode
+    raise RunError(
+        f"{stored.path}: its {what} is {stated!r}, which this version of dpr-lab does not know: update dpr-lab"
+    )
 
 
 def _delay(stored: Scan) -> float:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import textwrap
 import tracemalloc
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -57,7 +58,7 @@ def test_a_run_comes_back_as_it_was_written(tmp_path):
     assert len(run.rest) == RELEASE
     assert run.rig_sha256 == RIG.sha256
     assert run.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
-    about = json.loads(info(path).to_json())
+    about = json.loads(json.dumps(asdict(info(path))))
     assert (about["firmware"], about["note"], about["release_tick"]) == ("1.2.3", "größer", RELEASE)
     assert about["duration_s"] == pytest.approx(0.349)
     assert about["pose_measured_rad"] == [0.0, 3.1, 0.1]
