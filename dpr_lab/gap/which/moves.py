@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.which.fitted_sets import FittedSets
-from dpr_lab.gap.which.removals import CROSS_VALIDATION, DROP, OWN_SHARE, SMALLEST_ADEQUATE
+from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
 from dpr_lab.gap.which.replacements import (
     BETTER_ALTERNATIVE,
     EXCHANGE,
@@ -69,7 +69,6 @@ REFINE = (
     EXCHANGE,
     SECOND_CAUSE,
     DROP,
-    CROSS_VALIDATION,
     OWN_SHARE,
     CONVERGE,
 )

@@ -94,31 +94,6 @@ DROP = Move(
 )
 
 
-def _without_each(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose each set that results from removing one effect."""
-    for name in current.effects:
-        yield Proposal(sets.without_substitute(current, name))
-
-
-def _predicts_better(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    """Accept a removal if the effect worsens the prediction of a run from the other runs."""
-    smaller, tolerance = proposal.model, THRESHOLDS.chance * current.residuals.inflation
-    if bounded_excess(smaller) > bounded_excess(sets.bare):  # its fit diverged and predicts nothing
-        return Decision(False, "without it the fit does not converge")
-    if (current.predictive_loss - smaller.predictive_loss > tolerance).any():
-        return Decision(True, "without it, a run is predicted better from the other runs")
-    return Decision(False, "with it, no run is predicted worse")
-
-
-CROSS_VALIDATION = Move(
-    "cross-validation",
-    "an effect is removed if it worsens the prediction of a run from the other runs",
-    _without_each,
-    _predicts_better,
-    then="repeat",
-)
-
-
 def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose sets without the effect that has the smallest own contribution, while a residual remains.
 
