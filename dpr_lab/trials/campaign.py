@@ -16,7 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from filelock import FileLock, Timeout
+from pydantic import ValidationError
 
+from dpr_lab.configs import first_fault
 from dpr_lab.errors import DprError, RunError
 from dpr_lab.report.plain import write_json
 from dpr_lab.rig import load_rig
@@ -200,8 +202,9 @@ def read_trials(folder: Path) -> dict[int, TrialOutcome]:
             record = json.loads(line)
             outcomes[record["number"]] = read_outcome(record["outcome"])
         except (ValueError, KeyError, TypeError) as error:
+            fault = first_fault(error) if isinstance(error, ValidationError) else repr(error)
             raise RunError(
-                f"{file}: line {number} is not a trial: {error!r}; remove the line to repeat the trial"
+                f"{file}: line {number} is not a trial: {fault}; remove the line to repeat the trial"
             ) from error
     return outcomes
 

@@ -144,7 +144,14 @@ _NUMBERS = ("explained_share", "closed")
 
 
 def read_outcome(saved: Mapping[str, Any]) -> TrialOutcome:
-    """Restore an outcome from the dict that `TrialOutcome.to_json` returns."""
+    """Restore an outcome from the dict that `TrialOutcome.to_json` returns.
+
+    Unknown keys are ignored.
+
+    Raises:
+        KeyError: a number is missing
+        ValidationError: another key is missing or has a wrong type
+    """
     return _OUTCOME.validate_python({**saved, **{name: _number(saved[name]) for name in _NUMBERS}})
 
 

@@ -100,7 +100,7 @@ def test_the_cost_of_an_alternative_comes_from_its_fit_or_from_its_score() -> No
 
 
 @pytest.mark.parametrize(
-    ("decay", "remainder", "substitute", "taken"),
+    ("decay", "dismissed", "substitute", "taken"),
     [
         (False, False, None, False),
         (False, True, None, True),
@@ -110,19 +110,17 @@ def test_the_cost_of_an_alternative_comes_from_its_fit_or_from_its_score() -> No
     ],
 )
 def test_a_curve_that_imitates_the_effect_or_the_remainder_is_no_alternative(
-    monkeypatch: pytest.MonkeyPatch, decay: bool, remainder: bool, substitute: str | None, taken: bool
+    monkeypatch: pytest.MonkeyPatch, decay: bool, dismissed: bool, substitute: str | None, taken: bool
 ) -> None:
     monkeypatch.setattr(posterior, "follows_decay", lambda *_: decay)
-    monkeypatch.setattr(posterior, "follows_remainder", lambda *_: remainder)
+    monkeypatch.setattr(posterior, "is_dismissed", lambda *_: dismissed)
     monkeypatch.setattr(posterior, "substitute_curve", lambda *_: substitute)
     other = "detent_joint1"
     instead, with_both = frozenset({"base_tilt", other}), frozenset({"base_tilt", NAME, other})
-    worse, as_good = Mock(cost_at=lambda _: 101.0), Mock(cost_at=lambda _: 100.0)
-    assert _takes_over(place({instead: worse, with_both: Mock()}), other) is taken
-    assert _takes_over(place({instead: worse}), other) is (remainder and not decay)
-    assert not _takes_over(place({instead: as_good}), other)
+    assert _takes_over(place({instead: Mock(), with_both: Mock()}), other) is taken
+    assert _takes_over(place({instead: Mock()}), other) is (dismissed and not decay)
     assert not _takes_over(place({with_both: Mock()}), other)
-    assert _prior_odds(place({instead: worse}), other) == (CALIBRATION.drifting if decay else 1.0)
+    assert _prior_odds(place({instead: Mock()}), other) == (CALIBRATION.drifting if decay else 1.0)
     assert _prior_odds(place(), other) == 1.0
 
 

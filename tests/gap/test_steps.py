@@ -82,3 +82,13 @@ def test_a_step_is_sharp_if_no_other_instant_shows_one_as_large():
     assert not is_sharp(of_zero, place, 10.0)
     assert not is_sharp(of_zero, 198, 10.0)
     assert is_sharp(of_zero, 198, 100.0)
+
+
+def test_missing_readings_are_no_residual_of_zero():
+    begins, ends, place = np.zeros(100, dtype=int), np.full(100, 100), 50
+    residual = 10.0 * (np.arange(100) >= place) + 5.0
+    residual[[20, 21, 22]] = np.nan
+    apparent = apparent_steps(residual, begins, ends)
+    assert np.isnan(apparent[15:31]).all()
+    assert np.nanmax(np.abs(apparent[31:43])) < 1e-9
+    assert apparent[place] == pytest.approx(10.0)

@@ -29,7 +29,8 @@ class Calibration:
     compensates: float = 0.009
     """Own share at which a smaller effect is equally likely to be a cause or a compensation.
 
-    A compensation makes up for the inexact form of a larger effect.
+    A compensation makes up for the inexact form of a larger effect. Own shares are at least `least_own`, so the odds of
+    a compensation are at most 0.81.
     """
     least_own: float = 0.01
     """Lower limit of the own share of an effect; the linear fits of the other forms are inexact."""

@@ -45,10 +45,10 @@ from dpr_lab.gap.hypothesis.thresholds import (
     adds_less_than_remains,
     at_noise_floor,
     follows_decay,
-    follows_remainder,
     form_indifference,
     indifference,
     indistinguishable,
+    is_dismissed,
     substitute_curve,
 )
 from dpr_lab.gap.which.selected import Selection
@@ -262,15 +262,11 @@ def _cost(place: _Place, score: Score) -> float:
 
 
 def _takes_over(place: _Place, other: str) -> bool:
-    """Return whether another effect is a curve that would only imitate the named effect or fit small causes.
-
-    A curve whose set costs no more than the selected set is not dismissed, because its amplitudes are worth their
-    penalty.
-    """
+    """Return whether another effect would only imitate the named effect or fit small causes."""
     bare, chosen, instead = place.selection.bare, place.selection.chosen, place.filled(other)
     if instead is None or follows_decay(bare, instead, chosen):
         return False
-    if follows_remainder(bare, instead, chosen) and instead.cost_at(chosen.residuals.inflation) > chosen.cost:
+    if is_dismissed(bare, instead, chosen):
         return True
     with_both = place.selection.fitted.get(chosen.key | {other})
     return with_both is not None and substitute_curve(with_both, instead) == other
@@ -281,8 +277,7 @@ def _added_cost(place: _Place, alternative: Alternative) -> float:
 
     The search has compared the alternative with the selected set. An alternative that fits better is not significantly
     better, so it is at most as probable as the named effect. The cost of a richer form of the effect is increased,
-    because
-    such a form also fits the error of the integrator or the remainder.
+    because such a form also fits the error of the integrator or the remainder.
     """
     chosen = place.selection.chosen
     added = max(alternative.cost - chosen.cost, 0.0)

@@ -17,7 +17,7 @@ from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.conclusion.scatter import between_recordings, left_out_values
 from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, follows_remainder
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, follows_decay, is_dismissed
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.gap.where.discrepancy import Discrepancy
 from dpr_lab.gap.which.selected import Selection
@@ -79,10 +79,10 @@ def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
 
     All its sizes must be possible, and held-out runs must not refute any of its effects.
     """
-    refuted = set(selection.misleading) & model.key or model.key in selection.impossible
-    return (
-        bool(np.isfinite(model.cost)) and not refuted and not follows_remainder(selection.bare, model, selection.chosen)
-    )
+    if not np.isfinite(model.cost) or set(selection.misleading) & model.key or model.key in selection.impossible:
+        return False
+    sets = selection.bare, model, selection.chosen
+    return not (follows_decay(*sets) or is_dismissed(*sets))
 
 
 def _worse(model: Hypothesis, chosen: Hypothesis) -> float:

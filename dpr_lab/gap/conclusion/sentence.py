@@ -97,7 +97,8 @@ def _unexplained(state: Transferred) -> str:
             " exclude the effects of the library."
         )
     if not posteriors:
-        return f"Unexplained: a gap of {remainder}, and no effect of the library fits it."
+        where = " in this release" if transferred.basis == "one release" else ""
+        return f"Unexplained: a gap of {remainder}, and no effect of the library fits it{where}."
     closest, several = _classes(posteriors), len(posteriors) > 1
     verb = "explain" if several else "explains"
     if share >= VERDICT.partly_share:

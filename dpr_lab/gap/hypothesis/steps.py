@@ -147,7 +147,7 @@ def _steps(problem: Problem, fit: Fit) -> list[ReadingStep]:
     for joint in range(2):
         weight = problem.weight[:, joint]
         gain, size = step_gains(weight, e[:, joint], Q[:, joint], ends)
-        residual = e[:, joint] / np.where(weight > 0, weight, 1.0)
+        residual = np.divide(e[:, joint], weight, out=np.full(len(weight), np.nan), where=weight > 0)
         apparent = apparent_steps(residual, segments.offsets[problem.owner], ends)
         for run, (first, last) in zip(segments.run.tolist(), pairwise(segments.offsets.tolist()), strict=True):
             i = first + 1 + int(np.argmax(gain[first + 1 : last]))
@@ -161,12 +161,13 @@ def apparent_steps(residual: Array, begins: Integers, ends: Integers) -> Array:
     """Fit a polynomial with a step to the residual around each sample.
 
     Args:
-        residual: (samples,) residual, rad
+        residual: (samples,) residual, rad; NaN where a reading is missing
         begins: (samples,) index of the first sample of the segment
         ends: (samples,) index of the first sample of the next segment
 
     Returns:
-        (samples,) step before each sample, rad; NaN where the samples of the polynomial are not in one segment
+        (samples,) step before each sample, rad; NaN where the samples of the polynomial are not all readings of one
+        segment
     """
     side, place = STEPS.side, np.arange(len(residual))
     apparent = np.full(len(residual), np.nan)
