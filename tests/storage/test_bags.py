@@ -51,6 +51,14 @@ def test_bags_that_cannot_be_understood(tmp_path: Path, suffix: str) -> None:
             read(write(tmp_path / f"{len(result)}{suffix}", topics))
 
 
+def test_a_damaged_file_of_a_bag_is_named(tmp_path: Path) -> None:
+    (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
+    BAGS[".db3"](tmp_path / "bag_0.db3", [("/joint_states", ("theta1", "theta2"), ROWS)])
+    (tmp_path / "bag_1.db3").write_bytes(b"no database" * 100)
+    with pytest.raises(RunError, match=r"bag_1\.db3: is damaged or incomplete, or is not a ROS 2 bag"):
+        read(tmp_path)
+
+
 def test_a_run_is_recognised_without_the_library_of_ros(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mcap_ros2.decoder", None)
     import_csv(text(tmp_path / "a.csv", ROWS, head="t,theta1,theta2\n"), RIG, out=tmp_path / "run.mcap")

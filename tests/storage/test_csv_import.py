@@ -127,6 +127,7 @@ def test_common_names_of_angles_of_encoders_arm_and_a_single_rod(tmp_path):
     assert film == {"t": "time_s", "theta1": "theta1_exp", "theta2": "theta2_exp"}
     pendubot = guess_columns(["t", "U", "Us or Alpha1_r", "Alpha1", "dAlpha1", "Alpha2", "dAlpha2"])
     assert pendubot == {"t": "t", "theta1": "Alpha1", "theta2": "Alpha2"}
+    assert guess_columns(["t", "enc1", "enc2", "alpha1", "alpha2"]) == {"t": "t"}
     assert guess_columns(["t", "q1", "q2", "alpha1", "alpha2"]) == {"t": "t", "theta1": "q1", "theta2": "q2"}
     rows = np.column_stack([T, THETA1 - np.pi])
     np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="time,rod_angle", comments="")
@@ -275,7 +276,10 @@ def test_bad_tables_are_refused_in_a_sentence(tmp_path, content, sentence):
     assert not (tmp_path / "a.mcap").exists()
 
 
-@pytest.mark.parametrize(("row", "decimal_commas"), [("1,5,2,3", True), ("1,1.5,2,3", False)])
+@pytest.mark.parametrize(
+    ("row", "decimal_commas"),
+    [("1,5,2,3", True), ("01.02.2024 12:00,5,2,3", True), ("1,1.5,2,3", False), ("1,1.5e-02,2,3", False)],
+)
 def test_fields_with_points_are_not_split_decimal_commas(tmp_path, row, decimal_commas):
     (tmp_path / "a.csv").write_text(f"{HEAD}0,1,2\n{row}\n2,1,2\n")
     with pytest.raises(RunError, match="line 3 has 4 fields, but there are 3 columns") as caught:

@@ -227,9 +227,15 @@ def test_a_note_states_that_points_next_to_angles_are_not_used(tmp_path: Path) -
     points = 180.0 * BOB + (3.0, 70.0)
     angle = np.degrees(np.arctan2(points[:, 0], -points[:, 1]))
     note = "the coordinates of points are not used, because the table also contains angles"
-    for columns, head in (((points, angle), "t,X,Y,Angle(deg)"), ((angle,), "t,Angle(deg)")):
-        table = read_text(text(tmp_path / "a.csv", np.column_stack([T, *columns]), head=f"{head}\n"), ())
-        assert any(note in words for words in table.notes) == ("X" in head)
+    for columns, names in (
+        ((points,), "X,Y,"),
+        ((), ""),
+        ((0 * points,), "x,y,"),
+        *(((points,), names) for names in ("accX,accY,", "vx,vy,", "fx,fy,", "gyro_x,gyro_y,", "cmd_x,cmd_y,")),
+    ):
+        rows = np.column_stack([T, *columns, angle])
+        table = read_text(text(tmp_path / "a.csv", rows, head=f"t,{names}Angle(deg)\n"), ())
+        assert any(note in words for words in table.notes) == (names == "X,Y,")
 
 
 def test_a_column_that_is_named_as_the_angle_is_no_coordinate(tmp_path: Path) -> None:

@@ -260,6 +260,29 @@ def test_time_and_angle_of_a_table_without_a_header_are_found(one: Rig, tmp_path
     assert understand(rows, one, ImportOptions(zero="hanging", rate_hz=100.0)).columns["theta1"] == "2"
 
 
+@pytest.mark.parametrize(
+    ("names", "rod"),
+    [
+        ("phi,alpha1", "phi"),
+        ("angle,omega1,alpha1", "angle"),
+        ("theta,omega,alpha1", "theta"),
+        ("pendulum_angle,alpha1", "pendulum_angle"),
+        ("theta1,alpha1,alpha2", "theta1"),
+        ("alpha1,dalpha1", "alpha1"),
+    ],
+)
+def test_alpha1_is_an_acceleration_next_to_an_angle(one: Rig, tmp_path: Path, names: str, rod: str) -> None:
+    columns = [scale * SWING for scale in (1, -36, -20)[: names.count(",") + 1]]
+    file = table(tmp_path, f"t,{names}", T, *columns)
+    assert understand(file, one, ImportOptions(zero="hanging")).columns["theta1"] == rod
+
+
+def test_accelerations_of_two_rods_replace_no_missing_angle(paper: Rig, tmp_path: Path) -> None:
+    file = table(tmp_path, "t,theta1,omega1,alpha1,alpha2", T, SWING, 6 * SWING, -36 * SWING, -20 * SWING)
+    with pytest.raises(RunError, match="no single column found for theta2"):
+        import_csv(file, paper)
+
+
 def test_theta_and_alpha_are_the_arm_and_the_rod_on_it(one: Rig, tmp_path: Path) -> None:
     t, angle = fallen()
     understood = understand(table(tmp_path, "t,theta,alpha", t, 0 * t, angle), one, ImportOptions(zero="hanging"))

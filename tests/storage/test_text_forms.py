@@ -63,6 +63,7 @@ FORMS = {
     ),
     "a row for each message": "time,position,angle\n"
     + "".join(f"{t - 0.004:.3f},{t:.3f},\n{t:.3f},,{angle:.6f}\n" for t, angle in zip(T, SWING, strict=True)),
+    "separators after the numbers, names in a comment": "# angle,t\n" + lines("{angle:.6f},{t:.2f},\n", SWING),
     "counts of an encoder": "time_ms,encoder\n" + lines("{ms},{angle:.0f}\n", 16384 / 360 * DEG),
 }
 
@@ -244,9 +245,28 @@ def test_angles_in_mrad_are_named(tmp_path, one, zero):
     assert not others
 
 
-def test_frames_under_the_name_of_a_time_are_explained(tmp_path, one):
+def test_degrees_are_not_questioned_as_mrad(tmp_path, one):
+    """In mrad, the swing of 20 degrees is so small that its energy is also conserved."""
+    t = np.arange(0, 6, 0.01)
+    angle = solve_ivp(lambda _, y: [y[1], -45.3 * np.sin(y[0]) - 0.1 * y[1]], (0, 6), [np.deg2rad(20), 0], t_eval=t)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([t, np.rad2deg(angle.y[0])]), "%.2f", ",", header="t,theta")
+    assert preview(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).mend == ("--unit", "deg")
+
+
+def test_whole_numbers_are_in_mrad_or_counts(tmp_path, one):
+    t = np.arange(0, 6, 0.01)
+    angle = solve_ivp(lambda _, y: [y[1], -45.3 * np.sin(y[0]) - 0.1 * y[1]], (0, 6), [0.3, 0], t_eval=t).y[0]
+    np.savetxt(tmp_path / "a.csv", np.column_stack([100 * t, angle / 2 / np.pi * 4096]), "%d", ",", header="t,theta")
+    questions = preview(tmp_path / "a.csv", one, ImportOptions(zero="hanging", rate_hz=100)).questions
+    (named,) = [q for q in questions if "the angles are in mrad (--scale 0.001)" in q.sentence]
+    assert "or the angles are counts of the encoders (--unit counts)" in named.sentence
+    assert not named.mend
+
+
+@pytest.mark.parametrize("step", [1, 2])
+def test_frames_under_the_name_of_a_time_are_explained(tmp_path, one, step):
     swing = 1.2 * np.cos(0.09 * np.arange(1000))
-    rows = "".join(f"{frame},{angle:.6f}\n" for frame, angle in enumerate(swing))
+    rows = "".join(f"{step * frame},{angle:.6f}\n" for frame, angle in enumerate(swing))
     (tmp_path / "a.csv").write_text("t,angle\n" + rows)
     sentence = r"periods of 0.93 s: the column numbers the rows or frames \(--rate-hz, about 59 Hz\), or .* in ms"
     with pytest.raises(RunError, match=sentence):

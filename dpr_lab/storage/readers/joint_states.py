@@ -86,7 +86,7 @@ def _by_number(path: Path) -> list[tuple[int, str]]:
 
 
 def _table(path: Path, kind: str, messages: Iterable[Stamped], take: Sequence[str]) -> Table:
-    with library_of(path, kind, McapError, zstandard.ZstdError, struct.error, sqlite3.Error):
+    with library_of(path, kind, McapError, zstandard.ZstdError, struct.error):
         times, names, rows, topic = _gathered(path, messages, take)
     values = np.full((len(rows), len(names)), np.nan)
     for row, positions in enumerate(rows):
@@ -213,7 +213,10 @@ def _expanded(chunk: Chunk) -> Chunk:
 
 def _sqlite_messages(path: Path) -> Iterator[Stamped]:
     regular(path, RunError)
-    with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as bag:
+    with (
+        library_of(path, KIND, sqlite3.Error),
+        closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as bag,
+    ):
         bag.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LIMITS.record_bytes)
         bag.execute("PRAGMA trusted_schema = OFF")
         tables = bag.execute("SELECT name FROM sqlite_master WHERE type = 'table'")

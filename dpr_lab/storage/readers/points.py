@@ -72,7 +72,8 @@ _IN_WORDS = re.compile(rf"(?P<axis>[xy]){_WORDS}(?P<point>.+?){_UNIT}", re.I)
 """Description of a column name, such as "x coordinate of the elbow"."""
 _ANGLE = re.compile(r"theta|(?<![a-z])th(?![a-z])|phi|angle|^q\d|joint")
 _ALONE = re.compile(rf"([xy]){_UNIT}", re.I)
-
+_NO_POINT = re.compile(r"acc|gyro|omega|vel|speed|rate|force|torque|cmd|command|^(a|v|w|f|d|mag|d*dot)\d?$")
+"""Pattern of vectors in the plane that are no positions, for example `acc` for the columns `accX` and `accY`."""
 
 _REPEATED = (
     "repeat the previous frame while the rods move, as in a video that was converted from fewer frames per second"
@@ -107,7 +108,9 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
             "the coordinates of points are not used, because the table also contains angles. If the angles do not refer"
             " to the pivot, remove them from the table: then the coordinates are imported"
         )
-        notes = (note,) if _points(table, despite_angles=True)[1] else ()
+        unused = _points(table, despite_angles=True)[1]
+        moving = any(all(map(varies, point.at.T)) and not _NO_POINT.search(point.name) for point in unused)
+        notes = (note,) if moving else ()
         return without_copies(replace(table, notes=(*table.notes, *notes)))
     return _angles(replace(table, kind=kind), tracked, take)
 

@@ -43,8 +43,7 @@ _ONE_ROD = re.compile(
     f"{_ANGLE_NAME}|{_COUNT_NAME}|{_ROD_NAME}|(abs|absolute|{_MEASURED}){_ANGLE_WORD}{_ANGLE_UNIT}?".format(axis="")
 )
 _PLACE = re.compile("pos(ition)?([cm]?m)?")
-"""Pattern of a position. It is the angle of the rod if no other column is an angle; otherwise it is the position of a
-cart."""
+"""Pattern of a position: the position of a cart if another column is an angle, otherwise the angle of the rod."""
 _COORDINATE = re.compile("[xy]([cm]?m|px|pixels?)?")
 _SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
 _SAID_UNIT = re.compile(
@@ -107,8 +106,8 @@ def numbers(table: Table) -> Array:
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
     """Find columns by common names; quantities without exactly one match are omitted.
 
-    Names with a word such as `measured` or `exp`, names of joints, such as `shoulder`, and other letters, such as
-    `alpha1`, are used only if no column has a plain name.
+    Names with a word such as `measured` or `exp`, and names of joints, such as `shoulder`, are used only if no column
+    has a plain name. Other letters, such as `alpha1`, are used only if no column has another name of a rod's angle.
     """
     common, angle, ending = (
         (_COUNT_NAME, _COUNT_NAME, "(counts?|ticks?)?")
@@ -118,14 +117,15 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
     time = _TIME_NAME.format(unit=_TIME_SUFFIX[time_unit])
     patterns = {"t": [time, _MEASURED + time]}
     for axis, quantity in enumerate(AXES):
-        patterns[quantity] = [
-            (angle if quantity == "theta0" else common).format(axis=axis),
-            _MEASURED_NAME.format(axis=axis),
-        ]
+        name = angle if quantity == "theta0" else common
+        patterns[quantity] = [name.format(axis=axis), _MEASURED_NAME.format(axis=axis)]
     for quantity, joint in JOINT_NAMES.items():
         patterns[quantity] += [f"({joint}){ending}", f"({joint}){_MEASURED}{ending}"]
-        patterns[quantity] += [f"{_OTHER_ANGLE}{quantity[-1]}{_ANGLE_UNIT}?"] * (unit != "counts")
     named = {q: _matches(names, alternatives) for q, alternatives in patterns.items()}
+    counts = [_COUNT_NAME.format(axis=axis) for axis in (1, 2)]
+    plain = named["theta1"] + named["theta2"] + _matches(names, [_ONE_ROD.pattern, *counts])
+    if not plain and unit != "counts":
+        named |= {q: _matches(names, [f"{_OTHER_ANGLE}{q[-1]}{_ANGLE_UNIT}?"]) for q in JOINT_NAMES}
     return {quantity: matches[0] for quantity, matches in named.items() if len(matches) == 1}
 
 

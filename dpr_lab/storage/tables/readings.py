@@ -57,6 +57,7 @@ class ReadingSettings:
 
 
 READ = ReadingSettings()
+_MRAD = "the angles are in mrad"
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,11 +147,20 @@ def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
     if not tried and read.torques is None and (moved := _as_counts(read) or _with_other_zeros(read)):
         return [moved]
     best = min((residual for residual, _ in tried), default=np.inf)
-    return fewest_changes([reading for residual, reading in tried if residual <= READ.alike * best])
+    likely = fewest_changes([reading for residual, reading in tried if residual <= READ.alike * best])
+    if read.torques is None and any(_MRAD in reading.causes for reading in likely) and (moved := _as_counts(read)):
+        likely.append(moved)  # whole numbers
+    return likely
 
 
 def fewest_changes(readings: Sequence[OtherReading]) -> list[OtherReading]:
-    """Select the interpretations with the fewest differences from the given one."""
+    """Select the interpretations with the fewest differences from the given one.
+
+    An interpretation in mrad is omitted if there is one in degrees. A swing in degrees also conserves the energy in
+    mrad, because all swings are small in this unit.
+    """
+    if any(reading.options.unit == "deg" for reading in readings):
+        readings = [reading for reading in readings if _MRAD not in reading.causes]
     fewest = min((len(reading.causes) for reading in readings), default=0)
     return [reading for reading in readings if len(reading.causes) == fewest]
 
@@ -314,7 +324,7 @@ def other_readings(
         milli = {**values, **{axis: values[axis] / 1000 for axis in AXES[1:]}}
         for zero, reference in product(zeros, references):
             other = _changed(milli, options, columns, zero=zero, reference=reference)
-            yield replace(other, causes=("the angles are in mrad", *other.causes), scale=(1e-3, 1e-3))
+            yield replace(other, causes=(_MRAD, *other.causes), scale=(1e-3, 1e-3))
     yield from _scaled(values, options, rig)
     for unit in TO_SECONDS if options.rate_hz is None else ():
         factor = TO_SECONDS[unit] / TO_SECONDS[options.time_unit or "s"]

@@ -34,6 +34,7 @@ from dpr_lab.storage.tables.time_stamps import runs
 DELIMITERS = (";", "\t", ",")  # The order matters: in a table with semicolons or tabs, a comma is the decimal sign.
 LIMITS = TableLimits()
 ONLY_UNIT = re.compile(rf"\W*({UNIT_WORDS})\W*", re.I)
+_DECIMAL = re.compile(r"[+-]?\d+\.\d+(e[+-]?\d+)?", re.I)
 _CLOCK_TIME = re.compile(r"(?:.*[ T])?(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)(?:Z|[+-]\d{2}:?\d{2})?")
 
 
@@ -120,7 +121,7 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
                     raise RunError(f"{path}: contains no row of numbers in its first {LIMITS.head} lines")
             else:
                 raise RunError(f"{path}: contains no row of numbers, so it is not a table of angles")
-            if not labels and _ends_with_delimiter(begin[1], early):
+            if not labels and _ends_with_delimiter(begin[1], early or _last_comment(content.comments, delimiter)):
                 begin = begin[0], begin[1][:-1]
             early = [_trimmed(other, len(begin[1])) for other in early]
             names = labels or _of_numbers(_names(early, content.comments, delimiter, len(begin[1])), begin[1])
@@ -200,7 +201,9 @@ class _Columns:
             if len(row) == len(self._values) + 1 and not row[-1].strip():
                 row.pop()  # the row ends with a delimiter
             if self._short is not None or len(row) > len(self._values):
-                self._refuse(*(self._short or (number, len(row))), points=any("." in cell for cell in row))
+                self._refuse(
+                    *(self._short or (number, len(row))), points=any(_DECIMAL.fullmatch(cell.strip()) for cell in row)
+                )
             if len(row) < len(self._values):
                 self._short = (number, len(row))
                 continue
@@ -332,6 +335,11 @@ def _trimmed(row: list[str], width: int) -> list[str]:
 def _delimiter(lines: list[str]) -> str | None:
     """Return the first delimiter that most lines contain, or None for blanks."""
     return next((d for d in DELIMITERS if sum(d in line for line in lines) > len(lines) / 2), None)
+
+
+def _last_comment(comments: Sequence[Line], delimiter: str | None) -> list[list[str]]:
+    """Return the fields of the last comment above the numbers as a list of at most one row."""
+    return [text.lstrip("#%/ ").split(delimiter) for _, text in list(comments)[-1:]]
 
 
 def _commented_header(comments: Sequence[Line], delimiter: str | None, width: int) -> list[str]:

@@ -179,16 +179,17 @@ def _unit_of_time(table: InterpretedTable, unit: str, scale: float | None = None
         table: the table
         unit: the nearest unit
         scale: true duration divided by the duration in the current unit, if the energy determines it. Whole numbers
-            whose scale agrees with no unit are the numbers of rows.
+            whose scale agrees with no unit are the numbers of rows, if the smallest step divides all steps.
     """
     now = TO_SECONDS[table.options.time_unit or "s"]
     lasts = table.t[-1] - table.t[0]
     steps = np.diff(table.t) / now
-    whole = np.allclose(steps, np.rint(steps))
+    step = np.gcd.reduce(np.rint(steps).astype(np.int64))
+    numbered = np.allclose(steps, np.rint(steps)) and 0 < step == np.rint(steps.min())
     causes, rows = f"the times are in {unit} (--time-unit {unit})", "the column numbers the rows or frames (--rate-hz"
-    if whole and scale is not None and abs(math.log(TO_SECONDS[unit] / now / scale)) > math.log(READ.alike):
-        causes = f"{rows}, about {float(f'{1 / (now * scale):.2g}'):g} Hz), or {causes}"
-    elif whole and np.rint(steps.min()) == 1:
+    if numbered and scale is not None and abs(math.log(TO_SECONDS[unit] / now / scale)) > math.log(READ.alike):
+        causes = f"{rows}, about {float(f'{1 / (now * scale * step):.2g}'):g} Hz), or {causes}"
+    elif numbered and step == 1:
         causes += f", or {rows})"
     return (
         f"{table.path}: in {table.options.time_unit or 's'} the table lasts {lasts:.4g} s and its rods"
