@@ -77,12 +77,12 @@ class Choices:
         return None if value is None else ",".join(map(self._known, self._split(value)))
 
     def check_each(self, value: list[str] | None) -> list[str] | None:
-        """Convert a list of identifiers or descriptions to a list of identifiers.
+        """Convert a repeated option to a list of identifiers; each value may be a comma-separated list.
 
         Raises:
             BadParameter: an unknown name.
         """
-        return None if value is None else [self._known(name) for name in value]
+        return None if value is None else [self._known(name) for given in value for name in self._split(given)]
 
     def _split(self, value: str) -> list[str]:
         """Split a list at its commas, except at commas inside a description such as 'Coulomb friction, joint 1'."""
@@ -145,7 +145,7 @@ Library = Annotated[
 Without = Annotated[
     list[str] | None,
     typer.Option(
-        help="Effect to exclude, as identifier or name; may be repeated.",
+        help="Effects to exclude, as identifiers or names, separated by commas; may be repeated.",
         callback=EFFECT_NAMES.check_each,
         autocompletion=EFFECT_NAMES.complete,
     ),

@@ -78,9 +78,9 @@ def sentences(title: str, lines: Sequence[str], *, mark: str = "•", numbered: 
 def following(values: Sequence[Value], current: object, by: int = 1) -> Value:
     """Return the value `by` positions after the current one in a cycle of values.
 
-    If the current value is not in the cycle, positions are counted from before the first value.
+    If the current value is not in the cycle, the first value follows it and the last value precedes it.
     """
-    position = next((i for i, value in enumerate(values) if value == current), -1)
+    position = next((i for i, value in enumerate(values) if value == current), -1 if by > 0 else 0)
     return values[(position + by) % len(values)]
 
 

@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -59,9 +59,13 @@ def _environment() -> "Environment":
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
-    text = partial(json.dumps, ensure_ascii=False)  # a JSON string is also a TOML string
-    environment.filters |= {"number": _number, "text": text, "comment": _comment, "keys": _keys, "around": about}
+    environment.filters |= {"number": _number, "text": _text, "comment": _comment, "keys": _keys, "around": about}
     return environment
+
+
+def _text(value: str) -> str:
+    """Return a quoted TOML string: a JSON string in which the control character DEL is escaped too."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _number(value: float, digits: int = 4) -> str:

@@ -141,3 +141,12 @@ def test_sentences_end_their_lines_between_words(on_terminal) -> None:
     code, text = on_terminal([sys.executable, "-c", program], {"COLUMNS": "80"})
     assert max(map(len, text.splitlines())) <= 80
     assert set(text.split()) == {"residual"}
+
+
+def test_excluded_effects_are_a_list_as_the_completion_proposes() -> None:
+    assert EFFECT_NAMES.check_each(["coulomb_joint1,Coulomb friction, joint 2", "base_tilt"]) == [
+        "coulomb_joint1",
+        "coulomb_joint2",
+        "base_tilt",
+    ]
+    assert ("coulomb_joint1,base_tilt", "base tilt") in EFFECT_NAMES.complete("coulomb_joint1,base_t")

@@ -43,6 +43,12 @@ def test_a_new_rig_with_a_length_in_mm_or_a_mass_in_g_has_a_warning(cli, tmp_pat
     assert [line.removeprefix("warning: ") for line in done.err.splitlines() if "unit?" in line] == warnings
 
 
+def test_a_name_with_a_control_character_is_refused_as_a_name(cli, tmp_path: Path) -> None:
+    """TOML forbids U+007F in a string, JSON does not; the message is about the name and not about the file."""
+    done = cli("rig", "new", *FLAGS, "--name", "a\x7fb", "--out", "my.toml", cwd=tmp_path)
+    assert (done.code, "contains characters that cannot be displayed" in done.err) == (3, True)
+
+
 def test_a_rig_file_from_flags_can_be_used(cli, tmp_path: Path) -> None:
     done = cli("rig", "new", *FLAGS, "--out", "my.toml", cwd=tmp_path)
     assert done.code == 0, done.err

@@ -65,6 +65,8 @@ class Copy:
 def outputs(copy: Copy, extensions: dict[str, Callable[[Copy], str]]) -> dict[str, str]:
     """Make several extensions, and run the program of each, all in one process; the output of each.
 
+    An extension that does not load makes all programs fail. An exit code other than 0 is part of the output.
+
     Args:
         copy: the packages
         extensions: functions that add files and rows and return a program
@@ -80,8 +82,9 @@ def output_of(program):
     with contextlib.redirect_stdout(io.StringIO()) as output:
         try:
             exec(program, {{"__name__": "program"}})
-        except SystemExit:
-            pass
+        except SystemExit as end:
+            if end.code:
+                print("exit code", end.code, file=output)
         except BaseException:
             traceback.print_exc(file=output)
     return output.getvalue()

@@ -142,6 +142,7 @@ def command(copy: Copy) -> str:
 def test_a_command_is_a_file_and_a_row(printed: dict[str, str]) -> None:
     assert "Say what the parts of a rig weigh." in printed["help"]
     assert '"m1": 0.1' in printed["command"]
+    assert "exit code" not in printed["command"] + printed["help"]
 
 
 def test_the_screen_of_a_command_is_a_file_and_a_row(copy: Copy) -> None:

@@ -7,7 +7,7 @@ import pytest
 from dpr_lab.report.run_names import recorded, run_name
 from dpr_lab.tui.app import DprApp
 from dpr_lab.tui.path_suggester import PathSuggester
-from dpr_lab.tui.texts import named_runs
+from dpr_lab.tui.texts import following, named_runs
 from dpr_lab.tui.workspace import Workspace, load, state_folder
 
 
@@ -114,3 +114,10 @@ def test_runs_of_one_day_are_named_by_their_poses_and_one_span_of_time() -> None
     assert named_runs(runs) == f"3 runs: X1, X2, X3 ({first[:16]} to {last[11:]})"
     assert named_runs(runs[:1]) == f"1 run: X1 ({first})"
     assert named_runs([*runs, Path("mine.mcap")]).startswith(f"4 runs: X1 ({first}), ")
+
+
+@pytest.mark.parametrize(
+    ("current", "by", "expected"), [("a", 1, "b"), ("c", 1, "a"), ("a", -1, "c"), ("typed", 1, "a"), ("typed", -1, "c")]
+)
+def test_a_cycle_continues_at_its_ends_for_a_value_outside(current: str, by: int, expected: str) -> None:
+    assert following("abc", current, by) == expected

@@ -116,7 +116,7 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
     """
     quantity = check.measurand
     if not np.isfinite(value):
-        raise RunError(f"check {check.id}: the value of {quantity.name} must be a finite number, not {value:g}")
+        raise RunError(f"check {check.id}: the value must be a finite number, not {value:g}")
     if not (np.isfinite(std) and std > 0):
         raise RunError(f"check {check.id}: the standard uncertainty must be above 0 and finite, not {std:g}")
     if max(abs(value), std) > largest:
