@@ -117,8 +117,9 @@ def test_a_driver_that_goes_away_leaves_the_rods_held(board, device):
     device.close()
     time.sleep(3 * LEASE_S)  # a driver that came back within the lease would find it streaming
     with connected(board.url) as again:
-        status = None
-        while status is None or status.state is State.STREAMING:
+        status, end = None, time.monotonic() + 60.0
+        while (status is None or status.state is State.STREAMING) and time.monotonic() < end:
             result = [m for batch in again.poll(5.0) for m in batch.messages if isinstance(m, Status)]
             status = result[-1] if result else status
+        assert status is not None
         assert (status.state, status.latched) == (State.HOLDING, True)
