@@ -59,7 +59,8 @@ def show_arm(analysis: "ArmIdentifiability") -> None:
             " below are not results."
         )
     columns = ("combination", "value", "relative std")
-    rows = [(name, f"{analysis.values[name]:.5g}", f"{std:.1e}") for name, std in analysis.combinations.items()]
+    values = {name: f"{value:.5g}" for name, value in analysis.values.items()}  # none if the recordings are simulated
+    rows = [(name, values.get(name, ""), f"{std:.1e}") for name, std in analysis.combinations.items()]
     rows += [(name, "", "not determined") for name in analysis.unseen]
     if analysis.simulated:
         columns, rows = columns[::2], [row[::2] for row in rows]
