@@ -147,9 +147,10 @@ def test_the_cache_of_other_numba_programs_keeps_its_folder():
 
 
 FULL_DISK = """
-import resource, signal
+import resource, signal, sys
 import dpr_lab.kernel_cache
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+sys.dont_write_bytecode = True  # a module file of the limited size would be damaged for all later tests
 resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
 from dpr_lab.kernels import behind_pointer, njit
 @njit

@@ -26,6 +26,7 @@ t = np.arange(20000) / 1000
 noise = np.random.default_rng(1)
 run = Run("a", t, noise.normal(size=(len(t), 3)), noise.integers(0, 1 << 40, (len(t), 3)), "X1", "r", "", 1000.0)
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+sys.dont_write_bytecode = True  # a module file of the limited size would be damaged for all later tests
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
 for target in sys.argv[1:]:
     try:

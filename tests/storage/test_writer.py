@@ -233,6 +233,7 @@ def test_a_full_disk_says_so_and_keeps_the_file(tmp_path):
         from dpr_lab.storage.writer import RunWriter
 
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        sys.dont_write_bytecode = True  # a module file of the limited size would be damaged for all later tests
         resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
         rng = np.random.default_rng(0)
         try:
