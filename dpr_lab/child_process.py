@@ -162,7 +162,7 @@ def _insist(ways: Sequence[Callable[[], None]], ended: Callable[[], bool]) -> No
 
 @contextlib.contextmanager
 def worker_pool(processes: int) -> Iterator[ProcessPoolExecutor]:
-    """Pool of worker processes with one thread each.
+    """Provide a pool of worker processes with one thread each (context manager).
 
     The workers ignore Ctrl-C and end with this process. If an exception leaves the context, they end at once, and
     pending calls are discarded.

@@ -158,6 +158,6 @@ def fault_words(fault: "ErrorDetails") -> str:
 
 
 def sha256_of(path: Path) -> str:
-    """SHA-256 of the content of a file, in hexadecimal digits."""
+    """Compute the SHA-256 of the content of a file, in hexadecimal digits."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -27,7 +27,7 @@ PRUNE_AFTER_S = 7 * 86400.0  # another process may still write to the cache fold
 
 
 def source_hash(package: Path, sources: Iterable[str] = KERNEL_SOURCES) -> str:
-    """Hash of the names and contents of all kernel sources in the folder `package`."""
+    """Compute the hash of the names and contents of all kernel sources in the folder `package`."""
     digest = hashlib.sha256()
     for source in sources:
         path = package / source
@@ -119,7 +119,7 @@ def choose_cache(roots: Iterable[Path], name: str) -> tuple[Path | None, str]:
 
 
 def cache_name(package: Path) -> str:
-    """Name of the cache folder: hash of all kernel sources, including those of plugins."""
+    """Return the name of the cache folder: the hash of all kernel sources, including those of plugins."""
     added = fingerprint("effects")
     name = source_hash(package)
     return f"{name}-{hashlib.sha256(added.encode()).hexdigest()[:16]}" if added else name

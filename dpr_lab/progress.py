@@ -84,7 +84,7 @@ _watching: list[Callable[[], None]] = []
 
 @contextmanager
 def watch_compiling(on_compiling: Callable[[], None]) -> Iterator[None]:
-    """Context in which `on_compiling` is called at each compilation of a kernel, from any thread."""
+    """Call `on_compiling` at each compilation of a kernel, from any thread, within this context."""
     _watching.append(on_compiling)
     try:
         yield

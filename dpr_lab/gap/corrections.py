@@ -116,7 +116,7 @@ def _earlier_share(recordings: Recordings, model: Hypothesis) -> float:
 
 
 def _no_worse(before: Drafted, after: Drafted) -> bool:
-    """Return whether torques before their rows fit as well as held, delayed torques.
+    """Return whether torques that act before their rows fit as well as torques that are held and delayed.
 
     Differences within the noise are ignored.
     """

@@ -240,7 +240,8 @@ def parameter_rows(model: "Model") -> list[list[str]]:
 def interval_words(parameter: "ParameterValue") -> str:
     """Format the 90 % interval of a parameter.
 
-    The decimals are those that the standard deviation supports; without one, those that the half width supports.
+    The standard deviation determines the number of decimals. Without a standard deviation, the half width determines
+    it.
     """
     if parameter.interval90 is None:
         return NONE

@@ -79,10 +79,10 @@ def _comment(text: object) -> str:
 
 
 def _keys(bounds: Bounds, std: float | None = None, digits: int = 4) -> list[str]:
-    """Return the keys with the nominal value of a parameter.
+    """Return the lines of a parameter in a rig file: its nominal value, then its bounds or its measured value.
 
-    The other keys are its bounds, or the measured value with its standard uncertainty. `digits` is the number of
-    significant digits of the nominal value.
+    `std` is the standard uncertainty of a measured value, or None. `digits` is the number of significant digits of the
+    nominal value.
     """
     lower, guess, upper = bounds
     nominal = f"nominal = {_number(guess, digits)}"

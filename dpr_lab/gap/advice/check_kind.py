@@ -96,8 +96,9 @@ class CheckKind:
 def expected_bits(probabilities: Sequence[float], separation: float) -> float:
     """Return the expected information gain of a check between two causes, bits.
 
-    The gain is multiplied by the probability that one of both causes is right. The log likelihood ratio is normal with
-    mean +-d^2/2 and variance d^2, where d is the distance between the predictions of the causes in standard deviations.
+    The gain is multiplied by the probability that one of the two causes is correct. The log likelihood ratio is normal
+    with mean +-d^2/2 and variance d^2, where d is the distance between the predictions of the causes in standard
+    deviations.
 
     Args:
         probabilities: (2,) probabilities of the causes; their sum may differ from one

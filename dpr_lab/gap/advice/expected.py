@@ -25,10 +25,10 @@ def expected_size(selection: Selection, scale: Scale, check: AdvisedCheck) -> In
     Args:
         selection: all fitted sets
         scale: scale of torques and inertias, whose uncertainty applies to a measured torque
-        check: the check; a recording does not measure a size
+        check: the check
 
     Returns:
-        None for a recording, if the size is zero, or if an amplitude is not identifiable from the recordings
+        None if the check is a recording, if the size is zero, or if the recordings do not determine an amplitude
     """
     if check.quantity is None or check.about not in selection.without:
         return None

@@ -1,4 +1,4 @@
-"""Predictive density of a measured amplitude under each candidate cause, or another cause.
+"""Predictive density of a measured amplitude under each candidate cause, and under any other cause.
 
 A measurement gives a value y with the standard uncertainty u for an amplitude of one effect. The recordings predict
 that amplitude. If the effect is the cause, its fitted size is s with the standard deviation w. If another effect is the
@@ -180,7 +180,7 @@ def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
 
 
 def magnitude(values: Array, covariance: Array) -> Interval | None:
-    """Return the root sum of squares of amplitudes, with its interval.
+    """Return the square root of the sum of squared amplitudes, with its interval.
 
     The result is None if the root is zero.
     """

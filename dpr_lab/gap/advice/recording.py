@@ -32,7 +32,7 @@ def form(check: AdvisedCheck) -> str:
 
 
 def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
-    """Recommend the release in which each other cause differs most from the named effect."""
+    """Recommend releases: for each other cause, the release in which it differs most from the named effect."""
     steps: list[NextStep] = []
     if not question.expected:
         return steps
@@ -77,7 +77,7 @@ def _most_different(question: OpenQuestion, pairs: Sequence[tuple[str, str]]) ->
 
 
 def _apart_after_fits(expected: ExpectedRecording, name: str, other: str, separation: float) -> float:
-    """Return the distance of two causes after fits of each to the readings of the other.
+    """Fit each of two causes to readings simulated with the other cause, and return their remaining distance.
 
     A richer form can always imitate its simpler form, so the larger distance counts. Other causes are equivalent if
     one of them can imitate the other. The smaller distance then counts, because a fit may end before its minimum.

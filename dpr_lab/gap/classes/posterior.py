@@ -18,8 +18,8 @@ better set. The odds of a cause outside the library are
     (unexplained / half)^steepness * m + imitates * unexplained / unique * m / far + (compensates / own)^2,
     m = min(remainder / noise, far)
 
-with the share `unexplained` of the excess, the share `unique` that only this effect explains, and the fraction `own` of
-that share that no other functional form of the other effects explains.
+with the share `unexplained` of the excess, the share `unique` that only this effect explains, and `own`, the fraction
+of `unique` that other functional forms of the other effects cannot explain.
 
 1. First term: if a law is missing from the library, a fixed share of its gap remains; the share does not depend on the
    ratio of gap and noise. The small causes of every rig leave a remainder of about the noise, for any size of the gap,
@@ -174,8 +174,9 @@ def _class_members(
 def _in_one_class(place: _Place, score: Score, other: Score) -> bool:
     """Return whether two effects with the same signature fit equally well.
 
-    At the fit without the named effect, the remaining effects may imitate it and hide that both effects are equal. If
-    the named effect absorbs the other one at the selected fit, both therefore have the same signature.
+    In the fit without the named effect, the remaining effects may imitate it. This hides that the two signatures are
+    equal. The signatures therefore also count as equal if the named effect absorbs the other effect in the selected
+    fit.
 
     A richer form has the same signature if the recordings show that its additional amplitude is zero. It is a member of
     the class only if the recordings cannot show this (`_hidden`). A simpler form is a member if the named effect

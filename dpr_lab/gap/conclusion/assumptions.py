@@ -60,7 +60,7 @@ def assumptions(state: Transferred, least: Mapping[str, Mapping[str, float | Non
 
 
 def _length(state: Transferred) -> str:
-    """Return the sentence about the length L1: it is as measured, or fitted within its uncertainty."""
+    """Return a sentence that states whether L1 is the measured length or was fitted within its uncertainty."""
     rig, estimate = state.fitted.recordings.rig, state.selection.chosen.fit.estimate
     if rig.rig.L1_std is None:
         return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are as measured."

@@ -83,7 +83,7 @@ def description(
 
 
 def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Description:
-    """Return a description of an arm at a stop, or of a drive missing in the rig file.
+    """Describe an arm that hits a stop, or a drive that the rig file does not contain.
 
     The description is empty if an effect explains the motion.
     """

@@ -24,11 +24,9 @@ SCALES = (2.0, 0.5)
 
 
 def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
-    """Return a sentence about another scale of the readings that needs fewer effects.
+    """Return a sentence that states another scale of the readings, at which fewer effects are needed.
 
-    Only readings of one degree of freedom are considered.
-
-    The text is empty if there is no such scale.
+    Only readings of one degree of freedom are considered. The text is empty if there is no such scale.
 
     Args:
         problem: the segments

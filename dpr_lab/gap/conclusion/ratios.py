@@ -32,9 +32,10 @@ def ratios(state: Transferred) -> dict[str, Interval]:
 
 
 def determined(state: Transferred) -> tuple[dict[str, Interval], Array]:
-    """Return the ratios to b that the recordings determine, or to a for the inner rod alone.
+    """Return the ratios that the recordings determine.
 
-    Value and covariance of a fitted parameter are divided by the inertia to which the ratio refers.
+    The ratios refer to the inertia b, or to a if only the inner rod is mounted. The value and the covariance of a
+    fitted parameter are divided by this inertia.
 
     Returns:
         the ratios, and their (n, n) covariance

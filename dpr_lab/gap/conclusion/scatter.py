@@ -77,7 +77,7 @@ def between_recordings(problem: Problem, fit: Fit) -> Array:
 
 
 def left_out_values(problem: Problem, fit: Fit) -> Array:
-    """Return (recordings, free) values fitted without each recording, by one Gauss-Newton step.
+    """Fit the values without each recording in turn, by one Gauss-Newton step; return (recordings, free) values.
 
     The values without recording r are
 

@@ -184,7 +184,7 @@ _BASIS = {
 def _classes(causes: Sequence[EffectPosterior], *, doubts: bool = False) -> str:
     """Return the list of the classes in words.
 
-    If there are several classes, one with two members is in parentheses.
+    If there are several classes, each class of two members is put in parentheses.
     """
     words = [_class(cause) for cause in causes]
     if len(words) > 1:

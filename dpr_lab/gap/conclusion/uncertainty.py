@@ -70,7 +70,9 @@ def by_unseen_ratios(problem: Problem, model: Hypothesis, rig: Rig, *, share: fl
 
 
 def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator[Estimate]:
-    """Yield estimates that differ by a fraction of a prior standard deviation, one in each undetermined direction.
+    """Yield one changed estimate for each undetermined direction of the ratios.
+
+    The change along the direction is a fraction `share` of a prior standard deviation.
 
     The prior of these ratios does not depend on the free ratios: the fitted values contain no information about them.
     """

@@ -59,7 +59,9 @@ VERDICT = VerdictRules()
 
 
 def verdict(state: Transferred, visible_counts: tuple[int, int]) -> Verdict:
-    """Choose the verdict, by the reduction on held-out recordings if there are several releases.
+    """Choose the verdict of a diagnosis.
+
+    If there are several releases, the verdict depends on the reduction of the gap in held-out recordings.
 
     Args:
         state: the selected set, its probabilities and its performance on held-out recordings
@@ -77,8 +79,8 @@ def verdict(state: Transferred, visible_counts: tuple[int, int]) -> Verdict:
 def too_short_to_decide(state: Transferred) -> bool:
     """Return whether the only release is too short to decide between its causes.
 
-    It is too short for the signed-rank test of the effects, and no effect has a probability of one half. A set that
-    contains only effects of every rig of this kind is not undecided.
+    This is the case if the release is too short for the signed-rank test of the effects, and no effect reaches a
+    probability of one half. A set that contains only effects of every rig of this kind counts as decided.
     """
     causes = listed_causes(state.posteriors)
     if not (state.transfer.too_short and causes) or set(state.selection.chosen.effects) <= state.selection.expected:

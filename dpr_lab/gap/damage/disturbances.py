@@ -1,13 +1,13 @@
 """Exclude parts of recordings that no property of the rig explains, such as kicks.
 
-A kick changes the speeds of the rods, and a step the reading of a joint. Both occur within one segment and are far
+A kick changes the speeds of the rods. A step changes the reading of a joint. Both occur within one segment and are far
 larger than anything else in the recordings (`dpr_lab.gap.damage.jumps`), whereas an effect of the rig acts in many
 segments.
 
-About a kick, the readings of a tenth of a second are excluded. A push looks like two kicks, at its beginning and at its
-end. If all segments between two kicks fit far worse than every other segment, they are excluded as well. If a reading
-steps and returns after a while, the readings in between are excluded. If it stays shifted, the encoder missed counts,
-whose number the diagnosis estimates. A table of angles contains no counts, so its shorter part is excluded.
+Around a kick, the readings of a tenth of a second are excluded. A push looks like two kicks, at its beginning and at
+its end. If all segments between two kicks fit far worse than every other segment, they are excluded as well. If a
+reading steps and returns after a while, the readings in between are excluded. If it stays shifted, the encoder missed
+counts, whose number the diagnosis estimates. A table of angles contains no counts, so its shorter part is excluded.
 """
 
 from collections.abc import Iterable, Sequence
@@ -134,8 +134,8 @@ def _with_pushes(
 ) -> list[list[LeftOut]]:
     """Merge two kicks of the excluded intervals `parts` if a push lies between them.
 
-    It is a push if the chi2 per reading of every segment between the kicks exceeds the largest one elsewhere by the
-    ratio.
+    A push lies between two kicks if each segment between them has a chi2 per reading above `ratio` times the largest
+    chi2 per reading elsewhere.
     """
     pairs = [
         (run, first, last)
@@ -217,7 +217,7 @@ def shows(record: Record, jump: Jump) -> bool:
 def _intervals(record: Record, jumps: Sequence[Jump]) -> list[LeftOut]:
     """Return the intervals to exclude.
 
-    They lie about kicks, between a step and its return, and before or after a step that stays.
+    The intervals lie around kicks, between a step and its return, and before or after a step that stays.
     """
     reach, parts = 0.5 * DISTURBANCE.kick_s, list[LeftOut]()
     steps = sorted((jump for jump in jumps if jump.joint is not None), key=lambda jump: jump.at)
@@ -291,7 +291,7 @@ def _without(record: Record, parts: Sequence[LeftOut]) -> Record:
 
 
 def _with_missed_counts(record: Record, part: LeftOut) -> Record:
-    """Return the record with a step at which its encoder missed counts; an effect estimates the number of counts."""
+    """Add to the record a step at which the encoder missed counts; an effect estimates their number."""
     (step,) = part.jumps
     steps = sorted([*record.screened.breaks, (step.at, int(step.joint or 0))])
     breaks = np.sort(np.append(record.breaks, step.at))

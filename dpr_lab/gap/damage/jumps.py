@@ -221,7 +221,7 @@ class _Changes:
         return self._inside(gain), size
 
     def lone(self) -> Array:
-        """Return the (samples,) gain if a single wrong reading is excluded, at the sample or next to it."""
+        """Return the (samples,) gain if a single wrong reading, at the sample or next to it, is excluded."""
         remaining = 1.0 - np.sum(self.Q**2, axis=2)
         gain = np.max(self.e**2 / np.maximum(remaining, STEPS.seen), axis=1)
         return np.maximum(gain, np.maximum(np.roll(gain, 1), np.roll(gain, -1)))

@@ -12,9 +12,9 @@ state is fitted to the first readings, up to the predictability horizon:
 
 No contribution contains the model error; otherwise no error would ever exceed u_val.
 
-If an input is wrong by one standard uncertainty, the readings change by c, of which c' remains after the fitted values
-absorb their part. With f the variance inflation n / n_eff, the recordings themselves reduce the standard uncertainty by
-the factor (1 + |c'|^2 / f)^-1/2, because a larger error would be visible in them.
+A change of an input by one standard uncertainty changes the readings by c. The fitted values absorb a part of c, and c'
+remains. A larger error of the input would be visible in the recordings. They therefore reduce the standard uncertainty
+by the factor (1 + |c'|^2 / f)^-1/2, where f is the variance inflation n / n_eff.
 
 Sources: ASME V&V 20-2009, Standard for Verification and Validation in Computational Fluid Dynamics and Heat Transfer;
 JCGM 100:2008 (GUM), 4.3.7 for limits without a distribution.
@@ -79,7 +79,7 @@ def sources(problem: Problem, model: Hypothesis, rig: Rig) -> list[_Source]:
 
 @dataclass(frozen=True, slots=True)
 class _Refit:
-    """Refit of the model, to first order, after a change of the predicted readings."""
+    """First-order refit of the model after a change of the predicted readings."""
 
     step: Array
     """(free,) change of the fitted values."""
@@ -110,7 +110,7 @@ class _Refit:
 
 
 def _integrator(problem: Problem, model: Hypothesis) -> _Source:
-    """Return the contribution of the integrator: the change of a prediction with half the step."""
+    """Return the contribution of the integrator: the change of a prediction if the step is halved."""
     halved = replace(problem, segments=replace(problem.segments, step=problem.segments.step / 2))
     refit = _Refit.of(problem, model, halved)
     return _Source(

@@ -1,9 +1,9 @@
 """Amplitude intervals of an effect with an unknown shape: an order, frequency or speed.
 
 An equivalence test must not select the shape: the effect is smaller than a limit if it is smaller in every shape. The
-interval of an amplitude therefore covers its 90 % intervals in all shapes (an intersection-union test). If the effect
-has one of the shapes and an amplitude beyond the limit, the interval of this shape lies inside the limit with a
-probability of at most 5 %, however many other shapes are tested.
+interval of an amplitude therefore covers its 90 % intervals in all shapes (an intersection-union test). Suppose that
+the effect has one of the shapes, and an amplitude beyond the limit. The interval of this shape then lies inside the
+limit with a probability of at most 5 %, however many other shapes are tested.
 
 A frequency is resolved to half the inverse of the longest recording. Longer recordings would need more frequencies, so
 a frequency is tested in the first 10 s of each recording. For any other shape parameter, the effect changes little
@@ -50,7 +50,7 @@ SHAPES = ShapeSettings()
 
 @dataclass(frozen=True)
 class AllShapes:
-    """Tests of effects in all their shapes, each added to a fitted set of effects."""
+    """Tests of effects that are added to a fitted set, each in all its shapes."""
 
     problem: Problem
     """The segments."""
@@ -161,7 +161,7 @@ class _Swings:
 
     @classmethod
     def of(cls, problem: Problem, estimate: Estimate, fitted: FittedColumns) -> "_Swings":
-        """Return the swings of an estimate, at which the problem was linearised."""
+        """Return the swings of the estimate at which the problem was linearised."""
         return cls(problem, trajectory(problem, estimate, spacing=TRAJECTORY.coarse_s), fitted)
 
     def sets(self, effect: Effect, values: Array) -> Iterator[UnitSets]:

@@ -1,4 +1,4 @@
-"""Friction torque of a joint against its speed, with the uncertainty that the recordings leave.
+"""Friction torque of a joint as a function of its speed, with its uncertainty.
 
 The friction torque at the joint speed u is the sum of the viscous torque and of the torques of the named friction laws,
 
@@ -111,7 +111,7 @@ def _reached(swings: Trajectory) -> dict[int, float]:
 
 
 def _curve(joint: int, free: Sequence[FreeParameter]) -> list[FreeParameter]:
-    """Return the amplitudes of the free-form friction curve that the model does not fit already."""
+    """Return those amplitudes of the free-form friction curve that the model does not yet fit."""
     fitted = {column.place for column in free}
     every = effect_parameters(FRICTION_CURVES[joint])
     return [column for column in every if column.place not in fitted]

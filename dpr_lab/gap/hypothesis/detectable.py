@@ -27,7 +27,9 @@ SEEN = 1e-6
 
 
 def detectable(model: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, float | None]]:
-    """Return the minimum detectable amplitude of each effect, given the fitted model: five standard deviations.
+    """Return the minimum detectable size of each amplitude of each effect, given the fitted model.
+
+    This size is five standard deviations,
 
         size = 5 sqrt(f) / | s |
 
@@ -87,7 +89,7 @@ def comparable_size(params: Array, effect: Effect, amplitude: EffectParameter) -
 
 
 def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float | None]) -> list[Exclusion]:
-    """Test for each detectable amplitude of an effect whether its minimum detectable size is excluded.
+    """Test, for each detectable amplitude of an effect, whether its minimum detectable size is excluded.
 
     The other amplitudes are zero, and no intervals are computed. A linear estimate a of standard deviation s excludes
     the minimum detectable size 5 s with the confidence P(|x| < 5 s) = Phi(5 - |a| / s).

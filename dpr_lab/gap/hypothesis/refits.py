@@ -1,4 +1,4 @@
-"""Fits of a set with one effect more or one fewer.
+"""Fits of a set after one effect is added or removed.
 
 A fit starts from a fitted set or from the solution of a score test.
 """

@@ -1,7 +1,8 @@
 """Score test: predicted reduction of chi2 by each effect of the library.
 
-Let A be the Jacobian of the fitted parameters and C the Jacobian of a candidate. The initial states are projected out
-of both. The predicted reduction of chi2 is the reduction by the bounded least-squares problem
+Let e be the whitened residual, A the Jacobian of the fitted parameters, and C the Jacobian of a candidate. The initial
+states are projected out of all three. The predicted reduction of chi2 is the reduction that the solution of a bounded
+least-squares problem attains:
 
     min | e - A dp - C a |^2,    friction and other one-signed amplitudes non-negative.
 
@@ -98,7 +99,7 @@ class ScoreTest:
     def cosine(self, target: Score, other: Score) -> float:
         """Return the cosine similarity of the signature of `target` and the nearest signature of `other`.
 
-        The fitted parameters are projected out of both changes.
+        The fitted parameters are projected out of both signatures.
         """
         count = len(target.columns)
         direction = target.amplitudes if target.amplitudes.any() else self.space.scale[list(target.columns)]

@@ -101,10 +101,10 @@ def visible_steps(
 def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
     """Return whether a polynomial with a step fits the readings around a time significantly better.
 
-    The step in the readings must be visible, and must not be far smaller than the step of the residual. Readings
-    without a step may contain a small step of the residual within their errors. The step in the readings must therefore
-    be nearer to the step of the residual than to zero. If too few readings lie before or after the instant, the step
-    counts as a zero error of the recording.
+    The step in the readings must be visible, and must not be far smaller than the step of the residual. By chance,
+    readings without a step may seem to contain a small part of the residual's step. The step in the readings must
+    therefore be nearer to the step of the residual than to zero. If too few readings lie before or after the instant,
+    the step counts as a zero error of the recording.
 
     Args:
         record: the recording
@@ -208,7 +208,7 @@ def step_gains(weight: Array, e: Array, Q: Array, ends: Integers) -> tuple[Array
 
     Returns:
         (samples,) reduction of chi2, (h e)^2 / h^2 with the projected step h, and (samples,) size (h e) / h^2, rad;
-        zero where the projection leaves nothing of the step
+        zero where Q spans the step
     """
     score, power = sums_to_end(weight * e, ends), sums_to_end(weight**2, ends)
     remaining = power - np.sum(sums_to_end(weight[:, None] * Q, ends) ** 2, axis=1)

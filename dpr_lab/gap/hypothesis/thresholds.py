@@ -15,8 +15,8 @@ from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 class Thresholds:
     """Acceptance thresholds of effects.
 
-    They were set on blind trials with seeds below 100000 of `benchmarks/diagnosis.py` and tested on other seeds. chi2
-    is counted in units of independent evidence, `ResidualStatistics.inflation`.
+    They were set on blind trials with seeds below 100000 of `benchmarks/diagnosis.py` and tested on other seeds. The
+    unit of chi2 is `ResidualStatistics.inflation`, the chi2 of one independent reading.
     """
 
     noise_floor: float = 4.0
@@ -108,7 +108,7 @@ THRESHOLDS = Thresholds()
 
 
 def bounded_excess(model: Hypothesis) -> float:
-    """Return the excess chi-square of a model, but at least the random variation of noise."""
+    """Return the excess chi-square of a model; its lower limit is the random variation of the noise."""
     return max(model.residuals.excess, THRESHOLDS.noise_floor * model.residuals.uncertainty)
 
 
@@ -189,7 +189,7 @@ def scatter(before: Hypothesis, after: Hypothesis, errors: float = THRESHOLDS.co
 
 
 def accepted(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
-    """Return whether an additional effect explains more than chance and an inexact form would.
+    """Return whether an additional effect explains more than chance and inexact functional forms can explain.
 
     An inexact form leaves a residual. If only noise remains, a significant reduction is therefore sufficient.
     """
@@ -199,14 +199,14 @@ def accepted(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
 
 
 def most_excess(bare: Hypothesis, before: Hypothesis) -> float:
-    """Return the maximum excess at which `accepted` permits an additional effect while a residual remains."""
+    """Return the largest excess at which `accepted` accepts an additional effect if a residual remains."""
     return max(
         bounded_excess(before) / THRESHOLDS.slow, bounded_excess(before) - THRESHOLDS.large * bounded_excess(bare)
     )
 
 
 def need(described: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:
-    """Return the evidence for the additional effect relative to the required evidence.
+    """Return the ratio of the evidence for the additional effect to the required evidence.
 
     Args:
         described: model whose excess is the whole gap (`FittedSets.described`)
@@ -275,7 +275,7 @@ def small_effects(bare: Hypothesis, path: Sequence[tuple[str, Hypothesis]]) -> f
 
     Args:
         bare: the bare model
-        path: names of the effects, largest first, each with the set that contains it and the larger ones
+        path: names of the effects, largest first, each with the set of this effect and all larger effects
     """
     before = [bare, *(model for _, model in path)]
     least = THRESHOLDS.small * bounded_excess(bare) + bounded_excess(before[-1])
@@ -294,7 +294,7 @@ def follows_remainder(bare: Hypothesis, larger: Hypothesis, simple: Hypothesis) 
 
 
 def is_dismissed(bare: Hypothesis, other: Hypothesis, chosen: Hypothesis) -> bool:
-    """Return whether a set is no alternative of the selected one, because it only follows the remainder.
+    """Return whether a set only follows the remainder and is therefore no alternative to the selected set.
 
     A curve whose set costs no more than the selected set is an alternative: its amplitudes are worth their penalty. The
     amplitude and phase of a vibration fit the residual of any missing law, so its cost is no evidence.

@@ -49,7 +49,10 @@ class NamedEffect(Saved):
 
     @property
     def candidates(self) -> dict[str, float]:
-        """Probability that a member of the class is the cause, by member; equal in a file of an older version."""
+        """Probability, for each member of the class, that this member is the cause.
+
+        In a file of an older version, the probabilities of all members are equal.
+        """
         equal = 1 / len(self.members)
         return {name: self.probability * self.odds.get(name, equal) for name in self.members}
 

@@ -96,7 +96,8 @@ class AdvisedCheck(Saved):
     def is_part_of(self, advice: str) -> bool:
         """Return whether a recommendation contains every sentence of the instruction of this check.
 
-        A sentence without a full stop must end there as well: a longer description is another release.
+        If a sentence has no full stop, the recommendation must not continue it, because a longer description is that of
+        another release.
         """
         sentences = SENTENCE_END.split(self.text)
         return all(re.search(rf"{re.escape(text)}((?<=\.)|(?![\w ]))", advice) for text in sentences)

@@ -39,7 +39,7 @@ class Occupancy(Saved):
 
 
 class Closing(Saved):
-    """Gap that remains after one additional effect in the model."""
+    """Gap that remains after one more effect is added to the model."""
 
     effect: str
     """Name of the added effect; empty for the bare model."""
@@ -75,7 +75,7 @@ class ResidualLook(Saved):
 
 @dataclass(frozen=True, slots=True)
 class ExclusionLevels:
-    """Minimum confidence of an excluded effect at its minimum detectable size."""
+    """Minimum confidence with which an effect of its minimum detectable size is excluded."""
 
     sure: float = 0.95
     """Minimum confidence for an effect of known shape, whose estimate is then below 3.4 standard deviations."""
@@ -108,7 +108,7 @@ class Exclusion(Saved):
 
     @property
     def is_excluded(self) -> bool:
-        """Whether the effect is smaller than `size`, by an equivalence test.
+        """Whether an equivalence test shows that the effect is smaller than `size`.
 
         The estimate of an effect of unknown order, frequency or speed is the largest of several hundred estimates. By
         chance, it exceeds 3.4 standard deviations, the limit for other effects, on one rig in four. Its limit is

@@ -42,7 +42,7 @@ class VaryingParameter(Saved):
 
 
 class GapBudget(Saved):
-    """Shares of the mean squared residual of the bare model, with the sum 1.
+    """Shares of the mean squared residual of the bare model; their sum is 1.
 
     Each recording is predicted from the other recordings. The shares are removed in this order: by the corrected model;
     by free torques and encoder errors that are fitted to the other recordings; by parameters that are fitted to the

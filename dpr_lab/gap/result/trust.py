@@ -34,7 +34,7 @@ class TrustTrial(Saved):
 
 
 class ConfusionCell(Saved):
-    """Number of trials with one hidden effect in which a diagnosis named another."""
+    """Number of trials in which one effect was hidden and the diagnosis named another effect."""
 
     true: str
     named: str

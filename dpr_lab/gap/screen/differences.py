@@ -78,14 +78,13 @@ def noise_by_speed(
     Args:
         t: (n,) times, s
         joints: (n, 2) angles, rad
-        floor: (2,) standard deviation at rest, rad; a coarse encoder can show less noise in slow parts, which is no
-            fault
+        floor: (2,) standard deviation at rest, rad; in slow parts, a sound coarse encoder can show less noise
         period: nominal sampling interval, s; neighbourhoods with a gap are excluded
         keep: (n, 2) mask of the readings without a fault. If given, the noise level is a root mean square, which
             includes rare large time-stamp errors; if None, it is a robust estimate
 
     Returns:
-        the timing error s, s, and the ratio of s^2 to its standard error
+        the timing error, s, and the ratio of its square to the standard error of the square
     """
     if len(t) < SPEED_NOISE.fewest * SPEED_NOISE.bins:
         return 0.0, 0.0

@@ -45,10 +45,10 @@ def too_fast(t: Array, joints: Array) -> Flags:
 def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) -> Flags:
     """Detect readings that equal the previous reading although the rod moves.
 
-    The rod moves if its path per sample is many standard deviations of a reading. Wrong times may make the readings
-    of one axis equal by chance, but rarely those of both axes. Two samples on either side of a turning point may be
-    equal, so one axis that turns is not evidence. Consecutive repeated samples are judged together, by the motion of
-    both axes since the last new sample. A jump after repeated samples is not a missed count.
+    The rod moves if its path per sample is many standard deviations of a reading. Wrong times may make the readings of
+    one axis equal by chance, but rarely those of both axes. Two samples on either side of a turning point may be equal.
+    Equal readings of an axis that reverses are therefore not evidence. Consecutive repeated samples are judged
+    together, by the motion of both axes since the last new sample. A jump after repeated samples is not a missed count.
 
     Args:
         t: (n,) times, s

@@ -124,7 +124,7 @@ def _significance(even: Array, half: int, noise: tuple[float, float], period: fl
 
 @cache
 def _filters(half: int, degree: int) -> tuple[Array, Array]:
-    """Return the weights of two estimators: a step before, and an outlier at, the middle sample.
+    """Return the weights of two estimators: of a step before the middle sample, and of an outlier at this sample.
 
     Both estimates have unit variance for unit white noise.
     """

@@ -131,13 +131,13 @@ class Record:
         return replace(self, sigma=self.sigma * factor, noise_correlation=correlation)
 
     def with_shutter(self, shutter: Shutter, constants: RigConstants) -> "Record":
-        """Return the record corrected for a rolling shutter, in place of a previous correction."""
+        """Correct the record for a rolling shutter; the correction replaces any previous one."""
         shown = self.joints if self.shown is None else self.shown
         joints = shutter.corrected(self.t, shown, constants, alone=self.setup.alone)
         return replace(self, joints=joints, shown=shown)
 
     def with_finding(self, name: str, evidence: str) -> "Record":
-        """Return the record with a fault of the whole run, in place of a fault of the same name."""
+        """Add a fault of the whole run; it replaces a fault of the same name."""
         others = [finding for finding in self.screened.findings if finding.name != name]
         finding = Finding(name, self.run.name, None, None, evidence)
         return replace(self, screened=replace(self.screened, findings=(*others, finding)))

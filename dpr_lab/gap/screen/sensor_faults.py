@@ -335,7 +335,12 @@ def jitter_of(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, lis
 
 
 def _colour(run: Run, rig: Rig, joints: Array, floor: Array) -> tuple[Array, list[Finding]]:
-    """Compare the noise at wide and narrow spacings; return the (2,) ratio, 1 for white noise, and the findings."""
+    """Compare the noise at wide and narrow spacings; return the (2,) factor of the noise and the findings.
+
+    The factor is the ratio of the noise at wide spacings to that at narrow spacings, or 1 if no significant difference
+    is
+    found.
+    """
     factor, findings = np.ones(2), []
     if run.rate_hz < SCREEN.colour_hz:
         evidence = "neighbouring readings at rest have correlated errors (correlation {:.2f}): a filter or a tracker"

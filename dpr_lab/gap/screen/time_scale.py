@@ -1,10 +1,10 @@
-"""Test of the time base of recordings of a single rod by gravity.
+"""Test of the time base of single-rod recordings against the period that gravity determines.
 
 A rod swings like a mass point at the distance I / S from its joint, with inertia I and first moment S. If all mass is
-between the joint and the end of the rod at L, this equivalent length is at most L (Huygens). Time stamps that are k
-times too long make the equivalent length k^2 times longer, and have no other effect: the motion of one rod determines I
-/ S only together with the unit of time. With two rods the unit of time is identifiable, because the coupling d relates
-gravity to L1.
+between the joint and the end of the rod at L, this equivalent length is at most L (Huygens). If all time intervals are
+recorded k times too long, the equivalent length appears k^2 times longer. There is no other consequence, because the
+motion of one rod determines I / S only together with the unit of time. With two rods the unit of time is identifiable,
+because the coupling d relates gravity to L1.
 
 Source: Huygens (1673), Horologium oscillatorium, part 4.
 """

@@ -106,7 +106,7 @@ def free_runs(recordings: Recordings, estimate: Estimate, length_s: float = FREE
     """Simulate a model freely along each recording.
 
     Args:
-        recordings: the recordings; if one has few first readings, `MIN_SAMPLES` of them are fitted
+        recordings: the recordings; at least `MIN_SAMPLES` readings of each determine its initial state
         estimate: ratios and effects for the simulation
         length_s: length of the comparison from the first reading, s
     """

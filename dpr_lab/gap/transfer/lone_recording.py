@@ -7,8 +7,7 @@ this recording with values and effects that the other recordings do not need. Le
 
 be the remainder of recording s in units of the noise, and r the recording with the largest remainder. The model is
 fitted to the other recordings by linear algebra (`dpr_lab.gap.hypothesis.cross_validation`). Recording r counts as the
-only unexplained one if its remainder in the common fit exceeds by a factor the remainders of the others in their own
-fit.
+only unexplained recording if rho_r of the common fit is several times larger than every rho_s of the fit without r.
 """
 
 from collections.abc import Sequence
@@ -49,7 +48,7 @@ class LoneRecording:
 
 
 def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) -> LoneRecording | None:
-    """Return the only recording with a remainder, or None if no recording is the only one.
+    """Return the only recording with a remainder, or None if there is no such recording.
 
     The result is also None if a segment cannot be simulated.
 

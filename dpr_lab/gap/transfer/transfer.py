@@ -226,7 +226,10 @@ def _share_of_fitted(smaller: Hypothesis, chosen: Hypothesis) -> float:
 
 
 def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[Closing]:
-    """Yield remaining gap and closed share of each set, from bare model to selected set (`ends`)."""
+    """Yield the remaining gap and the closed share of each set, from the bare model to the selected set.
+
+    `ends` contains the chi2 above the noise of these two sets.
+    """
     between = [test.above_noise(model) for _, model in selection.path[:-1]]
     remaining = [ends[0], *between, *([ends[1]] if selection.path else [])]
     for name, above in zip(["", *(name for name, _ in selection.path)], remaining, strict=True):

@@ -101,7 +101,7 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
 
 
 def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
-    """Return whether the residual far exceeds the noise of readings and torques with any effects.
+    """Return whether the residual would far exceed the noise of readings and torques, whichever effects are added.
 
     As far as the effects are linear, all candidates of the score test together reduce chi2 at least as much as any few
     of them.
@@ -121,7 +121,7 @@ def _with_one_more(
     *,
     last: bool,
 ) -> dict[frozenset[str], Hypothesis]:
-    """Add to a level the sets that extend a smaller set by a promising effect; return it.
+    """Extend a set by one promising effect at a time; return the level with these extended sets.
 
     Once only noise remains, only equally promising effects are fitted. Far from the noise, a candidate is not fitted if
     even twice its predicted reduction would leave its set too poor to be extended or accepted (`_deciding_excess`).
@@ -149,7 +149,7 @@ def _with_one_more(
 def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
     """Return the scores of the effects with the largest predicted reduction, and of their simpler forms.
 
-    Of a group of nearly indistinguishable effects, one is returned.
+    Of a group of nearly indistinguishable effects, only one is returned.
     """
     least = promising_gain(model)
     promising = [score for score in test.ranking if score.gain > least and not set(score.effect.nested) & model.key]
@@ -182,7 +182,7 @@ def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothe
 
 
 def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
-    """Return the set with those two losses of one joint that hide each other and explain most together.
+    """Add those two losses of one joint that hide each other and together explain most.
 
     If there are no such losses, the result is None.
 
@@ -227,7 +227,7 @@ def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) ->
 
 
 def _doubts(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], model: Hypothesis) -> tuple[bool, bool]:
-    """Return whether a set contains an impossible size, and an effect that adds too little."""
+    """Return whether a set contains an impossible size, and whether it contains an effect that adds too little."""
     little = follows_remainder(sets.bare, model, best) or any(
         follows_swing(sets.bare, model, other) or follows_decay(sets.bare, model, other) for other in models
     )
@@ -244,7 +244,7 @@ def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) ->
 
 
 def _are_forms(sets: FittedSets, model: Hypothesis, other: Hypothesis) -> bool:
-    """Return whether two sets differ only by an effect and a simpler form of this effect."""
+    """Return whether two sets differ only in one effect, which has a simpler form in one of them."""
     only_first, only_second = model.key - other.key, other.key - model.key
     if len(only_first) != 1 or len(only_second) != 1:
         return False

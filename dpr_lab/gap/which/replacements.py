@@ -122,7 +122,7 @@ def _grown_to(
 ) -> Iterator[Proposal]:
     """Propose sets that extend a set by the best further effects, one at a time.
 
-    Each added effect has at most `widest` parameters, and the set has at most `most`.
+    Each added effect has at most `widest` parameters. The extended set has at most `most` parameters.
     """
     while True:
         room = min(most - len(model.fit.free), widest)
@@ -235,7 +235,7 @@ EXCHANGE = Move(
 
 
 def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the best fitted set with at most as many effects, after the alternatives of each effect are fitted."""
+    """Fit the alternatives of each effect, then propose the best fitted set with at most as many effects."""
     fits = fit_alternatives(sets, sets.predictive(current))
     known = current.key & sets.expected
     others = [
@@ -327,7 +327,7 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
 
 
 def _indistinguishable(test: ScoreTest, name: str) -> Iterator[Score]:
-    """Yield the scores of effects with the signature of another effect; forms of this effect are left out."""
+    """Yield the scores of effects that have the same signature as the effect `name` and are not forms of it."""
     if (current_score := test.of(name)) is None:
         return
     for score in test.ranking:

@@ -77,13 +77,13 @@ class Selection:
         return float(np.clip(returned / before, 0.0, 1.0)) if before > 0 else float(returned > 0)
 
     def cost_without(self, name: str, members: Iterable[str] = ()) -> float:
-        """Return the lowest cost of a set without an effect, removed or exchanged.
+        """Return the lowest cost of a set in which an effect is removed or exchanged.
 
         The set must lack all members of the class and their richer forms. It may contain a simpler form of the effect
         together with another effect, which then explain what the richer form adds. If a single effect replaces the
-        named one, this effect is an alternative. A set of lower cost than the selected set does not count, because a
-        rule of the search has rejected it. Neither does a set with an effect that worsens the prediction of held-out
-        runs.
+        named one, this effect is an alternative. Two kinds of sets do not count: sets of lower cost than the selected
+        set, because a rule of the search has rejected them, and sets with an effect that worsens the prediction of
+        held-out runs.
         """
         chosen, rest, same = self.chosen, self.chosen.key - {name}, {name, *members}
         forms = {other for other, effect in EFFECTS.items() if same.intersection((other, *effect.nested))}
