@@ -314,7 +314,10 @@ def as_mounted(theta: Array, mounting: Mounting, name: str) -> Array:
 
 
 def elbow_turn(theta: Array, mounting: Mounting) -> float:
-    """Range of joint 2 in angles (n, 3), rad, if it should not turn; otherwise 0."""
+    """Return the range of joint 2, rad, if joint 2 should not turn; otherwise 0.
+
+    `theta` contains the (n, 3) angles of arm and rods.
+    """
     if mounting == "both" or not len(theta):
         return 0.0
     tails = [MOUNTED.tail, 1 - MOUNTED.tail]

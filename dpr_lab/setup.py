@@ -81,7 +81,7 @@ class Torques:
         return replace(self, t=t, joints=means[:, :2], on_arm=arm_means, interpolated=self)
 
     def mean_before(self, instants: ArrayLike, first: Flags | None = None) -> Array:
-        """(m, 2) mean generalised torques between the times (m,), N m.
+        """Return the (m, 2) mean generalised torques between successive times (m,), N m.
 
         The mean is zero at times without a previous one: at the first instant, and where `first` (m,) is true.
         """
@@ -133,10 +133,10 @@ class ArmMotion:
     """Standard deviation of the readings from which the motion was estimated, rad."""
 
     def mean_before(self, instants: ArrayLike, first: Flags | None = None) -> Array:
-        """Mean acceleration, rad/s^2, and mean squared speed, rad^2/s^2, in each interval between times: (m, 2).
+        """Return (m, 2) means over each interval: acceleration, rad/s^2, and squared speed, rad^2/s^2.
 
         Row i belongs to the interval that ends at instant i. At the first instant, and where `first` (m,) is true,
-        there is no interval, and the squared speed is that at the instant.
+        there is no interval. The squared speed is then that at the instant.
         """
         instants = np.asarray(instants, dtype=np.float64)
         v, passed = np.interp(instants, self.t, self.omega), _since_before(instants, first)
@@ -145,7 +145,7 @@ class ArmMotion:
 
 
 def _since_before(instants: Array, first: Flags | None) -> Array:
-    """Time (m,) since the previous instant, s; infinite if there is none."""
+    """Return the time (m,) since the previous instant, s; infinite if there is none."""
     passed = np.diff(instants, prepend=-np.inf)
     return passed if first is None else np.where(first, np.inf, passed)
 

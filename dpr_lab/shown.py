@@ -28,10 +28,10 @@ class Shown(ABC):
 
     @abstractmethod
     def _heading(self) -> str:
-        """Heading, one line."""
+        """Return the heading, one line."""
 
     def _rows(self) -> Sequence[Row]:
-        """Rows of the table; the first row contains the column names. Empty if there is no table."""
+        """Return the rows of the table, which is empty by default; the first row contains the column names."""
         return []
 
     def __repr__(self) -> str:
@@ -44,7 +44,7 @@ class Shown(ABC):
         return repr(self)
 
     def _repr_html_(self) -> str:
-        """HTML for a notebook."""
+        """Return HTML for a notebook."""
         rows = self._rows()
         head, body = rows[:1], rows[1:]
         table = "".join(_row(row, "th") for row in head) + "".join(_row(row, "td") for row in body)
@@ -124,7 +124,7 @@ def readable(signature: inspect.Signature) -> inspect.Signature:
 
 
 def plain_type(annotation: Any) -> str:
-    """Short name of a type, without modules and metadata: `Mapping[str, float] | None`."""
+    """Return the short name of a type, without modules and metadata: `Mapping[str, float] | None`."""
     origin, parts = get_origin(annotation), get_args(annotation)
     match annotation:
         case str():
@@ -156,7 +156,10 @@ def plain_type(annotation: Any) -> str:
 
 
 def field_docs(cls: type) -> dict[str, str]:
-    """Docstring of each field of a dataclass, from its source, if there is one."""
+    """Return the docstrings of the fields of a dataclass, from its source.
+
+    The result is empty if the source is not available.
+    """
     try:
         (tree,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
     except (OSError, SyntaxError):
@@ -175,5 +178,5 @@ def _annotated(annotation: Any) -> Any:
 
 
 def _short(default: Any, longest: int = 30) -> Any:
-    """Default value, or `...` if its text is too long for a signature."""
+    """Return a default value, or `...` if its text is too long for a signature."""
     return default if default is inspect.Parameter.empty or len(repr(default)) <= longest else _Plain("...")

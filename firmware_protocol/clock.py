@@ -139,7 +139,7 @@ def _shortest(exchanges: Sequence[Exchange]) -> list[Exchange]:
 def _line(
     x: NDArray[np.float64], y: NDArray[np.float64], variance: NDArray[np.float64]
 ) -> tuple[tuple[float, float], NDArray[np.float64]]:
-    """Weighted least squares of y = a + b x: (a, b) and their covariance."""
+    """Fit y = a + b x by weighted least squares; return (a, b) and their covariance."""
     weight = 1 / variance
     x_mean = float(np.average(x, weights=weight))
     design = np.stack([np.ones_like(x), x - x_mean], axis=1)

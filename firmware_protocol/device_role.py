@@ -137,28 +137,34 @@ class DeviceSession:
         return self.event(EventKind.RELEASED, tick)
 
     def sample(self, tick: int, positions: Sequence[int]) -> Frame:
-        """SAMPLE with the low 16 bits of the tick and of the three counters."""
+        """Create the SAMPLE with the low 16 bits of the tick and of the three counters."""
         arm, inner, outer = positions
         return self._frame(Sample(tick & 0xFFFF, arm & 0xFFFF, inner & 0xFFFF, outer & 0xFFFF))
 
     def torque(self, kind: TorqueKind, tick: int, torques: Sequence[int]) -> Frame:
-        """TORQUE of joints 1 and 2 at the tick of a sample, in the unit of the identity, within its range."""
+        """Create the TORQUE of joints 1 and 2 at the tick of a sample.
+
+        The values are in the unit of the identity, and limited to the range of the message.
+        """
         first, second = (min(max(torque, -0x8000), 0x7FFF) for torque in torques)
         return self._frame(Torque(kind, tick & 0xFFFF, first, second))
 
     def arm_input(self, kind: TorqueKind, tick: int, value: int) -> Frame:
-        """ARM_INPUT at the tick of a sample, in the unit of the identity, within its range."""
+        """Create the ARM_INPUT at the tick of a sample.
+
+        The value is in the unit of the identity, and limited to the range of the message.
+        """
         return self._frame(ArmInput(kind, tick & 0xFFFF, min(max(value, -(1 << 31)), (1 << 31) - 1)))
 
     def positions(self, tick: int, positions: Sequence[int]) -> tuple[Frame, ...]:
-        """Three POSITION frames with the complete counters at a tick, counts."""
+        """Create three POSITION frames with the complete counters at a tick, counts."""
         return tuple(
             self._frame(Position(joint, tick & 0xFFFF, (position + (1 << 31)) % (1 << 32) - (1 << 31)))
             for joint, position in enumerate(positions)
         )
 
     def status(self, overruns: int, dropped: int, sent: int) -> Frame:
-        """STATUS with the numbers of samples since STREAM."""
+        """Create the STATUS with the numbers of samples since STREAM."""
         counters = (overruns & 0xFFFF, dropped & 0xFFFF, sent & 0xFFFF)
         return self._frame(Status(self.state, self.fault_code, self.latched, *counters))
 
@@ -171,7 +177,7 @@ class DeviceSession:
         return (*frames, self.released(self._release_tick)) if self.state is State.RELEASED else frames
 
     def pong(self, ping: Ping, tick: int, fraction: float) -> Frame:
-        """PONG for a PING that arrived a `fraction` (0 to 1) of a tick after `tick`."""
+        """Create the PONG for a PING that arrived a `fraction` (0 to 1) of a tick after `tick`."""
         return self._frame(Pong(ping.token, tick & 0xFFFFFFFF, min(int(fraction * 65536), 65535)))
 
     def _answer_once(self, message: Message) -> Answer:

@@ -23,7 +23,7 @@ _HEAD = struct.Struct("<H")
 
 
 def crc16(data: bytes) -> int:
-    """CRC-16/IBM-3740, also called CCITT-FALSE; 0x29B1 for b"123456789"."""
+    """Compute the CRC-16/IBM-3740, also called CCITT-FALSE; it is 0x29B1 for b"123456789"."""
     return crc_hqx(data, 0xFFFF)
 
 

@@ -80,7 +80,7 @@ class HostSession:
 
     @property
     def pending(self) -> Command | None:
-        """The pending command; None without one."""
+        """The pending command, or None if no command is pending."""
         return self._pending.command if self._pending else None
 
     def hello(self, now: float) -> Frame:

@@ -50,7 +50,7 @@ class DeviceInfo:
 
 
 def info_pages(info: DeviceInfo) -> list[Info]:
-    """INFO messages of an identity."""
+    """Create the INFO messages of an identity."""
     firmware = [int(part) for part in info.firmware.split(".")]
     flags = {flag: int(kind in info.torque_kinds) for flag, kind in _TORQUE_FLAGS.items()}
     of_arm = {flag: int(kind in info.input_kinds) for flag, kind in _INPUT_FLAGS.items()}
@@ -78,7 +78,7 @@ def info_pages(info: DeviceInfo) -> list[Info]:
 
 
 def assemble(pages: Iterable[Info]) -> DeviceInfo | None:
-    """Assemble an identity from INFO pages in any order; None while a page is missing.
+    """Assemble an identity from INFO pages in any order; return None while a page is missing.
 
     Raises:
         RemoteProtocolError: page 9 declares an input of the arm without its quantity.
@@ -124,7 +124,7 @@ def same_major(major: int) -> bool:
 def same_schema(minor: int, schema_hash: int) -> bool:
     """Return whether two sides with the same minor version were built from the same dpr.dbc.
 
-    True for another minor version.
+    The result is also true for another minor version.
     """
     return minor != PROTOCOL_VERSION[1] or schema_hash == SCHEMA_HASH
 

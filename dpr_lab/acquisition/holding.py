@@ -79,7 +79,7 @@ class RestWindow:
 
     @property
     def lost_before(self) -> Mapping[str, int]:
-        """Samples that the device lost before the oldest batch; none if the window contains no batch."""
+        """Number of samples, by cause, that the device lost before the oldest batch; empty without a batch."""
         return self.batches[0].lost_before if self.batches else {}
 
     def add(self, batches: Iterable[Batch]) -> None:

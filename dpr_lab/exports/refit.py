@@ -151,7 +151,7 @@ def _bare_fit(model: AnyModel, runs: Sequence[Run], rig: Rig) -> tuple[Problem, 
 
 
 def _without(model: AnyModel, lost: frozenset[str], words: frozenset[str]) -> dict[str, dict[str, float]]:
-    """Return the effects of a model that are not lost, and simpler effects that replace the lost effects."""
+    """Remove the effects `lost` from the effects of a model, and add simpler effects that replace them."""
     known = {name: _without_zeros(name, values) for name, values in known_effects(model.effects).items()}
     remaining = {name: values for name, values in known.items() if name not in lost}
     reduced = {name: values for name in sorted(lost) if (values := _reduced(name, known[name], words))}

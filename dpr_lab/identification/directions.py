@@ -21,7 +21,7 @@ SEEN = 1.0
 def _decompose(rows: Array) -> tuple[Array, Array]:
     """Return the singular values (..., n) and the right singular vectors (..., n, n) of rows (..., m, n).
 
-    Each of the n columns has a singular value; missing ones are zero.
+    If m < n, the last n - m singular values are zero.
     """
     _, s, Vt = np.linalg.svd(rows)
     missing = np.zeros((*s.shape[:-1], Vt.shape[-1] - s.shape[-1]))

@@ -290,7 +290,7 @@ class Model(FittedModel):
 
     @property
     def all_ratios(self) -> "dict[str, EstimatedValue]":
-        """The five ratios of the fit, with undetermined ones from the rig file for a single rod."""
+        """The five ratios of the fit; for a single rod, undetermined ratios come from the rig file."""
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     def with_ratios(self, values: Sequence[float]) -> "Model":

@@ -41,7 +41,7 @@ def announced() -> tuple[Plugin, ...]:
 
 
 def packages() -> tuple[str, ...]:
-    """Name and version, `NAME VERSION`, of each package with plugins."""
+    """Return the name and version, `NAME VERSION`, of each package with plugins."""
     return tuple(sorted({f"{plugin.package} {plugin.version}" for plugin in announced()}))
 
 

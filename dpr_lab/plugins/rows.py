@@ -22,7 +22,7 @@ def skipped() -> tuple[str, ...]:
 def reason_skipped(plugin: Plugin) -> str:
     """Return the reason why a plugin was skipped.
 
-    Empty if it was not skipped, or if its table has not been used yet.
+    The text is empty if the plugin was not skipped, or if its table has not been used yet.
     """
     return _skipped.get(plugin, "")
 

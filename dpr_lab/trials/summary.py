@@ -206,7 +206,10 @@ def by_size(
 
 
 def _naming(causes: Sequence[Cause], leads: Sequence[TrialOutcome]) -> dict[str, float]:
-    """Compute the share of the named causes, and the shares of correct names in the trials that they lead."""
+    """Compute the share of causes that are named, and shares of correct results in the trials `leads`.
+
+    In these trials, the causes have the largest size.
+    """
     named = float(np.mean([cause.named for cause in causes]))
     return {"named": named, "first": share(leads, lambda o: o.first), "exact": share(leads, lambda o: o.exact)}
 

@@ -222,7 +222,7 @@ class CFraming:
         return self._line.raw[:length]
 
     def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
-        """Return the undamaged frames in received bytes, and an empty answer."""
+        """Return the undamaged frames in received bytes; the second value, an immediate answer, is always empty."""
         frames = ctypes.create_string_buffer((len(data) // SHORTEST_LINE + 2) * _FRAME.size)
         return _unpacked(frames, self._library.dpr_host_decode(self._decoder, data, len(data), frames)), b""
 

@@ -61,7 +61,7 @@ class SerialCodec:
         return encode_frame(frame)
 
     def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
-        """Return the undamaged frames in received bytes, and an empty answer."""
+        """Return the undamaged frames in received bytes; the second value, an immediate answer, is always empty."""
         return self._decoder.feed(data), b""
 
 

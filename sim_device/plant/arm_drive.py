@@ -168,7 +168,7 @@ class ArmDrive:
 
 
 def arm_drive_of(plant: PlantConfig) -> ArmDrive | None:
-    """Drive of the arm of a plant, with its hidden delay, or None without a drive.
+    """Return the drive of the arm of a plant, with its hidden delay, or None without a drive.
 
     Raises:
         ConfigError: the delay is negative.
@@ -184,7 +184,7 @@ def arm_drive_of(plant: PlantConfig) -> ArmDrive | None:
 
 
 def replaying(drive: ArmDrive, file: str | Path) -> ArmDrive:
-    """Copy of the drive with a table (CSV) as its program: time since the release, s, and input.
+    """Return a copy of the drive whose program is a table (CSV): time since the release, s, and input.
 
     Raises:
         ConfigError: the table does not exist, or is for another input.

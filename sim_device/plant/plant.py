@@ -194,7 +194,7 @@ class Plant:
         return counts
 
     def start(self, theta: Theta, omega: Theta) -> AnyState:
-        """State of rods that are released with the angles theta and speeds omega (3,).
+        """Return the state of rods that are released with the angles theta and speeds omega (3,).
 
         A clamped arm does not move.
         """

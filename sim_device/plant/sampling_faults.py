@@ -14,7 +14,7 @@ _JITTER, _REPEATED, _MISSING = range(3)
 
 
 def instants(config: PlantConfig, release: int, first: int, count: int) -> NDArray[np.float64]:
-    """Delay (count,) of each sample of a swing after its tick, s."""
+    """Return the delay (count,) of each sample of a swing after its tick, s."""
     jitter = config.encoders.jitter_ms * 1e-3 * _noise(config, release, first, count)[:, _JITTER]
     return jitter + config.encoders.late_ms * 1e-3 * _in_cycle(config.encoders.late_every, first, count)
 

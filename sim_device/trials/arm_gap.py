@@ -91,7 +91,7 @@ def arm_gap(config: PlantConfig, rig: Rig) -> float:
 
 
 def noiseless_arm(config: PlantConfig, rig: Rig, number: int) -> ArmRelease:
-    """Release from a pose of the rig file, counted from 1, without noise and rounding."""
+    """Simulate a release from a pose of the rig file, counted from 1, without noise and rounding."""
     plant, pose, drive = Plant(config, rig), list(rig.poses.values())[number - 1], arm_drive_of(config)
     ticks = np.arange(round(DURATION_S * MEASURE.rate_hz))
     driven = None if drive is None else partial(drive.block, rate_hz=MEASURE.rate_hz)
@@ -142,7 +142,7 @@ def _laid_out(releases: list[ArmRelease], rig: Rig, length: int) -> tuple[Segmen
 
 
 def _start(piece: Array, rig: Rig) -> Array:
-    """Approximate state (6,) at the first of some readings."""
+    """Return the approximate state (6,) at the first reading of a piece."""
     theta = piece[:3].copy()
     if rig.encoders.joint2 == "relative":
         theta[:, 1] += theta[:, 0]

@@ -221,7 +221,7 @@ def _relatives(name: str) -> set[str]:
 
 
 def _with_effect(plant: PlantConfig, rig: Rig, name: str, gap: float, rng: np.random.Generator) -> PlantConfig:
-    """Add an effect to a plant. The effect alone causes the requested gap, as nearly as possible."""
+    """Add an effect to a plant; the effect alone causes the requested gap, as nearly as possible."""
     table, unit = ("foreign", _foreign_unit) if name in FOREIGN else ("effects", _library_unit)
     coefficients = unit(name, rng)
     if plant.arm.mode != "clamped":

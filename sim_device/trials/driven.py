@@ -64,7 +64,7 @@ Fault = Callable[[float, np.random.Generator], dict[str, Any]]
 
 
 def _delay(size: float, rng: np.random.Generator) -> dict[str, Any]:
-    """Delay in whole milliseconds, the ticks of a board.
+    """Return a delay in whole milliseconds, the ticks of a board.
 
     The board reports the commanded torques, because only they show a delay.
     """

@@ -56,7 +56,7 @@ def gap_size(
 
 
 def _start(readings: Array, period: float, relative: bool) -> Array:
-    """Approximate state (4,) at the first of some readings."""
+    """Return the approximate state (4,) at the first reading of a piece."""
     theta = readings[:3].copy()
     theta[:, 1] += relative * theta[:, 0]
     omega = (-3 * theta[0] + 4 * theta[1] - theta[2]) / (2 * period)

@@ -29,7 +29,7 @@ SPREAD = PartSpread()
 
 
 def drawn(config: PlantConfig, rig: Rig) -> PlantConfig:
-    """Copy of the plant with other true parameters, drawn from the seed of the plant.
+    """Return a copy of the plant with other true parameters, drawn from the seed of the plant.
 
     Each searched parameter is uniformly distributed within `SPREAD` of the value in the file and within the bounds of
     the rig, so that the truth can be identified. A parameter that the rig file states as measured keeps its value.

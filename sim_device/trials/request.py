@@ -51,7 +51,7 @@ SHARES: dict[Kind, tuple[float, ...]] = {"pair": (1.0, 0.2), "triple": (1.0, 0.4
 
 @dataclass(frozen=True, slots=True)
 class EffectRequest:
-    """Requested draw of a plant."""
+    """Request for a drawn plant: kind, level and effects."""
 
     kind: Kind
     level: Level = "clear"

@@ -23,7 +23,10 @@ TRUTH = "truth.json"
 
 
 def seal(truth: dict[str, Any], salt: str) -> str:
-    """SHA-256 of the salt and the truth as compact JSON with sorted keys, in hexadecimal digits."""
+    """Compute the SHA-256 of the salt and the truth, in hexadecimal digits.
+
+    The truth is written as compact JSON with sorted keys.
+    """
     text = salt + json.dumps(truth, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 

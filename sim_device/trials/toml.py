@@ -12,7 +12,10 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def toml_text(table: Mapping[str, Any]) -> str:
-    """TOML text of nested tables of text, numbers, truth values and lists of these; numbers keep all digits."""
+    """Convert nested tables to TOML text; numbers keep all digits.
+
+    The values are text, numbers, truth values and lists of these.
+    """
     return "\n".join(_lines(table, ())) + "\n"
 
 

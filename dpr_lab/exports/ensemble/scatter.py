@@ -1,4 +1,7 @@
-"""Scatter of identified ratios between recordings, which a model file does not contain."""
+"""Estimate the scatter of identified ratios between recordings.
+
+A model file does not contain this scatter.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -32,7 +32,7 @@ CHANGE = ChangeSettings()
 
 @dataclass(frozen=True, slots=True)
 class ModelCause:
-    """Number of the file that differs from the rig, in the terms of the file."""
+    """A number of the file that differs from the rig, described by the names that the file uses."""
 
     joint: str
     """Name of the joint in the file."""
@@ -152,7 +152,7 @@ def cause(
 def effect_rows(
     chain: ModelChain, name: str, values: Mapping[str, float], file: Mapping[str, float]
 ) -> list[ModelCause]:
-    """Describe the numbers of the file that an effect changes."""
+    """Describe each number of the file that changes because of an effect."""
     joint, term = _joint(name), _term(name)
     gain, gear = words_of({name: values}).get(name, {}).get("gear"), hinge(chain, joint).gear
     if gain is not None and gear is not None:

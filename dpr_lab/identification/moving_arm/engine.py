@@ -1,6 +1,6 @@
 """Convert between moving-arm models and the unknowns of the fitting engine.
 
-The common engine has all effects.
+The common engine can simulate all effects.
 
 The unknowns of the engine are the ratios to b of a rig with both rods, b itself, and p/b. If only the inner rod is
 mounted, its motion depends only on a - p, e1 - p g/L1 and c1 (`dpr_lab.dynamics.base`). p is the inertia of the masses

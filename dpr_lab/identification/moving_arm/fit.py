@@ -91,7 +91,10 @@ class ArmFit:
 
     @property
     def misfit(self) -> float:
-        """Reduced chi-square at the noise of the readings."""
+        """Reduced chi-square with weights from the noise of the readings.
+
+        The last fit may instead weight each joint by its residuals.
+        """
         return self.at_noise or self.chi2_per_dof
 
     def value(self, parameter: str) -> float:

@@ -72,7 +72,7 @@ class SoftStop:
 
 @dataclass(frozen=True, slots=True)
 class _Trial:
-    """A stop at one tested angle, and its column in the equation of the arm."""
+    """A trial stop at one limit angle, with its regressor in the equation of the arm."""
 
     end: str
     angle: float

@@ -336,7 +336,7 @@ def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
 def detectable(
     known: Knowledge, F: Array, sigmas: float, names: Iterable[str] | None = None
 ) -> dict[str, dict[str, float | None]]:
-    """Return, for each amplitude, the size that equals a given number of standard deviations.
+    """Return the minimum detectable size of each amplitude: a given number of its standard deviations.
 
     A size is None if the amplitude is not detectable.
 

@@ -57,7 +57,7 @@ class Objective:
         return cls(known, pairs, before, ratio_bits(known, known.information), limits or Limits())
 
     def gained(self, F: Array) -> list[Array]:
-        """Return, for each named effect, the (n, n) d^2 that additional information contributes between its causes."""
+        """Return, for each named effect, the (n, n) d^2 by which additional information separates its causes."""
         return [pair.gained(before, F) for pair, before in zip(self.pairs, self.before, strict=True)]
 
     def simulated(self, release: CandidateRelease, information: Array) -> float | None:
@@ -81,7 +81,7 @@ class Objective:
         return None if nonlinear is None else nonlinear / linear
 
     def bits(self, F: Array) -> dict[tuple[str, str], float]:
-        """Return the expected bits about each undecided pair of causes if the information is F."""
+        """Return the expected information about each undecided pair of causes, bits, for the Fisher information F."""
         return self.bits_of(self.gained(F))
 
     def bits_of(self, gained: list[Array]) -> dict[tuple[str, str], float]:
@@ -90,11 +90,11 @@ class Objective:
         return {pair: bits for open_pair in of_each for pair, bits in open_pair.items()}
 
     def gain(self, F: Array) -> Gain:
-        """Return the bits of each part of the objective if the information is F."""
+        """Return the bits of each part of the objective for the Fisher information F."""
         ratios = ratio_bits(self.known, F) - self.ratios
         limits = goal_bits(self.known, F, self.limits)
         return Gain(self.bits(F), open_bits(self.known, F), library_bits(self.known, F), ratios, limits)
 
     def worth(self, F: Array) -> float:
-        """Return the weighted sum of the bits at the information F."""
+        """Return the weighted sum of the bits for the Fisher information F."""
         return self.gain(F).weighed

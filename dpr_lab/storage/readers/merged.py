@@ -15,8 +15,8 @@ from dpr_lab.storage.tables.table import Table
 def rows_of_angles(table: Table, angles: Sequence[str]) -> Table:
     """Remove the rows that contain only quantities which a logger writes in rows of their own.
 
-    A row without an angle is kept if it is empty, or if its quantities are also in most rows with an angle: then its
-    angle was lost.
+    A row without an angle is kept in two cases: it is empty, or most rows with an angle also contain its quantities, so
+    that its angle was lost.
 
     Args:
         table: the table

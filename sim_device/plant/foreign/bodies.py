@@ -24,7 +24,7 @@ step."""
 
 
 def bending_rod(body: Body, values: Values) -> EquationOfMotion:
-    """Outer rod with an elastic hinge in its middle; q is the angle by which its outer half bends.
+    """Add an elastic hinge in the middle of the outer rod; q is the angle by which its outer half bends.
 
         T = T_rods + p w2 q' + r cos(t1-t2) w1 q' + i q'^2/2,    V = V_rods - h q sin t2 + q^2 / (2 C)
 
@@ -86,7 +86,7 @@ def wobbling_rod(body: Body, values: Values) -> EquationOfMotion:
 
 
 def loose_bearing(body: Body, values: Values) -> EquationOfMotion:
-    """Shaft of joint 1 that moves within a clearance and hits its rim.
+    """Let the shaft of joint 1 move within a clearance and hit its rim.
 
         T = T_rods + M (x'^2 + z'^2)/2 + x' (p1 c1 w1 + p2 c2 w2) - z' (p1 s1 w1 + p2 s2 w2),    p = e / g
 

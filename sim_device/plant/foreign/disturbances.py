@@ -11,7 +11,7 @@ AIR_DRAG = 5e-3
 
 
 def cable_snag(body: Body, values: Values) -> EquationOfMotion:
-    """Cable that gets caught once: tau1 = -c omega1 exp(-((t - t0) / T)^2)."""
+    """Add a cable that gets caught once: tau1 = -c omega1 exp(-((t - t0) / T)^2)."""
     size, begin_s, lasts = values["brake_Nms_per_rad"], values["at_s"], values["lasts_s"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
@@ -21,7 +21,7 @@ def cable_snag(body: Body, values: Values) -> EquationOfMotion:
 
 
 def eddy_brake(body: Body, values: Values) -> EquationOfMotion:
-    """Magnet that brakes the inner rod near one angle: tau1 = -c omega1 exp(K (cos(theta1 - q0) - 1))."""
+    """Add a magnet that brakes the inner rod near one angle: tau1 = -c omega1 exp(K (cos(theta1 - q0) - 1))."""
     size, narrow, place = values["brake_Nms_per_rad"], values["narrowness"], values["place_rad"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
@@ -31,7 +31,7 @@ def eddy_brake(body: Body, values: Values) -> EquationOfMotion:
 
 
 def air_draught(body: Body, values: Values) -> EquationOfMotion:
-    """Wind across the outer rod, in gusts; the torque is the difference from the drag in still air.
+    """Add gusts of wind across the outer rod; the torque is the difference from the drag in still air.
 
     F = -K [|v - u| (v - u) - |v| v],    u = U (1 + sin(2 pi t / T) / 2) cos(theta2)
     """
@@ -47,7 +47,7 @@ def air_draught(body: Body, values: Values) -> EquationOfMotion:
 
 
 def leaning_table(body: Body, values: Values) -> EquationOfMotion:
-    """Momentary tilt of the table, as if a person leans on it: gravity turns by A exp(-((t - t0) / T)^2)."""
+    """Tilt the table for a moment, as if a person leans on it: gravity turns by A exp(-((t - t0) / T)^2)."""
     size, begin_s, lasts = values["tilt_rad"], values["at_s"], values["lasts_s"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:

@@ -52,14 +52,14 @@ class Body:
 
     @classmethod
     def of(cls, Z: NDArray[np.float64], L1: float, L2: float, g: float) -> "Body":
-        """Rods of a rig with the nine parameters Z."""
+        """Create the rods of a rig with the nine parameters Z."""
         a, b, d, e1, c1, c2 = base_parameters(Z, L1, g).tolist()
         return cls(a, b, d, e1, d * g / L1, c1, c2, L1, L2, g, float(Z[2:5].sum()), float(Z[3]))
 
     def accelerations(
         self, theta1: float, theta2: float, omega1: float, omega2: float, tau1: float = 0.0, tau2: float = 0.0
     ) -> tuple[float, float]:
-        """Angular accelerations according to docs/theory.md (1), rad/s^2."""
+        """Compute the angular accelerations according to docs/theory.md (1), rad/s^2."""
         return accelerations(
             theta1, theta2, omega1, omega2, self.a, self.b, self.d, self.e1, self.e2, self.c1, self.c2, tau1, tau2
         )  # fmt: skip
@@ -75,25 +75,25 @@ class DryJoint:
     """Function of the state that returns the friction of the sliding joint, or its limit if the joint rests, N m."""
 
     def speed(self, x: NDArray[np.float64]) -> float:
-        """Speed of the joint, rad/s."""
+        """Return the speed of the joint, rad/s."""
         return float(x[2] if self.joint == 1 else x[3] - x[2])
 
     def torques(self, torque: float) -> tuple[float, float]:
-        """Generalised torques due to a torque in the joint, N m."""
+        """Return the generalised torques due to a torque in the joint, N m."""
         return (torque, 0.0) if self.joint == 1 else (-torque, torque)
 
     def holding(self, body: Body, x: NDArray[np.float64]) -> float:
-        """Torque in the joint that keeps its speed constant, N m."""
+        """Compute the torque in the joint that keeps its speed constant, N m."""
         free, pushed = (self.gain(body, x, torque) for torque in (0.0, 1.0))
         return -free / (pushed - free)
 
     def alphas(self, body: Body, x: NDArray[np.float64], torque: float) -> tuple[float, float]:
-        """Accelerations of the rods under a torque in the joint, rad/s^2."""
+        """Compute the accelerations of the rods under a torque in the joint, rad/s^2."""
         theta1, theta2, omega1, omega2 = x.tolist()
         return body.accelerations(theta1, theta2, omega1, omega2, *self.torques(torque))
 
     def gain(self, body: Body, x: NDArray[np.float64], torque: float) -> float:
-        """Acceleration of the joint under a torque in it, rad/s^2."""
+        """Compute the acceleration of the joint under a torque in the joint, rad/s^2."""
         alpha1, alpha2 = self.alphas(body, x, torque)
         return alpha1 if self.joint == 1 else alpha2 - alpha1
 
@@ -112,12 +112,12 @@ class EquationOfMotion:
 
 
 def undisturbed(body: Body) -> EquationOfMotion:
-    """Equation of motion of the rods without any further effect."""
+    """Return the equation of motion of the rods without any further effect."""
     return under(body, lambda t, theta1, theta2, omega1, omega2: (0.0, 0.0))
 
 
 def under(body: Body, torques: Torques) -> EquationOfMotion:
-    """Equation of motion of the rods under further torques, without additional states."""
+    """Return the equation of motion of the rods under further torques, without additional states."""
 
     def slope(t: float, x: NDArray[np.float64]) -> Sequence[float]:
         theta1, theta2, omega1, omega2 = x.tolist()
@@ -128,7 +128,7 @@ def under(body: Body, torques: Torques) -> EquationOfMotion:
 
 
 def at_joint2(torque: Callable[[float, float], float]) -> Torques:
-    """Torques of an element between the rods.
+    """Return the torques of an element between the rods.
 
     `torque` is its torque on the outer rod, as a function of relative angle and relative speed.
     """
@@ -141,7 +141,7 @@ def at_joint2(torque: Callable[[float, float], float]) -> Torques:
 
 
 def at_joint1(torque: Callable[[float, float], float]) -> Torques:
-    """Torques of an element between arm and inner rod.
+    """Return the torques of an element between arm and inner rod.
 
     `torque` is its torque on the inner rod, as a function of the angle from the hanging position and the speed.
     """
@@ -153,12 +153,15 @@ def at_joint1(torque: Callable[[float, float], float]) -> Torques:
 
 
 def sticking(body: Body, joint: int, size: Callable[[NDArray[np.float64]], float]) -> EquationOfMotion:
-    """Equation of motion of rods with Coulomb friction in one joint; its level may depend on the state."""
+    """Return the equation of motion of rods with Coulomb friction in one joint.
+
+    The level of the friction may depend on the state.
+    """
     return replace(undisturbed(body), sticks=(body, DryJoint(joint, size)))
 
 
 def integrate(motion: EquationOfMotion, state: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
-    """States (n, k) at the increasing times `t` (n,), from the state (k,) at t[0]."""
+    """Compute the states (n, k) at the increasing times `t` (n,), from the state (k,) at t[0]."""
     if motion.sticks is not None:
         return _integrate_sticking(motion.error, *motion.sticks, state, t)
     return _solved(motion.slope, motion.error, state, t[0], t).y.T
@@ -195,7 +198,7 @@ def _integrate_sticking(
 
 
 def _starts(body: Body, dry: DryJoint, x: NDArray[np.float64]) -> float:
-    """Direction in which a resting joint starts to slide, or 0 if it remains at rest."""
+    """Return the direction in which a resting joint starts to slide, or 0 if it remains at rest."""
     return 0.0 if abs(dry.holding(body, x)) < dry.size(x) else _pushed(body, dry, x)
 
 

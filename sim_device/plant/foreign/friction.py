@@ -19,7 +19,10 @@ DRY_JOINT1, DRY_JOINT2 = zip(COULOMB, STRIBECK, FRICTION_CURVE, HYSTERESIS, stri
 
 
 def asymmetric_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Coulomb friction that is larger in one direction: tau1 = -F s (1 + A s), s = (2/pi) atan(omega1 / v)."""
+    """Add Coulomb friction that is larger in one direction.
+
+    tau1 = -F s (1 + A s) with s = (2/pi) atan(omega1 / v).
+    """
     force, asymmetry, speed = values["torque_Nm"], values["asymmetry"], values["speed_rad_per_s"]
 
     def torque(angle: float, omega: float) -> float:
@@ -30,13 +33,13 @@ def asymmetric_joint1(body: Body, values: Values) -> EquationOfMotion:
 
 
 def rounded_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """Coulomb friction that is rounded algebraically: tau2 = -F w / sqrt(w^2 + v^2), w = omega2 - omega1."""
+    """Add Coulomb friction that is rounded algebraically: tau2 = -F w / sqrt(w^2 + v^2), w = omega2 - omega1."""
     force, speed = values["torque_Nm"], values["speed_rad_per_s"]
     return under(body, at_joint2(lambda angle, omega: -force * omega / math.hypot(omega, speed)))
 
 
 def lorentzian_stribeck_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Friction that decreases with speed as a Lorentzian: tau1 = -F (1 + R / (1 + (w/v)^2)) sgn(w).
+    """Add friction that decreases with speed as a Lorentzian: tau1 = -F (1 + R / (1 + (w/v)^2)) sgn(w).
 
     The joint sticks at rest.
     """
@@ -46,13 +49,13 @@ def lorentzian_stribeck_joint1(body: Body, values: Values) -> EquationOfMotion:
 
 
 def root_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """Friction proportional to the root of the speed, smooth at rest: tau2 = -K w / (w^2 + 0.05^2)^(1/4)."""
+    """Add friction proportional to the root of the speed, smooth at rest: tau2 = -K w / (w^2 + 0.05^2)^(1/4)."""
     size = values["torque_at_1rad_per_s_Nm"]
     return under(body, at_joint2(lambda angle, omega: -size * omega / (omega * omega + 0.0025) ** 0.25))
 
 
 def lugre_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """LuGre friction without bristle damping.
+    """Add LuGre friction without bristle damping.
 
         z' = w - |w| z / (Z g(w)),    tau2 = -F z / Z,    g = 1 + R exp(-(w/v)^2),    w = omega2 - omega1
 
@@ -78,7 +81,7 @@ def lugre_joint2(body: Body, values: Values) -> EquationOfMotion:
 def joint_force(
     body: Body, moment: float, mass: float, theta1: float, theta2: float, omega1: float, omega2: float
 ) -> float:
-    """Force on a joint that supports `mass`, N.
+    """Compute the force on a joint that supports `mass`, N.
 
     `moment` is the first moment of the part that rotates with the inner rod, kg m. The force follows from the
     accelerations without friction, because friction is smaller by orders of magnitude.
@@ -99,7 +102,7 @@ def hertzian_joint1(body: Body, values: Values) -> EquationOfMotion:
 
 
 def plastic_load_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """Friction of a plastic bush by its contact area: tau2 = -K (|F| / 1 N)^(2/3) sgn(w).
+    """Add the friction of a plastic bush by its contact area: tau2 = -K (|F| / 1 N)^(2/3) sgn(w).
 
     F is the force on joint 2 and w the speed of the joint. The joint sticks at rest.
 
@@ -111,7 +114,7 @@ def plastic_load_joint2(body: Body, values: Values) -> EquationOfMotion:
 
 
 def warming_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Grease that warms up to a constant temperature: tau1 = C (1 - exp(-t / T)) omega1, in addition to c1."""
+    """Add grease that warms up to a constant temperature: tau1 = C (1 - exp(-t / T)) omega1, in addition to c1."""
     size, lasts = values["damping_Nms_per_rad"], values["lasts_s"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
@@ -121,7 +124,7 @@ def warming_joint1(body: Body, values: Values) -> EquationOfMotion:
 
 
 def seizing_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """Seal that runs dry within a short time: tau2 = -C w (1 + tanh((t - t0) / T)) / 2, w = omega2 - omega1."""
+    """Add a seal that runs dry within a short time: tau2 = -C w (1 + tanh((t - t0) / T)) / 2, w = omega2 - omega1."""
     size, begin_s, lasts = values["damping_Nms_per_rad"], values["at_s"], values["lasts_s"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:

@@ -53,7 +53,7 @@ class ForeignPlant:
         return ForeignSwing(self, start, float(theta[0]), rate_hz, release)
 
     def misread(self, theta: Array, t: Array, run: int) -> Array:
-        """Angles (n, 3) with encoder errors at rest.
+        """Return the angles (n, 3) with encoder errors at rest.
 
         The angles of a swing already contain these errors.
         """
@@ -64,7 +64,7 @@ class ForeignPlant:
         return self.as_read(theta, Moment(np.zeros(len(theta)), states, np.zeros((len(theta), 3))))
 
     def as_read(self, theta: Array, moment: Moment) -> Array:
-        """Angles (n, 3) as the encoders read them."""
+        """Return the angles (n, 3) as the encoders read them."""
         if self.effect.reading is None:
             return theta
         joints = theta[:, 1:].copy()

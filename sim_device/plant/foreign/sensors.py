@@ -22,38 +22,38 @@ def _with_joint(number: int, joints: Array, error: Array) -> Array:
 
 
 def arc_eccentricity_joint1(joints: Array, moment: Moment, values: Values) -> Array:
-    """Error with a kink once per turn: A (2 |sin((q - q0) / 2)| - 4 / pi)."""
+    """Add an error with a kink once per turn: A (2 |sin((q - q0) / 2)| - 4 / pi)."""
     arc = 2 * np.abs(np.sin((joints[:, 0] - values["start_rad"]) / 2)) - 4 / np.pi
     return _with_joint(1, joints, values["error_rad"] * arc)
 
 
 def triangle_eccentricity_joint2(joints: Array, moment: Moment, values: Values) -> Array:
-    """Error that increases and decreases linearly once per turn: A (2 / pi) asin(sin(q - q0))."""
+    """Add an error that increases and decreases linearly once per turn: A (2 / pi) asin(sin(q - q0))."""
     triangle = 2 / np.pi * np.arcsin(np.sin(joints[:, 1] - values["start_rad"]))
     return _with_joint(2, joints, values["error_rad"] * triangle)
 
 
 def shrinking_latency_joint2(joints: Array, moment: Moment, values: Values) -> Array:
-    """Delay that decreases with speed, as of a tracking filter: error = -T w / (1 + |w| / v)."""
+    """Add a delay that decreases with speed, as of a tracking filter: error = -T w / (1 + |w| / v)."""
     omega = moment.states[:, 3] - moment.states[:, 2]
     return _with_joint(2, joints, -values["delay_ms"] * 1e-3 * omega / (1 + np.abs(omega) / values["speed_rad_per_s"]))
 
 
 def swaying_latency_joint2(joints: Array, moment: Moment, values: Values) -> Array:
-    """Delay of encoder 2 that oscillates, as with a busy bus: error = -T (1 + sin(2 pi t / P)) w / 2."""
+    """Add an oscillating delay of encoder 2, as with a busy bus: error = -T (1 + sin(2 pi t / P)) w / 2."""
     omega = moment.states[:, 3] - moment.states[:, 2]
     busy = (1 + np.sin(2 * np.pi * moment.t / values["period_s"])) / 2
     return _with_joint(2, joints, -values["delay_ms"] * 1e-3 * busy * omega)
 
 
 def warming_scale_joint1(joints: Array, moment: Moment, values: Values) -> Array:
-    """Scale error that grows during warm-up: error = A (1 - exp(-t / T)) q, q from the hanging position."""
+    """Add a scale error that grows during warm-up: error = A (1 - exp(-t / T)) q, q from the hanging position."""
     warm = -np.expm1(-np.maximum(moment.t, 0.0) / values["lasts_s"])
     return _with_joint(1, joints, values["error_per_rad"] * warm * (joints[:, 0] - np.pi))
 
 
 def peaked_eccentricity_joint2(joints: Array, moment: Moment, values: Values) -> Array:
-    """Error of a magnet near one angle, with mean zero: A (exp(K (cos(q - q0) - 1)) - exp(-K) I0(K))."""
+    """Add the error of a magnet near one angle, with mean zero: A (exp(K (cos(q - q0) - 1)) - exp(-K) I0(K))."""
     narrowness = values["narrowness"]
     peak = np.exp(narrowness * (np.cos(joints[:, 1] - values["place_rad"]) - 1))
     from scipy.special import i0e  # slow to import, and few plants need it
@@ -62,42 +62,48 @@ def peaked_eccentricity_joint2(joints: Array, moment: Moment, values: Values) ->
 
 
 def folded_scale_joint2(joints: Array, moment: Moment, values: Values) -> Array:
-    """Scale error on one side of hanging only: error = A max(q, 0)."""
+    """Add a scale error on one side of hanging only: error = A max(q, 0)."""
     return _with_joint(2, joints, values["error_per_rad"] * np.maximum(joints[:, 1], 0.0))
 
 
 def emi_bursts(joints: Array, moment: Moment, values: Values) -> Array:
-    """Pulses in encoder 2 while the inner rod passes one position; all have the same sign and random sizes."""
+    """Add pulses in encoder 2 while the inner rod passes one position.
+
+    All pulses have the same sign and random sizes.
+    """
     near = np.exp(BURST_NARROWNESS * (np.cos(joints[:, 0] - values["place_rad"]) - 1))
     return _with_joint(2, joints, values["error_rad"] * near * np.abs(moment.noise[:, 2]))
 
 
 def interpolation_error(joints: Array, moment: Moment, values: Values) -> Array:
-    """Error of mismatched sine and cosine tracks of encoder 2: A sin(N q + phi), with N lines per turn."""
+    """Add the error of mismatched sine and cosine tracks of encoder 2: A sin(N q + phi), with N lines per turn."""
     return _with_joint(
         2, joints, values["error_rad"] * np.sin(round(values["lines"]) * joints[:, 1] + values["phase_rad"])
     )
 
 
 def drifting_reference(joints: Array, moment: Moment, values: Values) -> Array:
-    """Slow oscillation of encoder 1's reference voltage; the error is a fraction of the angle within the turn."""
+    """Add a slow oscillation of the reference voltage of encoder 1.
+
+    The error is a fraction of the angle within the turn.
+    """
     within_turn = np.mod(joints[:, 0] + np.pi, 2 * np.pi) - np.pi
     return _with_joint(1, joints, values["share"] * np.sin(2 * np.pi * moment.t / values["period_s"]) * within_turn)
 
 
 def magnetic_crosstalk(joints: Array, moment: Moment, values: Values) -> Array:
-    """Disturbance of encoder 2 by the magnet of encoder 1: A sin(q1 + phi)."""
+    """Add a disturbance of encoder 2 by the magnet of encoder 1: A sin(q1 + phi)."""
     return _with_joint(2, joints, values["error_rad"] * np.sin(joints[:, 0] + values["phase_rad"]))
 
 
 def mains_hum(joints: Array, moment: Moment, values: Values) -> Array:
-    """Mains interference in both encoders: A sin(2 pi 50 t + phi)."""
+    """Add mains interference in both encoders: A sin(2 pi 50 t + phi)."""
     hum = values["error_rad"] * np.sin(2 * np.pi * MAINS_HZ * moment.t + values["phase_rad"])
     return joints + hum[:, None]
 
 
 def counting_too_fast(body: Body, values: Values) -> EquationOfMotion:
-    """Equation of motion with the lost angle as additional state, rad.
+    """Return the equation of motion with the lost angle, rad, as additional state.
 
     Encoder 2 loses a fraction of its counts above a speed.
     """
@@ -118,7 +124,7 @@ def overspeed_loss(joints: Array, moment: Moment, values: Values) -> Array:
 
 
 def stuck_bit(counts: NDArray[np.int64], values: Values) -> NDArray[np.int64]:
-    """Counters with one bit of encoder 2 that always reads 0.
+    """Return the counts with one bit of encoder 2 that always reads 0.
 
     It is the bit whose weight is nearest to the requested weight.
     """

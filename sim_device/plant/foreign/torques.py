@@ -23,7 +23,7 @@ def drag_on_outer_rod(
     omega2: float,
     wind: float = 0.0,
 ) -> tuple[float, float]:
-    """Torques on theta1 and theta2 by drag on the outer rod, N m.
+    """Compute the torques on theta1 and theta2 by drag on the outer rod, N m.
 
     The drag is K |v|^(n-1) v per metre, with the speed v of the rod through the air, m/s. With v(s) = L1 omega1
     cos(theta1 - theta2) + s omega2 - wind, the torques are the integrals over s of the drag times dv/domega, by Gauss'
@@ -41,7 +41,7 @@ def drag_on_outer_rod(
 
 
 def power_drag_outer(body: Body, values: Values) -> EquationOfMotion:
-    """Drag of the outer rod with an exponent of the speed other than two."""
+    """Add drag of the outer rod with an exponent of the speed other than two."""
     size, exponent = values["drag_N_per_m"], values["exponent"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
@@ -51,7 +51,7 @@ def power_drag_outer(body: Body, values: Values) -> EquationOfMotion:
 
 
 def tip_drag_outer(body: Body, values: Values) -> EquationOfMotion:
-    """Quadratic drag of a wide body at the tip of the outer rod: F = -K |v| v, with the velocity v of the tip."""
+    """Add quadratic drag of a wide body at the tip of the outer rod: F = -K |v| v, with the velocity v of the tip."""
     size = values["drag_N_s2_per_m2"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
@@ -67,31 +67,34 @@ def tip_drag_outer(body: Body, values: Values) -> EquationOfMotion:
 
 
 def softening_spring_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Cable that softens: tau1 = -T tanh((q - q0) / Q), q the angle from the hanging position."""
+    """Add a cable that softens: tau1 = -T tanh((q - q0) / Q), q the angle from the hanging position."""
     torque, width, rest = values["torque_Nm"], values["width_rad"], values["rest_rad"]
     return under(body, at_joint1(lambda angle, omega: -torque * math.tanh((angle - rest) / width)))
 
 
 def hardening_spring_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """Cable that stiffens as it winds up: tau2 = -K q sqrt(1 + (q / Q)^2), q the relative angle."""
+    """Add a cable that stiffens as it winds up: tau2 = -K q sqrt(1 + (q / Q)^2), q the relative angle."""
     stiffness, width = values["stiffness_Nm_per_rad"], values["width_rad"]
     return under(body, at_joint2(lambda angle, omega: -stiffness * angle * math.hypot(1.0, angle / width)))
 
 
 def loose_spring_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """Loop of cable with slack on both sides: tau2 = -K (|q| - Q) sign(q) for |q| > Q, q the relative angle."""
+    """Add a loop of cable with slack on both sides: tau2 = -K (|q| - Q) sign(q) for |q| > Q.
+
+    q is the relative angle.
+    """
     stiffness, slack = values["stiffness_Nm_per_rad"], values["slack_rad"]
     return under(body, at_joint2(lambda angle, omega: -stiffness * math.copysign(max(abs(angle) - slack, 0.0), angle)))
 
 
 def slack_spring_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Cable that pulls only when it is taut: tau1 = -K (q - q0) for q > q0, q from the hanging position."""
+    """Add a cable that pulls only when it is taut: tau1 = -K (q - q0) for q > q0, q from the hanging position."""
     stiffness, taut = values["stiffness_Nm_per_rad"], values["taut_rad"]
     return under(body, at_joint1(lambda angle, omega: -stiffness * max(angle - taut, 0.0)))
 
 
 def sawtooth_detent_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Detent torque with an asymmetric waveform: tau1 = -A atan2(S sin u, 1 + S cos u), u = N (q - q0)."""
+    """Add a detent torque with an asymmetric waveform: tau1 = -A atan2(S sin u, 1 + S cos u), u = N (q - q0)."""
     size, lean = values["torque_Nm"], values["lean"]
     number, start = round(values["number"]), values["start_rad"]
 
@@ -103,7 +106,7 @@ def sawtooth_detent_joint1(body: Body, values: Values) -> EquationOfMotion:
 
 
 def narrow_detent_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """Narrow detents: tau2 = -A sin(u) exp(K (cos(u) - 1)), u = N (q - q0), q the relative angle."""
+    """Add narrow detents: tau2 = -A sin(u) exp(K (cos(u) - 1)), u = N (q - q0), q the relative angle."""
     size, narrow = values["torque_Nm"], values["narrowness"]
     number, start = round(values["number"]), values["start_rad"]
 
