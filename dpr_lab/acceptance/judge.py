@@ -223,7 +223,7 @@ def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
     for named in diagnosis.effects:
         if named.name == effect:
             size = named.parameters.get(parameter)
-            if size is None or size.interval90[0] == size.interval90[1]:  # an amplitude that was not fitted
+            if size is None or size.interval90[0] == size.interval90[1]:  # the amplitude was not fitted
                 return None
             return size.interval90_with_scale or size.interval90
     for tested in diagnosis.evidence.exclusions if diagnosis.evidence else ():

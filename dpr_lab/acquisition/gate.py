@@ -335,7 +335,7 @@ def _hanging_after(judged: JudgedRun) -> Check | None:
     limit, rest = judged.limits.hang_error, judged.limits.rest
     run = judged.run
     last = run.t >= run.duration - rest.window_s
-    if run.setup.mounting == "clamped":  # a clamped elbow tilts its hanging position
+    if run.setup.mounting == "clamped":  # a clamped elbow tilts the hanging rods
         return None
     if run.duration <= rest.window_s or rest_motion(run.t[last], run.theta[last])[1] > rest.spread(judged.rig):
         return None

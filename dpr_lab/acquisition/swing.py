@@ -116,7 +116,7 @@ class SwingRecorder:
                 data_kept = f"the data recorded so far are kept in {path}"
                 if isinstance(error, KeyboardInterrupt):
                     raise KeyboardInterrupt(f"{STOPPED}; {data_kept}") from error
-                if isinstance(error, DprError) and not isinstance(error, RunError):  # the message names the file
+                if isinstance(error, DprError) and not isinstance(error, RunError):  # a RunError already names the file
                     raise type(error)(f"{error}; {data_kept}") from error
                 raise
             tick, measured = recording.release_tick or 0, recording.pose_measured

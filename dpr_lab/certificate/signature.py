@@ -44,14 +44,14 @@ def load_private_key(path: Path, passphrase: Callable[[], str] | None = None) ->
         raise ConfigError(f"{path}: is a public key. --sign requires the private key")
     try:
         key = _private(data, None)
-    except TypeError as error:  # protected
+    except TypeError as error:  # the key is protected by a passphrase
         if passphrase is None:
             raise ConfigError(f"{path}: is protected by a passphrase. Run the command on a terminal") from error
         try:
             key = _private(data, passphrase().encode())
         except (ValueError, TypeError) as wrong:
             raise ConfigError(f"{path}: cannot be opened with this passphrase") from wrong
-        except UnsupportedAlgorithm as missing:  # cryptography without bcrypt
+        except UnsupportedAlgorithm as missing:  # the library lacks bcrypt, which OpenSSH keys need
             raise ConfigError(f"{path}: its protection is not supported: {missing}. {MISSING}") from missing
     except (ValueError, UnsupportedAlgorithm) as error:
         raise ConfigError(f"{path}: is not a private key in PEM or OpenSSH form; {MAKE_A_KEY}") from error

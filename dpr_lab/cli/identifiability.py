@@ -59,7 +59,7 @@ def show_arm(analysis: "ArmIdentifiability") -> None:
             " below are not results."
         )
     columns = ("combination", "value", "relative std")
-    values = {name: f"{value:.5g}" for name, value in analysis.values.items()}  # none if the recordings are simulated
+    values = {name: f"{value:.5g}" for name, value in analysis.values.items()}  # empty if the recordings are simulated
     rows = [(name, values.get(name, ""), f"{std:.1e}") for name, std in analysis.combinations.items()]
     rows += [(name, "", "not determined") for name in analysis.unseen]
     if analysis.simulated:

@@ -181,7 +181,8 @@ def mjcf(model: AnyModel, rig: Rig) -> str:
     """
     expressed = in_words(model, rig, WORDS)
     made = bodies(model, rig, expressed)
-    left = [name for name in model.effects if name not in expressed]  # the passive force represents it, if it is known
+    # the passive force represents the effects that this version knows
+    left = [name for name in model.effects if name not in expressed]
     read = [link for link in made.links if link.joint or isinstance(model, MovingArmModel)]
     return rendered(
         "mjcf.xml",

@@ -84,7 +84,8 @@ def _chi2_at(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: in
     estimate = ratio_fit.fit.estimate
     ratios = estimate.ratios.copy()
     ratios[list(ratio_fit.visible)] = np.maximum(ratio_uncertainty.values + step, 0.0)
-    of_all = np.concatenate([step, np.zeros(len(ratio_fit.fit.free) - len(step))])  # includes free zeros of encoders
+    # the free parameters include zeros of encoders
+    of_all = np.concatenate([step, np.zeros(len(ratio_fit.fit.free) - len(step))])
     start = estimate.changed(ratios=ratios, initial=estimate.initial + ratio_fit.fit.linear.initial_steps(of_all))
     return fit_ratios(
         ratio_fit.problem, start, held=[ratio_fit.visible[index]], iterations=SETTINGS.iterations

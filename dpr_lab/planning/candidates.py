@@ -60,7 +60,7 @@ def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Ar
     points = Sobol(2, rng=rng).random_base2(int(np.ceil(np.log2(count))) + 4)
     spread = 2 * np.pi * points
     reached = spread[limits.poses.reachable(spread)]
-    if len(reached) < count:  # a narrow range
+    if len(reached) < count:  # few of the points are within a narrow range
         low, high = np.array([limits.poses.theta1_rad, limits.poses.theta2_rad]).T
         narrow = low + (high - low) * points
         reached = narrow[limits.poses.reachable(narrow)]

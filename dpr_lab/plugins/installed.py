@@ -51,7 +51,7 @@ def _installed() -> tuple[Plugin, ...]:
     names: set[str] = set()
     for distribution in distributions(path=_import_folders()):
         name = str(distribution.metadata["Name"]) if _mentions_us(distribution.read_text("entry_points.txt")) else ""
-        if not name or name in names:  # for several packages with one name, the first on the path is imported
+        if not name or name in names:  # if several packages have one name, Python imports the first on its path
             continue
         names.add(name)
         for entry in distribution.entry_points:

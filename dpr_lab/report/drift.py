@@ -175,7 +175,7 @@ def chart(drift: Drift, estimates: Estimates, group: Sequence[int]) -> Figure:
     order = np.argsort(group, kind="stable")
     group = [group[k] for k in order]
     with style.house_style():
-        figure = new_figure(0.6 + 1.1 * len(drift.parameters))  # inch: axis label, and each chart
+        figure = new_figure(0.6 + 1.1 * len(drift.parameters))  # height in inches: axis label, then 1.1 per chart
         panels = figure.subplots(len(drift.parameters), 1, sharex=True, squeeze=False)[:, 0]
         edges = [k + 0.5 for k in range(len(group) - 1) if group[k] != group[k + 1]]
         for axes, parameter, values in zip(panels, drift.parameters, estimates.values[order].T, strict=True):

@@ -269,7 +269,7 @@ def comparison_rows(comparisons: "Sequence[Comparison]", angles: AngleUnit = RAD
             ("≥ " if to_the_end(comparison) else "") + three(comparison.horizon_s),
         ]
         for comparison in comparisons
-        for rods in [1 if np.array_equal(*comparison.measured.T) else 2]  # equal angles: a single rod as two halves
+        for rods in [1 if np.array_equal(*comparison.measured.T) else 2]  # two equal columns represent a single rod
     ]
 
 

@@ -51,7 +51,7 @@ def refuse_bad_texts(root: Element, keys: Mapping[str, frozenset[str]], unbounde
                 text = child.text or ""
                 if child.tag in unbounded and _INFINITY.fullmatch(text.strip()):
                     continue
-                if child.tag == "pose" and not text.strip():  # the name is that of the reference frame
+                if child.tag == "pose" and not text.strip():  # an empty pose only names a reference frame
                     continue
                 if problem := _problem(text):
                     raise ConfigError(f"{path}: <{element.tag}>{label}: element <{child.tag}>: {problem}")

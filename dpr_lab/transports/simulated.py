@@ -68,7 +68,7 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
     telling.start()
     try:
         link = open_transport(_ready_url(url.text, child))
-        compiling_simulator()  # meanwhile the device answers already
+        compiling_simulator()  # the device already answers while it compiles
         return SimulatedTransport(url.text, child, link)
     except BaseException:
         child.end(PATIENCE.stop_s)

@@ -102,7 +102,7 @@ def seal(request: PlantRequest, folder: Path, *, direct: bool = False) -> dict[s
     Raises:
         ConfigError: rig or plant is unknown, or the folder already exists.
     """
-    from dpr_lab.kernel_cache import compiling_simulator  # hashes every kernel source
+    from dpr_lab.kernel_cache import compiling_simulator  # this import hashes every kernel source
 
     compiling_simulator()
     return ask(*_words(request), "--rig", request.rig, "--seal", str(folder), *(["--direct"] if direct else []))

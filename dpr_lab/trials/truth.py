@@ -85,7 +85,7 @@ def assumed_inertia(diagnosis: Mapping[str, Any], rig: Rig) -> float:
     b = float(diagnosis["scale_b"])
     if rig.rods.mounting != "inner":
         return b
-    fitted = diagnosis.get("fitted") or [*diagnosis["ratios"].values()]  # files of older versions lack the former
+    fitted = diagnosis.get("fitted") or [*diagnosis["ratios"].values()]  # files of older versions lack `fitted`
     return b * (fitted[RATIOS.index("a/b")]["value"] - (diagnosis.get("p_over_b") or 0.0))
 
 

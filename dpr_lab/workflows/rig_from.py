@@ -141,7 +141,8 @@ def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> 
     for name, (lower, _, upper) in ranges.items():
         value = values[name]
         if not value > 0:
-            value = {"mb": 1e-6, "J1": 1e-4 * lower, "J2": 1e-4 * lower}.get(name, lower)  # J: of a point mass
+            # J1 and J2 of a point mass are zero
+            value = {"mb": 1e-6, "J1": 1e-4 * lower, "J2": 1e-4 * lower}.get(name, lower)
             if value != values[name]:
                 notes.append(
                     f"{name} ({MEANING[name]}) is {values[name]:.6g} in the model, but must be positive in a rig file:"

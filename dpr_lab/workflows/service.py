@@ -235,7 +235,7 @@ class Service:
                         return RpcError(*details)
                     case ("done", result):
                         return result
-        except (EOFError, OSError):  # its process has ended
+        except (EOFError, OSError):  # the process of the job has ended
             process.end()
             return RpcError(
                 RpcCode.FAILED, "the process of the job ended unexpectedly: close other programs if memory was short"
@@ -261,7 +261,7 @@ def work(connection: Connection) -> None:
     sending = threading.Lock()
 
     def send(message: Any) -> None:
-        with sending:  # kernels are compiled in any thread
+        with sending:  # messages about the compilation can come from any thread
             connection.send(message)
 
     def listen() -> None:
@@ -345,7 +345,8 @@ def _request(method: Method, params: Mapping[str, Any]) -> Any:
     if unknown := [name for name in params if name not in known]:
         raise RpcError(RpcCode.INVALID_PARAMS, f"unknown parameter {unknown[0]!r}; available: {', '.join(known)}")
     try:
-        return TypeAdapter(kind).validate_json(json.dumps(dict(params)))  # its messages use the terms of JSON
+        # the messages for JSON input use the terms of JSON
+        return TypeAdapter(kind).validate_json(json.dumps(dict(params)))
     except ValidationError as error:
         first = error.errors()[0]
         name = key_words(first["loc"])

@@ -154,7 +154,7 @@ class Plant:
         """
         of_arm = self.config.arm
         back_emf = self.config.arm_drive.back_emf if self.config.arm_drive is not None else 0.0
-        mode = "clamped" if of_arm.mode == "clamped" else "free"  # the torque of a driven arm is known
+        mode = "clamped" if of_arm.mode == "clamped" else "free"  # a known torque drives a free arm
         arm = ArmParameters(of_arm.J0, of_arm.c0 + back_emf, of_arm.k0, mode)
         try:
             effects = effects_of_run(effect_params(self.config.effects), self._setup)

@@ -81,7 +81,7 @@ def arm_gap(config: PlantConfig, rig: Rig) -> float:
         step = np.zeros_like(starts)
         step[:, rods.states] = start_shifts
         if 1 not in rods.states:
-            step[:, 1] = starts[:, 0] + step[:, 0] - starts[:, 1]  # a single rod
+            step[:, 1] = starts[:, 0] + step[:, 0] - starts[:, 1]  # for a single rod, theta2 = theta1
         tried = starts + np.array(SHORTENED)[:, None, None] * step
         read = _read(np.tile(values, (len(tried), 1)), tried, laid_out, rig_constants(rig))
         off = np.square((wanted - read.reshape(-1, *wanted.shape)) / sigma)[(np.s_[:], *part)].sum(axis=(2, 3))

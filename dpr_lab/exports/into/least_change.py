@@ -73,7 +73,8 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
     effects: Effects = model.effects
     longer = sum(words.get("added_length", 0.0) for words in words_of(effects).values())
     of_file = _base_of(chain, longer)
-    rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])  # in a free swing it is visible only in a
+    # a free swing shows the armature only in a
+    rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])
     gears = _gear_factors(effects, diagnosis, runs)
     base = _base(of_file, rotor, model, diagnosis, np.array(list(gears.values())))
     base = with_own_numbers(chain, base, of_file, longer)
@@ -180,7 +181,7 @@ def _base(of_file: Array, rotor: Array, model: Model, diagnosis: Diagnosis, gear
     u = np.insert(model.ratio_values, 1, 1.0)
     std = np.insert(np.sqrt(np.diag(np.array(diagnosis.ratio_covariance))), 1, 0.0)
     tolerance = np.maximum(CHANGE.same, CHANGE.stds * std / u)
-    floor = CHANGE.idle * np.sqrt(of_file[1] * of_file[3])  # for a file without damping; both terms are in N m s
+    floor = CHANGE.idle * np.sqrt(of_file[1] * of_file[3])  # a file may contain no damping; sqrt(b e1) is in N m s
     x = np.where(of_file > 0, of_file, floor) + rotor
     b, scale = model.base["b"].value, diagnosis.scale
     scales: list[float] = [] if scale is not None and scale.known and not len(gears) else (x / u)[:4].tolist()

@@ -102,7 +102,7 @@ def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[s
     """Return the `SWING_PARAMETERS` at one scale: values of the file if compatible, otherwise estimates."""
     u: dict[str, float] = dict(zip(SWING_PARAMETERS, model.swing, strict=True))
     tolerance = _tolerances(model)
-    floor = CHANGE.idle * np.sqrt(of_file["a"] * of_file["e1"])  # for a file without damping
+    floor = CHANGE.idle * np.sqrt(of_file["a"] * of_file["e1"])  # a file may contain no damping
     x = {name: of_file[name] or floor for name in tolerance}
 
     def stays(name: str, s: float) -> bool:
@@ -128,7 +128,7 @@ def _tolerances(model: MovingArmModel) -> dict[str, float]:
     """Return the relative difference up to which a number of the file is kept, for each determined parameter."""
     scale = model.absolute[model.scale]
     tolerances = {model.scale: CHANGE.same}
-    if model.input and scale.fixed_by == "data":  # the scale over the known torque per input
+    if model.input and scale.fixed_by == "data":  # the scale, divided by the known torque per input
         tolerances["gain"] = max(CHANGE.same, CHANGE.stds * scale.std / scale.value)
     for name, ratio in model.ratios.items():
         relative = ratio.std / abs(ratio.value) if ratio.value else np.inf

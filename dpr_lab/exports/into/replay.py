@@ -173,7 +173,8 @@ class Simulation:
         rods = hanging + (self.direction * (path - self.zero)) @ np.linalg.inv(to_joints).T
         times = swing.start + step * np.arange(n + 1)
         angles = [np.interp(swing.t, times, column) for column in rods.T]
-        return np.column_stack([*angles, *(angles[-1:] if count == 1 + moving else [])])  # no rod on joint 2
+        # without a rod on joint 2, theta2 = theta1
+        return np.column_stack([*angles, *(angles[-1:] if count == 1 + moving else [])])
 
     def with_module(self, module: str, rig: Rig, gain: Array) -> Callable[[Replay], Array]:
         """Return a function that simulates as `angles` does, with the passive forces of a module."""

@@ -95,7 +95,8 @@ def _of_posterior(
     scale = model.absolute[model.scale]
     interval = (scale.interval90[0] / scale.value, scale.interval90[1] / scale.value)
     factor, effects = scaled_effects(component, drawn, interval, rng)
-    if DRIVE_GAIN.name in effects and "b" not in component.free:  # the ratio of the gain to the scale is determined
+    # only the ratio of the gain to the scale is determined
+    if DRIVE_GAIN.name in effects and "b" not in component.free:
         (excess,) = effects[DRIVE_GAIN.name].values()
         effects[DRIVE_GAIN.name] = {DRIVE_GAIN.amplitudes[0].name: (1.0 + excess) * factor - 1.0}
     unknown, _ = engine_values(model, rig)

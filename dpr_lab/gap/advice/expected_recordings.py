@@ -167,5 +167,5 @@ def simulated_release(recordings: Recordings, chosen: Hypothesis, choice: Possib
     run = replace(like.run, added_mass=choice.added)
     record = replace(like, run=run, setup=setup, t=t, joints=angles, sigma=sigma, breaks=np.zeros(0))
     problem, initial = recordings.only([record]).cut(recordings.working_length)
-    initial[0] = start[0]  # the release, instead of the rest of the recording that serves as model
+    initial[0] = start[0]  # the release has its own initial state, not that of the recording
     return problem, initial

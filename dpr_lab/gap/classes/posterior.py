@@ -99,7 +99,7 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
     place, chosen = _Place(selection, name), selection.chosen
     named_score = place.test.of(name)
     others = {score.effect.name: score for score in place.test.ranking if score is not named_score}
-    if named_score is None:  # without the effect, no shape of it is proposed, and no signature can be compared with it
+    if named_score is None:  # without a score of the named effect, no signature can be compared with that of the effect
         plausibilities, forms, alternatives = dict[str, float](), (), list[Alternative]()
     else:
         plausibilities, forms = _class_members(place, named_score, others)
@@ -254,7 +254,7 @@ def _alternatives(place: _Place, named: Score, others: Mapping[str, Score]) -> l
 
 def _cost(place: _Place, score: Score) -> float:
     chosen, without, fitted = place.selection.chosen, place.without, place.filled(score.effect.name)
-    if fitted is not None:  # every set is compared with the residual of the selected one as noise
+    if fitted is not None:  # for every set, the residual of the selected set counts as noise
         return fitted.cost_at(chosen.residuals.inflation)
     price = PENALTY.parameter * without.residuals.inflation * (len(score.columns) + len(score.effect.shapes))
     # a linear score is too optimistic; an effect that was not worth a fit can be nearly as good at best

@@ -39,7 +39,8 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
     if not chosen.effects or not alone:
         return ""
     smaller = (chosen.key - {name} for name in chosen.effects)
-    bare = selection.bare.fit.estimate.ratios  # an effect of the angle has changed the gravity of the selected set
+    # in the selected set, an effect of the angle has changed the gravity torque
+    bare = selection.bare.fit.estimate.ratios
     tried = [(factor, _scaled_fit(problem, chosen, bare, factor, names)) for names in smaller for factor in SCALES]
     factor, best = min(tried, key=lambda pair: pair[1].cost)
     if best.cost > chosen.cost + THRESHOLDS.chance * chosen.residuals.inflation or not _closes(best, selection):

@@ -81,7 +81,7 @@ def _line(problem: Problem, run: int) -> tuple[float, float, float] | None:
         return None
     intervals = crossings[2:] - crossings[:-2]  # whole periods, which a zero error does not change
     usual = float(np.median(intervals))
-    periods = intervals[np.abs(intervals - usual) < 0.5 * usual]  # without gaps
+    periods = intervals[np.abs(intervals - usual) < 0.5 * usual]  # intervals that contain no gap
     return float(1 / periods.max()), float(1 / periods.min()), float(t[-1] - t[0])
 
 

@@ -217,7 +217,7 @@ def need(described: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float
     if at_noise_floor(model):
         return loss / (THRESHOLDS.chance * model.residuals.inflation)
     growth, factor = smaller.residuals.excess - bounded_excess(model), smaller.residuals.excess / bounded_excess(model)
-    if loss > scatter(smaller, model):  # the effect improves every segment, however small it is next to a large one
+    if loss > scatter(smaller, model):  # even if another effect is much larger, this effect improves every segment
         return factor / THRESHOLDS.slow
     if growth < THRESHOLDS.small * bounded_excess(described) and factor < THRESHOLDS.keeps_if_small:
         return 0.0

@@ -64,7 +64,7 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
     if len(t) <= 2 * reach:
         return np.zeros(joints.shape, dtype=bool)
     across = (joints[2 * reach :] - joints[: -2 * reach]) / (t[2 * reach :] - t[: -2 * reach])[:, None]
-    # exclude the decrease of speed towards a turning point
+    # odd reflection continues a decrease of the speed towards a turning point
     velocity = np.pad(across, ((reach, reach), (0, 0)), mode="reflect", reflect_type="odd")
     path = velocity * np.diff(t, prepend=t[0] - period)[:, None]
     speed, moved = np.abs(velocity), np.abs(path)
@@ -74,7 +74,7 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
     alone = stands & goes_on & (moved > IMPLAUSIBLE.moved * np.hypot(std, jitter * speed))
     all_axes = stands.all(axis=1)
     turning = np.flatnonzero((np.nan_to_num(step) != 0.0).any(axis=0))
-    # only one rod moves: the other axis is constant, or shows the same rod
+    # only one rod moves: the other axis is constant, or has the same readings
     if len(turning) and all(np.array_equal(joints[:, k], joints[:, turning[0]], equal_nan=True) for k in turning):
         all_axes &= goes_on[:, turning[0]]
     last_new = np.maximum.accumulate(np.where(all_axes, 0, np.arange(len(t))))

@@ -206,7 +206,7 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
         information += speed**2 * power / std**2
     ticks = _ticks(t, period)
     by_cycle = {cycle: _by_place(ticks % cycle, cycle, score, information) for cycle in range(2, INSTANTS.cycle + 1)}
-    # random jitter increases the scatter at the positions of all cycles, a late reading only that of related cycles
+    # random jitter increases the scatter in all cycles, a late reading only in related cycles
     spreads = [NORMAL_MAD * np.median(np.abs(z - np.median(z))) for cycle, z in by_cycle.items() if cycle > ORDER]
     spread = max(1.0, float(np.quantile(spreads, INSTANTS.unshared)))
     places = {cycle: _largest(z, INSTANTS.contrast) for cycle, z in by_cycle.items()}

@@ -99,7 +99,8 @@ def queued_rows(t: Array, joints: Array) -> QueuedRows | None:
     full = counted > 1
     if np.mean(counted == 0) > QUEUE.repeats or np.mean(full) < QUEUE.full:
         return None
-    single = np.flatnonzero(np.diff(np.pad(~full, 1).astype(np.int8))).reshape(-1, 2)  # changes [first, last)
+    # each row is an interval [first, last) of changes
+    single = np.flatnonzero(np.diff(np.pad(~full, 1).astype(np.int8))).reshape(-1, 2)
     turns = np.flatnonzero((changes[1:] * changes[:-1] < 0).any(axis=1)) + 1
     waited = [
         (turn, last)

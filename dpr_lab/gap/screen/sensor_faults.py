@@ -164,9 +164,10 @@ def screen(run: Run, rig: Rig) -> Screened:
         steps = faults.steps if on_grid[axis] and period <= slowest else ()
         breaks += [(float(t[i]), axis) for i, _ in steps]
         findings += _steps(run.name, name, t, steps, abs(rig.radians_per_count[1 + axis]))
-    if jitter:  # without the repeated readings, which look like wrong instants
+    if jitter:  # repeated readings look like wrong instants: estimate again without them
         trusted, significance = noise_by_speed(t, joints, noise, period, keep)
-        refuted = significance != 0.0 and significance < SCREEN.significance  # zero: too few readings
+        # the significance is zero for too few readings
+        refuted = significance != 0.0 and significance < SCREEN.significance
         jitter, jittered = (0.0, []) if refuted else (max(jitter, trusted), jittered)
     findings += [*jittered, *coloured]
     screened = Screened(
@@ -255,7 +256,7 @@ def _late(run: Run, t: Array, joints: Array) -> tuple[Flags, list[Finding]]:
     finding = Finding(name, run.name, None, float(t[late][0]), f"{evidence}; these readings are excluded")
     if share > SCREEN.repeating or name == "periodic_delay":
         return late, [finding]
-    others, findings = _late(run, t[~late], joints[~late])  # a delay hidden by repeated readings
+    others, findings = _late(run, t[~late], joints[~late])  # repeated readings can hide a delay
     late[~late] = others
     return late, [finding, *findings]
 

@@ -111,7 +111,8 @@ def gap_torque(problem: Problem, model: Hypothesis) -> dict[str, float]:
     """
     along, linear = trajectory(problem, model.fit.estimate, spacing=TRAJECTORY.coarse_s), model.fit.linear
     places = np.concatenate([np.linspace(0, TORQUE_HATS - 1, count) for count in np.diff(along.edges)])
-    hats = np.maximum(0.0, 1 - np.abs(places[:, None] - np.arange(TORQUE_HATS)))  # over time, in each segment
+    # hat functions of time in each segment
+    hats = np.maximum(0.0, 1 - np.abs(places[:, None] - np.arange(TORQUE_HATS)))
     columns = [under_torque(problem, along, joint, hats) for joint in range(problem.axes)]
     columns = linear.projected(np.concatenate(columns, axis=2))
     spaces = [ColumnSpace.of(A, e) for A, e in zip(columns, linear.e, strict=True)]

@@ -298,7 +298,7 @@ class _Parts:
         projected = (flat - common @ np.linalg.solve(normal, common.T @ flat)).reshape(stacked.shape)
         L, e = projected[:, :, :-1], projected[:, :, -1]
         runs = L.shape[2]
-        # the common value is not a difference between recordings
+        # differences between recordings do not depend on the common value
         contrasts = np.linalg.svd(np.ones((1, runs)))[2][1:].T
         H, gradient = np.einsum("smi,smj->ij", L, L), np.einsum("smi,sm->i", L, e)
         inverse = np.linalg.pinv(contrasts.T @ H @ contrasts, rcond=REPEATABILITY.singular, hermitian=True)

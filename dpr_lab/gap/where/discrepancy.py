@@ -99,7 +99,7 @@ def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
     gradient = space.gradient / space.scale
     eigen, vectors = np.linalg.eigh(H)
     eigen, along_each = np.maximum(eigen, 0.0), (vectors.T @ gradient) ** 2
-    n = model.residuals.chi2 / model.residuals.inflation  # number of independent readings, at a variance of one
+    n = model.residuals.chi2 / model.residuals.inflation  # number of independent readings of unit variance
     total = float(np.sum(linear.e**2))
 
     def cost(ridge: float) -> float:

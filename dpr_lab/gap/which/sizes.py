@@ -63,7 +63,7 @@ def significantly_oversized(model: Hypothesis, limits: Array | None) -> tuple[st
 
     def possible(name: str) -> bool:
         effect, sizes = EFFECTS[name], named_params(params)[name]
-        if effect.possible(sizes):  # it is at a limit
+        if effect.possible(sizes):  # the sizes are possible together, so one of them is at its limit
             return False
         free = zip(model.fit.free, errors(model).tolist(), strict=True)
         of_effect = {p.name: error for p, error in free if p.effect == name and p.amplitude}

@@ -59,7 +59,8 @@ def other_zeros(runs: Sequence[Run], rig: Rig) -> Iterator[Misreading]:
         if run.arm is not None or run.torques is not None or run.setup.held or run.mounting != "both":
             continue
         zeros = energy_zeros(run.t, run.theta[:, 1:], rig)
-        added = np.array([round(float(np.degrees(zero)), 1) + 0.0 for zero in zeros or (0.0, 0.0)])  # no -0
+        # adding 0.0 converts -0.0 to 0.0
+        added = np.array([round(float(np.degrees(zero)), 1) + 0.0 for zero in zeros or (0.0, 0.0)])
         known = any(np.abs(added - other).max() < ZEROS.alike_deg for other in tried)
         if known or np.abs(added).max() < ZEROS.least_deg:
             continue
@@ -137,7 +138,7 @@ _ANGLES = (
         lambda inner, outer: (inner, 2 * inner - outer),
     ),
     _of_two_rods(_RELATIVE, lambda inner, outer: (inner, inner + outer - np.pi)),
-    _of_two_rods(_RELATIVE, lambda inner, outer: (inner, inner + outer)),  # for a table with zero upright
+    _of_two_rods(_RELATIVE, lambda inner, outer: (inner, inner + outer)),  # for a table in which 0 is upright
     _of_two_rods(_ABSOLUTE, lambda inner, outer: (inner, outer - inner + np.pi)),
     _of_two_rods(_ABSOLUTE, lambda inner, outer: (inner, outer - inner)),
     _of_two_rods(
@@ -151,7 +152,8 @@ _ANGLES = (
         lambda inner, outer: (inner - np.pi, outer - inner),
     ),
     _of_angles(_DEGREES, lambda a, b: (np.radians(a), np.radians(b))),
-    _of_angles(_DEGREES, lambda a, b: (np.pi + np.radians(a - np.pi), np.pi + np.radians(b - np.pi))),  # from hanging
+    # the readings are degrees from hanging
+    _of_angles(_DEGREES, lambda a, b: (np.pi + np.radians(a - np.pi), np.pi + np.radians(b - np.pi))),
     _of_angles(
         "the angles are in radians (import with --unit rad)",
         lambda a, b: (np.pi + np.degrees(a - np.pi), np.pi + np.degrees(b - np.pi)),

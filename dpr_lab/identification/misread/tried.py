@@ -145,7 +145,7 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
         runs: runs with the given interpretation
         rig: rig of the recordings
     """
-    # over the same short time as the other interpretations, in which the model error accumulates less
+    # all interpretations are compared over the same short time, in which little model error accumulates
     first = min(_chi2(runs, rig, quick=quick) for quick in (False, True))
     before = max(first - 1, 1e-9)
     explained = better_readings(runs, rig, first, 1 + before / SETTINGS.better_hint)

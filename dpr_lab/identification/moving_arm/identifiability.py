@@ -342,7 +342,7 @@ def _simulated(rig: Rig) -> ArmFit:
     problem, _ = arm_problem(recordings, rig, 2 * RELEASES.duration_s)
     p, gain = problem.unknowns.start.copy(), SWING_PARAMETERS.index("gain")
     if driven:
-        p[gain] = p[gain] or 1.0  # for a motor without constants
+        p[gain] = p[gain] or 1.0  # the gain is zero if the constants of the motor are unknown
         recordings = [replace(recording, drive=_program(t, p, mode)) for recording in recordings]
         problem, _ = arm_problem(recordings, rig, 2 * RELEASES.duration_s)
     initial = np.array([[*pose.theta, 0.0, 0.0, 0.0] for pose in poses])

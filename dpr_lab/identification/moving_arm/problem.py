@@ -75,7 +75,7 @@ class ArmSwings:
         initial[:, : segments.states] = estimate.initial
         frame = self.constants.L1, self.constants.g
         readings = swing_segments(estimate.vector, frame, self.inputs, initial[:, FOLLOW.order])[:, :3]
-        with np.errstate(invalid="ignore"):  # value if the integration fails
+        with np.errstate(invalid="ignore"):  # the values are not finite if the integration fails
             readings[:, 2] -= self.constants.relative2 * readings[:, 1]
         return readings
 

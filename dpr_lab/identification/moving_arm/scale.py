@@ -144,7 +144,7 @@ def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig, determined: Collection[s
         " recording separates kt from R, or friction from back-EMF: measure R with an ohmmeter, and ke by"
         " turning the motor.",
     ]
-    if "gain" not in determined or gain < 0.0:  # the gain of a reversed input, which is reported separately
+    if "gain" not in determined or gain < 0.0:  # a negative gain means a reversed input, which is reported separately
         return notes
     if motor.kt is not None and motor.R is not None:
         expected = best(motor.kt, 0.0) / best(motor.R, 1.0)

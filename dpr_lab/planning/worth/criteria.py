@@ -275,7 +275,7 @@ class OpenAmplitudes:
         if not places:
             return cls((), np.zeros((0, 0)), np.zeros((0, 0)))
         before, after = (given(information, known.fitted, [*places]) for information in (known.information, F))
-        visible = np.flatnonzero(np.diag(before) > 0.0)  # the others have no estimate
+        visible = np.flatnonzero(np.diag(before) > 0.0)  # an amplitude without information has no estimate
         tests, rows = [*places.values()], np.ix_(visible, visible)
         return cls(tuple(tests[i] for i in visible), before[rows], after[rows])
 

@@ -123,7 +123,8 @@ def _varying(parameter: VaryingParameter) -> str:
     def size(*values: float) -> str:
         return size_words(parameter.effect, parameter.name, RADIANS, *values)
 
-    size_name = parameter_words(parameter.effect, parameter.name)  # a ratio has no effect, and is its own name
+    # a ratio belongs to no effect; its name is its description
+    size_name = parameter_words(parameter.effect, parameter.name)
     words = f"{size_name} of {named(parameter.effect)}" if parameter.effect else size_name
     ends = sorted((value, name) for name, value in parameter.values.items())
     reach = NORMAL_Q90 * parameter.std

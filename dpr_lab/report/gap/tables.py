@@ -253,7 +253,8 @@ def steps(diagnosis: Diagnosis) -> list[tuple[str, float]]:
     return [
         ("bare model", per_reading(diagnosis.gap, "before_rad")),
         *(
-            (f"+ {named(step['effect'])}", float(step.get("gap_rad", step["rms_rad"] / 2**0.5)))  # old: joint sum
+            # older files: root sum of squares
+            (f"+ {named(step['effect'])}", float(step.get("gap_rad", step["rms_rad"] / 2**0.5)))
             for step in diagnosis.gap.waterfall
         ),
     ]

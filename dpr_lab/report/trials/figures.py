@@ -26,7 +26,7 @@ def confusion_figure(summary: Summary) -> Figure:
         rows, labels = list(table), {name for counts in table.values() for name in counts}
         columns = [name for name in rows if name in labels] + sorted(labels.difference(rows))
         counts = np.array([[table[row].get(column, 0) for column in columns] for row in rows])
-        figure = new_figure(2.4 + 0.21 * len(rows))  # inch: margins, and each row
+        figure = new_figure(2.4 + 0.21 * len(rows))  # height in inches: margins, then 0.21 per row
         axes = figure.subplots()
         axes.imshow(counts / counts.sum(axis=1, keepdims=True), cmap="Blues", vmin=0, vmax=1.4, aspect="auto")
         axes.grid(False)

@@ -158,7 +158,7 @@ def _points(table: Table, despite_angles: bool = False) -> tuple[str, list[_Poin
     alone = [("point", match[1].lower()) if (match := _ALONE.fullmatch(name)) else ("", "") for name in ungrouped]
     timed = len(ungrouped) > 2 and any(map(is_time, table.names))
     abscissa = next((column for (_, axis), column in zip(alone, table.values, strict=True) if axis == "x"), None)
-    plotted = not timed and abscissa is not None and runs(abscissa)  # x is the time
+    plotted = not timed and abscissa is not None and runs(abscissa)  # x is the time, as in a plot of one quantity
     if sorted(axis for _, axis in alone if axis) == ["x", "y"] and (plotted or not angles):
         return ("", []) if plotted else (PLAIN, list(_upwards(table, alone, 0, -1.0)))
     columns = [_coordinate(name) for name in ungrouped]

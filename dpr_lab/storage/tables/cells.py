@@ -21,7 +21,7 @@ NOT_A_VALUE = frozenset(("", "nan", "na", "n/a", "null", "none", "-"))
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[-+]?\d+)?"
 _VECTOR = re.compile(rf"([(\[])\s*({_NUMBER}(?:(?:\s*[,;]\s*|\s+){_NUMBER})+)\s*[)\]]", re.I)
 """Pattern of several numbers in one field, such as the point "(1392, 685)" or the array [0.1 0.2]."""
-MINUS = "\N{MINUS SIGN}"  # written by programs that set numbers for print
+MINUS = "\N{MINUS SIGN}"  # some programs write this sign in place of the hyphen
 NEXT = "\x02"
 """Separator of the numbers of a vector within its field. Files with control characters are refused."""
 _STAMP = re.compile(r"^(\d{1,2}:\d{2}:\d{2}\.\d+) -> ?")

@@ -185,7 +185,7 @@ def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tu
     alone = [name for name in table.names if _ONE_ROD.fullmatch(bare(name))]
     moving = {name for name, column in zip(table.names, table.values, strict=True) if varies(column)}
     places = {name for name in alone if _PLACE.fullmatch(bare(name))}
-    letters = {name for name in alone if len(bare(name)) == 1}  # `Q` may be an input
+    letters = {name for name in alone if len(bare(name)) == 1}  # a single letter such as `Q` may denote an input
     for unlikely in (places, set(alone) - moving, letters):
         alone = [name for name in alone if name not in unlikely] or alone
     if "theta1" not in given and not any("theta1" in guess for guess in guessed):
@@ -329,7 +329,7 @@ def _example(names: Sequence[str], named: Mapping[str, str], missing: Sequence[s
     """
     unknown = [name for name in names if name not in named.values() and name != NO_ROD]
     likely = [name for name in unknown if re.search(_LIKELY, name.lower())]
-    # Without the arm: its column may be a guess.
+    # The arm is excluded, because its column may be a guess.
     rest = unknown if len(unknown) == len(missing) else [name for name in names if name not in (named.get("t"), NO_ROD)]
     rest = likely if len(likely) == len(missing) == 1 and "t" not in missing else rest
     complete = len(rest) == len(missing) and not any(re.search(r"[,=]", name) for name in rest)

@@ -149,7 +149,7 @@ def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
     best = min((residual for residual, _ in tried), default=np.inf)
     likely = fewest_changes([reading for residual, reading in tried if residual <= READ.alike * best])
     if read.torques is None and any(_MRAD in reading.causes for reading in likely) and (moved := _as_counts(read)):
-        likely.append(moved)  # whole numbers
+        likely.append(moved)  # whole numbers may be counts instead of mrad
     return likely
 
 
@@ -257,7 +257,7 @@ def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
     counts = np.round(turned / np.asarray(rig.radians_per_count)[1:])
     moved = {axis: values[axis] + count for axis, count in zip(AXES[1:], counts, strict=True)}
     zeros = [round(zero) for zero in np.asarray(rig.encoders.zero_counts)[1:] - counts]
-    if rig.rods.mounting != "both":  # within one turn of the swing
+    if rig.rods.mounting != "both":  # a single rod: choose the turn of the zero that contains the swing
         turn = 2 * np.pi / abs(rig.radians_per_count[1])
         zeros[0] += round(turn * round((float(np.median(values["theta1"])) - zeros[0]) / turn))
     of_joint2 = f" and {zeros[1]} for joint 2" if rig.rods.mounted == "both" else ""

@@ -154,7 +154,8 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
 
 def _in_columns(table: Table) -> Table:
     """Exchange rows and columns of a table that has one quantity in each row; other tables are unchanged."""
-    values = np.array([column for column in table.values if not np.isnan(column).all()])  # without names of the rows
+    # drop a column with the names of the rows
+    values = np.array([column for column in table.values if not np.isnan(column).all()])
     few = 2 <= len(table.lines) <= LIMITS.rows_as_columns and len(values) > LIMITS.instants * len(table.lines)
     if not (few and all(map(str.isdecimal, table.names)) and np.isfinite(values).all() and runs(values[:, 0])):
         return table
@@ -307,7 +308,7 @@ def _of_numbers(names: Sequence[str], cells: Sequence[str]) -> list[str]:
 
     Such a field is a point, or contains the elements of an array.
     """
-    if len(names) != len(cells):  # refused with the first row
+    if len(names) != len(cells):  # the first row will be refused
         return list(names)
     named: list[str] = []
     for name, cell in zip(names, cells, strict=True):

@@ -167,7 +167,7 @@ def spread_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
         return t, ""
     usual = float(t[-1] - t[0]) / (len(t) - 1)
     steps = np.diff(t)
-    if not (steps > 0).any() or steps[steps > 0].min() > SETTINGS.slack * usual:  # too few digits
+    if not (steps > 0).any() or steps[steps > 0].min() > SETTINGS.slack * usual:  # the times have too few digits
         return t, ""
     edges = np.flatnonzero(np.diff(t, prepend=-np.inf, append=np.inf))  # first row of each stamp, and the end
     spread, moved = t.copy(), 0

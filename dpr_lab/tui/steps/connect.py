@@ -137,7 +137,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         self._exercised = ""
         await self.services.connect()
         self.query_one(OptionList).focus()
-        self.action_look()  # the link used last
+        self.action_look()  # the list begins with the link used last
         self.post_message(self.Done())
         self._draw()
 

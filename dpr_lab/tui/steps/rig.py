@@ -95,7 +95,7 @@ the selected rig.
 
     def enter(self) -> None:
         """Read the file again, because it may have changed, and focus the list of rigs."""
-        if self._named != self.workspace.rig:  # a planned release was taken
+        if self._named != self.workspace.rig:  # the step Plan has chosen another rig file
             self._show_name(self.workspace.rig)
             self._offer()
         self.query_one(OptionList).focus()

@@ -24,7 +24,9 @@ step."""
 
 
 def bending_rod(body: Body, values: Values) -> EquationOfMotion:
-    """Add an elastic hinge in the middle of the outer rod; q is the angle by which its outer half bends.
+    """Add an elastic hinge in the middle of the outer rod.
+
+    q is the angle by which the outer half bends.
 
         T = T_rods + p w2 q' + r cos(t1-t2) w1 q' + i q'^2/2,    V = V_rods - h q sin t2 + q^2 / (2 C)
 
