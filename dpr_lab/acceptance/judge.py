@@ -38,8 +38,8 @@ from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.shown import listed, percent
 
 SURE = 0.95
-"""Minimum probability of the assumption of a result: if a limit fails, that the effect is the cause; if it passes, that
-the effect is absent."""
+"""Minimum probability of the assumption on which a result is based. If a limit fails, the assumption is that the effect
+is the cause; if it passes, that the effect is absent."""
 
 NOT_OF_SPEED = tuple(
     f"{law}_joint{joint}" for law in ("load_friction", "hysteresis", "friction_drift") for joint in (0, 1, 2)
@@ -83,8 +83,8 @@ class Acceptance:
     recordings: tuple[str, ...] = ()
     """Releases that are expected to decide further limits, in the recommended order."""
     would_decide: tuple[str, ...] = ()
-    """Quantities that these releases are expected to decide, if each is half its limit, or at the centre of its
-    range."""
+    """Quantities for which these releases are expected to decide whether the limit is met. Each quantity is assumed to
+    be at half its limit, or at the centre of its range."""
 
 
 def judge(diagnosis: Diagnosis, limits: Limits, free_run_rad: Mapping[str, float] | None = None) -> Acceptance:

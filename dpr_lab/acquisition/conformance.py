@@ -75,7 +75,7 @@ class Conformity:
 
 
 DRIVES = {"joints": PAGES, "arm": ARM_PAGE}
-"""INFO page that only devices with a kind of drives send, for each kind in a trace."""
+"""For each kind of drives in a trace: the INFO page that only devices with such drives send."""
 
 MARK = 0xBA00
 """First token of the pings that follow a command. A device processes messages in order, so the answers to the pings

@@ -60,8 +60,8 @@ class QualityLimits:
     release_speed: float = 0.2
     """Maximum initial speed, rad/s. The fit over 20 ms has an uncertainty of about 0.03 rad/s."""
     sigmas: float = 5.0
-    """Maximum change of a speed that does not count as a push or a jump, in standard deviations of the speed error
-    that results from the encoder resolution."""
+    """Maximum change of a speed that does not count as a push or a jump. The unit is the standard deviation of the
+    speed error due to the encoder resolution."""
     lost_share: float = 1e-3
     gap_periods: int = 10
     """Maximum number of consecutive missing samples."""

@@ -60,7 +60,8 @@ class Difference:
     change: float
     """Mean of the group minus mean of the first group, SI units."""
     interval: tuple[float, float]
-    """Interval of `change`, simultaneous with the intervals of all parameters, groups and change points, SI units."""
+    """Interval of `change`, SI units. Its confidence holds simultaneously for all parameters, groups and change
+    points."""
 
 
 @dataclass(frozen=True, slots=True)

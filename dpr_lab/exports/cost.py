@@ -40,7 +40,7 @@ class Replayed:
     off_rad: float
     """Rms error of both rods, rad."""
     closed: float
-    """Share of the gap above the noise floor by which the error falls relative to the bare model."""
+    """Fraction of the bare model's error above the noise floor that the replayed model removes."""
     by_run: dict[str, float]
     """Rms error of each run by its name, rad."""
 

@@ -34,7 +34,7 @@ class Search:
     finalists: int = 2
     """Number of the best releases for which the duration is optimised."""
     placements: int = 2
-    """Number of random placement errors over which the information of these releases is averaged."""
+    """Number of random placement errors over which the information of the best releases is averaged."""
     quiet_deg: tuple[float, ...] = (5.0, 15.0, 40.0)
     """Amplitudes of additional candidates about hanging, deg.
 
@@ -42,9 +42,10 @@ class Search:
     """
 
     repeated: float = 0.5
-    """Fraction by which the value of a release falls if it repeats another one; model errors affect both equally."""
+    """Fraction by which the value of a release falls if it repeats another release, because a model error affects
+    both."""
     alike_rad: float = 0.5
-    """Distance of two start poses, rad, at which most of this reduction has disappeared."""
+    """Distance between two start poses, rad, at which the reduction by `repeated` has mostly disappeared."""
 
 
 SEARCH = Search()

@@ -80,7 +80,7 @@ class ForecastSettings:
     revealed: float = 0.1
     """The same fraction if the previous diagnosis left a remainder above the noise.
 
-    The next release decided the causes on none of 4 own plants with one main effect and three to six small effects.
+    The next release decided the causes on none of 4 plants with one main effect and three to six small effects.
     """
     likely: float = 0.8
     """Minimum probability of a decision for which a number of releases is recommended."""
@@ -89,7 +89,7 @@ class ForecastSettings:
     separable: float = 6.0
     """Minimum d^2 at which two causes count as separable; odds of 20 to 1 then result on average."""
     repeats: int = 6
-    """Maximum number of further releases whose d^2 may be summed to reach this value."""
+    """Maximum number of further releases whose d^2 may be summed to reach `separable`."""
     at_limit: float = 0.25
     """Odds of an effect at the limit of exclusion against no effect.
 

@@ -184,7 +184,8 @@ class _Ensemble:
     amplitudes: "FittedAmplitudes | None" = None
     """Amplitudes of the fitted recordings; None if they are unknown."""
     beyond: "Callable[[PredictiveBand, Run], float | None]" = lambda band, run: None
-    """Function that returns the share of the compared part of a recording in which these amplitudes are exceeded."""
+    """Function that returns the share of the compared part of a recording in which the amplitudes are outside
+    `amplitudes`."""
 
 
 def _coverage(ensemble: _Ensemble, models: "Sequence[Any]", run: "Run") -> BandCoverage:

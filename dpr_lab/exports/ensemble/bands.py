@@ -46,7 +46,7 @@ class BandSettings:
     limit, in standard deviations of the noise. The model does not follow the readings if the misfit exceeds the second
     limit, relative to the median over all half seconds."""
     unexplained: float = 0.5
-    """Maximum share of the variance of the first readings that a model which follows them leaves unexplained."""
+    """Maximum unexplained share of the variance of the first readings, for a model that counts as following them."""
 
 
 BANDS = BandSettings()

@@ -18,7 +18,7 @@ class Editor(ABC):
     words: ClassVar[frozenset[str]]
     """Elements of effects that its files can contain."""
     passive: ClassVar[bool] = True
-    """Whether MuJoCo reads its files, so that a module can apply further effects as passive forces."""
+    """Whether MuJoCo reads files of this format. A module can then apply further effects as passive forces."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -80,7 +80,7 @@ class Diagnosis(Shown, Saved):
     basis: Basis = "releases left out"
     """Data on which the verdict was tested."""
     transfer: dict[str, dict[str, Interval]] = {}
-    """Share of the gap without an effect that the effect closes, by effect and by held-out run."""
+    """For each effect and held-out run: share of the gap without the effect that the effect closes."""
     withdrawn: list[str] = []
     """Effects that explain the fitted recordings but do not carry over to held-out data."""
     gap: Gap

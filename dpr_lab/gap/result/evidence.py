@@ -177,8 +177,8 @@ class RunBudget(Saved):
     """Area between the distribution of the measured angles and the distribution simulated by the bare model, rad."""
     area_after_rad: Number
     area_noise_rad: Number
-    """Area between the distributions of the angles by the corrected model without and with noise of the readings,
-    rad."""
+    """Area between two distributions of the angles that the corrected model predicts: without and with noise of the
+    readings, rad."""
 
 
 class Budget(Saved):

@@ -65,7 +65,7 @@ class InstantSettings:
     wild: float = 8.0
     """Limit of the error of a single reading in the search for a cycle, in standard deviations."""
     usual: float = 0.98
-    """Quantile of the errors that replaces the limit `wild` if it is larger, because a cycle has many late
+    """Quantile of the errors that replaces the limit `wild` if the quantile is larger. A cycle may have many late
     readings."""
     reach: int = 4
     """Number of samples on either side for the estimate of the speed."""

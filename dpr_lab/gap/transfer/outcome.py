@@ -110,7 +110,7 @@ class Transfer:
     held_out: Mapping[str, Interval]
     """Share of the gap that closes in a held-out run, by run."""
     effects: Mapping[str, Mapping[str, Interval]]
-    """Share of the gap without an effect that the effect closes, by effect and by run."""
+    """For each effect and run: share of the gap without the effect that the effect closes."""
     withdrawn: tuple[str, ...]
     """Effects that do not improve the prediction of recordings that were not fitted."""
     unproven: tuple[str, ...]

@@ -58,7 +58,7 @@ class PointSettings:
     """Minimum excess of the number of frames on straight lines over the number expected by chance, in standard
     deviations."""
     frames_of_speed: int = 8
-    """Duration of an interval of motion divided by half of the interval over which its speeds are measured."""
+    """Ratio of the interval over which energies are compared to half of the interval over which a speed is measured."""
 
 
 SETTINGS = PointSettings()

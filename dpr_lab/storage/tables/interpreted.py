@@ -36,9 +36,9 @@ class QuestionSettings:
     """Maximum residual of the energy balance without a warning: for a free swing, and for a driven swing. The Coulomb
     friction of geared drives on real rigs dissipates up to half of the exchanged energy."""
     nearest: tuple[float, float] = (1.5, 0.5)
-    """Limits for a message that names the interpretation with the smallest residual, although this residual is too
-    large for a correct interpretation: minimum ratio of the second smallest residual to the smallest, and maximum of
-    the smallest."""
+    """Two limits for a message that names the interpretation with the smallest residual. The message is given if this
+    residual is too large for a correct interpretation. The limits are the minimum ratio of the second smallest residual
+    to the smallest, and the maximum of the smallest."""
     time_scale: float = 1.6
     """Maximum factor between the time scales of kinetic and potential energy, without a warning."""
     arm_rad: float = 0.05

@@ -32,7 +32,7 @@ class StampSettings:
     """Minimum share of rows with the time of the previous row but other readings, for times to count as rounded."""
     slack: float = 1.2
     """Maximum range of the deviations from even spacing, in units of the resolution of the times; 1 in exact
-    arithmetic. The shortest step of times that distinguish rows is as short as this, in units of the mean spacing."""
+    arithmetic. The times have too few digits if their shortest step exceeds this multiple of the mean spacing."""
     times: int = 10
     """Minimum number of different times, for times to count as rounded."""
     digits: int = 6
