@@ -233,14 +233,17 @@ def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
 
 
 def _with_scale(diagnosis: Diagnosis, effect: str, parameter: str, low: float, high: float) -> Range:
-    """Widen the interval of a size, which holds for the assumed b, by both ends of the interval of b."""
+    """Widen the interval of a size by the uncertainty of b.
+
+    The given interval holds for the assumed b. The result covers the intervals at both ends of the interval of b.
+    """
     amplitude = next(amplitude for amplitude in EFFECTS[effect].amplitudes if amplitude.name == parameter)
     factors = _scale_factors(diagnosis, amplitude.scale_power)
     return min(low * factor for factor in factors), max(high * factor for factor in factors)
 
 
 def _scale_factors(diagnosis: Diagnosis, power: int) -> list[float]:
-    """Return the factors of a size for the assumed b and for both ends of its interval (`Scale.factors90`)."""
+    """Return the factors of a size: 1 for the assumed b, and one for each end of its interval (`Scale.factors90`)."""
     return [1.0, *(() if diagnosis.scale is None else diagnosis.scale.factors90(power))]
 
 

@@ -73,7 +73,7 @@ def compare_recording(certified: CertifiedRecording, folder: Path) -> Verified:
 
 
 def _compare(certified: CertifiedRecording, path: Path) -> tuple[bool, str | None, str]:
-    """Return whether a file is the certified recording, its hash, and the reason for the result."""
+    """Compare a file with the certified recording; return whether they agree, the hash of the file, and the reason."""
     if not path.is_file():
         return False, None, "does not exist"
     now = sha256_of(path)

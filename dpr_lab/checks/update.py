@@ -67,7 +67,7 @@ def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Di
 
 
 def refuse_other_result(check: AdvisedCheck, given: set[str]) -> None:
-    """Check that the result of a check consists of the fields of a `CheckAnswer` that its kind takes.
+    """Check that the given fields of a `CheckAnswer` are those that this kind of check requires.
 
     Raises:
         RunError: other fields are given.

@@ -97,10 +97,10 @@ def _masses(model: Model) -> tuple[float, float, float]:
     return scale * z["m1"], scale * z["m2"], scale * z["mb"]
 
 
-def notes(model: AnyModel, made: Bodies, lost: Mapping[str, str]) -> list[str]:
+def notes(model: AnyModel, corrected: Bodies, lost: Mapping[str, str]) -> list[str]:
     """Describe an exported model: its scale, the omitted effects, and the torque of the arm's drive."""
     omitted = [f"omitted effects: {json.dumps(dict(lost), ensure_ascii=False)}"] if lost else []
-    arm = made.arm
+    arm = corrected.arm
     drive = [f"joint0: torque = {arm.gain!r} N m per unit of {arm.input}"] if arm is not None and arm.input else []
     return [model.scale_sentence, *omitted, *drive]
 

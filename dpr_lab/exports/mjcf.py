@@ -180,16 +180,16 @@ def mjcf(model: AnyModel, rig: Rig) -> str:
         ConfigError: no rigid bodies can represent the model with a moving arm.
     """
     expressed = in_words(model, rig, WORDS)
-    made = bodies(model, rig, expressed)
+    corrected = bodies(model, rig, expressed)
     # the passive force represents the effects that this version knows
     left = [name for name in model.effects if name not in expressed]
-    read = [link for link in made.links if link.joint or isinstance(model, MovingArmModel)]
+    read = [link for link in corrected.links if link.joint or isinstance(model, MovingArmModel)]
     return rendered(
         "mjcf.xml",
         name=model.rig.name,
         scale=model.scale_sentence,
         left_out=f"Effects not in this file: {', '.join(left)}." if left else "This file contains all named effects.",
-        made=made,
+        corrected=corrected,
         read=read,
         frictions=rest_friction(model.effects, rig),
         passive=[(link.joint, *part) for link in read for part in _passive_parts(link)],
@@ -253,7 +253,7 @@ def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float, float]:
 
 
 def _passive_parts(link: Link) -> list[tuple[str, tuple[float, ...]]]:
-    """Return cogging and presliding of a joint as attributes of motors without a winding, and their numbers."""
+    """Return the cogging and presliding of a joint as parts of a motor without a winding, with their numbers."""
     words = link.body.words
     waves = [("cogging", (size, N, phase - N * link.hanging)) for size, N, phase in words.get("cogging", ())]
     if "presliding" not in words:

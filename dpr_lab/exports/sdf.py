@@ -20,7 +20,7 @@ def sdf(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> str:
     The links of the model are `arm` (if the arm moves), `inner` and `outer`. All joint angles are 0 with the rods
     upright. The parts at joint 2 belong to the inner rod.
     """
-    made = bodies(model, rig, in_words(model, rig, WORDS))
-    inner, *outer = made.rods
-    made = replace(made, rods=(inner.with_mass_at_end(made.tip_mass), *outer))
-    return rendered("sdf.xml", name=model.rig.name, made=made, notes=notes(model, made, lost))
+    corrected = bodies(model, rig, in_words(model, rig, WORDS))
+    inner, *outer = corrected.rods
+    corrected = replace(corrected, rods=(inner.with_mass_at_end(corrected.tip_mass), *outer))
+    return rendered("sdf.xml", name=model.rig.name, corrected=corrected, notes=notes(model, corrected, lost))

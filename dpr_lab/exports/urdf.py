@@ -20,5 +20,7 @@ def urdf(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> str:
 
     All joint angles are 0 with the rods upright. The angle of joint 2 is relative to the inner rod.
     """
-    made = bodies(model, rig, in_words(model, rig, WORDS))
-    return rendered("urdf.xml", name=model.rig.name, made=made, notes=notes(model, made, lost), thin=THIN)
+    corrected = bodies(model, rig, in_words(model, rig, WORDS))
+    return rendered(
+        "urdf.xml", name=model.rig.name, corrected=corrected, notes=notes(model, corrected, lost), thin=THIN
+    )

@@ -72,8 +72,8 @@ class Comparison(Shown):
     """Kind of the known torques, `measured` or `commanded`; empty if unknown."""
 
     def _heading(self) -> str:
-        part = "held out" if self.held_out else "used in the fit"
-        return f"Comparison with run {self.run} ({part}), predictability horizon {self.horizon_s:.3g} s"
+        role = "held out" if self.held_out else "used in the fit"
+        return f"Comparison with run {self.run} ({role}), predictability horizon {self.horizon_s:.3g} s"
 
     def _rows(self) -> list[Row]:
         by_kind = {"noise": self.noise_rad, "segments": self.segment_rms_rad, "free run": self.free_run_rms_rad}

@@ -190,10 +190,10 @@ def identifiability(
     places = list(range(len(information)) if visible is None else visible)
     values = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))[places]
     root = information_root(information, values)
-    data = root @ unknown_jacobian(Z, rig)[places] * Z
-    known = np.vstack([data, _measured_rows(rig, Z)])
+    of_recordings = root @ unknown_jacobian(Z, rig)[places] * Z
+    known = np.vstack([of_recordings, _measured_rows(rig, Z)])
     bounds = _bound_rows(rig, Z)
-    singular_values = np.linalg.svd(data, compute_uv=False)
+    singular_values = np.linalg.svd(of_recordings, compute_uv=False)
     answers: dict[Measurement, Array] = {i: i.rows(Z, rig) * Z for i in INSTRUMENTS if not already_made(i, rig)}
     return Identifiability(
         rank=int(np.sum(singular_values >= SEEN)),
@@ -202,7 +202,7 @@ def identifiability(
         cramer_rao_std=_named([UNKNOWN_RATIOS[i] for i in places], values * spread(root * values)),
         null_space=tuple(simple_basis(free_directions(known))),
         parameters=_parameters(known, bounds, rig, Z, places),
-        helps=_helps(data, bounds, rig, Z),
+        helps=_helps(of_recordings, bounds, rig, Z),
         advice=bench_advice(answers, known, bounds),
         sequence=bench_sequence(answers, known, bounds),
         length_error=_length_error(rig, Z) if lengths and rig.poses else None,
@@ -261,14 +261,14 @@ def _parameters(
     }
 
 
-def _helps(data: Array, bounds: Array, rig: Rig, Z: Array) -> dict[str, tuple[str, ...]]:
+def _helps(of_recordings: Array, bounds: Array, rig: Rig, Z: Array) -> dict[str, tuple[str, ...]]:
     measured = _measured_rows(rig, Z)
     names = [name for name in PARAMETERS if rig.parameters[name].measured is not None]
-    with_all = _bounded_spread(np.vstack([data, measured]), bounds)
+    with_all = _bounded_spread(np.vstack([of_recordings, measured]), bounds)
     helped = {}
     for i, name in enumerate(names):
         weak = measured[i : i + 1] * 1e-6  # small instead of zero, because a measured value may have no bounds
-        without = _bounded_spread(np.vstack([data, np.delete(measured, i, axis=0), weak]), bounds)
+        without = _bounded_spread(np.vstack([of_recordings, np.delete(measured, i, axis=0), weak]), bounds)
         helped[name] = tuple(
             p for p, grown in zip(PARAMETERS, without > SETTINGS.helps * with_all, strict=True) if grown and p != name
         )

@@ -160,9 +160,9 @@ def _bared(root: Element, path: Path) -> list[str]:
         ConfigError: the file generates bodies by a macro, or takes a mass from a mesh.
     """
     counts: Counter[str] = Counter()
-    made = next((element.tag for element in root.iter() if element.tag in REFUSED), None)
-    if made is not None:
-        raise ConfigError(f"{path}: <{made}> is not expanded: save the compiled model with mj_saveLastXML")
+    refused = next((element.tag for element in root.iter() if element.tag in REFUSED), None)
+    if refused is not None:
+        raise ConfigError(f"{path}: <{refused}> is not expanded: save the compiled model with mj_saveLastXML")
     shapes = _ShapeMasses.of(root)
     for body in root.iter("worldbody"):
         _refuse_masses_of_meshes(body, False, "main", shapes, path)

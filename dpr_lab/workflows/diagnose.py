@@ -158,7 +158,7 @@ def save_results(
     on_event: OnEvent,
     acceptance: "Acceptance | None" = None,
 ) -> DiagnoseResult:
-    """Write a diagnosis, its report and its models to a temporary folder, and name them in the final folder.
+    """Write a diagnosis, its report and its models to a temporary folder; return their paths in the final folder.
 
     Raises:
         DprError: a file cannot be written.

@@ -153,7 +153,7 @@ def _checked(
     rig: "Rig",
     on_event: OnEvent,
 ) -> ExportResult:
-    """Compute the errors of the model in each program, in the simulation of dpr-lab, and of the bare model."""
+    """Compute the errors of the model in each program and in dpr-lab, and the errors of the bare model."""
     from dpr_lab.exports import FORMATS
     from dpr_lab.exports.cost import REPLAY_RULE, yardstick
     from dpr_lab.exports.replay import replayed

@@ -104,7 +104,7 @@ class CBoard:
 
 
 def _arrived(frames: Iterable[Frame], missing: Iterable[bool]) -> list[Frame]:
-    """Return the frames that remain when the board loses some samples together with the torques at their ticks."""
+    """Remove the lost samples, and the torques at their ticks, from the frames that a board sends."""
     arrived: list[Frame] = []
     following, gone = iter(missing), False
     for frame in frames:

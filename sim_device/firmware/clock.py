@@ -51,7 +51,7 @@ class Clock:
         return 1.0 + self.drift_ppm * 1e-6
 
     def watch(self, wall: float) -> float:
-        """Return the time by which the lease of the host is measured, at the wall time `wall`, s."""
+        """Convert the wall time `wall`, s, to the time by which the lease of the host is measured."""
         return wall / PATIENCE if self.simulated else wall
 
     def advance(self, wall: float, state: State, rate_hz: float, blocked: bool = False) -> float:

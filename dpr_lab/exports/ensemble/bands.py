@@ -128,7 +128,7 @@ def predictive_band(model: Model, members: Sequence[Model], run: Run, rig: Rig, 
 
 
 def _first_followed(followed: Followed) -> float:
-    """Return the time since the release at which the first segment that the model follows begins, s.
+    """Return the start of the first segment that the model follows, s since the release.
 
     Raises:
         RunError: the model follows none of the first segments.

@@ -125,7 +125,7 @@ def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[s
 
 
 def _tolerances(model: MovingArmModel) -> dict[str, float]:
-    """Return the relative difference up to which a number of the file is kept, for each determined parameter."""
+    """Return, for each determined parameter, the relative difference up to which the number of the file is kept."""
     scale = model.absolute[model.scale]
     tolerances = {model.scale: CHANGE.same}
     if model.input and scale.fixed_by == "data":  # the scale, divided by the known torque per input

@@ -62,8 +62,8 @@ def changed_file(model: AnyModel, rig: Rig, editor: Editor, joints: Sequence[str
         for name, words in in_words(model, rig, editor.words).items()
         if "gear" not in words or hinge(chain, *EFFECTS[name].joints).gear is not None
     }
-    made = bodies(model, rig, expressed)
-    of_arm = arm_target(chain, arm, made, drive_gain(rig).value) if arm else None
+    corrected = bodies(model, rig, expressed)
+    of_arm = arm_target(chain, arm, corrected, drive_gain(rig).value) if arm else None
     longer = sum(words.get("added_length", 0.0) for words in expressed.values())
     for pair, shift in _moves(chain, longer, of_arm):
         text = _edited(editor, text, changes, editor.move_joint, pair, shift)
@@ -72,7 +72,7 @@ def changed_file(model: AnyModel, rig: Rig, editor: Editor, joints: Sequence[str
     if isinstance(model, Model) and editor.passive:
         gravity = model.rig.g if read.gravity is None else None
         added = passive_forces(model, rig, expressed, chain, path.name, gravity)
-    targets = rod_targets(chain, made, added.friction)
+    targets = rod_targets(chain, corrected, added.friction)
     hinges: list[tuple[ChainRod | ChainArm, Target, BodyChange]] = [
         (rod, target, body_change(read, chain, joints, number, target, path))
         for number, (rod, target) in enumerate(zip(chain.rods, targets, strict=True))
@@ -83,7 +83,7 @@ def changed_file(model: AnyModel, rig: Rig, editor: Editor, joints: Sequence[str
         text = _edited(editor, text, changes, editor.set_body, part.joint.name, change)
         text = _edited(editor, text, changes, editor.set_joint, part, target)
     _, chain = _read(editor, text, joints, model.rig.g)
-    refuse_overridden(chain, targets, made.rods[0].length, editor.words, editor.overriding(), of_arm)
+    refuse_overridden(chain, targets, corrected.rods[0].length, editor.words, editor.overriding(), of_arm)
     return PatchedModel(text, tuple(changes), left_out(model, {*expressed, *added.effects}, editor.name), added)
 
 

@@ -164,19 +164,19 @@ def arm_to_change(model: AnyModel, chain: ModelChain, rig: Rig, path: Path) -> C
     return chain.arm
 
 
-def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> list[RodTarget]:
+def rod_targets(chain: ModelChain, corrected: Bodies, friction: Sequence[float]) -> list[RodTarget]:
     """Compute target values of the rods that reproduce the moments of the corrected model.
 
     The masses of the file are kept.
 
     Args:
         chain: the rods of the file
-        made: bodies of the corrected model
+        corrected: bodies of the corrected model
         friction: Coulomb friction at rest of the passive forces, which is added to the joints, N m
     """
-    rods, length = made.rods, made.rods[0].length
+    rods, length = corrected.rods, corrected.rods[0].length
     outer, outer_in_file = sum(rod.mass for rod in rods[1:]), sum(rod.mass for rod in chain.rods[1:])
-    tips = (outer + made.tip_mass) - (outer_in_file + chain.elbow_mass), 0.0
+    tips = (outer + corrected.tip_mass) - (outer_in_file + chain.elbow_mass), 0.0
     targets = []
     for rod_in_file, rod, moved, held in zip(chain.rods, rods, tips, friction, strict=False):
         moment = rod.mass * rod.centroid + moved * length
@@ -189,7 +189,7 @@ def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> l
     return targets
 
 
-def arm_target(chain: ModelChain, in_file: ChainArm, made: Bodies, nominal_gain: float) -> ArmTarget:
+def arm_target(chain: ModelChain, in_file: ChainArm, corrected: Bodies, nominal_gain: float) -> ArmTarget:
     """Compute target values of the arm that reproduce the inertia of the corrected model.
 
     The masses of the file are kept.
@@ -197,12 +197,12 @@ def arm_target(chain: ModelChain, in_file: ChainArm, made: Bodies, nominal_gain:
     Args:
         chain: the rods of the file
         in_file: arm in the file
-        made: bodies of the corrected model, with an arm
+        corrected: bodies of the corrected model, with an arm
         nominal_gain: torque per input in the rig file; the gear of the motor is multiplied by the ratio of the gains
     """
-    arm = made.arm
+    arm = corrected.arm
     assert arm is not None
-    total = arm.inertia + sum(rod.mass for rod in made.rods) * arm.length**2
+    total = arm.inertia + sum(rod.mass for rod in corrected.rods) * arm.length**2
     carried = sum(rod.mass for rod in chain.rods) + chain.elbow_mass
     gear = None if in_file.gear is None else in_file.gear * (arm.gain / nominal_gain if arm.input else 1.0)
     words = {**arm.words, "armature": in_file.joint.armature}

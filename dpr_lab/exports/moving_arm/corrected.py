@@ -120,7 +120,7 @@ def _mounted(rig: Rig) -> Literal["both", "inner"]:
 
 
 def _joint(name: str) -> str:
-    """Return the name of a joint that models with a moving arm use, for example `joint 0` for `joint0`."""
+    """Return the name that models with a moving arm use for a joint, for example `joint 0` for `joint0`."""
     return name.replace("joint", "joint ")
 
 

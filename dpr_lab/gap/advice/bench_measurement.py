@@ -166,7 +166,7 @@ def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained
 
 
 def _same_unit(diagnosis: Diagnosis, check: AdvisedCheck) -> list[tuple[str, float]]:
-    """Return names and sizes of other fitted amplitudes of named effects that have the unit of a check."""
+    """List fitted amplitudes of named effects that have the unit of a check but are not its measured quantity."""
     return [
         (f"the {EFFECTS[effect.name].bench_quantity(p.name).words} of {EFFECTS[effect.name].words}", fitted.value)
         for effect in diagnosis.effects

@@ -130,7 +130,7 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Place of one effect in the selected set, in which other effects are compared with it."""
+    """One effect of the selected set, with the scores and fits of other effects in its place."""
 
     selection: Selection
     name: str

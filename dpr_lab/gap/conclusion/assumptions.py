@@ -125,7 +125,7 @@ def _torque_noise(state: Transferred) -> list[str]:
 
 
 def _zeros(state: Transferred) -> list[str]:
-    """Return the sentence about the fitted zeros of encoders that are set to zero before each recording."""
+    """Return the sentence about the fitted zeros of encoders that are zeroed before each recording."""
     runs, zeros = state.fitted.recordings.records, 1e3 * state.selection.chosen.fit.estimate.zeros
     texts = [
         f"{record.run.name}: {offsets[0]:.3g} and {offsets[1]:.3g}"

@@ -43,7 +43,7 @@ def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:
 
 
 def _shifts(problem: Problem, fit: Fit, inflation: float) -> Iterator[Array]:
-    """Yield the (free,) rms errors of all fitted values that each value at its bound causes."""
+    """Yield, for each value at its bound, the (free,) rms errors that it causes in all fitted values."""
     room, inside = bounds(fit.estimate, fit.free), fit.inside
     at_bound = np.flatnonzero((room == 0.0).any(axis=0)).tolist()
     if not at_bound:

@@ -97,7 +97,7 @@ def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Descr
 
 
 def _trusted(record: Record) -> Run:
-    """Return the run without readings that are faults of the logger, because such readings look like energy input."""
+    """Remove the logger's faulty readings from a run, because such readings look like energy input."""
     run, screened = record.run, record.screened
     return run.only(~np.isin(run.t, screened.t[~screened.keep.all(axis=1)]))
 

@@ -165,8 +165,8 @@ def _held_until(recordings: Recordings, undriven: Estimate) -> float | None:
         free = recording.only((recording.t >= begin) & (recording.t < begin + duration))
         if len(free.t) < MIN_SAMPLES:
             return None
-        part, fitted = fitted_starts(recordings.only([free]), undriven, LENGTHS.first)
-        if float(fitted.linear.chi2_by_segment.sum()) < usual * len(part.t):
+        of_free_rods, fitted = fitted_starts(recordings.only([free]), undriven, LENGTHS.first)
+        if float(fitted.linear.chi2_by_segment.sum()) < usual * len(of_free_rods.t):
             return begin
     return None
 

@@ -133,13 +133,13 @@ def _beginning(problem: Problem, estimate: Estimate) -> tuple[Problem, Estimate]
     ends = problem.t[problem.segments.offsets[1:] - 1]
     indices = np.flatnonzero(ends <= problem.t.min() + SHAPES.longest_s)
     samples = problem.segments.samples_of(indices)
-    part = replace(
+    shortened = replace(
         problem,
         segments=problem.segments.chosen(indices),
         measured=problem.measured[samples],
         weight=problem.weight[samples],
     )
-    return part, estimate.changed(initial=estimate.initial[indices])
+    return shortened, estimate.changed(initial=estimate.initial[indices])
 
 
 def _values(effect: Effect, problem: Problem) -> Array:

@@ -199,7 +199,7 @@ class Diagnosis(Shown, Saved):
 
     @property
     def only_uncertain(self) -> bool:
-        """Whether effects explain the gap to the noise floor, so that only the causes are uncertain."""
+        """Whether effects explain the gap down to the noise floor, but their identity as causes is uncertain."""
         return UNCERTAIN in self.sentence
 
     @property

@@ -94,8 +94,8 @@ def _catches_up(joints: Array, travelled: Array, held: Flags) -> Flags:
     n = np.arange(len(held))
     last_new = np.maximum.accumulate(np.where(held, 0, n))
     next_new = np.minimum.accumulate(np.where(held, len(held) - 1, n)[::-1])[::-1]
-    made, missing = joints[next_new] - joints[last_new], travelled[next_new] - travelled[last_new]
-    return np.sum(made * missing, axis=1) > IMPLAUSIBLE.catches_up * np.sum(missing**2, axis=1)
+    change, missing = joints[next_new] - joints[last_new], travelled[next_new] - travelled[last_new]
+    return np.sum(change * missing, axis=1) > IMPLAUSIBLE.catches_up * np.sum(missing**2, axis=1)
 
 
 def _before(step: Array) -> Array:

@@ -321,7 +321,7 @@ class FittedSets:
         return self.keep(smaller)
 
     def _stuck(self, smaller: Hypothesis, model: Hypothesis) -> bool:
-        """Return whether segments kept a smaller set in a local minimum that a larger set has left."""
+        """Return whether a few segments kept a smaller set in a local minimum that a larger set has left."""
         if (smaller.key, model.key) in self._refitted_from or at_noise_floor(smaller):
             return False
         previous, current = relative_chi2(smaller.fit), relative_chi2(model.fit)

@@ -231,8 +231,8 @@ def _paced(factor: float) -> Misreading:
     An example is a slow-motion video of unknown frame rate.
     """
     if factor > 1:
-        part = _PARTS[round(factor)]
-        cause = f"the swing is {part} as fast as its time stamps (import with {part} the --rate-hz, or check t)"
+        fraction = _PARTS[round(factor)]
+        cause = f"the swing is {fraction} as fast as its time stamps (import with {fraction} the --rate-hz, or check t)"
     else:
         words = _MANY[round(1 / factor)]
         film = ": is it a video in slow motion?" if factor < 0.5 else ""

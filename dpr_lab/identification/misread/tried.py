@@ -320,17 +320,17 @@ def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> boo
     at the reduced chi-square `worst`.
     """
     try:
-        part = _preprocessed(runs[:1], rig, longer * SETTINGS.screened_s, thinned=True)
-    except RunError:  # the part is too short
+        beginning = _preprocessed(runs[:1], rig, longer * SETTINGS.screened_s, thinned=True)
+    except RunError:  # the beginning is too short
         return False
     shares = len(runs) * SETTINGS.tried_s / SETTINGS.screened_s
     limit = SETTINGS.worse * shares * worst
-    first = first_fit(rig.nominal, part, rig, iterations=SETTINGS.iterations, settings=_ending_early(limit))
+    first = first_fit(rig.nominal, beginning, rig, iterations=SETTINGS.iterations, settings=_ending_early(limit))
     return first.chi2_per_dof > limit
 
 
 def _ending_early(limit: float) -> GaussNewton:
-    """Return the settings of a fit that ends as soon as it can hardly reach the reduced chi-square `limit`."""
+    """Return the settings of a fit that stops once it is unlikely to reach the reduced chi-square `limit`."""
     return replace(GAUSS_NEWTON, preliminary=SETTINGS.small_reduction, far=SETTINGS.out_of_reach * limit)
 
 

@@ -186,10 +186,10 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
     parameters, names = _of_rig_file(rig, sizes), tuple(sizes)
     scatter = max(1.0, fit.chi2_per_dof) if runs else 1.0  # a misfit is already in the weights of the fit
     root = information_root(fit.information / scatter, fit.values) * fit.values
-    data = root @ rows
-    known = np.vstack([data, _measured_rows(parameters, sizes)])
+    of_recordings = root @ rows
+    known = np.vstack([of_recordings, _measured_rows(parameters, sizes)])
     bounds = _bound_rows(parameters, sizes)
-    singular_values = np.linalg.svd(data, compute_uv=False)
+    singular_values = np.linalg.svd(of_recordings, compute_uv=False)
     combinations = [unknowns.name(name) for name in unknowns.free]
     relative = dict(zip(combinations, spread(root).tolist(), strict=True))
     determined = {name: std for name, std in relative.items() if np.isfinite(std)}

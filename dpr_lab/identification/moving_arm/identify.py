@@ -156,8 +156,8 @@ class ArmComparison(Shown):
     """Standard deviation of the noise of the readings of each joint, rad."""
 
     def _heading(self) -> str:
-        part = "held out" if self.held_out else "used in the fit"
-        return f"Comparison with run {self.run} ({part}), segments of {self.segment_s:g} s"
+        role = "held out" if self.held_out else "used in the fit"
+        return f"Comparison with run {self.run} ({role}), segments of {self.segment_s:g} s"
 
     def _rows(self) -> list[Row]:
         by_kind = {"noise": self.noise_rad, "segments": self.rms_rad}

@@ -80,7 +80,7 @@ class Scale(BaseModel):
         return value / self.b**power
 
     def ratio90(self, interval: Interval90, power: int = 1) -> Interval90:
-        """Compute the 90 % interval of a ratio from that of the size at this b."""
+        """Compute the 90 % interval of a ratio from the interval of the size at this b."""
         return self.ratio(interval[0], power), self.ratio(interval[1], power)
 
     def factors90(self, power: int) -> tuple[float, float]:

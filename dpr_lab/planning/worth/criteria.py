@@ -199,7 +199,7 @@ def _with_hidden(name: str, about: str, columns: Sequence[int], known: Knowledge
 
 
 def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
-    """Compute the expected bits about each pair of the most probable cause and one other cause."""
+    """Compute the expected information, bits, about each pair of the most probable cause and another cause."""
     if len(pairs.names) < 2:
         return {}
     best = int(np.argmax(pairs.probabilities))

@@ -124,9 +124,9 @@ def _fitted_together(known: Knowledge, F: Array, name: str) -> dict[str, float]:
     """
     places = list(known.places.get(name, ()))
     amplitudes = given(F, [i for i in known.fitted if i not in places], places)
-    data = amplitudes - known.prior[np.ix_(places, places)]
-    scale = 1 / np.sqrt(np.maximum(np.diag(data), np.finfo(float).tiny))
-    unit = data * scale[:, None] * scale
+    of_recordings = amplitudes - known.prior[np.ix_(places, places)]
+    scale = 1 / np.sqrt(np.maximum(np.diag(of_recordings), np.finfo(float).tiny))
+    unit = of_recordings * scale[:, None] * scale
     if not places or np.linalg.eigvalsh(unit)[0] < WORTH.seen:
         return {}
     stds = np.sqrt(np.diag(np.linalg.inv(unit))) * scale

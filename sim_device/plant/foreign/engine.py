@@ -33,7 +33,7 @@ Torques = Callable[[float, float, float, float, float], tuple[float, float]]
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """Rods described by the base parameters of docs/theory.md (12) and the matching masses and lengths, SI units."""
+    """Rods, described by their base parameters (docs/theory.md (12)), masses and lengths, SI units."""
 
     a: float
     b: float

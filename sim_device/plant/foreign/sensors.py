@@ -1,4 +1,4 @@
-"""Encoder errors in forms that the library does not contain, and of kinds that it does not contain."""
+"""Encoder errors that the library does not contain, or contains only in another form."""
 
 import numpy as np
 from numpy.typing import NDArray
