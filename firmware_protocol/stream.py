@@ -39,8 +39,8 @@ class SampleStream:
     """Reconstruction of one device's samples, in the order of arrival.
 
     During a gap longer than `blind_ticks`, a counter may make an unobserved turn. Samples are then discarded until
-    POSITION, which is sent ten times per second, has provided the complete counter of every joint. A tick with such a
-    jump is accepted only when a second sample follows it, because a damaged tick would otherwise discard all later
+    POSITION, which is sent ten times per second, has provided the complete counter of every joint. A tick after such a
+    gap is accepted only when a second sample follows it, because a damaged tick would otherwise discard all later
     samples.
 
     If two samples of one tick have different counts, the correct one is unknown. A link that duplicates or reorders

@@ -144,11 +144,10 @@ def _largest(curve: JointFriction, speed: float, diagnosis: Diagnosis) -> Range:
 
 
 def _other_friction(diagnosis: Diagnosis, joint: int) -> str:
-    """Return a reason if the friction torque may depend on more than the speed.
+    """Return the reason why the friction torque may depend on more than the speed.
 
-    The named effect may also be another one than friction.
-
-    The reason is empty if the friction torque certainly is a function of the speed alone.
+    One reason is that the named effect may be something else than a friction law. The text is empty if the friction
+    torque certainly is a function of the speed alone.
     """
     laws = {*laws_of(joint)}
     for named in diagnosis.effects:

@@ -240,9 +240,8 @@ def settled_probability(amplitudes: OpenAmplitudes, releases: int = 1) -> float:
 def _distances(information: Array, columns: Sequence[int]) -> Array:
     """Return the (n, n) squared distances D^2 between amplitudes.
 
-    An entry is the squared distance between the readings under one amplitude of unit size (row) and the nearest
-    readings
-    under another amplitude (column).
+    The row is an amplitude of unit size. An entry is the squared distance of its readings from the nearest readings
+    under another amplitude, which is the column.
     """
     G = information[np.ix_(columns, columns)]
     return np.diag(G)[:, None] - G**2 / np.diag(G)

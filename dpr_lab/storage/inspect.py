@@ -81,7 +81,7 @@ class Verification:
 
 
 def unchanged(interrupted: str) -> str:
-    """Describe an unchanged file whose recording ended early for a reason, or is complete."""
+    """State that a file is unchanged, and that its recording is complete or why it ended early."""
     return f"unchanged; {interrupted}" if interrupted else "complete and unchanged"
 
 

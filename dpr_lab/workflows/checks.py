@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def refuse_file(out: Path) -> None:
-    """Check that results can be written to a folder, before the job starts.
+    """Check that results can be written to a folder with this name, before the job starts.
 
     Raises:
         ConfigError: a file with this name exists, or nothing can be written.

@@ -104,7 +104,7 @@ class CBoard:
 
 
 def _arrived(frames: Iterable[Frame], missing: Iterable[bool]) -> list[Frame]:
-    """Remove the lost samples, and the torques at their ticks, from the frames that a board sends."""
+    """Return the frames that a board sends, without lost samples and without the torques at their ticks."""
     arrived: list[Frame] = []
     following, gone = iter(missing), False
     for frame in frames:

@@ -128,7 +128,7 @@ class ArmDrive:
         return np.stack([by_kind[kind].astype(np.int64) for kind in self.kinds], axis=1)
 
     def logged(self, asked: Array) -> Array:
-        """Return the inputs (n,) of the kind that the board reports first, without noise."""
+        """Return the inputs (n,) without noise, of the first kind that the board reports: measured or commanded."""
         return self._given(asked) * self.unit if TorqueKind.MEASURED in self.kinds else asked
 
     def _given(self, asked: Array) -> Array:

@@ -130,7 +130,7 @@ def _without(component: PosteriorComponent, place: int) -> PosteriorComponent:
 
 
 def _squared_errors(band: PredictiveBand) -> float:
-    """Compute s of a recording: the mean squared error, in standard deviations of the band.
+    """Compute the mean squared error of a recording, in standard deviations of the band.
 
     The result is nan if there are no readings.
     """

@@ -43,7 +43,7 @@ class MjcfEditor(Editor):
         edit.set(moved, f"body {frame.name}", pos=numbers(place))
 
     def set_body(self, edit: XmlEdit, joint: str, change: BodyChange) -> None:
-        """Change the inertial element of a body; a body without one gets one."""
+        """Change the inertial element of a body; create this element if the body has none."""
         if not change.moves and not change.scales:
             return
         frame, (_, body) = self._compiled.body(joint), self._tags(edit, joint)

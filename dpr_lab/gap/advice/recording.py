@@ -63,8 +63,8 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
 def _most_different(question: OpenQuestion, pairs: Sequence[tuple[str, str]]) -> tuple[ExpectedRecording | None, float]:
     """Return the release in which the predictions of two causes differ most, and their distance.
 
-    The distance is in standard deviations of the noise. For members of a class, which are indistinguishable in the
-    recordings, a fit to simulated readings must confirm it. The release is None if none distinguishes the causes.
+    The distance is in standard deviations of the noise. Members of a class are indistinguishable in the recordings. For
+    them, a fit to simulated readings must confirm the difference. The release is None if none distinguishes the causes.
     """
     separations = [max(expected.apart(*pair) for pair in pairs) for expected in question.expected]
     for best in np.argsort(separations)[::-1].tolist():
@@ -82,8 +82,9 @@ def _apart_after_fits(expected: ExpectedRecording, name: str, other: str, separa
     A richer form can always imitate its simpler form, so the larger distance counts. Other causes are equivalent if
     one of them can imitate the other. The smaller distance then counts, because a fit may end before its minimum.
 
-    The second fit is omitted if the first decides: it reaches the distance `separation` before the fits, or the causes
-    are already equivalent.
+    The second fit is omitted if it cannot change the result. For a richer form, this is the case if the first distance
+    reaches `separation`, the distance before the fits. For other causes, it is the case if the first fit shows that
+    they are equivalent.
     """
     one_is_richer = name in EFFECTS[other].nested or other in EFFECTS[name].nested
     first = expected.apart_after_fit(name, other)

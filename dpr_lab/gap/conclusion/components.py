@@ -88,11 +88,10 @@ def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
 def _worse(model: Hypothesis, chosen: Hypothesis) -> float:
     """Return the cost of a set minus the cost of the selected set.
 
-    The remainder of the selected set counts as noise.
-
-    The remainder of a set that fits worse is its gap, not noise. A set that fits better was rejected by the search, so
-    it is at most as probable as the selected set. If a set has more effects than the selected set, each further effect
-    was the best of hundreds. It must therefore explain more than would be expected by chance.
+    Both costs are computed with the same noise: the noise of the readings plus the remainder of the selected set. A
+    larger remainder of the other set therefore counts against that set. A set that fits better was rejected by the
+    search, so it is at most as probable as the selected set. If a set has more effects than the selected set, each
+    further effect was the best of hundreds. It must therefore explain more than would be expected by chance.
     """
     inflation = chosen.residuals.inflation
     further = max(len(model.effects) - len(chosen.effects), 0)

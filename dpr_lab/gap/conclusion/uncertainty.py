@@ -74,7 +74,8 @@ def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator
 
     The change along the direction is a fraction `share` of a prior standard deviation.
 
-    The prior of these ratios does not depend on the free ratios: the fitted values contain no information about them.
+    The prior of the undetermined ratios is used as it is, because the fitted values contain no information about these
+    ratios.
     """
     free = {parameter.place for parameter in model.fit.free if parameter.block == "ratios"}
     alone = any(setup.alone for setup in problem.segments.setups)

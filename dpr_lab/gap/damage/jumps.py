@@ -86,7 +86,7 @@ class Jump:
 
 
 def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
-    """Return the jumps with far larger gains than all segments at other times.
+    """Return the jumps whose gain far exceeds the gains of all segments at other times.
 
     Args:
         candidates: best jump of each segment; segments may overlap

@@ -85,9 +85,9 @@ class Fold:
 
 
 def split(A: Array, e: Array, fold: Integers) -> list[Fold]:
-    """Compute the normal equations of each fold from whitened columns and residuals.
+    """Compute the normal equations of each fold.
 
-    The shapes are (segments, m, k) and (segments, m).
+    The whitened columns A have the shape (segments, m, k), the whitened residuals e the shape (segments, m).
     """
     parts = []
     for r in np.unique(fold):

@@ -60,7 +60,10 @@ class Hypothesis:
 
     @property
     def cost(self) -> float:
-        """Cost of the set: predictive loss plus the penalty of the parameters times the variance inflation."""
+        """Cost of the set: the sum of the predictive loss and the penalty of the parameters.
+
+        The penalty is multiplied by the variance inflation.
+        """
         return self.cost_at(self.residuals.inflation)
 
     def cost_at(self, inflation: float) -> float:

@@ -285,7 +285,7 @@ def _steps(run: str, axis: str, t: Array, steps: Sequence[tuple[int, float]], co
 
 
 def _events(finding: Finding, instants: list[float]) -> list[Finding]:
-    """Create a finding for each instant; if there are many times, create one finding for all of them."""
+    """Create a finding for each instant; if there are many instants, create one finding for all of them."""
     if len(instants) > SCREEN.shown:
         return [replace(finding, at_s=instants[0], count=len(instants))]
     return [replace(finding, at_s=s) for s in instants]
@@ -338,9 +338,8 @@ def jitter_of(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, lis
 def _colour(run: Run, rig: Rig, joints: Array, floor: Array) -> tuple[Array, list[Finding]]:
     """Compare the noise at wide and narrow spacings; return the (2,) factor of the noise and the findings.
 
-    The factor is the ratio of the noise at wide spacings to that at narrow spacings, or 1 if no significant difference
-    is
-    found.
+    The factor is the noise at wide spacings divided by that at narrow spacings. Without a significant difference, the
+    factor is 1.
     """
     factor, findings = np.ones(2), []
     if run.rate_hz < SCREEN.colour_hz:

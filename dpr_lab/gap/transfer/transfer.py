@@ -215,7 +215,7 @@ def _signed_rank(blocks: Array) -> float:
 
 
 def _of_fitted(closed: Interval, selection: Selection) -> float:
-    """Return the closed share of the gap on held-out data, relative to that on fitted data."""
+    """Return the closed share of the held-out gap, divided by the closed share of the fitted gap."""
     fitted = _share_of_fitted(selection.bare, selection.chosen)
     return float(np.clip(closed.value / max(fitted, TRANSFER.least_fitted), 0.0, 1.0))
 

@@ -116,7 +116,7 @@ class FittedSets:
         return (*off_axis(self.problem, model), *springs_like_scale(self.problem, self.library, model))
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
-        """Return whether a set has possible sizes, or the other set has impossible sizes too."""
+        """Return whether all sizes of a set are possible, or some sizes of the other set are impossible too."""
         return self.possible(model) or not self.possible(other)
 
     def unexpected(self, model: Hypothesis) -> list[str]:

@@ -141,8 +141,7 @@ class OpenPairs:
     def distances(self, F: Array) -> Array:
         """Return (n, n) expected D^2 between the causes.
 
-        Each entry is the distance between the readings under one cause (row) and the nearest readings under another
-        (column).
+        An entry is the distance of the readings under one cause (row) from the nearest readings under another (column).
         """
         columns = list(dict.fromkeys(i for places in self.places for i in places))
         G = given(F, self.fitted, columns)
@@ -223,7 +222,7 @@ def _even_bits() -> tuple[Array, Array]:
 def library_bits(known: Knowledge, F: Array) -> float:
     """Compute the mean expected bits about the amplitudes of the library, at even odds.
 
-    The mean covers pairs of amplitudes, and each amplitude against no effect.
+    The mean covers all comparisons of two amplitudes, and all comparisons of one amplitude with no effect.
     """
     columns = [i for i in range(RATIO_COLUMNS, len(F)) if known.model.columns[i].effect not in known.named]
     G = given(F, known.fitted, columns)

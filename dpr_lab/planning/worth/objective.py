@@ -61,7 +61,7 @@ class Objective:
         return [pair.gained(before, F) for pair, before in zip(self.pairs, self.before, strict=True)]
 
     def simulated(self, release: CandidateRelease, information: Array) -> float | None:
-        """Return the simulated Delta D^2 of the least decided causes, relative to the linearised one.
+        """Return the simulated Delta D^2 of the least decided pair of causes, divided by the linearised Delta D^2.
 
         The result is None if there is no such pair.
         """

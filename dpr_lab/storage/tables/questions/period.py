@@ -38,7 +38,7 @@ SETTINGS = PeriodSettings()
 
 
 def period_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about a column whose period varies with amplitude like that of much smaller angles.
+    """Warn about a column whose period depends on the amplitude as if the angles were much smaller.
 
     The period of a freely swinging rod is T = T0 / agm(1, cos(A/2)), where A is the amplitude, T0 the period of small
     swings and agm the arithmetic-geometric mean. A position in mm that is read as degrees has the period of another
