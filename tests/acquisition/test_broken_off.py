@@ -1,7 +1,6 @@
 """An interrupted capture keeps the recorded data and stops the device if possible."""
 
 import os
-import resource
 import signal
 import threading
 import time
@@ -22,6 +21,7 @@ from dpr_lab.storage.layout import LIMITS
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.writer import RunWriter
 from firmware_protocol.messages import Event, EventKind, Fault, Message, State, Status
+from tests.full_disk import full_disk
 
 SHORT = CaptureOptions(duration=1.0, pose_timeout=60.0, rest_timeout=60.0)
 LARGEST_CHUNK = LIMITS.chunk_bytes // 5
@@ -108,20 +108,18 @@ def _quiet_block(done: list[str]) -> None:
 
 
 @pytest.mark.slow
-def test_full_disk_is_a_run_error_and_stops_the_device(paper: Rig, tmp_path: Path, bench, settled, agree) -> None:
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+def test_full_disk_is_a_run_error_and_stops_the_device(
+    paper: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bench, settled, agree
+) -> None:
+    disk = full_disk(monkeypatch)
 
     def fill_disk(progress: Progress) -> None:
         if isinstance(progress, Released):
-            recorded = sum(path.stat().st_size for path in tmp_path.iterdir())
-            resource.setrlimit(resource.RLIMIT_FSIZE, (recorded + 2 * LARGEST_CHUNK, hard))
+            disk.room = sum(path.stat().st_size for path in tmp_path.iterdir()) + 2 * LARGEST_CHUNK
 
     with bench(clock="fast") as (device, _):
-        try:
-            with pytest.raises(RunError, match=r"cannot be written: (File too large|No space left).* the file is kept"):
-                capture(device, paper, "X1", CaptureOptions(duration=200), tmp_path, fill_disk, agree)
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        with pytest.raises(RunError, match=r"cannot be written: No space left.* the file is kept"):
+            capture(device, paper, "X1", CaptureOptions(duration=200), tmp_path, fill_disk, agree)
         assert settled(device).state is State.IDLE
     assert len(load_run(sorted(tmp_path.glob("*.mcap"))[0]).t) > 500
 

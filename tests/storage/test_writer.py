@@ -6,8 +6,6 @@ import hashlib
 import itertools
 import json
 import subprocess
-import sys
-import textwrap
 import tracemalloc
 from dataclasses import asdict
 
@@ -22,6 +20,7 @@ from dpr_lab.storage.layout import RELEASED
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.writer import RunWriter
+from tests.full_disk import full_disk
 
 RIG = load_rig("paper")
 RELEASE = 50
@@ -201,7 +200,6 @@ def test_samples_reach_the_operating_system_within_a_quarter_second(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="needs a limit on file size")
 def test_memory_stays_flat_and_every_chunk_is_in_the_index(tmp_path):
     path, ticks, clock = tmp_path / "long.mcap", np.arange(1200), itertools.count()
     with RunWriter(path, RunMetadata(RIG, "X1", 1000), now=lambda: float(next(clock))) as writer:
@@ -221,34 +219,17 @@ def test_memory_stays_flat_and_every_chunk_is_in_the_index(tmp_path):
     assert grown < 100_000  # bytes; mcap's list of chunks takes 600 each, so 0.6 MB
 
 
-@pytest.mark.slow
-def test_a_full_disk_says_so_and_keeps_the_file(tmp_path):
-    program = textwrap.dedent(
-        """
-        import resource, signal, sys
-        import numpy as np
-        from dpr_lab.errors import RunError
-        from dpr_lab.rig import load_rig
-        from dpr_lab.storage.metadata import RunMetadata
-        from dpr_lab.storage.writer import RunWriter
+def test_a_full_disk_says_so_and_keeps_the_file(tmp_path, monkeypatch, rng):
+    def write(path):
+        with RunWriter(path, RunMetadata(RIG, "X1", 1000)) as writer:
+            for at in range(0, 100_000, 100):
+                writer.samples(np.arange(at, at + 100), rng.integers(0, 10**6, (100, 3)))
+                writer.flush()
 
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        sys.dont_write_bytecode = True  # a module file of the limited size would be damaged for all later tests
-        resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
-        rng = np.random.default_rng(0)
-        try:
-            with RunWriter(sys.argv[1], RunMetadata(load_rig("paper"), "X1", 1000)) as writer:
-                for at in range(0, 100_000, 100):
-                    writer.samples(np.arange(at, at + 100), rng.integers(0, 10**6, (100, 3)))
-                    writer.flush()
-        except RunError as error:
-            print(error)
-        """
-    )
+    full_disk(monkeypatch, 40_000)
     path = tmp_path / "full.mcap"
-    output = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, text=True, check=True)
-    assert "full.mcap: cannot be written: File too large" in output.stdout
-    assert "recover" in output.stdout
+    with pytest.raises(RunError, match=r"full\.mcap: cannot be written: No space left on device;.*recover"):
+        write(path)
     about = info(path)
     assert not about.complete
     assert about.samples >= 500
