@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 
 import firmware_protocol
 from firmware_protocol.definition import DATABASE
+from firmware_protocol.device_role import DeviceSession
 from firmware_protocol.framing import FrameDecoder, encode_frame
-from firmware_protocol.messages import Frame
-from sim_device.firmware.c_firmware import CFraming
+from firmware_protocol.identity import DeviceInfo
+from firmware_protocol.messages import ArmQuantity, Frame, Hello, TorqueKind, encode
+from sim_device.firmware.c_firmware import CFraming, Firmware
 
 VECTORS = json.loads(Path(firmware_protocol.__file__).with_name("vectors.json").read_text(encoding="utf-8"))
 
@@ -84,3 +86,24 @@ def test_any_bytes_in_any_pieces_give_what_python_finds(framing, pieces, cuts):
     for start, end in pairwise(edges):
         assert ours.decode(line[start:end])[0] == theirs.feed(line[start:end])
         assert ours.errors == {"crc": theirs.crc_errors, "framing": theirs.framing_errors}
+
+
+@pytest.mark.parametrize(("torques", "inputs"), [tuple(TorqueKind), tuple(reversed(TorqueKind))])
+def test_the_greeting_has_the_identity_as_python_sends_it(library, torques: TorqueKind, inputs: TorqueKind):
+    """Each joint and each part of the version has a value of its own, so that no two can be exchanged."""
+    info = DeviceInfo(
+        "1.22.3",
+        "0123456789abcdef",
+        (16384, 4096, 1 << 20),
+        rate_max_hz=4000,
+        rate_default_hz=100,
+        simulated_time=True,
+        torque_kinds=(torques,),
+        torque_unit_uNm=50,
+        input_kinds=(inputs,),
+        input_unit=7,
+        input_quantity=ArmQuantity.VOLTAGE,
+    )
+    hello = encode(Hello(1))
+    frames = Firmware(info, library=library).receive(hello, 0, 0.0)
+    assert frames == list(DeviceSession(info).receive(hello, 0.0).frames)
