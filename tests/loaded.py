@@ -73,11 +73,15 @@ def run_and_exit(function: Callable[[], int | None]) -> None:
         os._exit(code)
 
 
-spawn_new = util.spawnv_passfds
+spawn_new: Callable[..., int] = getattr(util, "spawnv_passfds", None)  # pyright: ignore[reportAssignmentType]
 
 
 def fork_spawned(executable: bytes, words: Sequence[Any], streams: Sequence[int]) -> int:
-    """As `util.spawnv_passfds`, but what `multiprocessing` spawns runs in a forked process."""
+    """As `util.spawnv_passfds`, but what `multiprocessing` spawns runs in a forked process.
+
+    A Python without the internal names below starts new processes: all tests pass, but last longer. The test of
+    `tests/test_warm_process.py` that a process of a command is forked then fails.
+    """
     program = str(words[-2])
     if "spawn_main" not in program:
         return spawn_new(executable, words, streams)
@@ -102,7 +106,8 @@ for starts in (child_process, sealing):
     starts.subprocess = starts_device(  # pyright: ignore[reportAttributeAccessIssue]
         lambda words, **options: Forked(lambda: simulate([*words]), **options)
     )
-util.spawnv_passfds = fork_spawned
+if hasattr(util, "spawnv_passfds") and hasattr(threading, "_threading_atexits"):
+    util.spawnv_passfds = fork_spawned
 for name in SCHEMAS:
     validator(name)
 cpu_target.typing_context.refresh()  # pyright: ignore[reportAttributeAccessIssue]

@@ -3,10 +3,13 @@
 import os
 import signal
 import subprocess
+import sys
 from importlib import import_module
+from multiprocessing.connection import Connection
 
 import pytest
 
+from dpr_lab.child_process import ChildFunction
 from tests.warm_process import WarmProcess, started
 
 PATIENCE_S = 60.0
@@ -50,3 +53,20 @@ def test_variables_that_the_libraries_read_start_a_fresh_process(monkeypatch: py
         pass
     assert not isinstance(process, WarmProcess)
     assert process.returncode == 0
+
+
+def send_whether_forked(connection: Connection) -> None:
+    """Only a forked process has loaded the libraries before it runs this function."""
+    connection.send("tests.loaded" in sys.modules)
+
+
+def test_a_process_that_it_starts_with_multiprocessing_is_forked() -> None:
+    with started("tests.test_warm_process", [], stdout=subprocess.PIPE, text=True) as process:
+        out, _ = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, out) == (0, "True\n")
+
+
+if __name__ == "__main__":
+    child = ChildFunction(send_whether_forked)
+    print(child.pipe.recv())
+    child.end()
