@@ -1,5 +1,6 @@
 """Plugins: the template package, one row for each table, broken packages, and packages that are not installed."""
 
+import importlib
 import json
 import os
 import shutil
@@ -7,7 +8,7 @@ import subprocess
 import sys
 import sysconfig
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ import pytest
 from dpr_lab import kernel_cache
 from dpr_lab.certificate.code import made_with
 from dpr_lab.effects import EFFECTS
+from dpr_lab.plugins import fingerprint, installed
 
 ROOT = Path(__file__).parents[1]
 TEMPLATE = ROOT / "docs" / "examples" / "plugin"
@@ -144,28 +146,41 @@ def test_nothing_is_loaded_from_the_current_folder(announce: Announce, tmp_path:
     assert not (here / "loaded").exists()
 
 
-@pytest.mark.slow
-def test_the_cache_of_kernels_and_the_certificate_know_plugins(announce: Announce) -> None:
-    code = """
-    from pathlib import Path
-    import dpr_lab
-    from dpr_lab.kernel_cache import cache_name
-    from dpr_lab.certificate.code import made_with
-    print(cache_name(Path(dpr_lab.__file__).parent), made_with()["code"], made_with()["dpr_lab"], sep="\\n")
-    """
+@pytest.fixture
+def forget_plugins() -> Iterator[Callable[[], None]]:
+    """Search for plugins again, as a new process does."""
+
+    def forget() -> None:
+        importlib.invalidate_caches()
+        installed._installed.cache_clear()
+        fingerprint._source_hash.cache_clear()
+
+    yield forget
+    forget()
+
+
+def test_the_cache_of_kernels_and_the_certificate_know_plugins(
+    forget_plugins: Callable[[], None], announce: Announce, monkeypatch: pytest.MonkeyPatch
+) -> None:
     package = Path(kernel_cache.__file__).parent
-    none = [kernel_cache.cache_name(package), made_with()["code"]]
+
+    def names() -> list[str]:
+        forget_plugins()
+        return [kernel_cache.cache_name(package), made_with()["code"], made_with()["dpr_lab"]]
+
+    none = names()
     assert none[0] == kernel_cache.source_hash(package)
     site = announce("right", LAW, effects="a = right:MAGNETS")
-    first = run(code, site).stdout.splitlines()
+    monkeypatch.syspath_prepend(site)
+    first = names()
     assert first[2].endswith(", right 1.0")
     announce("right", LAW.replace("- 1.0)", "- 1.5)"), effects="a = right:MAGNETS")
-    edited = run(code, site).stdout.splitlines()
+    edited = names()
     shutil.rmtree(site)
     announce("right", LAW, version="1.1", effects="a = right:MAGNETS")
-    updated = run(code, site).stdout.splitlines()
+    updated = names()
     assert updated[2].endswith(", right 1.1")
-    for answers in zip(none[:2], first, edited, updated, strict=False):
+    for answers in list(zip(none, first, edited, updated, strict=True))[:2]:
         assert len(set(answers)) == 4
 
 
@@ -271,7 +286,7 @@ def _without_path() -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
 
 
-def installed(environment: Path, *words: str, timeout: float = 120.0) -> str:
+def run_installed(environment: Path, *words: str, timeout: float = 120.0) -> str:
     command = [str(environment / "bin" / "python"), *words]
     done = subprocess.run(
         command, cwd=environment, env=_without_path(), capture_output=True, text=True, timeout=timeout
@@ -282,10 +297,10 @@ def installed(environment: Path, *words: str, timeout: float = 120.0) -> str:
 
 @pytest.mark.long
 def test_the_template_installs_lists_its_law_and_passes_its_own_tests(environment: Path) -> None:
-    shown = json.loads(installed(environment, "-m", "dpr_lab", "effects", "show", "magnet_joint2", "--json"))
+    shown = json.loads(run_installed(environment, "-m", "dpr_lab", "effects", "show", "magnet_joint2", "--json"))
     assert shown["package"] == "dpr-lab-magnet 0.1.0"
     assert [parameter["name"] for parameter in shown["parameters"]] == ["damping_Nms", "width_rad"]
-    assert "6 passed" in installed(environment, "-m", "pytest", "-q", "-p", "no:cacheprovider", "plugin/tests")
+    assert "6 passed" in run_installed(environment, "-m", "pytest", "-q", "-p", "no:cacheprovider", "plugin/tests")
 
 
 @pytest.mark.long
@@ -321,5 +336,5 @@ def test_the_law_of_the_template_is_compiled_fitted_named_and_exported(environme
         """),
         encoding="utf-8",
     )
-    lines = installed(environment, "diagnose.py", timeout=1700).splitlines()
+    lines = run_installed(environment, "diagnose.py", timeout=1700).splitlines()
     assert lines == ["named ['magnet_joint2']", "True", "joint True"]
