@@ -31,7 +31,7 @@ def test_every_file_the_readme_names_exists() -> None:
         assert (ROOT / target).exists(), target
 
 
-def test_the_worked_example_says_what_its_certificate_certifies() -> None:
+def test_the_worked_example_states_the_claims_of_its_certificate() -> None:
     page = (ROOT / "docs" / "worked-example.md").read_text(encoding="utf-8")
     claims = load_certificate(ROOT / "docs" / "examples" / "multiarm" / "certificate.json").claims
     for name in ("verdict", "share of the gap closed", "a/b", "d/b", "e1/b"):

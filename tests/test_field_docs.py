@@ -58,7 +58,7 @@ def test_every_field_of_a_public_class_is_documented_below_it(module: str) -> No
     assert undocumented(module) == []
 
 
-def test_every_public_class_is_in_a_module_that_is_looked_at() -> None:
+def test_every_public_class_is_in_an_examined_module() -> None:
     classes = [result for name in dpr.__all__ if inspect.isclass(result := getattr(dpr, name))]
     looked_at = {f"dpr_lab.{module.partition(':')[0]}" for module in MODULES} | {"dpr_lab.errors"}
     assert {result.__module__ for result in classes} <= looked_at

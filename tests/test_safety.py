@@ -222,7 +222,7 @@ def test_a_release_cannot_be_triggered_from_a_read_only_view(simulated, spy_on) 
     assert (status.state, status.latched) == (State.HOLDING, True)
 
 
-def test_doctor_only_looks(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], simulated) -> None:
+def test_doctor_changes_nothing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], simulated) -> None:
     from dpr_lab.cli import main
 
     url = simulated().url

@@ -138,7 +138,7 @@ def silent_port() -> Iterator[str]:
     os.close(slave)
 
 
-def test_the_message_without_a_device_says_what_to_check(silent_port: str) -> None:
+def test_the_message_without_a_device_lists_what_to_check(silent_port: str) -> None:
     with Device(open_transport(silent_port)) as device, pytest.raises(LinkTimeout) as caught:
         device.connect(timeout=0.3)
     assert "opened, but no DPR device answered within 0.3 s" in str(caught.value)

@@ -97,7 +97,7 @@ def test_lost_inputs_are_counted_and_not_interpolated(furuta: Rig, tmp_path: Pat
     assert identify_moving_arm([run], furuta).fit.chi2_per_dof < 1.2
 
 
-def test_another_input_than_the_rig_file_says_is_refused(furuta: Rig, tmp_path: Path, bench, agree) -> None:
+def test_an_input_that_contradicts_the_rig_file_is_refused(furuta: Rig, tmp_path: Path, bench, agree) -> None:
     table = furuta.model_dump(exclude_none=True) | {"motor": {"input": "current"}}
     with bench(**FURUTA) as (device, _), pytest.raises(ConfigError, match=r"input is current.*reports a voltage"):
         capture(device, Rig.model_validate(table), "X1", OPTIONS, tmp_path, confirm=agree)

@@ -105,13 +105,13 @@ def test_no_edit_of_a_signed_certificate_keeps_its_signature(signed: Path, keys:
 
 
 @pytest.mark.slow
-def test_an_unsigned_certificate_fails_where_a_key_is_asked_for(folder: Path, keys: Path) -> None:
+def test_an_unsigned_certificate_fails_if_a_key_is_required(folder: Path, keys: Path) -> None:
     assert signature_line(verify(folder / "certificate.json", signed_by=keys / "ssh.pub")) == (False, "is missing")
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("remembered")
-def test_a_signature_is_checked_and_its_key_shown_where_no_key_is_asked_for(signed: Path) -> None:
+def test_a_signature_is_verified_and_its_key_shown_if_no_key_is_required(signed: Path) -> None:
     assert signature_line(verify(signed)) == (True, "no key was required")
     certificate = load_certificate(signed)
     assert certificate.signature is not None
@@ -211,7 +211,7 @@ print(compare_signature(certificate, None), origin_of(certificate, made_with())[
 
 
 @pytest.mark.slow
-def test_without_the_library_a_sentence_says_how_to_install_it(signed: Path) -> None:
+def test_without_the_library_the_message_states_how_to_install_it(signed: Path) -> None:
     command = [sys.executable, "-c", WITHOUT_LIBRARY, str(signed)]
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ)
     sentence = "signatures require the library cryptography: pip install 'dpr-lab[signing]'"

@@ -53,7 +53,7 @@ def test_a_number_that_cannot_be_read_has_an_example(cli, text: str) -> None:
     assert "must be a number with a decimal point and without a unit, such as 0.25" in done.err
 
 
-def test_a_file_in_the_place_of_a_command_is_refused_with_the_commands(cli, tmp_path: Path) -> None:
+def test_a_file_instead_of_a_command_is_refused_with_the_commands(cli, tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(GOOD)
     done = cli("import", tmp_path / "a.csv")
     assert done.code == 2
@@ -61,7 +61,7 @@ def test_a_file_in_the_place_of_a_command_is_refused_with_the_commands(cli, tmp_
     assert "dpr-lab --help lists them" in cli(tmp_path / "a.csv").err
 
 
-def test_an_effect_in_the_place_of_a_command_is_answered_with_the_command(cli) -> None:
+def test_an_effect_instead_of_a_command_is_answered_with_the_command(cli) -> None:
     done = cli("effects", "coulomb_joint1")
     assert (done.code, "effects show coulomb_joint1" in done.err) == (2, True)
 

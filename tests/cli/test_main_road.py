@@ -25,7 +25,7 @@ def plant_ratios(seed: int) -> dict[str, float]:
     return truth(hidden_plant(Options(plant="paper", seed=seed)))["ratios"]
 
 
-def test_capture_says_what_it_recorded(runs: list[Path], cli) -> None:
+def test_capture_reports_its_recordings(runs: list[Path], cli) -> None:
     for file, pose in zip(runs, ("X1", "X2", "X3"), strict=True):
         info = cli("run", "info", file, "--json").json
         assert info["pose"] == pose

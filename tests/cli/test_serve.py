@@ -194,7 +194,7 @@ def test_no_process_outlives_a_killed_service(client: Client, runs: list[Path]) 
         time.sleep(0.05)
 
 
-def test_without_stdio_the_command_says_what_to_do(cli: Any) -> None:
+def test_without_stdio_the_command_states_the_remedy(cli: Any) -> None:
     done = cli("serve")
     assert (done.code, "--stdio" in done.err) == (2, True)
 

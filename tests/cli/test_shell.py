@@ -80,7 +80,7 @@ def test_doctor_greets_a_device(cli) -> None:
     assert result["numba"]["state"] == "ok"
 
 
-def test_doctor_holds_the_device_against_the_rig_file(tmp_path: Path, cli) -> None:
+def test_doctor_compares_the_device_with_the_rig_file(tmp_path: Path, cli) -> None:
     text = (Path(__file__).parents[2] / "configs/rigs/paper.toml").read_text()
     rig = tmp_path / "rig.toml"
     rig.write_text(text.replace("[16384, 16384, 16384]", "[4096, 4096, 4096]"))
@@ -89,7 +89,7 @@ def test_doctor_holds_the_device_against_the_rig_file(tmp_path: Path, cli) -> No
     assert "4096, 4096, 4096" in {finding["what"]: finding for finding in done.json["findings"]}["device"]["said"]
 
 
-def test_doctor_says_what_is_wrong_with_a_link(cli) -> None:
+def test_doctor_reports_the_fault_of_a_link(cli) -> None:
     done = cli("doctor", "--link", "serial:///dev/nonesuch0", "--json")
     assert done.code == 4
     assert done.json["ok"] is False

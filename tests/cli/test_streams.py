@@ -79,7 +79,7 @@ def test_an_output_of_another_coding_is_no_traceback(coding: str, tmp_path: Path
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize("words", [("rig", "list"), ("rig", "list", "--json")])
-def test_a_full_output_is_a_sentence(words) -> None:
+def test_a_full_output_is_reported(words) -> None:
     with open("/dev/full", "wb") as full:
         done = run(*words, stdout=full, stderr=subprocess.PIPE)
     assert done.returncode == 1

@@ -135,7 +135,7 @@ def test_the_demo_ends_near_the_plant_and_with_a_hidden_effect_opened_and_scored
     assert f"dpr-lab trials run {folder}" in early.err
 
 
-def test_wrong_words_are_refused(tmp_path: Path, cli) -> None:
+def test_wrong_arguments_are_refused(tmp_path: Path, cli) -> None:
     for words in (
         ("draw", "--kind", "mystery", "--out", tmp_path / "t"),
         ("draw", "--level", "huge", "--out", tmp_path / "t"),

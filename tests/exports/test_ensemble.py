@@ -148,7 +148,7 @@ def test_a_scale_that_the_recordings_determine_is_drawn_with_the_ratios(model: M
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [18, 19, *(pytest.param(count, marks=pytest.mark.long) for count in (5, 50))])
-def test_the_band_of_few_models_covers_what_it_says(count: int) -> None:
+def test_the_band_of_few_models_has_its_nominal_coverage(count: int) -> None:
     rng = np.random.default_rng(count)
     low, high = quantiles_of(rng.standard_normal((count, 8_000, 1)))
     readings = rng.standard_normal((8_000, 1))

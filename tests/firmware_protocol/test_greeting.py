@@ -61,7 +61,7 @@ def test_the_handshake_identifies_the_device():
     assert session.greeted
 
 
-def test_a_newer_major_says_to_upgrade_this_side():
+def test_a_newer_major_version_asks_for_an_upgrade_of_the_host():
     result = refusal(replace(DEVICE, major=MAJOR + 1, minor=0, schema_hash=5))
     assert result == (
         f"the device uses protocol {MAJOR + 1}.0 and this dpr-lab {MAJOR}.{MINOR}:"
@@ -69,7 +69,7 @@ def test_a_newer_major_says_to_upgrade_this_side():
     )
 
 
-def test_an_older_major_says_to_flash_the_device():
+def test_an_older_major_version_asks_for_new_firmware():
     result = refusal(replace(DEVICE, major=MAJOR - 1, minor=7, schema_hash=5))
     assert result == (
         f"the device uses protocol {MAJOR - 1}.7 and this dpr-lab {MAJOR}.{MINOR}:"

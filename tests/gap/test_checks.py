@@ -200,7 +200,7 @@ def test_the_odds_of_a_class_are_its_prior_in_a_check() -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_a_recording_decides(diagnosis: Diagnosis) -> None:
+def test_a_recording_decides_between_two_causes(diagnosis: Diagnosis) -> None:
     before = open_between(diagnosis, "com_offset_link1")
     result = update(before, before.checks[0], CheckAnswer(tuple(recorded(8)[:1]), load_rig("paper")))
     after = result.checks_done[0].after

@@ -35,7 +35,7 @@ def test_the_gap_is_located_for_the_bare_model_of_the_selected_set(monkeypatch: 
         ({"load_friction_joint2": {"friction_radius_m": 2e-4}}, "increasing with load"),
     ],
 )
-def test_the_map_by_load_says_whether_load_matters(recorded, bare, effects, clause: str) -> None:
+def test_the_map_by_load_shows_whether_load_matters(recorded, bare, effects, clause: str) -> None:
     places = locate(*bare(recorded(effects, duration=3.0)))
     (sentence,) = (place.sentence for place in places if (place.site, place.coordinate) == ("joint2", "load"))
     assert "depends on load or on the direction of motion alone" in sentence

@@ -73,7 +73,7 @@ def test_both_candidates_measured_as_zero_leave_neither() -> None:
     assert second.verdict == "unexplained"
 
 
-def test_zero_within_a_large_uncertainty_says_nothing() -> None:
+def test_zero_within_a_large_uncertainty_is_no_evidence() -> None:
     result = update(made(), made().checks[0], CheckAnswer(value=0.0, std=1.0))
     assert after(result)[CLOCK] == pytest.approx(0.49, abs=0.02)
 

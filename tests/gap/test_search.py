@@ -310,7 +310,7 @@ def test_the_trace_leads_from_the_bare_model_to_the_chosen_set(paper: Rig, recor
     assert any("+ Coulomb friction, joint 2" in row[1] for row in rows if "accepted" in row)
 
 
-def test_a_set_whose_fit_ended_without_descent_says_so(sets: FittedSets) -> None:
+def test_a_set_whose_fit_ended_without_descent_is_reported(sets: FittedSets) -> None:
     state = SearchState.bare(sets, 1)
     stuck = replace(sets.bare, fit=replace(sets.bare.fit, stop=StopReason.NO_DESCENT))
     reasons = [

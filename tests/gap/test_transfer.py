@@ -63,7 +63,7 @@ def test_the_prediction_of_held_out_runs_precedes_the_stage_where(
 
 
 @pytest.mark.slow
-def test_one_release_says_that_it_was_not_tested_on_another(dry: list[Run], paper: Rig):
+def test_a_diagnosis_of_one_release_states_that_it_was_not_validated_on_another(dry: list[Run], paper: Rig):
     diagnosis = diagnose(dry[:1], paper, library=LIBRARY)
     assert diagnosis.basis == "one release"
     assert "across the quarters of the only release" in diagnosis.sentence
@@ -83,7 +83,7 @@ def test_a_single_recording_that_stays_unexplained_names_no_others(monkeypatch: 
 
 
 @pytest.mark.slow
-def test_each_effect_says_what_it_closes_on_each_run_left_out(dry: list[Run], paper: Rig):
+def test_each_effect_states_its_reduction_of_the_gap_on_each_held_out_run(dry: list[Run], paper: Rig):
     diagnosis = diagnose(dry, paper, library=LIBRARY)
     assert (diagnosis.verdict, diagnosis.basis, diagnosis.withdrawn) == ("named", "releases left out", [])
     shares = diagnosis.transfer["coulomb_joint2"]

@@ -136,7 +136,7 @@ def test_cramer_rao_std_is_the_root_of_the_inverse_information(analysis: Identif
     ],
     ids=",".join,
 )
-def test_what_fixes_each_parameter_is_what_an_identification_says(
+def test_the_source_of_each_parameter_agrees_with_an_identification(
     rig: Rig, information: NDArray, names: tuple[str, ...]
 ) -> None:
     known = measured(rig, *names)

@@ -60,7 +60,7 @@ def test_sign_and_unit_of_an_input_follow_from_its_gain(kind, gain, words):
 
 
 @pytest.mark.slow
-def test_rods_that_turn_the_other_way_are_named():
+def test_rods_with_a_reversed_sign_are_named():
     rng, rig = np.random.default_rng(3), rig_with("driven", "torque")
     Z, arm, start = drawn(rng, rig)
     run = recorded(rig, Z, arm, start, PUSH, PUSH, rng).between(0.0, 0.6)
@@ -118,7 +118,7 @@ def test_a_current_without_kt_shows_no_absolute_sizes():
 
 
 @pytest.mark.slow
-def test_a_voltage_without_constants_says_what_is_lumped():
+def test_a_voltage_without_constants_states_the_lumped_parameters():
     rng, rig = np.random.default_rng(1), rig_with("driven", "voltage")
     Z, arm, start = drawn(rng, rig)
     model = identify_moving_arm([recorded(rig, Z, arm, start, 2 * PUSH, PUSH, rng).between(0.0, 1.5)], rig)

@@ -146,7 +146,7 @@ def test_a_release_with_a_known_added_mass_makes_the_scale_visible(paper: Rig, r
 
 
 @pytest.mark.slow
-def test_friction_is_never_negative_and_says_so(paper: Rig, rng: np.random.Generator) -> None:
+def test_friction_is_never_negative_and_its_limit_is_reported(paper: Rig, rng: np.random.Generator) -> None:
     base = base_parameters(TRUE, paper.rig.L1, paper.rig.g)
     base[4] = -0.2 * base[4]
     runs, states = record(paper, rng, base=base)

@@ -52,7 +52,7 @@ def test_the_interval_of_the_scale_holds_the_true_b_in_nine_rigs_of_ten(name: st
     assert 0.8 < np.mean(held) <= 1.0
 
 
-def test_a_scale_that_only_bounds_fix_says_that_it_is_not_measured(paper: Rig) -> None:
+def test_a_scale_fixed_only_by_bounds_is_reported_as_not_measured(paper: Rig) -> None:
     assumed = scale(paper, seen(paper, paper.nominal))
     assert assumed.fixed_by == "bound"
     assert assumed.assumption == "assuming b = 0.00533 kg m^2 (not measured)"

@@ -265,7 +265,7 @@ def test_a_repeated_release_is_worth_less_and_a_plan_does_not_repeat_itself(firs
 
 
 @pytest.mark.slow
-def test_each_release_says_what_it_adds(first_plan: Plan) -> None:
+def test_each_release_states_the_information_that_it_adds(first_plan: Plan) -> None:
     first, second, third = first_plan.releases
     assert first.reason.startswith("distinguishes 9")
     assert first.reason.endswith("% of the effects of the library")
@@ -352,7 +352,7 @@ def test_a_latch_with_a_single_pose_is_planned(paper: Rig, tmp_path: Path) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "says"), [("driven_double", True), ("paper", False)])
-def test_a_plan_of_a_rig_whose_arm_moves_says_that_it_is_clamped(name: str, says: bool) -> None:
+def test_a_plan_of_a_rig_with_a_moving_arm_states_that_the_arm_is_clamped(name: str, says: bool) -> None:
     (release,) = plan(load_rig(name), count=1).releases
     assert release.arm == "held"
     assert release.text.endswith("arm clamped") is says

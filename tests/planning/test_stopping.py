@@ -369,7 +369,7 @@ def test_a_plan_forecasts_a_decision_up_to_causes_that_no_release_separates(pape
         ((False, False), True, ""),
     ],
 )
-def test_a_sentence_says_which_releases_may_not_be_necessary(
+def test_a_sentence_names_the_releases_that_may_not_be_necessary(
     only_ratios: tuple[bool, ...], undecided: bool, words: str
 ) -> None:
     reasons = [Reason("", only) for only in only_ratios]

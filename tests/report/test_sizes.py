@@ -68,7 +68,7 @@ def test_parameters_held_at_zero_stand_last_in_one_group(diagnosis) -> None:
 
 
 @pytest.mark.parametrize(("unit", "text"), [("1/kg", "torque · b"), ("N m", "torque / b")])
-def test_a_ratio_says_whether_b_divides_or_multiplies(diagnosis, unit: str, text: str) -> None:
+def test_a_ratio_shows_whether_b_divides_or_multiplies(diagnosis, unit: str, text: str) -> None:
     size = TORQUE.model_copy(update={"ratio_unit": "m^2" if unit == "1/kg" else "1/s^2"})
     result = diagnosis(scale=NOT_MEASURED, effects=[named(size)])
     assert sizes_cell(result, result.effects[0]).startswith(text)

@@ -34,7 +34,7 @@ def test_ratios_come_with_uncertainty_interval_and_unit(model):
     assert [row[3] for row in rows] == ["1", "1", "1/s²", "1/s", "1/s"]
 
 
-def test_a_parameter_says_what_fixed_it_and_a_bound_has_no_uncertainty(model):
+def test_a_parameter_states_its_source_and_a_bound_has_no_uncertainty(model):
     rows = {row[0]: row for row in tables.parameter_rows(model())}
 
     assert len(rows) == 9

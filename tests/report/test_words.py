@@ -58,7 +58,7 @@ def test_a_size_is_shown_in_a_practical_unit(effect, parameter, values, expected
     assert size_words(effect, parameter, RADIANS, *values) == expected
 
 
-def test_angles_are_in_the_unit_asked_for():
+def test_angles_are_in_the_requested_unit():
     assert size_words("base_tilt", "tilt_rad", DEGREES, 0.005) == "0.286 °"
     assert size_words("stribeck_joint1", "speed_rad_per_s", DEGREES, 0.3) == "17.2 °/s"
 

@@ -34,7 +34,7 @@ def flat(z):
     return np.ones((len(z), 1))
 
 
-def test_generation_costs_what_the_paper_says():
+def test_generation_costs_as_many_evaluations_as_in_the_paper():
     initial, generation = batches(slope, 1)
     assert initial == [200]
     assert generation[:2] == [80 * 12, 80]

@@ -80,6 +80,6 @@ def test_all_trials_failed_gives_some_offspring_with_infinite_cost():
     assert np.isinf(cost).all()
 
 
-def test_array_that_is_too_small_says_what_to_do():
+def test_array_that_is_too_small_is_reported_with_the_remedy():
     with pytest.raises(ConfigError, match=r"orthogonal_array = 'L8' takes at most 7 .* there are 9: choose"):
         array_for("L8", 9)

@@ -171,7 +171,7 @@ def test_a_population_of_identical_costs_causes_no_error(algorithm):
 
 
 @by_turns(["level"], [(1.0,), (0.0,), (np.inf,)])
-def test_stops_when_nothing_improves_if_asked_to(algorithm, level):
+def test_stops_without_improvement_if_requested(algorithm, level):
     def flat(z):
         return np.full((len(z), 1), level)
 

@@ -27,7 +27,7 @@ def fresh(empty):
     return empty
 
 
-def test_without_a_compiler_it_says_what_to_install(empty, program, monkeypatch, tmp_path):
+def test_without_a_compiler_the_message_names_what_to_install(empty, program, monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("CC", "")
     monkeypatch.setattr(c_firmware, "load", c_firmware.load.__wrapped__)  # not the library that other tests use

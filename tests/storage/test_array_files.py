@@ -63,7 +63,7 @@ def mat_file(path: Path, *elements: bytes) -> Path:
     return path
 
 
-def test_an_object_of_matlab_says_how_to_save_it(tmp_path: Path) -> None:
+def test_an_object_of_matlab_is_refused_with_the_way_to_save_it(tmp_path: Path) -> None:
     names = [mat_element(1, name) for name in (b"ts", b"MCOS", b"timeseries")]
     flags, ids = mat_element(6, struct.pack("<II", 17, 0)), mat_element(6, struct.pack("<II", 6, 0))
     shape, empty = mat_element(5, struct.pack("<ii", 1, 1)), mat_element(1, b"")

@@ -107,7 +107,7 @@ def test_a_flipped_byte_in_the_data_is_found_without_the_sidecar(tmp_path, whole
     assert any("damaged" in fault for fault in verify(path).faults)
 
 
-def test_a_changed_run_says_what_to_do(tmp_path, whole):
+def test_a_changed_run_is_reported_with_the_remedy(tmp_path, whole):
     path = tmp_path / "whole.mcap"
     shutil.copy(whole, path)
     (tmp_path / "whole.mcap.sha256").write_text("0" * 64 + "  whole.mcap\n")

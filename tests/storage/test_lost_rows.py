@@ -76,7 +76,7 @@ def test_a_table_that_is_empty_for_long_names_its_good_part(tmp_path: Path, gone
 
 
 @pytest.mark.slow
-def test_a_film_in_slow_motion_is_asked_about_its_frame_rate(tmp_path: Path) -> None:
+def test_a_film_in_slow_motion_is_questioned_about_its_frame_rate(tmp_path: Path) -> None:
     noisy = THETA + np.random.default_rng(10).normal(0, 0.01, THETA.shape)
     file = write(tmp_path, "frame,theta1,theta2", np.arange(float(N)), *noisy.T)
     asked = f"; much less with --rate-hz {FPS:g}: was this the frame rate of the camera?"

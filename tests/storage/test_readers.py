@@ -118,7 +118,7 @@ def test_scale_offset_and_wrap(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.diff(run.counts, axis=0), np.diff(whole.astype(int), axis=0))
 
 
-def test_a_preview_says_what_was_understood_and_writes_nothing(tmp_path: Path) -> None:
+def test_a_preview_shows_the_interpretation_and_writes_nothing(tmp_path: Path) -> None:
     file = write_mat(tmp_path / "a.mat", **SWING | {"t": np.where(T > 0.5, T + 0.2, T)})
     result = preview(file, RIG, ImportOptions(**GUESSED))
     facts = result.facts()

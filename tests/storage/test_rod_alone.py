@@ -126,7 +126,7 @@ def test_torques_that_exceed_gravity_but_do_not_move_the_rod_are_questioned(
     assert not any("times the largest torque of gravity" in note for note in small)
 
 
-def test_a_question_about_one_rod_says_one_rod(one: Rig, tmp_path: Path) -> None:
+def test_a_question_about_one_rod_mentions_one_rod(one: Rig, tmp_path: Path) -> None:
     notes = import_csv(table(tmp_path, "t,theta1", T[:20], 0.1 + T[:20]), one).notes
     assert any(note.startswith("the rod points upwards most of the time") for note in notes)
 
@@ -363,7 +363,7 @@ def test_whole_turns_from_an_encoder_zeroed_while_hanging_are_kept(one: Rig, tmp
         ("tempo_s,angulo_graus,carro_cm", 180 / np.pi, "theta0=carro_cm,theta1=angulo_graus --scale theta0=-0.0573"),
     ],
 )
-def test_the_position_of_a_cart_is_no_angle_and_a_note_says_how_to_use_it(
+def test_the_position_of_a_cart_is_no_angle_and_a_note_states_how_to_use_it(
     one: Rig, tmp_path: Path, names: str, unit: float, hint: str
 ) -> None:
     columns = {name: 0.1 * np.sin(3 * T) for name in names.split(",")}

@@ -219,7 +219,7 @@ def test_memory_stays_flat_and_every_chunk_is_in_the_index(tmp_path):
     assert grown < 100_000  # bytes; mcap's list of chunks takes 600 each, so 0.6 MB
 
 
-def test_a_full_disk_says_so_and_keeps_the_file(tmp_path, monkeypatch, rng):
+def test_a_full_disk_is_reported_and_the_file_is_kept(tmp_path, monkeypatch, rng):
     def write(path):
         with RunWriter(path, RunMetadata(RIG, "X1", 1000)) as writer:
             for at in range(0, 100_000, 100):

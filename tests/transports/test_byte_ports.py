@@ -63,7 +63,7 @@ def test_serial_carries_frames_both_ways(terminal: tuple[int, str]) -> None:
     link.close()
 
 
-def test_serial_timeout_returns_nothing_at_about_the_time_asked(terminal: tuple[int, str]) -> None:
+def test_serial_timeout_returns_nothing_after_about_the_requested_time(terminal: tuple[int, str]) -> None:
     link = open_transport(f"serial://{terminal[1]}")
     start = time.monotonic()
     assert link.receive(0.2).frames == ()
@@ -93,7 +93,7 @@ def test_pulled_serial_port_is_device_lost_when_reading_and_writing(terminal: tu
     link.close()
 
 
-def test_busy_serial_port_says_so(terminal: tuple[int, str]) -> None:
+def test_busy_serial_port_is_reported(terminal: tuple[int, str]) -> None:
     url = f"serial://{terminal[1]}"
     first = open_transport(url)
     with pytest.raises(LinkError, match="in use by another program"):

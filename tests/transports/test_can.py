@@ -118,7 +118,7 @@ def heard(device: int) -> bytes:
     return result
 
 
-def test_busy_slcan_port_says_so_and_is_left_alone(adapter: tuple[int, str]) -> None:
+def test_busy_slcan_port_is_reported_and_not_used(adapter: tuple[int, str]) -> None:
     device, path = adapter
     first = open_transport(f"can://slcan{path}")
     try:
@@ -152,7 +152,7 @@ def test_pulled_slcan_adapter_is_device_lost(adapter: tuple[int, str]) -> None:
         ("can://socketcan/can7", "sudo ip link set can7 up type can bitrate"),
     ],
 )
-def test_bus_that_cannot_be_opened_says_why(url: str, sentence: str) -> None:
+def test_bus_that_cannot_be_opened_is_reported_with_the_reason(url: str, sentence: str) -> None:
     with pytest.raises(LinkError, match=sentence):
         open_transport(url)
 

@@ -19,7 +19,7 @@ def test_can_interfaces_are_those_of_the_can_type(tmp_path: Path) -> None:
     assert module.can_interfaces(tmp_path / "none") == ()
 
 
-def test_forbidden_port_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_forbidden_port_is_reported_with_the_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     port = tmp_path / "ttyUSB0"
     port.touch()
     result = SimpleNamespace(device=str(port), description="FTDI", serial_number="A1")

@@ -97,7 +97,7 @@ def test_ctrl_c_at_the_terminal_does_not_reach_the_child() -> None:
         pytest.param("rig=/no/such/rig.toml", r"did not start: .*rig\.toml", marks=pytest.mark.long),
     ],
 )
-def test_child_that_cannot_start_says_why(query: str, sentence: str) -> None:
+def test_child_that_cannot_start_is_reported_with_the_reason(query: str, sentence: str) -> None:
     with pytest.raises(LinkError, match=sentence):
         open_transport(f"sim://?{query}")
 

@@ -112,7 +112,7 @@ async def test_a_click_on_the_stepper_goes_there(app: DprApp) -> None:
         assert app.current.NAME == "Rig"
 
 
-async def test_the_stepper_says_what_is_missing(app: DprApp) -> None:
+async def test_the_stepper_names_what_is_missing(app: DprApp) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("3")
         await pilot.pause()
@@ -253,7 +253,9 @@ async def test_a_screenshot_is_saved_next_to_the_results_or_the_reason_is_shown(
 
 
 @pytest.mark.slow
-async def test_a_screen_that_is_too_small_says_so_and_keeps_showing_the_state_of_the_rig(tmp_path: Path, until) -> None:
+async def test_a_screen_that_is_too_small_reports_it_and_still_shows_the_state_of_the_rig(
+    tmp_path: Path, until
+) -> None:
     # At 60x20 the line with the latch was lost.
     app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
     async with app.run_test(size=(60, 20)) as pilot:
@@ -309,7 +311,7 @@ async def test_the_same_message_is_not_stacked(tmp_path: Path, notices_text) -> 
 
 
 @pytest.mark.slow
-async def test_a_key_that_does_nothing_says_so_and_old_notices_make_room(tmp_path: Path, notices_text) -> None:
+async def test_a_key_without_effect_is_reported_and_old_notices_are_removed(tmp_path: Path, notices_text) -> None:
     app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("3", "r", "k", "8")
@@ -359,7 +361,7 @@ asyncio.run(look())
     assert done.stdout == "light\n"
 
 
-def test_without_a_terminal_the_command_says_what_else_there_is(tmp_path: Path) -> None:
+def test_without_a_terminal_the_command_lists_the_alternatives(tmp_path: Path) -> None:
     environment = os.environ | {"DPR_LAB_STATE": str(tmp_path)}
     done = subprocess.run(
         [sys.executable, "-m", "dpr_lab", "tui"], capture_output=True, text=True, check=False, env=environment

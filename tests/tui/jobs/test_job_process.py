@@ -83,7 +83,7 @@ def test_progress_comes_in_order_and_the_result_last(begin) -> None:
     assert last == JobFinished(5)
 
 
-def test_work_that_waits_for_the_compiler_says_so(begin) -> None:
+def test_work_that_waits_for_the_compiler_reports_it(begin) -> None:
     assert list(begin(compile_one).events()) == [JobCompiling(), JobFinished("compiled")]
 
 

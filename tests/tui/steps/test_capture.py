@@ -59,7 +59,7 @@ async def test_repeat_keeps_the_recording_aside_and_begins_again(app: DprApp, un
 
 
 @pytest.mark.long
-async def test_a_degraded_recording_says_why(app: DprApp, until) -> None:
+async def test_a_degraded_recording_states_the_reason(app: DprApp, until) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         step = await connect(pilot, until, SIM + "&fault=drop=0.02")
         await to_judged(pilot, until, step)

@@ -31,7 +31,7 @@ from firmware_protocol.identity import DeviceInfo
 from tests.tui.steps.releases import SIM, headline
 
 
-async def test_from_the_order_to_the_open_latch_nothing_says_closed(app: DprApp) -> None:
+async def test_from_the_command_to_the_open_latch_nothing_shows_it_as_closed(app: DprApp) -> None:
     # For 0.24 s after the latch opened, headline and status row said CLOSED.
     async with app.run_test(size=(80, 24)) as pilot:
         device = app.device

@@ -146,7 +146,7 @@ def test_free_runs_from_later_start_on_the_measurement(recorded: list[Path], mod
         assert later.horizon_s > later.t[0]
 
 
-async def test_without_a_model_it_says_where_to_get_one(lab) -> None:
+async def test_without_a_model_the_screen_states_how_to_obtain_one(lab) -> None:
     async with lab(CompareStep, runs=[Path("X1.mcap")]) as pilot:
         assert "identify one in step 4" in step(pilot.app).missing()
         assert figures(pilot.app) == step(pilot.app).missing()

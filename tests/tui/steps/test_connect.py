@@ -65,7 +65,7 @@ async def test_simulated_time_has_no_clock_fit(app: DprApp) -> None:
 
 
 @pytest.mark.slow
-async def test_a_connection_under_way_is_named_and_can_be_given_up(app: DprApp, until, notices_text) -> None:
+async def test_a_connection_in_progress_is_named_and_can_be_cancelled(app: DprApp, until, notices_text) -> None:
     ours, theirs = os.openpty()  # nobody answers
     async with app.run_test(size=(80, 24)) as pilot:
         await connect(pilot, f"serial://{os.ttyname(theirs)}?baud=921600")
@@ -80,7 +80,7 @@ async def test_a_connection_under_way_is_named_and_can_be_given_up(app: DprApp, 
 
 
 @pytest.mark.slow
-async def test_a_wrong_link_says_what_to_do(app: DprApp, until, notices_text) -> None:
+async def test_a_wrong_link_is_reported_with_the_remedy(app: DprApp, until, notices_text) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         for url, remedy in (
             ("gopher://x", "unknown kind of link 'gopher'; use for example: serial:///dev/ttyUSB0"),
@@ -94,7 +94,7 @@ async def test_a_wrong_link_says_what_to_do(app: DprApp, until, notices_text) ->
 
 
 @pytest.mark.long
-async def test_a_wrong_baud_rate_says_so(app: DprApp, until, rig) -> None:
+async def test_a_wrong_baud_rate_is_reported(app: DprApp, until, rig) -> None:
     url = rig().replace("921600", "115200")
     async with app.run_test(size=(80, 24)) as pilot:
         await connect(pilot, url)
@@ -132,7 +132,7 @@ async def test_another_rig_greets_the_device_again(app: DprApp, until, tmp_path:
 
 
 @pytest.mark.slow
-async def test_the_simulator_takes_the_place_of_a_rig_only_on_a_yes(app: DprApp, until, rig) -> None:
+async def test_the_simulator_replaces_a_rig_only_after_confirmation(app: DprApp, until, rig) -> None:
     # One key dropped a real link, and at 80 columns nothing said that what followed was simulated.
     url = rig()
     async with app.run_test(size=(80, 24)) as pilot:

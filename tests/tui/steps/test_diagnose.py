@@ -89,7 +89,7 @@ async def test_cancelling_leaves_nothing_half_written(lab, until, recorded: list
         assert not (pilot.app.workspace.out / "diagnosis" / "diagnosis.json").exists()
 
 
-async def test_a_diagnosis_is_resumed_with_all_that_it_says(lab, fixed_diagnosis: Path) -> None:
+async def test_a_diagnosis_is_resumed_with_its_complete_content(lab, fixed_diagnosis: Path) -> None:
     diagnosis = load_diagnosis(fixed_diagnosis)
     async with lab(DiagnoseStep, diagnosis=fixed_diagnosis) as pilot:
         assert " ".join(text(pilot.app, "#state").split()) == sentence(diagnosis)

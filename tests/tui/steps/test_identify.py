@@ -120,7 +120,7 @@ async def test_a_recording_chosen_twice_is_refused(lab, until, recorded: list[Pa
         assert pilot.app.workspace.model is None
 
 
-async def test_without_runs_it_says_what_must_come_first(lab) -> None:
+async def test_without_runs_the_screen_names_the_step_that_comes_first(lab) -> None:
     async with lab(IdentifyStep) as pilot:
         assert "No runs selected" in step(pilot.app).missing()
         await pilot.press("s")

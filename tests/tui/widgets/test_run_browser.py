@@ -56,7 +56,7 @@ async def opened(pilot, until, folder: Path, selected: list[Path]) -> Answer:
 
 
 @pytest.mark.slow
-async def test_every_run_is_listed_with_what_it_says(lab, until, folder: Path) -> None:
+async def test_every_run_is_listed_with_its_properties(lab, until, folder: Path) -> None:
     async with lab(Nothing, size=(120, 30)) as pilot:
         await opened(pilot, until, folder, [folder / "second.mcap"])
         listed = {row[-1]: row for row in rows(pilot.app)}
@@ -171,7 +171,7 @@ async def test_help_describes_the_run_browser(lab, until, folder: Path) -> None:
         assert not answer.asked
 
 
-async def test_an_empty_folder_says_what_to_do(lab, until, tmp_path: Path) -> None:
+async def test_an_empty_folder_is_reported_with_the_next_step(lab, until, tmp_path: Path) -> None:
     async with lab(Nothing) as pilot:
         await opened(pilot, until, tmp_path / "runs", [])
         assert "record some in step 3" in shown_text(pilot.app, "#result")
