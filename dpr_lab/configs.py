@@ -1,6 +1,7 @@
 """Find and validate TOML files; messages name the file, the key and the value."""
 
 import hashlib
+import math
 import re
 import tomllib
 from collections.abc import Sequence
@@ -153,6 +154,8 @@ def fault_words(fault: "ErrorDetails") -> str:
         kind = "must be a list in square brackets"
     if fault["type"] in ("model_type", "dict_type"):
         kind = "must be a table of keys and values"
+    if isinstance(fault["input"], float) and math.isnan(fault["input"]):
+        kind = "must be a finite number"
     text = str(fault["msg"]).removeprefix("Value error, ")
     return kind or text.replace("Input should be", "must be", 1)
 

@@ -51,6 +51,24 @@ def read_text(path: Path, error: type[DprError] = DprError, encoding: str = "utf
         raise error(f"{path}: cannot be read: {refused.strerror}") from refused
 
 
+def not_json(error: Exception, what: str, file: str, writer: str) -> str:
+    """Describe a file that is not JSON.
+
+    Args:
+        error: exception of the decoder or of the JSON parser
+        what: expected content, with its article
+        file: file to give instead
+        writer: command that writes this file
+    """
+    reason = "is not a text file" if isinstance(error, UnicodeDecodeError) else f"is not valid JSON ({error})"
+    return f"is not {what}, because it {reason}: give {file}, which {writer} has written"
+
+
+def in_folder(path: Path, name: str) -> Path:
+    """Return the path of a result; `path` is its file, or the folder that contains the file `name`."""
+    return path / name if path.is_dir() else path
+
+
 def write_whole(path: Path, write: Callable[[Path], object], error: type[DprError] = DprError) -> None:
     """Write a file atomically by renaming a temporary file that `write` fills.
 

@@ -16,7 +16,7 @@ probability does not change. The earlier recordings are not fitted again. Source
 (58).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -74,7 +74,17 @@ def refuse_other_result(check: AdvisedCheck, given: set[str]) -> None:
     """
     kind = kind_of(check)
     if given != kind.takes:
-        raise RunError(f"check {check.id} ({check.kind}: {check.text}): give its result, {kind.form(check)}")
+        wrong = given - kind.takes
+        problem = f"does not take {_options(wrong)}" if wrong else f"lacks {_options(kind.takes - given)}"
+        raise RunError(
+            f"check {check.id} is a {check.kind} and {problem}: give its result, {kind.form(check)}. The check:"
+            f" {check.text}"
+        )
+
+
+def _options(fields: Collection[str]) -> str:
+    """Return fields of a `CheckAnswer` as the options of the command."""
+    return " and ".join("run files" if name == "runs" else f"--{name}" for name in sorted(fields, reverse=True))
 
 
 def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:

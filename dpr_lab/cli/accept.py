@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dpr_lab.cli.checks import AnyClock, Json, RigName, TorqueKind
-from dpr_lab.cli.console import emit, line, say, table
+from dpr_lab.cli.console import emit, line, table
+from dpr_lab.cli.diagnose import show_files
 
 if TYPE_CHECKING:
     from dpr_lab.acceptance.judge import Acceptance
@@ -58,8 +59,7 @@ def accept(
         emit(accepted.to_json())
     else:
         show(acceptance)
-        for name, path in accepted.files.items():
-            say(f"{name}: {path}")
+        show_files(accepted.files)
     raise typer.Exit(EXIT_CODES[acceptance.answer])
 
 

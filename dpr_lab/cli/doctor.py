@@ -3,17 +3,21 @@
 import re
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from dpr_lab.cli.checks import Json
 from dpr_lab.cli.console import emit, table
 from dpr_lab.errors import DprError
+from dpr_lab.progress import StageBegan
+
+if TYPE_CHECKING:
+    from dpr_lab.workflows.events import OnEvent
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +51,8 @@ def doctor(
     """
     from dpr_lab.cli.listener import Listener
 
-    with Listener():
-        findings = list(_examine(link, rig))
+    with Listener() as listener:
+        findings = list(_examine(link, rig, listener))
     codes = [finding.exit_code for finding in findings if finding.state == "wrong"]
     if as_json:
         emit({"ok": not codes, "findings": [finding.to_json() for finding in findings]})
@@ -72,16 +76,25 @@ def _rows(findings: Sequence[SystemCheck]) -> list[tuple[str, str, str]]:
     return rows
 
 
-def _examine(link: str | None, rig: str | None) -> Iterator[SystemCheck]:
+def _examine(link: str | None, rig: str | None, on_event: "OnEvent") -> Iterator[SystemCheck]:
+    stages: list[tuple[str, Callable[[], Iterable[SystemCheck]]]] = [
+        ("libraries and disk", _installation),
+        ("ports and buses", _links),
+    ]
+    if rig is not None:
+        stages.append(("rig file", lambda: [_try("rig", lambda: _rig(rig))]))
+    if link is not None:
+        stages.append((f"device at {link}", lambda: [_try("device", lambda: _device(link, rig))]))
+    for number, (name, examine) in enumerate(stages, 1):
+        on_event(StageBegan(number, len(stages), name))
+        yield from examine()
+
+
+def _installation() -> Iterator[SystemCheck]:
     yield SystemCheck("Python", "ok", f"{sys.version.split()[0]}, {sys.executable}")
     yield from _packages()
     yield from _plugins()
     yield _disk()
-    yield from _links()
-    if rig is not None:
-        yield _try("rig", lambda: _rig(rig))
-    if link is not None:
-        yield _try("device", lambda: _device(link, rig))
 
 
 def _packages() -> Iterator[SystemCheck]:

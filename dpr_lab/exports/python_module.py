@@ -5,6 +5,7 @@ effects.
 """
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -76,7 +77,10 @@ def derivative(t, x, torques=(0.0, 0.0)):
 
 
 def python_module(
-    model: Model | MovingArmModel, rig: Rig, more: Mapping[str, Any] = {}, rewritten: Mapping[str, Rewrite] = {}
+    model: Model | MovingArmModel,
+    rig: Rig,
+    more: Mapping[str, Any] = MappingProxyType({}),
+    rewritten: Mapping[str, Rewrite] = MappingProxyType({}),
 ) -> str:
     """Generate a Python module with the corrected model.
 

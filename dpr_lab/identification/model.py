@@ -19,8 +19,9 @@ from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
 from dpr_lab.search import search_words
 from dpr_lab.shown import FIXED_BY, Row, Shown
-from dpr_lab.whole_file import read_text, write_text
+from dpr_lab.whole_file import in_folder, not_json, read_text, write_text
 
+MODEL = "model.json"
 RODS = ("theta1", "theta2")
 Kept = TypeVar("Kept")
 Number = Annotated[float, Field(allow_inf_nan=False)]
@@ -362,26 +363,25 @@ class Model(FittedModel):
 
 
 def load_model(path: Path | str) -> Model:
-    """Read a file `model.json` that `identify` or `diagnose --out` has written.
+    """Read a model that `identify` or `diagnose --out` has written, from its file or from its folder.
 
     Raises:
         RunError: the file is missing, not JSON, or not a model; the message names the key.
     """
+    path = in_folder(Path(path), MODEL)
     try:
-        content = json.loads(read_text(Path(path), RunError))
+        content = json.loads(read_text(path, RunError))
         if isinstance(content, dict) and content.get("kind") == "moving_arm":
-            raise RunError(
-                f"{path}: is a model of a rig with a free or driven arm, which only `compare` and `export` accept"
-            )
+            raise RunError(f"{path}: is a model of a rig with a moving arm, which only `compare` and `export` accept")
         if isinstance(content, dict) and "verdict" in content:
             raise RunError(f"{path}: is a diagnosis; its corrected model is model.json in the same folder")
         model = Model.model_validate(all_printable(content))
-        refuse_unknown_effects(model.effects, Path(path))
+        refuse_unknown_effects(model.effects, path)
         return model
     except ValidationError as error:
         raise RunError(f"{path}: is not a model of dpr-lab: {first_fault(error)}") from error
     except (ValueError, RecursionError) as error:  # other encoding, invalid JSON, a number of thousands of digits
-        raise RunError(f"{path}: is not a model file (JSON): {error}") from error
+        raise RunError(f"{path}: {not_json(error, 'a model', MODEL, '`identify` or `diagnose --out`')}") from error
 
 
 def refuse_unknown_effects(effects: Mapping[str, Mapping[str, float]], path: Path) -> None:

@@ -69,8 +69,7 @@ def save_diagnosis(
     corrected = corrected_model(diagnosis, runs, rig)
     corrected.save(out / "model.json")
     exports = save_exports(corrected, runs, rig, out, on_loss)
-    module = {"module": exports["python"]} if "python" in exports else {}
-    return {"report": str(report), "model": str(out / "model.json"), **module, **exports}
+    return {"report": str(report), "model": str(out / "model.json"), **exports}
 
 
 def save_exports(

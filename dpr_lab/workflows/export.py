@@ -135,7 +135,6 @@ def model_to_export(file: Path, rig: "Rig") -> "AnyModel":
     """
     from dpr_lab.identification.moving_arm.model import MovingArmModel, load_model
 
-    file = file / "model.json" if file.is_dir() else file
     model = load_model(file)
     if not isinstance(model, MovingArmModel):
         model.starting_point(rig)

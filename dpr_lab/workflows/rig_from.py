@@ -134,7 +134,7 @@ def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> 
         mass, length = Z[f"m{rod}"], lengths[rod - 1]
         ranges[f"m{rod}"], ranges[f"l{rod}"] = mass_bounds(mass), centre_bounds(length)
         ranges[f"J{rod}"] = inertia_bounds((mass, mass, mass), length)
-        ranges[f"c{rod}"] = friction_bounds(inertia, max(moments[rod - 1] * chain.gravity, 1e-30))
+        ranges[f"c{rod}"] = friction_bounds(inertia, moments[rod - 1] * chain.gravity)
     if "mb" in values:
         ranges["mb"] = mass_bounds(Z["mb"]) if Z["mb"] > 0 else (5e-7, 1e-6, 2e-6)
     bounds = {}

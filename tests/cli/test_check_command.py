@@ -19,7 +19,7 @@ def test_the_command_asks_for_the_unit_and_shows_before_and_after(tmp_path: Path
         (("--value", "1e308 %", "--std", "1 %"), 3, "is impossible for the rate error"),
         (("--value", "1e999 %", "--std", "1 %"), 3, "must be a finite number, not inf"),
         (("--value", "0.5 %", "--std", "0"), 3, "uncertainty must be above 0"),
-        (("--value", "0.5 %"), 3, "give its result, --value"),
+        (("--value", "0.5 %"), 3, "is a measurement and lacks --std: give its result, --value"),
         (("--value", "50 %", "--std", "1e-9"), 3, "repeat the command with --force"),
     ]
     for words, code, message in refused:

@@ -80,6 +80,13 @@ def test_doctor_greets_a_device(cli) -> None:
     assert result["numba"]["state"] == "ok"
 
 
+def test_doctor_shows_its_progress_on_a_terminal(on_terminal) -> None:
+    words = ("doctor", "--link", "sim://?clock=fast", "--rig", "paper")
+    code, text = on_terminal([sys.executable, "-m", "dpr_lab", *words], {"COLUMNS": "120"})
+    assert code == 0, text
+    assert text.index("4 of 4: device at sim://") < text.index("firmware 1.0.0")
+
+
 def test_doctor_compares_the_device_with_the_rig_file(tmp_path: Path, cli) -> None:
     text = (Path(__file__).parents[2] / "configs/rigs/paper.toml").read_text()
     rig = tmp_path / "rig.toml"

@@ -51,11 +51,12 @@ def test_bags_that_cannot_be_understood(tmp_path: Path, suffix: str) -> None:
             read(write(tmp_path / f"{len(result)}{suffix}", topics))
 
 
-def test_a_damaged_file_of_a_bag_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("suffix", BAGS)
+def test_a_damaged_file_of_a_bag_is_named(tmp_path: Path, suffix: str) -> None:
     (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
-    BAGS[".db3"](tmp_path / "bag_0.db3", [("/joint_states", ("theta1", "theta2"), ROWS)])
-    (tmp_path / "bag_1.db3").write_bytes(b"no database" * 100)
-    with pytest.raises(RunError, match=r"bag_1\.db3: is damaged or incomplete, or is not a ROS 2 bag"):
+    BAGS[suffix](tmp_path / f"bag_0{suffix}", [("/joint_states", ("theta1", "theta2"), ROWS)])
+    (tmp_path / f"bag_1{suffix}").write_bytes(b"no recording" * 100)
+    with pytest.raises(RunError, match=rf"bag_1\{suffix}: is damaged or incomplete, or is not a ROS 2 bag"):
         read(tmp_path)
 
 

@@ -115,6 +115,11 @@ def test_identification_reports_its_progress_and_stops_on_request(recorded, tmp_
     (tmp_path / "diagnosis.json").write_text('{"verdict": "no_gap"}')
     with pytest.raises(RunError, match=r"is a diagnosis; its corrected model is model.json in the same folder"):
         compare(CompareRequest(files, tmp_path / "diagnosis.json", tmp_path))
+    with pytest.raises(RunError, match=r"is not a model, because it is not a text file: give model.json, which"):
+        compare(CompareRequest(files, files[0], tmp_path))
+    (tmp_path / "empty.json").touch()
+    with pytest.raises(RunError, match=r"is not a model, because it is not valid JSON .*: give model.json, which"):
+        compare(CompareRequest(files, tmp_path / "empty.json", tmp_path))
 
 
 @pytest.mark.slow

@@ -23,7 +23,7 @@ from dpr_lab.gap.result.search_step import SearchStep
 from dpr_lab.gap.result.trust import Trust
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import Row, Shown, percent
-from dpr_lab.whole_file import read_text
+from dpr_lab.whole_file import in_folder, not_json, read_text
 
 Verdict = Literal["no_gap", "inconclusive", "named", "partly_explained", "unexplained"]
 Basis = Literal["one release", "releases left out", "held-out runs"]
@@ -240,7 +240,7 @@ ADDED_BY_COMMANDS = ("files", "simulator")
 
 def diagnosis_file(path: Path) -> Path:
     """Return the path of the file of a diagnosis; `path` is this file or its folder."""
-    return path / RECORD if path.is_dir() else path
+    return in_folder(path, RECORD)
 
 
 def load_diagnosis(path: Path) -> Diagnosis:
@@ -259,7 +259,7 @@ def load_diagnosis(path: Path) -> Diagnosis:
     except ValidationError as error:
         raise RunError(f"{path}: is not a diagnosis that this dpr-lab wrote: {first_fault(error)}") from error
     except (ValueError, RecursionError) as error:
-        raise RunError(f"{path}: is not a diagnosis (JSON): {error}") from error
+        raise RunError(f"{path}: {not_json(error, 'a diagnosis', RECORD, '`diagnose --out`')}") from error
     named = {effect.name for effect in diagnosis.effects} | {
         check.measures for check in diagnosis.checks if check.measures
     }

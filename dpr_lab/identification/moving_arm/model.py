@@ -12,6 +12,7 @@ from dpr_lab.effects.coulomb import COULOMB_JOINT0
 from dpr_lab.effects.spring import SPRING_JOINT0
 from dpr_lab.errors import RunError, all_printable
 from dpr_lab.identification.model import (
+    MODEL,
     EstimatedValue,
     FittedModel,
     Model,
@@ -23,7 +24,7 @@ from dpr_lab.identification.model import (
 )
 from dpr_lab.identification.model import load_model as load_rods_model
 from dpr_lab.shown import Row
-from dpr_lab.whole_file import read_text
+from dpr_lab.whole_file import in_folder, read_text
 
 KIND = "moving_arm"
 
@@ -137,10 +138,10 @@ def load_moving_arm_model(path: Path) -> MovingArmModel | None:
 
 
 def load_model(path: Path | str) -> Model | MovingArmModel:
-    """Read a model file `model.json` that `identify` or `diagnose --out` has written.
+    """Read a model that `identify` or `diagnose --out` has written.
 
     Args:
-        path: path of the file
+        path: path of the file, or of the folder of its file `model.json`
 
     Returns:
         `MovingArmModel` for a rig with a free or driven arm, otherwise `Model`
@@ -148,4 +149,5 @@ def load_model(path: Path | str) -> Model | MovingArmModel:
     Raises:
         RunError: the file is missing, not JSON, or not a model; the message names the key.
     """
-    return load_moving_arm_model(Path(path)) or load_rods_model(path)
+    path = in_folder(Path(path), MODEL)
+    return load_moving_arm_model(path) or load_rods_model(path)

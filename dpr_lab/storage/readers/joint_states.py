@@ -26,6 +26,8 @@ from dpr_lab.storage.tables.table import Table
 from dpr_lab.whole_file import regular
 
 KIND = "ROS 2 bag"
+BROKEN_MCAP = (McapError, zstandard.ZstdError, struct.error)
+"""Exceptions of the libraries for a file with invalid bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +79,13 @@ def read_bag(folder: Path, take: Sequence[str]) -> Table:
     files = sorted((p for p in folder.iterdir() if p.suffix in (".mcap", ".db3")), key=_by_number)
     if not files:
         raise RunError(f"{folder}: is a ROS 2 bag without a .mcap or .db3 file; decompress a compressed bag first")
-    opened = {".mcap": _mcap_messages, ".db3": _sqlite_messages}
-    return _table(folder, KIND, chain.from_iterable(opened[p.suffix](p) for p in files), take)
+    return _table(folder, KIND, chain.from_iterable(map(_messages_of_part, files)), take)
+
+
+def _messages_of_part(path: Path) -> Iterator[Stamped]:
+    """Read the messages of one file of a bag; an error names this file."""
+    with library_of(path, KIND, *BROKEN_MCAP):
+        yield from (_mcap_messages if path.suffix == ".mcap" else _sqlite_messages)(path)
 
 
 def _by_number(path: Path) -> list[tuple[int, str]]:
@@ -86,7 +93,7 @@ def _by_number(path: Path) -> list[tuple[int, str]]:
 
 
 def _table(path: Path, kind: str, messages: Iterable[Stamped], take: Sequence[str]) -> Table:
-    with library_of(path, kind, McapError, zstandard.ZstdError, struct.error):
+    with library_of(path, kind, *BROKEN_MCAP):
         times, names, rows, topic = _gathered(path, messages, take)
     values = np.full((len(rows), len(names)), np.nan)
     for row, positions in enumerate(rows):

@@ -246,7 +246,7 @@ class _Columns:
         decimal = ": if commas are decimal signs, export it with semicolons between the columns"
         raise RunError(
             f"{self._path}: line {number} has {length} fields, but there are {width} columns"
-            + (decimal if width < length <= 2 * width and not points else "")
+            + (decimal if width < length <= 2 * width and not points else ": correct or delete this line")
         )
 
     def _number(self, word: str, place: int, line: int) -> float:
