@@ -206,12 +206,8 @@ def inertia_bounds(mass: Bounds, length: float) -> Bounds:
 
 
 def friction_bounds(inertia: float, stiffness: float) -> Bounds:
-    """Return bounds and nominal value of the viscous friction of a joint, N m s/rad; see `draft_rig`.
-
-    The stiffness has a floor of 1e-30 N m/rad. The bounds would be zero if the centre of mass is on the axis of the
-    joint, but a rig file requires positive bounds.
-    """
-    lower, guess, upper = (2 * z * math.sqrt(inertia * max(stiffness, 1e-30)) for z in DRAFT.damping)
+    """Return bounds and nominal value of the viscous friction of a joint, N m s/rad; see `draft_rig`."""
+    lower, guess, upper = (2 * z * math.sqrt(inertia * stiffness) for z in DRAFT.damping)
     return lower, guess, upper
 
 

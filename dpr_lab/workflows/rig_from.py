@@ -123,6 +123,8 @@ def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> 
     """Return the bounds of the parameters, as in `rig new`.
 
     The bounds are extended if the value of the model is outside. A missing value is set to its lower bound.
+    The stiffness from which the friction follows is at least 1e-30 N m/rad. It would be zero if the centre of mass is
+    on the joint, but a rig file requires positive bounds.
     """
     lengths = [rod.length or 2 * rod.centroid for rod in chain.rods]
     Z = {name: values.get(name, 0.0) for name in ("l1", "l2", "m1", "m2", "mb", "J1", "J2")}
@@ -134,7 +136,7 @@ def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> 
         mass, length = Z[f"m{rod}"], lengths[rod - 1]
         ranges[f"m{rod}"], ranges[f"l{rod}"] = mass_bounds(mass), centre_bounds(length)
         ranges[f"J{rod}"] = inertia_bounds((mass, mass, mass), length)
-        ranges[f"c{rod}"] = friction_bounds(inertia, moments[rod - 1] * chain.gravity)
+        ranges[f"c{rod}"] = friction_bounds(inertia, max(moments[rod - 1] * chain.gravity, 1e-30))
     if "mb" in values:
         ranges["mb"] = mass_bounds(Z["mb"]) if Z["mb"] > 0 else (5e-7, 1e-6, 2e-6)
     bounds = {}

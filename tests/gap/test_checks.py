@@ -127,9 +127,7 @@ def test_a_second_result_of_a_check_is_refused_with_the_first() -> None:
 
 def test_recordings_are_no_result_of_a_measurement(tmp_path: Path) -> None:
     (tmp_path / "diagnosis.json").write_text(json.dumps(made().to_json()))
-    with pytest.raises(
-        RunError, match=r"abcd is a measurement and does not take run files: give its result, --value"
-    ):
+    with pytest.raises(RunError, match=r"abcd is a measurement and does not take run files: give its result, --value"):
         take_check(CheckRequest(tmp_path / "diagnosis.json", "1-abcd", (tmp_path / "x.mcap",)))
 
 
