@@ -197,7 +197,10 @@ def _release(device: Device) -> None:
 
 
 class _Pace:
-    """Monitor of the rate at which samples arrive; if far too few arrive, a recording might never end."""
+    """Monitor of the rate at which samples arrive.
+
+    If far too few samples arrive, it raises an exception, because the recording might otherwise never end.
+    """
 
     def __init__(self, device: Device, recording: Recording, settings: CaptureSettings) -> None:
         patience = device.silence_s / device.timing.silence_s

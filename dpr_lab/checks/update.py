@@ -182,7 +182,10 @@ def remaining(diagnosis: Diagnosis, done: CheckDone) -> list[AdvisedCheck]:
 
 
 def _advice(diagnosis: Diagnosis, remaining_checks: Sequence[AdvisedCheck]) -> list[str]:
-    """Return the recommendations of a diagnosis without those whose checks are done or no longer informative."""
+    """Return the recommendations of a diagnosis that still apply.
+
+    A recommendation no longer applies if its checks are done or no longer informative.
+    """
     informative = [check for check in remaining_checks if check.informative]
     return [
         text

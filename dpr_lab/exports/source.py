@@ -97,7 +97,10 @@ class _Writer:
 
 
 class _Names(ast.NodeTransformer):
-    """Transformer that replaces the names in a function's definition by those of the written source."""
+    """Transformer of a syntax tree.
+
+    It replaces the global names in a function by the names in the written source.
+    """
 
     def __init__(self, writer: _Writer, function: types.FunctionType) -> None:
         self.writer, self.globals = writer, function.__globals__

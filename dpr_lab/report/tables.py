@@ -337,10 +337,8 @@ def _verdict(fitted: float, held_out: Sequence[float]) -> str:
 def _driven_by_noise(fitted: float, chi2_per_dof: float) -> bool:
     """Check whether noise of the known motion or torques explains the residual.
 
-    `fitted` is the ratio of the residual to the noise of the readings.
-
-    Without such noise, the reduced chi-square is the mean of the squared ratios of both joints, and `fitted` is the
-    larger ratio.
+    `fitted` is the ratio of the residual to the noise of the readings, at the joint with the larger ratio. Without
+    noise of the motion or torques, the reduced chi-square would be the mean of the squared ratios of both joints.
     """
     return chi2_per_dof < min(NOISE_LIKE.most**2, 0.5 * fitted**2)
 

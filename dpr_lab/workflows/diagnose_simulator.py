@@ -173,7 +173,10 @@ def _replays(
     rig: "Rig",
     runs: "Sequence[Run]",
 ) -> "tuple[FileReplay, ...]":
-    """Return the replay errors of the original, the changed, and any passive-force file."""
+    """Return the replay errors of the original and the changed file.
+
+    If there is a file with passive forces, its errors are included.
+    """
     from dpr_lab.exports.into.replay import replay_files
 
     replays = replay_files(simulator, patched, names, model, rig, runs)

@@ -233,7 +233,7 @@ class Plant:
 
     @cached_property
     def _driven(self) -> tuple[RigModel, int]:
-        """Rig and mode as of `_moving`, with the parameters that represent any torques on the joints."""
+        """Result of `_moving`, with the parameters through which torques act on the joints."""
         model, mode = self._moving
         pushed = model.params.copy()
         pushed[CONSTANT] = 1.0

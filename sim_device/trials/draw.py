@@ -79,7 +79,7 @@ def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfi
 
 
 def _on_arm(wanted: EffectRequest, plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> PlantConfig:
-    """Return the plant with effects at joint 0 or of its drive that are visible in its recordings."""
+    """Return the plant with effects at joint 0, or of the arm's drive, that its recordings show."""
     if wanted.kind not in ON_ARM:
         raise ConfigError(f"draw {wanted.kind}: not available with a moving arm; available: {', '.join(ON_ARM)}")
     if wanted.kind == "dirty":

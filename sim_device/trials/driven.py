@@ -64,9 +64,9 @@ Fault = Callable[[float, np.random.Generator], dict[str, Any]]
 
 
 def _delay(size: float, rng: np.random.Generator) -> dict[str, Any]:
-    """Return a delay in whole milliseconds, the ticks of a board.
+    """Return a delay in whole milliseconds, because a tick of the board is one millisecond.
 
-    The board reports the commanded torques, because only they show a delay.
+    The torques that the board reports are the commanded ones, because measured torques would not show a delay.
     """
     return {"delay_s": max(round(DRIVING.delay_s * abs(size), 3), 1e-3), "reports": ("commanded",)}
 

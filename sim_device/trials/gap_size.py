@@ -64,7 +64,7 @@ def _start(readings: Array, period: float, relative: bool) -> Array:
 
 
 def _as_read(columns: Array, relative: bool) -> Array:
-    """Return the rows of theta1, theta2 (axis 1), converted to the angles that the joint encoders read."""
+    """Convert rows of theta1 and theta2 (axis 1) to the angles that the encoders of the joints read."""
     read = columns[:, :2].copy()
     if relative:
         read[:, 1] -= read[:, 0]

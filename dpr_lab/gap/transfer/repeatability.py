@@ -287,7 +287,7 @@ class _Parts:
         return chosen
 
     def _local(self, column: int) -> Array:
-        """Return the column of a parameter separately for each recording, (segments, m, recordings)."""
+        """Split the column of a parameter into one column for each recording, (segments, m, recordings)."""
         of_recording = self.fold[:, None, None] == np.arange(int(self.fold.max()) + 1)
         return np.where(of_recording, self.X[:, :, [column]], 0.0)
 

@@ -102,7 +102,7 @@ def time_hats(t: Array) -> tuple[Array, Array]:
 
 
 def load_hats(force: Array) -> tuple[Array, Array]:
-    """Return the (n, k) hat functions over the range of frequent forces, and their knots."""
+    """Return the (n, k) hat functions over the joint force, from its 1 % to its 99 % quantile, and their knots."""
     knots = np.quantile(force, np.linspace(0.01, 0.99, BINS // 2))
     return hats(force, knots), knots
 

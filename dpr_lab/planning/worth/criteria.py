@@ -165,7 +165,7 @@ class OpenPairs:
         return squared
 
     def gained(self, before: Array, F: Array) -> Array:
-        """Return (n, n) d^2 by which additional information separates each pair of causes.
+        """Return the (n, n) squared distances d^2 that additional information adds between the causes.
 
         A richer form that contains a simpler one never fits worse. The evidence for the richer form is therefore the
         evidence for its additional amplitude.

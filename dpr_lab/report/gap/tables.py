@@ -100,7 +100,7 @@ def sentence(diagnosis: Diagnosis) -> str:
 
 
 def causes(diagnosis: Diagnosis) -> dict[str, NamedEffect]:
-    """Return the named effects that are probable causes, by the description of their class."""
+    """Return the named effects that are probable causes; the keys are the descriptions of their classes."""
     return {
         " or ".join(map(named, effect.members)): effect
         for effect in diagnosis.effects

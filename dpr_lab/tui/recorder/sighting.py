@@ -42,7 +42,7 @@ class Sighting:
         return now - self.at <= SIGHTING.fresh_s
 
     def settles(self, ordered: float) -> bool:
-        """Return whether the reading tells if a release command was executed.
+        """Return whether the reading shows the result of a release command.
 
         Args:
             ordered: instant at which the command was sent, s, as in `time.monotonic()`

@@ -129,7 +129,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         return ""
 
     def at_stake(self) -> str:
-        """Return a warning about a recording that quitting ends or leaves undecided.
+        """Return a warning if quitting ends a recording, or leaves a recording without a decision.
 
         The text is empty if there is no such recording.
         """

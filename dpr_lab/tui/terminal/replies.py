@@ -1,4 +1,4 @@
-"""Parse keys, and the replies of a terminal to queries of its type."""
+"""Parse keys, and the replies in which a terminal states its type."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

@@ -87,7 +87,7 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
 def _nearest(read: ReadTable, residual: float) -> str:
     """Compose the end of a sentence that names the interpretation with by far the smallest change of energy.
 
-    The energy also changes in this interpretation, so that it is not proposed as a correction. The text is empty if
+    This interpretation is not proposed as a correction, because the energy changes in it as well. The text is empty if
     there is no such interpretation.
     """
     turned = _turned(read)

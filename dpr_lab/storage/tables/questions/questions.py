@@ -21,7 +21,7 @@ from dpr_lab.storage.tables.torques import coarse_torques, idle_torques
 
 @dataclass(frozen=True, slots=True)
 class PushSettings:
-    """Limits from which rods were pushed."""
+    """Limits from which the motion of hanging rods is explained by a push."""
 
     hanging_rad: float = 0.03
     """Maximum angle from the hanging position, rad, at which rods at rest do not start to swing by themselves."""
