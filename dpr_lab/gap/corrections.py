@@ -22,7 +22,7 @@ from dpr_lab.gap.bare_model import with_likeliest_noise
 from dpr_lab.gap.damage.disturbances import without_jumps
 from dpr_lab.gap.damage.jumps import JUMP
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, far_from_noise
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.state import Fitted, ScreenedRuns
@@ -88,7 +88,7 @@ def with_other_noise(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
 
     Otherwise return None.
     """
-    if fitted.problem.disturbance is not None and far_from_noise(model):
+    if fitted.problem.disturbance is not None and model.far_from_noise:
         return replace(fitted, recordings=replace(fitted.recordings, exact_torques=True))
     recordings = with_likeliest_noise(fitted.recordings, fitted.problem, model)
     return recordings and replace(fitted, recordings=recordings)

@@ -18,7 +18,8 @@ from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, bounded_excess, scatter
+from dpr_lab.gap.hypothesis.significance import scatter
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.shutter import NORMALS, Shutter
 
@@ -51,7 +52,7 @@ def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesi
     noise = model.residuals.independent_noise
     if now is not None:
         return shutter if gain > PENALTY.parameter * noise else None
-    return shutter if gain > max(THRESHOLDS.chance * noise, SHUTTER.share * bounded_excess(model)) else None
+    return shutter if gain > max(THRESHOLDS.chance * noise, SHUTTER.share * model.bounded_excess) else None
 
 
 def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:

@@ -17,10 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Effect
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS, alone_share
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
@@ -32,14 +30,9 @@ from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.tried import Description
-from dpr_lab.identification.moving_arm.setup import drive_gain
-from dpr_lab.identification.prior_update import assumed_b
-from dpr_lab.identification.scaling.prior_spread import scale_of
-from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-from dpr_lab.setup import only_inner
 
 Event = StageBegan | FitBegan | ScoreTestBegan
 
@@ -120,37 +113,3 @@ class Transferred(Selected):
         reach = NORMAL_Q90 * np.sqrt(np.diag(self.covariance))
         free = self.selection.chosen.fit.free
         return {(parameter.effect, parameter.name): float(r) for parameter, r in zip(free, reach, strict=True)}
-
-    @property
-    def absorbed(self) -> dict[str, dict[str, str]]:
-        """Parameter that absorbs an amplitude, by effect and amplitude.
-
-        An effect of the model is tested in the model without this effect.
-        """
-        around, last = self.selection.tests_without, self.selection.final_test
-        scores = {name: around[name].of(name) if name in around else last.of(name) for name in EFFECTS}
-        return {name: dict(score.absorbed) for name, score in scores.items() if score is not None and score.absorbed}
-
-    @property
-    def scale(self) -> Scale:
-        """Value of b that absolute sizes assume; it is fitted or comes from the rig file.
-
-        If only the inner rod is mounted, the value of a is stated instead.
-        """
-        alone = only_inner(self.fitted.problem.segments.setups)
-        share = alone_share(self.selection.chosen.fit.estimate.ratios)
-        return self._scale_b.as_inertia("a", share) if alone else self._scale_b
-
-    @property
-    def _scale_b(self) -> Scale:
-        unknown, intervals = self.selection.chosen.fit.estimate.ratios, self.intervals
-        b = float(unknown[SCALE])
-        if ("", "b") in intervals:
-            driven = any(setup.torques is not None and setup.arm_moves for setup in self.fitted.problem.segments.setups)
-            of_drive = drive_gain(self.fitted.recordings.rig).relative_std if driven else 0.0
-            reach = float(np.hypot(intervals["", "b"], NORMAL_Q90 * b * of_drive))
-            ends = (max(b - reach, 1e-3 * b), b + reach)
-            return Scale(b=b, interval90=ends, fixed_by="data", constants_std=of_drive)
-        visible = [i for i, name in enumerate(UNKNOWN_RATIOS) if ("", name) in intervals]
-        assumed = assumed_b(self.selection.bare.fit.estimate.ratios, self.fitted.recordings.rig)
-        return scale_of(assumed.model_copy(update={"value": b}), unknown, self.fitted.recordings.rig, visible)

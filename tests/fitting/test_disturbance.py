@@ -10,7 +10,6 @@ from dpr_lab.fitting.disturbance import _spread, likeliest_noise, most_noise, to
 from dpr_lab.fitting.whitening import innovations, padded
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.select import forward
 from dpr_lab.rig import Rig
@@ -68,7 +67,7 @@ def test_the_noise_of_measured_torques_is_no_gap(bare, paper: Rig) -> None:
     assert taken_for_exact.chi2(result.fit.estimate) > 1.5 * result.fit.chi2
     assert result.residuals.chi2 / result.residuals.dof == pytest.approx(1.0, abs=0.05)
     assert abs(result.residuals.autocorrelation) < 0.05
-    assert at_noise_floor(result)
+    assert result.at_noise_floor
 
 
 @pytest.mark.slow

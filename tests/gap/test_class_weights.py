@@ -152,11 +152,11 @@ def test_an_effect_with_the_same_signature_and_cost_is_in_the_class(
     monkeypatch: pytest.MonkeyPatch, alike: bool, cost: float | None, gain: float, member: bool
 ) -> None:
     """The indifference margin is 10."""
-    monkeypatch.setattr(posterior, "indistinguishable", lambda *_: alike)
     monkeypatch.setattr(posterior, "indifference", lambda *_: 10.0)
     monkeypatch.setattr(posterior, "adds_less_than_remains", lambda *_: False)
     fits = {} if cost is None else {frozenset({"base_tilt", "latency_joint2"}): Mock(cost=cost)}
-    of_set = place(fits, final_test=Mock(absorbs=lambda *_: False), tests_without={NAME: None})
+    test = Mock(indistinguishable=lambda *_: alike)
+    of_set = place(fits, final_test=Mock(absorbs=lambda *_: False), tests_without={NAME: test})
     named, other = score(NAME, 500.0), score("latency_joint2", gain)
     assert _in_one_class(of_set, named, other) is member
     richer = score("latency_joint2", gain, NAME)
@@ -204,7 +204,9 @@ def test_hidden_richer_forms_are_members_and_others_that_add_nothing_are_forms(
 
 def test_the_own_share_counts_unless_every_rig_has_a_member_of_the_class() -> None:
     selection: Any = Mock(
-        chosen=Mock(residuals=Mock(z=10.0, noise_ratio=2.0)), share_explained=0.9, own_shares={NAME: 0.01}
+        chosen=Mock(at_noise_floor=False, residuals=Mock(noise_ratio=2.0)),
+        share_explained=0.9,
+        own_shares={NAME: 0.01},
     )
     selection.unique_share = lambda name: 0.5
     unexplained = (0.1 / 0.35) ** 4 * 2.0 + 0.25 * 0.1 / 0.5 * 2.0 / 8.0

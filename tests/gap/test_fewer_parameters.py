@@ -4,15 +4,16 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, cast
 
-import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, bounded_excess, explains_as_much
+from dpr_lab.gap.hypothesis.significance import explains_as_much
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
+from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
 from dpr_lab.gap.which.replacements import SECOND_CAUSE
 from dpr_lab.gap.which.search import SearchState, apply
@@ -41,7 +42,7 @@ def grown(sets: FittedSets, *effects: str) -> Hypothesis:
         score = sets.test(model).of(name)
         assert score is not None
         model = sets.with_one(model, score)
-    return sets.escaped(model)
+    return escaped(sets, model)
 
 
 @pytest.mark.slow
@@ -49,7 +50,7 @@ def test_a_curve_that_follows_a_scale_error_does_not_displace_it(fitted: Callabl
     sets = fitted([law("encoder_scale", 0, 9.0), law("third", 0, 0.5), law("wander", 0, 0.5)], (COGGING, SCALE))
     both = grown(sets, COGGING, SCALE)
     curve, scale = sets.without(both, SCALE), sets.without(both, COGGING)
-    assert not at_noise_floor(both)
+    assert not both.at_noise_floor
     own = own_share(sets.problem, curve, sets.test(curve), SCALE)
     assert own is not None
     assert own < THRESHOLDS.own_share  # free functions in place of the cogging follow the scale error
@@ -81,9 +82,9 @@ def test_wrong_counts_per_turn_do_not_make_another_cause_look_negligible(fitted:
     sets = fitted(laws, (SCALE, FRICTION))
     both = grown(sets, SCALE, FRICTION)
     scale = sets.without(both, FRICTION)
-    assert not at_noise_floor(both)
-    assert bounded_excess(scale) < THRESHOLDS.keeps * bounded_excess(both)
-    assert bounded_excess(scale) - bounded_excess(both) < THRESHOLDS.large * bounded_excess(sets.bare)
+    assert not both.at_noise_floor
+    assert scale.bounded_excess < THRESHOLDS.keeps * both.bounded_excess
+    assert scale.bounded_excess - both.bounded_excess < THRESHOLDS.large * sets.bare.bounded_excess
     for move in (SMALLEST_ADEQUATE, DROP):
         assert apply(move, SearchState(both, sets, 4)).current.effects == (SCALE, FRICTION)
 
@@ -104,7 +105,7 @@ def stated(chi2: float, parameters: int, *effects: str) -> Hypothesis:
     """A fitted set with stated chi2 and number of parameters."""
     fit = SimpleNamespace(free=range(parameters), chi2=chi2)
     residuals = ResidualStatistics(chi2, dof=400, level=1.0, autocorrelation=0.0)
-    return Hypothesis(effects, cast(Any, fit), residuals, np.array([chi2]), {})
+    return Hypothesis(effects, cast(Any, fit), residuals, chi2, {})
 
 
 def test_an_effect_stays_if_a_richer_form_that_explains_less_would_take_its_place(
@@ -151,12 +152,15 @@ def test_no_removal_leads_to_a_size_that_is_typical_of_another_cause() -> None:
         assert [proposal.model.effects for proposal in proposed] == ([(SCALE,)] if move is DROP else [])
 
 
-def test_a_second_cause_has_as_many_parameters_as_the_richer_form_adds_and_is_another_effect() -> None:
+def test_a_second_cause_has_as_many_parameters_as_the_richer_form_adds_and_is_another_effect(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     drift, simple = "encoder_drift_joint1", "encoder_offset_joint1"
     current, simpler = stated(400.0, 5, drift), stated(900.0, 4, simple)
     scores = [SimpleNamespace(effect=EFFECTS[name], columns=range(n), gain=400.0)
               for name, n in ((drift, 1), (COGGING, 4), (SCALE, 1))]  # fmt: skip
     sets = sets_of(stated(1e6, 3), current)
-    sets.replaced, sets.test = lambda *_: simpler, lambda model: SimpleNamespace(ranking=scores)
+    monkeypatch.setattr("dpr_lab.gap.which.replacements.simpler_forms", lambda *_: [simpler])
+    sets.test = lambda model: SimpleNamespace(ranking=scores)
     sets.with_one = lambda model, score: (*model.effects, score.effect.name)
     assert [proposal.model for proposal in SECOND_CAUSE.propose(sets, current)] == [(simple, SCALE)]

@@ -11,7 +11,7 @@ from dpr_lab.gap.conclusion.verdict import VERDICT, shows_reduction
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
-from dpr_lab.gap.hypothesis.thresholds import accepted, at_noise_floor
+from dpr_lab.gap.hypothesis.significance import accepted
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.which.sizes import impossible_together
@@ -32,13 +32,13 @@ def fitted(above: float, effects: tuple[str, ...] = (), parameters: int = 5) -> 
     residuals = ResidualStatistics(chi2, READINGS, level=1.0, autocorrelation=0.0)
     linear = SimpleNamespace(chi2_by_segment=np.array([chi2]))
     fit = cast(Any, SimpleNamespace(free=(None,) * parameters, chi2=chi2, linear=linear))
-    return Hypothesis(effects, fit, residuals, np.array([chi2]), {})
+    return Hypothesis(effects, fit, residuals, chi2, {})
 
 
 @pytest.mark.parametrize("above", [3.9, 4.1, 4.9])
 def test_a_significant_effect_that_leaves_only_noise_is_accepted_on_both_sides_of_the_noise_floor(above: float) -> None:
     bare, scale = fitted(above), fitted(above - 3.0, ("encoder_scale_joint1",), 6)
-    assert at_noise_floor(scale)
+    assert scale.at_noise_floor
     assert accepted(bare, bare, scale)
 
 

@@ -16,12 +16,13 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep
 from dpr_lab.gap.screen.recordings import LENGTHS
-from dpr_lab.gap.which import moves, removals, replacements
+from dpr_lab.gap.which import local_minima, moves, removals, replacements
+from dpr_lab.gap.which.alternatives import fit_alternatives
 from dpr_lab.gap.which.effort import Effort
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forward import Beam, forward_selection
+from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.moves import START
-from dpr_lab.gap.which.replacements import fit_alternatives
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply, run
 from dpr_lab.gap.which.select import short_segments
 from dpr_lab.report.gap.trials_of_search import TRIAL_COLUMNS, trial_rows
@@ -144,7 +145,7 @@ def test_one_score_needs_no_test_of_the_whole_library(sets: FittedSets) -> None:
     assert score is not None
     assert of_whole is not None
     assert score.gain == pytest.approx(of_whole.gain, rel=1e-9)
-    assert alone.start().effects == (name,)
+    assert [proposal.model.effects for proposal in START.propose(alone, sets.bare)] == [(name,)]
     assert alone._tests[sets.bare.key].tested == {name}
     assert alone._tests[frozenset({name})].tested == sets.library.keys() - {name}
     ranked = [[other.effect.name for other in each.test(sets.bare).ranking] for each in (alone, whole)]
@@ -214,7 +215,7 @@ def test_short_segments_propose_nothing_once_torque_noise_is_refuted(
 def test_short_segments_are_fitted_once_because_there_are_no_shorter_ones(
     sets: FittedSets, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("dpr_lab.gap.which.fitted_sets.far_from_noise", lambda model: True)
+    monkeypatch.setattr(Hypothesis, "far_from_noise", True)
     monkeypatch.setattr("dpr_lab.gap.which.fitted_sets.EFFORT", Effort(achieved=1e6))  # no fit reduces chi2 enough
     repeated: list[Hypothesis] = []
 
@@ -237,7 +238,7 @@ def test_short_segments_are_fitted_once_because_there_are_no_shorter_ones(
 def test_far_from_the_noise_a_candidate_that_decides_nothing_is_not_fitted(
     sets: FittedSets, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("dpr_lab.gap.which.forward.far_from_noise", lambda model: True)
+    monkeypatch.setattr(Hypothesis, "far_from_noise", True)
     few = run((forward_selection(2),), SearchState.bare(sets, 2))
     monkeypatch.setattr("dpr_lab.gap.which.forward.BEAM", Beam(exceeded=1e9))
     every = run((forward_selection(2),), SearchState.bare(sets, 2))
@@ -248,7 +249,7 @@ def test_far_from_the_noise_a_candidate_that_decides_nothing_is_not_fitted(
 
 @pytest.mark.slow
 def test_torque_noise_is_refuted_after_one_fitted_effect(sets: FittedSets, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dpr_lab.gap.which.forward.far_from_noise", lambda model: True)
+    monkeypatch.setattr(Hypothesis, "far_from_noise", True)
     monkeypatch.setattr("dpr_lab.gap.which.forward.accepted", lambda *models: False)
     monkeypatch.setattr("dpr_lab.gap.which.forward.refutes_process_noise", lambda sets, model: True)
     fresh = replace(sets, _fits={}, _tests=dict(sets._tests))  # without the fits of other tests
@@ -261,11 +262,11 @@ def test_a_set_that_escaped_a_local_minimum_is_not_refitted_again(
     sets: FittedSets, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     better = replace(sets.bare, fit=replace(sets.bare.fit, stop=StopReason.CONVERGED))
-    monkeypatch.setattr(FittedSets, "_escaped", lambda self, model: better)
+    monkeypatch.setattr(local_minima, "_escaped", lambda sets, model: better)
     resumed = replace(sets, _fits={}, _tests={})
-    assert resumed.escaped(sets.bare) is better
-    monkeypatch.setattr(FittedSets, "_escaped", lambda self, model: sets.bare)
-    assert resumed.escaped(better) is better
+    assert escaped(resumed, sets.bare) is better
+    monkeypatch.setattr(local_minima, "_escaped", lambda sets, model: sets.bare)
+    assert escaped(resumed, better) is better
 
 
 @pytest.mark.slow

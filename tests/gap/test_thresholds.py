@@ -8,24 +8,26 @@ import numpy as np
 import pytest
 
 from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON
+from dpr_lab.gap.conclusion.verdict import small_effects
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
-from dpr_lab.gap.hypothesis.thresholds import (
-    accepted,
-    adds_less_than_remains,
+from dpr_lab.gap.hypothesis.imitation import (
     curve_follows_remainder,
-    explains_as_much,
     follows_decay,
     follows_swing,
-    form_indifference,
     is_dismissed,
+    substitute_curve,
+)
+from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
+from dpr_lab.gap.hypothesis.significance import (
+    accepted,
+    adds_less_than_remains,
+    explains_as_much,
+    form_indifference,
     most_excess,
     need,
     promising_gain,
     scatter,
     significance,
-    small_effects,
-    substitute_curve,
 )
 
 DOF = 10_000
@@ -41,7 +43,7 @@ def fitted(
     residuals = ResidualStatistics(chi2, DOF, level=1.0, autocorrelation=rho)
     by_segment = np.array([chi2]) if len(segments) == 0 else np.asarray(segments, dtype=float)
     fit: Any = SimpleNamespace(free=(None,) * parameters, linear=SimpleNamespace(chi2_by_segment=by_segment))
-    return Hypothesis(effects, fit, residuals, np.array([chi2 if cost is None else cost]), {})
+    return Hypothesis(effects, fit, residuals, chi2 if cost is None else cost, {})
 
 
 BARE = fitted(90_000.0, ())

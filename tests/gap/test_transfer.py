@@ -15,8 +15,8 @@ from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.conclusion import sentence, verdict
 from dpr_lab.gap.conclusion.notes import _small_effects
 from dpr_lab.gap.conclusion.sentence import how_far
+from dpr_lab.gap.conclusion.verdict import small_effects
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.hypothesis.thresholds import small_effects
 from dpr_lab.gap.result.diagnosis import Basis
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.screen.pieces import whole
@@ -141,13 +141,13 @@ def test_the_sentence_names_improbable_causes_only_without_a_probable_one(
     probabilities: tuple[float, ...], named: list[str]
 ) -> None:
     causes = [EffectPosterior(name, (name,), (), p) for name, p in zip("abc", probabilities, strict=False)]
-    selection = Mock(expected=frozenset(), bare=Mock(residuals=Mock(excess=1.0, uncertainty=0.0)), path=())
+    selection = Mock(expected=frozenset(), bare=Mock(bounded_excess=1.0), path=())
     state = Mock(selection=selection, posteriors=causes, transfer=Mock(withdrawn=()))
     assert [cause.name for cause in verdict.causes_named(state)] == named
 
 
 def test_the_sentence_omits_a_sure_but_small_effect_next_to_a_large_one() -> None:
-    base, large, both = (Mock(residuals=Mock(excess=excess, uncertainty=0.0)) for excess in (1000.0, 8.0, 4.0))
+    base, large, both = (Mock(bounded_excess=excess) for excess in (1000.0, 8.0, 4.0))
     selection = Mock(expected=frozenset(), bare=base, path=[("a", large), ("b", both)])
     causes = [EffectPosterior(name, (name,), (), 0.98) for name in "ab"]
     state = Mock(selection=selection, posteriors=causes, transfer=Mock(withdrawn=()))
@@ -158,7 +158,7 @@ def test_the_sentence_omits_a_sure_but_small_effect_next_to_a_large_one() -> Non
 
 
 def test_an_effect_that_the_sentence_names_is_not_listed_as_a_small_effect() -> None:
-    base, only = (Mock(residuals=Mock(excess=excess, uncertainty=100.0)) for excess in (200.0, 4.0))
+    base, only = (Mock(bounded_excess=excess) for excess in (400.0, 400.0))  # the limit of noise
     selection = Mock(expected=frozenset(), bare=base, path=[("a", only)])
     causes = [EffectPosterior("a", ("a",), (), 0.98)]
     state = Mock(selection=selection, posteriors=causes, transfer=Mock(withdrawn=()))
@@ -167,7 +167,7 @@ def test_an_effect_that_the_sentence_names_is_not_listed_as_a_small_effect() -> 
 
 
 def test_small_effects_explain_less_than_a_hundredth_of_the_gap_together() -> None:
-    models = [Mock(residuals=Mock(excess=excess, uncertainty=0.0)) for excess in (1000.0, 200.0, 17.0, 12.0, 8.0)]
+    models = [Mock(bounded_excess=excess) for excess in (1000.0, 200.0, 17.0, 12.0, 8.0)]
     assert small_effects(models[0], list(zip("abcd", models[1:], strict=True))) == {"c", "d"}
 
 

@@ -39,18 +39,10 @@ from dpr_lab.effects.effect import Effect
 from dpr_lab.gap.classes.calibration import CALIBRATION, Calibration
 from dpr_lab.gap.hypothesis.detectable import comparable_size, linear_exclusions
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
+from dpr_lab.gap.hypothesis.imitation import follows_decay, is_dismissed, substitute_curve
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
-from dpr_lab.gap.hypothesis.thresholds import (
-    THRESHOLDS,
-    adds_less_than_remains,
-    at_noise_floor,
-    follows_decay,
-    form_indifference,
-    indifference,
-    indistinguishable,
-    is_dismissed,
-    substitute_curve,
-)
+from dpr_lab.gap.hypothesis.significance import adds_less_than_remains, form_indifference, indifference
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.selected import Selection
 
 
@@ -187,7 +179,7 @@ def _in_one_class(place: _Place, score: Score, other: Score) -> bool:
     if is_form and adds_less_than_remains(selection.chosen, fitted):
         return True
     absorbed = not other.absorbed and selection.final_test.absorbs(other.effect, score.effect)
-    if not (indistinguishable(place.test, score, other) or absorbed) or score.effect.name in other.effect.nested:
+    if not (place.test.indistinguishable(score, other) or absorbed) or score.effect.name in other.effect.nested:
         return False
     margin = indifference(selection.bare, selection.chosen)
     if fitted is not None:
@@ -308,7 +300,7 @@ def outside(selection: Selection, name: str = "", *, members: Iterable[str] = ()
         members: effects that are indistinguishable from the effect; if every rig has one of these effects, the effect
             does not count as a compensation
     """
-    remainder = 0.0 if at_noise_floor(selection.chosen) else selection.chosen.residuals.noise_ratio
+    remainder = 0.0 if selection.chosen.at_noise_floor else selection.chosen.residuals.noise_ratio
     unexplained = max(1 - selection.share_explained, CALIBRATION.least_left)
     unique, own_share = (selection.unique_share(name), selection.own_shares.get(name, 1.0)) if name else (math.inf, 1.0)
     if any(EFFECTS[member].universal for member in members):

@@ -9,6 +9,7 @@ from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.fitting.disturbance import most_noise
 from dpr_lab.gap.state import Transferred
+from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import listed
 
 SURELY = 3.0
@@ -16,18 +17,19 @@ SURELY = 3.0
 file is wrong."""
 
 
-def assumptions(state: Transferred, least: Mapping[str, Mapping[str, float | None]]) -> list[str]:
+def assumptions(state: Transferred, least: Mapping[str, Mapping[str, float | None]], scale: Scale) -> list[str]:
     """Return all assumptions of a diagnosis, one sentence each.
 
     Args:
         state: the diagnosis so far
         least: minimum detectable size by effect and amplitude; None if the amplitude is undetectable at any size
+        scale: value of b that absolute sizes assume
     """
     records = state.fitted.recordings.records
     sentences = [
         *([state.fitted.cut] if state.fitted.cut else []),
         _length(state),
-        _scale(state),
+        _scale(state, scale),
         "Encoder noise is white apart from the faults of the sensor screening; readings at 300 Hz or more were averaged"
         " over at most 5 ms.",
         "The initial states of all segments are free; the first 30 ms after each release are excluded.",
@@ -55,7 +57,7 @@ def assumptions(state: Transferred, least: Mapping[str, Mapping[str, float | Non
         *_zeros(state),
         *_geared(state),
         *_misleading(state),
-        *_unseen(least, state.absorbed),
+        *_unseen(least, state.selection.absorbed),
     ]
 
 
@@ -74,7 +76,7 @@ def _length(state: Transferred) -> str:
     return text if abs(added) < SURELY * rig.rig.L1_std else f"{text} This contradicts the uncertainty in the file."
 
 
-def _scale(state: Transferred) -> str:
+def _scale(state: Transferred, assumed: Scale) -> str:
     """Return the sentence about the source of the scale of all torques."""
     setups = state.fitted.problem.segments.setups
     if drives := [setup.torques for setup in setups if setup.torques and setup.torques.scaled]:
@@ -84,7 +86,6 @@ def _scale(state: Transferred) -> str:
         return "The known added mass fixes the scale of all torques."
     if ("", "b") in state.intervals:
         return "Load-dependent friction fixes the scale of all torques, because the masses were weighed."
-    assumed = state.scale
     return assumed.sentence if assumed.known else f"{assumed.sentence} A release with a known added mass fixes b."
 
 

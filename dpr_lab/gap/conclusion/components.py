@@ -17,7 +17,8 @@ from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.conclusion.scatter import between_recordings, left_out_values
 from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, follows_decay, is_dismissed
+from dpr_lab.gap.hypothesis.imitation import follows_decay, is_dismissed
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.gap.where.discrepancy import Discrepancy
 from dpr_lab.gap.which.selected import Selection

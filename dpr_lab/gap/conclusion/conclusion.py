@@ -13,7 +13,7 @@ from dpr_lab.gap.conclusion.assumptions import assumptions
 from dpr_lab.gap.conclusion.causes import families, named_effect, rivals
 from dpr_lab.gap.conclusion.components import components
 from dpr_lab.gap.conclusion.notes import notes
-from dpr_lab.gap.conclusion.ratios import determined, ratio_covariance, ratios
+from dpr_lab.gap.conclusion.ratios import determined, ratio_covariance, ratios, scale
 from dpr_lab.gap.conclusion.remedies import remedies
 from dpr_lab.gap.conclusion.sentence import sentence
 from dpr_lab.gap.conclusion.verdict import listed_causes, too_short_to_decide, verdict
@@ -45,10 +45,10 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
     visible_counts = visible(minimum_sizes, state.fitted.recordings.prior.limits)
     kind = verdict(state, visible_counts)
     shown = state.posteriors if kind == "named" else listed_causes(state.posteriors)
-    scale, candidates = state.scale, kind == "inconclusive" and too_short_to_decide(state)
+    assumed, candidates = scale(state), kind == "inconclusive" and too_short_to_decide(state)
     names_causes = kind in ("named", "partly_explained") or candidates
     probable = () if withheld or (kind == "inconclusive" and not candidates) else state.posteriors
-    named = [named_effect(state, posterior, scale) for posterior in shown] if names_causes else []
+    named = [named_effect(state, posterior, assumed) for posterior in shown] if names_causes else []
     named_families = families(state.fitted.problem, state.selection, named)
     estimate, residuals, setups = chosen.fit.estimate, chosen.residuals, state.fitted.problem.segments.setups
     sizes, all_ratios = named_params(estimate.params), ratios(state)
@@ -70,11 +70,11 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
         rivals=[] if withheld else rivals(state.posteriors, closest=kind == "unexplained"),
         probabilities=dict(probabilities(state.selection, probable, kind)),
         detectable={name: dict(least) for name, least in minimum_sizes.items()},
-        absorbed=state.absorbed,
+        absorbed=state.selection.absorbed,
         sensor_findings=_sensor_findings(state),
         remedies=remedies(named, sizes, state.fitted.recordings.constants, {*transfer.withdrawn, *transfer.oversized}),
         advice=[step.text for step in advice],
-        checks=_checks(state, advice, [effect.name for effect in named], scale),
+        checks=_checks(state, advice, [effect.name for effect in named], assumed),
         ratios=shown_ratios if alone else all_ratios,
         fitted=[*all_ratios.values()] if alone else [],
         ratio_covariance=ratio_covariance(state).tolist(),
@@ -87,11 +87,11 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
         shutter=_shutter(state),
         segments=len(state.fitted.problem.segments),
         scale_b=float(estimate.ratios[SCALE]),
-        scale=scale,
+        scale=assumed,
         search=list(state.selection.trace),
         posterior=components(state.fitted.problem, state.selection, state.fitted.recordings.rig, state.remainder),
         model_effects=sizes,
-        assumptions=assumptions(state, minimum_sizes),
+        assumptions=assumptions(state, minimum_sizes, assumed),
         evidence=evidence,
         seconds=time.perf_counter() - started,
     )

@@ -13,7 +13,7 @@ from dpr_lab.effects.hard_stop import HARD_STOP_JOINT0
 from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.conclusion.other_scale import other_scale
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.which.selected import Selection
@@ -69,7 +69,7 @@ def description(
         return Description(hint, selection.chosen.effects == (INPUT_DELAY.name,))
     if moves(record.run for record in records):  # other interpretations were tested before (`gap.screen.input`)
         return _stopped(records, rig, selection)
-    open_ = not at_noise_floor(selection.chosen) or transferred.withdrawn or transferred.oversized
+    open_ = not selection.chosen.at_noise_floor or transferred.withdrawn or transferred.oversized
     residuals = selection.bare.residuals
     # With a wrong sign of its motion, an arm acts on small swings like a spring, which closes a small gap too.
     carried = any(record.run.arm is not None for record in records) and selection.chosen.effects
@@ -87,7 +87,7 @@ def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Descr
 
     The description is empty if an effect explains the motion.
     """
-    if at_noise_floor(selection.chosen) or selection.share_explained >= THRESHOLDS.explained:
+    if selection.chosen.at_noise_floor or selection.share_explained >= THRESHOLDS.explained:
         return Description()
     runs = [record.run.swing for record in records]
     stops = [] if HARD_STOP_JOINT0.name in selection.chosen.effects else [stop_sentence(run, rig) for run in runs]

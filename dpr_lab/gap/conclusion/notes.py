@@ -4,8 +4,8 @@ from collections.abc import Collection, Iterator, Sequence
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.families import FAMILIES
-from dpr_lab.gap.conclusion.verdict import causes_named
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, small_effects
+from dpr_lab.gap.conclusion.verdict import causes_named, small_effects
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.result.causes import PROBABLE, NamedFamily
 from dpr_lab.gap.result.diagnosis import Verdict
 from dpr_lab.gap.screen.pieces import are_pieces

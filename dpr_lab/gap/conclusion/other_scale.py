@@ -15,7 +15,7 @@ from dpr_lab.effects import without_effect
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.rig import Rig
 
@@ -62,7 +62,7 @@ def _closes(scaled: Hypothesis, selection: Selection) -> bool:
     If both models leave the gap open, the result is no evidence for either scale.
     """
     before, after = selection.bare.residuals.excess, max(scaled.residuals.excess, 0.0)
-    return at_noise_floor(scaled) or after <= (1 - THRESHOLDS.explained) * before
+    return scaled.at_noise_floor or after <= (1 - THRESHOLDS.explained) * before
 
 
 def _scaled_fit(

@@ -1,15 +1,19 @@
-"""Ratios to b with their intervals: all ratios, and the ratios that the recordings determine."""
+"""Ratios to b with their intervals, and the value of b that absolute sizes assume."""
 
 import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import FRICTION
+from dpr_lab.fitting.estimate import FRICTION, SCALE, UNKNOWN_RATIOS, alone_share
 from dpr_lab.gap.conclusion.uncertainty import by_unseen_ratios
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Transferred
+from dpr_lab.identification.moving_arm.setup import drive_gain
+from dpr_lab.identification.prior_update import assumed_b
+from dpr_lab.identification.scaling.prior_spread import scale_of
+from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.setup import only_inner
 
 
@@ -52,6 +56,30 @@ def determined(state: Transferred) -> tuple[dict[str, Interval], Array]:
             places.append(place)
             divisors.append(per)
     return parameter_of, state.covariance[np.ix_(places, places)] / np.outer(divisors, divisors)
+
+
+def scale(state: Transferred) -> Scale:
+    """Return the value of b that absolute sizes assume; it is fitted or comes from the rig file.
+
+    If only the inner rod is mounted, the value of a is stated instead.
+    """
+    setups, unknown = state.fitted.problem.segments.setups, state.selection.chosen.fit.estimate.ratios
+    of_b = _scale_b(state)
+    return of_b.as_inertia("a", alone_share(unknown)) if only_inner(setups) else of_b
+
+
+def _scale_b(state: Transferred) -> Scale:
+    rig, unknown, intervals = state.fitted.recordings.rig, state.selection.chosen.fit.estimate.ratios, state.intervals
+    b = float(unknown[SCALE])
+    if ("", "b") in intervals:
+        setups = state.fitted.problem.segments.setups
+        driven = any(setup.torques is not None and setup.arm_moves for setup in setups)
+        of_drive = drive_gain(rig).relative_std if driven else 0.0
+        reach = float(np.hypot(intervals["", "b"], NORMAL_Q90 * b * of_drive))
+        return Scale(b=b, interval90=(max(b - reach, 1e-3 * b), b + reach), fixed_by="data", constants_std=of_drive)
+    visible = [i for i, name in enumerate(UNKNOWN_RATIOS) if ("", name) in intervals]
+    assumed = assumed_b(state.selection.bare.fit.estimate.ratios, rig)
+    return scale_of(assumed.model_copy(update={"value": b}), unknown, rig, visible)
 
 
 def ratio_covariance(state: Transferred) -> Array:

@@ -15,7 +15,6 @@ from dpr_lab.gap.conclusion.verdict import (
     undecided,
 )
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Verdict
 from dpr_lab.gap.screen.pieces import are_pieces
@@ -133,7 +132,7 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
             f"But the free run of the {compared} becomes worse, from {before:.3g} to {after:.3g} mrad rms in the first"
             f" {errors.until_s:.2g} s."
         )
-    if at_noise_floor(chosen):
+    if chosen.at_noise_floor:
         return UNCERTAIN
     size = _in_noise(chosen.residuals.noise_ratio)
     small = chosen.residuals.noise_ratio < 1.0
@@ -142,7 +141,7 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
 
 
 def _no_gap(bare: Hypothesis) -> str:
-    if at_noise_floor(bare):
+    if bare.at_noise_floor:
         return "No gap visible at this noise. The bare model explains the recordings down to the noise floor."
     return (
         "No gap above the noise. No effect of the library explains the remainder of"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, small_effects
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.diagnosis import Verdict
 from dpr_lab.gap.state import Transferred
@@ -93,7 +93,7 @@ def _verdict(state: Transferred) -> Verdict:
     chosen, share = selection.chosen, selection.share_explained
     if not chosen.effects:
         return "no_gap" if small(chosen) and not _only_held_out(transferred) else "unexplained"
-    complete = share >= THRESHOLDS.explained or at_noise_floor(chosen)
+    complete = share >= THRESHOLDS.explained or chosen.at_noise_floor
     most = max(posterior.probability for posterior in posteriors)
     sure = most >= VERDICT.sure
     tested = transferred.tested and transferred.basis != "one release"
@@ -111,7 +111,7 @@ def _verdict(state: Transferred) -> Verdict:
 
 def small(model: Hypothesis) -> bool:
     """Return whether the remainder is noise, or too small to count as a gap."""
-    return at_noise_floor(model) or model.residuals.noise_ratio < VERDICT.gap_from
+    return model.at_noise_floor or model.residuals.noise_ratio < VERDICT.gap_from
 
 
 def _only_held_out(transferred: Transfer) -> bool:
@@ -162,3 +162,17 @@ def causes_named(state: Transferred) -> Sequence[EffectPosterior]:
     little = small_effects(state.selection.bare, state.selection.path)
     large = [cause for cause in likely if cause.name not in little]
     return large or likely or listed_causes(unexpected) or listed_causes(carrying) or carrying
+
+
+def small_effects(bare: Hypothesis, path: Sequence[tuple[str, Hypothesis]]) -> frozenset[str]:
+    """Return the small effects of a set.
+
+    The small effects together explain less than `THRESHOLDS.small` of the gap in addition to the larger effects.
+
+    Args:
+        bare: the bare model
+        path: names of the effects, largest first, each with the set of this effect and all larger effects
+    """
+    before = [bare, *(model for _, model in path)]
+    least = THRESHOLDS.small * bare.bounded_excess + before[-1].bounded_excess
+    return frozenset(name for (name, _), smaller in zip(path, before, strict=False) if smaller.bounded_excess < least)

@@ -176,10 +176,10 @@ def left_out_chi2(fit: Fit, fold: Integers) -> Array:
     return chi2
 
 
-def predictive_loss(fit: Fit, fold: Integers, inflation: float) -> Array:
-    """Compute the predictive loss of each fold, (folds,), in units of chi2.
+def predictive_loss(fit: Fit, fold: Integers, inflation: float) -> float:
+    """Compute the predictive loss of a fit, in units of chi2.
 
-    It is -2 times the log predictive density of the fold given the other folds, up to a constant.
+    It is the sum over folds of -2 times the log predictive density of the fold given the other folds, up to a constant.
     """
     parts = _Folds(fit, fold)
     chi2 = sum(left_out.chi2 for left_out in parts.folds)
@@ -190,4 +190,4 @@ def predictive_loss(fit: Fit, fold: Integers, inflation: float) -> Array:
         H, gradient = parts.without(left_out)
         others = chi2 - left_out.chi2 - gradient @ np.linalg.solve(H, gradient)
         losses.append(total - others + inflation * (volume - np.linalg.slogdet(H)[1]))
-    return np.array(losses)
+    return float(np.sum(losses))

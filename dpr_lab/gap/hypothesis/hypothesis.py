@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.friction_drift import FRICTION_DRIFT
 from dpr_lab.effects.limits import relative_size
@@ -21,6 +20,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import folds, predictive_loss
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics, residual_statistics
 from dpr_lab.gap.hypothesis.swing_lines import on_swing_line, one_decay
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +49,8 @@ class Hypothesis:
     effects: tuple[str, ...]
     fit: Fit
     residuals: ResidualStatistics
-    predictive_loss: Array
-    """(folds,) loss of the prediction of each run, or quarter, from the others, in units of chi2."""
+    predictive_loss: float
+    """Loss of the prediction of each run, or quarter, from the others, summed, in units of chi2."""
     curves: Mapping[str, float]
     """Size s of each curve in the set, by effect: the rms of its amplitudes relative to their limits."""
     on_line: frozenset[str] = frozenset()
@@ -71,7 +71,7 @@ class Hypothesis:
 
         The residual of this other set then counts as noise.
         """
-        return float(self.predictive_loss.sum()) + inflation * self.penalty
+        return self.predictive_loss + inflation * self.penalty
 
     @property
     def penalty(self) -> float:
@@ -86,6 +86,21 @@ class Hypothesis:
         for name, size in self.curves.items():
             penalty += 2 * len(EFFECTS[name].amplitudes) * float(np.log(max(size / PENALTY.ordinary, 1.0)))
         return penalty
+
+    @property
+    def bounded_excess(self) -> float:
+        """Excess chi-square; its lower limit is the random variation of the noise."""
+        return max(self.residuals.excess, THRESHOLDS.noise_floor * self.residuals.uncertainty)
+
+    @property
+    def at_noise_floor(self) -> bool:
+        """Whether the residual is consistent with noise."""
+        return self.residuals.z < THRESHOLDS.noise_floor
+
+    @property
+    def far_from_noise(self) -> bool:
+        """Whether the residual is so large that linear scores are only approximate."""
+        return self.residuals.chi2 > THRESHOLDS.far * self.residuals.dof
 
     @property
     def key(self) -> frozenset[str]:

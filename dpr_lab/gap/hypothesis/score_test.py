@@ -23,6 +23,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, trajectory
 from dpr_lab.gap.hypothesis.scan import ShapeScan
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,6 +106,10 @@ class ScoreTest:
         direction = target.amplitudes if target.amplitudes.any() else self.space.scale[list(target.columns)]
         space = self.projected((*target.columns, *other.columns))
         return space.cosine(direction, slice(0, count), slice(count, None))
+
+    def indistinguishable(self, first: Score, second: Score) -> bool:
+        """Return whether each of two effects can imitate the other in these recordings."""
+        return min(self.cosine(first, second), self.cosine(second, first)) > THRESHOLDS.indistinguishable
 
 
 def score_test(problem: Problem, fitted: Fit, library: Iterable[Effect], recorded: Recorded) -> ScoreTest:

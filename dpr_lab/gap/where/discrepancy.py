@@ -28,7 +28,6 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.where.coordinates import Coordinate, FreeFunctions, Kind, free_functions
 
@@ -86,7 +85,7 @@ def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
     It is not significant if only noise remains, or if no size is more likely than zero.
     """
     linear = model.fit.linear
-    if at_noise_floor(model) or not np.isfinite(linear.residual).all():
+    if model.at_noise_floor or not np.isfinite(linear.residual).all():
         return None
     reference = trajectory(problem, model.fit.estimate, spacing=TRAJECTORY.coarse_s)
     groups, M = _scaled(problem, model.fit, reference)

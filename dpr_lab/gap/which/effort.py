@@ -31,6 +31,8 @@ class Effort:
 
     In 16 such fits from four shapes, the third and fourth shape never gave the lowest chi2.
     """
+    replacements: int = 2
+    """Number of candidates that are fitted as replacements of each effect."""
     leading: float = 0.5
     """Minimum score of an effect, relative to the best score, for which several of its shapes are fitted."""
 

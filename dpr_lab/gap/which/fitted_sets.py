@@ -1,15 +1,9 @@
-"""Sets of effects and their fits; each set is fitted once, with measures against local minima.
+"""Sets of effects with their fits and score tests; each set is fitted once.
 
-A fit far from the noise may end in a local minimum, caused by a few segments or by long segments. The fit of an effect
-is therefore started from several shapes, from short segments, and from the sets with one effect more and one effect
-fewer. The best of these fits is used. Each move adds its fits and score tests to its own copy, so that they do not
-change an earlier state of the search. All copies share the results of functions that depend only on their arguments.
-
-    fits, tests                         the fitted sets, and their score tests of further effects
-    test, score                         score test of all further effects, or of one
-    with_one, without, replaced         fit of a set with one effect more, one fewer, or another one
-    escaped, reshaped, converged        better fit of the same set
-    on_short, carried_over              search in short segments, and its result in the working segments
+A set is fitted from several shapes of its last effect, from short segments, and from the sets with one effect more and
+one effect fewer. The best of these fits is stored. `local_minima` repeats the fit of a set, and `substitutes` exchanges
+an effect. Each move adds its fits and score tests to its own copy, so that they do not change an earlier state of the
+search. All copies share the results of functions that depend only on their arguments.
 """
 
 from collections.abc import Callable, Mapping, Set
@@ -17,28 +11,22 @@ from dataclasses import dataclass, field, replace
 from functools import reduce
 from types import MappingProxyType
 
-from dpr_lab.arrays import Array
-from dpr_lab.effects import named_params, param_index, without_effect
 from dpr_lab.effects.effect import Effect
-from dpr_lab.fitting.cut import carried
-from dpr_lab.fitting.gauss_newton import Fit, fit
+from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.robust import relative_chi2, without_outstanding
+from dpr_lab.fitting.robust import relative_chi2
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
+from dpr_lab.gap.hypothesis.imitation import substitute_curve
 from dpr_lab.gap.hypothesis.refits import (
-    PRELIMINARY,
     beating,
     best_start,
-    preliminary_fit,
-    refit,
     refit_with,
     refit_with_from_short,
     refit_without,
-    shaped,
 )
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, score_test
 from dpr_lab.gap.hypothesis.steps import recorded
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, far_from_noise, substitute_curve
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.sizes import off_axis, rises, significantly_oversized, springs_like_scale
@@ -47,7 +35,7 @@ from dpr_lab.progress import FitBegan, ScoreTestBegan
 Progress = Callable[[FitBegan | ScoreTestBegan], None]
 
 Arguments = tuple[Hypothesis] | tuple[Hypothesis, ScoreTest, Score] | tuple[Hypothesis, str, Score]
-"""Arguments of a fit: of `escaped`, of the best shape of an additional effect, or of `imaged`."""
+"""Arguments of a fit: of a repeated fit, of the best shape of an additional effect, or of `substitutes.imaged`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +58,7 @@ class FittedSets:
     """Pairs of a smaller and a larger set, if the smaller one was fitted from the larger one."""
     _short: list["FittedSets"] = field(default_factory=list)
     """The collection of sets for short segments; empty until a move needs it."""
-    _results: dict[Arguments, Hypothesis] = field(default_factory=dict)
+    results: dict[Arguments, Hypothesis] = field(default_factory=dict)
     """Fits by their arguments, because several moves request the same fits."""
     is_short: bool = False
     """Whether the problem consists of the short segments."""
@@ -89,7 +77,7 @@ class FittedSets:
 
     def from_bare(self, bare: Hypothesis) -> "FittedSets":
         """Return a copy that contains only another fit of the bare model."""
-        return replace(self, bare=bare, _fits={}, _tests={}, _refitted_from=set(), _short=[], _results={})
+        return replace(self, bare=bare, _fits={}, _tests={}, _refitted_from=set(), _short=[], results={})
 
     def keep(self, model: Hypothesis) -> Hypothesis:
         """Store a fit if it is the best of its set, and return the best fit of this set."""
@@ -98,10 +86,11 @@ class FittedSets:
             self._fits[model.key] = best = model
         return best
 
-    def _once(self, arguments: Arguments, result: Callable[[], Hypothesis]) -> Hypothesis:
-        if arguments not in self._results:
-            self._results[arguments] = result()
-        return self._results[arguments]
+    def once(self, arguments: Arguments, result: Callable[[], Hypothesis]) -> Hypothesis:
+        """Return the fit for some arguments, and compute it if no move has requested it before."""
+        if arguments not in self.results:
+            self.results[arguments] = result()
+        return self.results[arguments]
 
     def possible(self, model: Hypothesis) -> bool:
         """Return whether a rig can have the effect sizes and the gravity torque of a set."""
@@ -134,14 +123,7 @@ class FittedSets:
             return self.bare
         return reduce(self.without, (name for name in model.effects if name not in corrections), model)
 
-    def start(self) -> Hypothesis:
-        """Return the bare model plus the significant known effects of the rig, added in order of size."""
-        model = self.bare
-        while score := self._best_known(model):
-            model = self.with_one(model, score)
-        return self.escaped(model) if model.effects else model
-
-    def _best_known(self, model: Hypothesis) -> Score | None:
+    def best_known(self, model: Hypothesis) -> Score | None:
         """Return the largest positive score of the known effects that a set lacks, or None if there is none."""
         missing = self.expected - model.key
         test = self._tested(model, missing) if missing else self.test(model)
@@ -187,7 +169,7 @@ class FittedSets:
             return self._fits[key]
         self.on_progress(FitBegan(tuple(sorted(key))))
         larger = self._best_shape(model, score)
-        failed = far_from_noise(model) and model.fit.chi2 - larger.fit.chi2 < EFFORT.achieved * score.gain
+        failed = model.far_from_noise and model.fit.chi2 - larger.fit.chi2 < EFFORT.achieved * score.gain
         if failed and not self.is_short:
             short = self.on_short()
             cut = short.problem, short.bare.fit.estimate.initial
@@ -201,13 +183,13 @@ class FittedSets:
         `score` belongs to the current score test of the set.
         """
         test = self._tests[model.key]
-        return self._once((model, test, score), lambda: self._from_shapes(model, test, score))
+        return self.once((model, test, score), lambda: self._from_shapes(model, test, score))
 
     def _from_shapes(self, model: Hypothesis, test: ScoreTest, score: Score) -> Hypothesis:
         leading = score.gain > EFFORT.leading * test.ranking[0].gain
         starts = test.shaped[score.effect.name][: EFFORT.starts if leading else 1]
         if score.effect.event or len(starts) == 1:
-            return refit_with(self.problem, model, test, score, EFFORT.rough if far_from_noise(model) else EFFORT.fine)
+            return refit_with(self.problem, model, test, score, EFFORT.rough if model.far_from_noise else EFFORT.fine)
         best = best_start(self.problem, model, test, starts, EFFORT.preview)
         return refit_with(self.problem, model, test, score, EFFORT.thorough, best)
 
@@ -224,67 +206,6 @@ class FittedSets:
                 FittedSets(self.recordings, cut, self.library, bare, self.on_progress, self.expected, is_short=True)
             )
         return self._short[0]
-
-    def carried_over(self, short: Hypothesis) -> Hypothesis:
-        """Fit a set to the working segments, starting from its fit to short segments."""
-        long = self._lengthened(short.fit, self.bare.fit.estimate.initial, iterations=2 * EFFORT.fine)
-        return self.escaped(hypothesis(self.problem, short.effects, long))
-
-    def _lengthened(self, near: Fit, initial: Array, iterations: int) -> Fit:
-        """Continue a fit to short segments with longer ones; missing initial states are taken from `initial`."""
-        short = self.on_short().problem.segments
-        initial_states = carried(short, near.estimate.initial, self.problem.segments, initial)
-        start = near.estimate.changed(initial=initial_states)
-        return preliminary_fit(self.problem, start, near.free, iterations=iterations)
-
-    def escaped(self, model: Hypothesis) -> Hypothesis:
-        """Fit a set again in order to leave a local minimum.
-
-        A few segments, long segments or a wrong order may cause such a minimum.
-        """
-        escaped = self.keep(self._once((model,), lambda: self._escaped(model)))
-        self._results[escaped,] = escaped
-        return escaped
-
-    def _escaped(self, model: Hypothesis) -> Hypothesis:
-        if not at_noise_floor(model):
-            model = self._in_best_order(model)
-            model = self._better(without_outstanding(self.problem, model.fit, settings=PRELIMINARY), model)
-        if not at_noise_floor(model) and model.effects and not self.is_short:
-            short = self.on_short()
-            start = model.fit.estimate.changed(initial=short.bare.fit.estimate.initial)
-            near = preliminary_fit(short.problem, start, model.fit.free, iterations=EFFORT.rough)
-            long = self._lengthened(near, model.fit.estimate.initial, iterations=EFFORT.fine)
-            model = self._better(without_outstanding(self.problem, long, settings=beating(model)), model)
-        return model
-
-    def _in_best_order(self, model: Hypothesis) -> Hypothesis:
-        """Replace the orders of effects by neighbouring orders, as long as this reduces chi2.
-
-        On an arc of less than a turn, different orders have similar signatures, and scores may favour a wrong order.
-        """
-        orders = [
-            (param_index(name, shape.name), shape.scan)
-            for name in model.effects
-            for shape in self.library[name].shapes
-            if shape.whole and shape.scan
-        ]
-        for index, scan in orders:
-            best = None
-            while best is not model:
-                best, order = model, model.fit.estimate.params[index]
-                for other in (order - 1.0, order + 1.0):
-                    if other in scan:
-                        params = best.fit.estimate.params.copy()
-                        params[index] = other
-                        start = best.fit.estimate.changed(params=params)
-                        near = fit(self.problem, start, model.fit.free, iterations=EFFORT.fine, settings=beating(model))
-                        model = self._better(near, model)
-        return model
-
-    def _better(self, other: Fit, model: Hypothesis) -> Hypothesis:
-        """Return the set of `model` with the better of two fits."""
-        return hypothesis(self.problem, model.effects, other) if other.chi2 < model.fit.chi2 else model
 
     def without_substitute(self, model: Hypothesis, effect: str) -> Hypothesis:
         """Return the set without one effect, and without a curve that would imitate the removed effect."""
@@ -314,85 +235,23 @@ class FittedSets:
         smaller = refit_without(self.problem, model, effect, self.bare)
         self._refitted_from.add((key, model.key))
         parents = [self._fits[key - {name}] for name in sorted(key) if key - {name} in self._tests]
-        if parents and not at_noise_floor(smaller):
+        if parents and not smaller.at_noise_floor:
             parent = min(parents, key=lambda parent_model: parent_model.cost)
             (name,) = key - parent.key
-            smaller = min(smaller, self._grown(parent, name) or smaller, key=_chi2)
+            smaller = min(smaller, self.grown(parent, name) or smaller, key=_chi2)
         return self.keep(smaller)
 
     def _stuck(self, smaller: Hypothesis, model: Hypothesis) -> bool:
         """Return whether a few segments kept a smaller set in a local minimum that a larger set has left."""
-        if (smaller.key, model.key) in self._refitted_from or at_noise_floor(smaller):
+        if (smaller.key, model.key) in self._refitted_from or smaller.at_noise_floor:
             return False
         previous, current = relative_chi2(smaller.fit), relative_chi2(model.fit)
         return bool(((previous > EFFORT.outstanding) & (current < 0.5 * previous)).any())
 
-    def replaced(self, model: Hypothesis, effect: str, other: str) -> Hypothesis | None:
-        """Return the set with one effect replaced by another, or None if the other has no score.
-
-        The fit starts without either effect. If this fit fails, it is repeated from a fit with both effects. In the
-        repeated fit, the new effect gradually takes over the share of the replaced effect.
-        """
-        smaller = self.without(model, effect)
-        score = self.score(smaller, other)
-        if score is None:
-            return None
-        replaced = self.with_one(smaller, score)
-        if replaced.fit.chi2 > EFFORT.nowhere * smaller.fit.chi2:
-            replaced = self.keep(self._handed_over(model, effect, other))
-        if at_noise_floor(model) and not at_noise_floor(replaced):
-            return self.imaged(model, effect, score)
-        return replaced
-
-    def imaged(self, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
-        """Return the set with one effect replaced by another, from the linear prediction at `model`.
-
-        From this estimate, two indistinguishable effects fit equally well. A fit that starts without both effects may
-        end in a local minimum in which another effect has a wrong shape. `score` is the score of the new effect.
-        """
-        return self.keep(self._once((model, effect, score), lambda: self._at_image(model, effect, score)))
-
-    def _at_image(self, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
-        start, names = shaped(model, score), (*model.effects, score.effect.name)
-        free = free_parameters(start, names, self.problem)
-        with_both = hypothesis(self.problem, names, fit(self.problem, start, free, iterations=0))
-        return refit_without(self.problem, with_both, effect, self.bare)
-
-    def _handed_over(self, model: Hypothesis, effect: str, other: str) -> Hypothesis:
-        """Replace one effect by another in a fit; the amplitudes of the replaced effect are the initial values.
-
-        Rods that hardly move stick even at the smallest Coulomb friction. Its derivative at zero is then no search
-        direction.
-        """
-        params = model.fit.estimate.params.copy()
-        values = named_params(params).get(effect, {})  # empty if its fitted size is zero
-        for parameter in self.library[other].amplitudes:
-            params[param_index(other, parameter.name)] = values.get(parameter.name, 0.0)
-        start = model.fit.estimate.changed(params=without_effect(params, effect))
-        names = tuple(other if name == effect else name for name in model.effects)
-        return refit(self.problem, start, names, EFFORT.fine)
-
-    def _grown(self, model: Hypothesis, effect: str) -> Hypothesis | None:
+    def grown(self, model: Hypothesis, effect: str) -> Hypothesis | None:
+        """Return the set with one additional effect, or None if the effect has no score; the fit is not stored."""
         score = self.score(model, effect)
         return None if score is None else self._best_shape(model, score)
-
-    def reshaped(self, model: Hypothesis, effect: str) -> Hypothesis:
-        """Search again for the shape of one effect of a set, and refit the set."""
-        other = self._grown(self.without(model, effect), effect)
-        return self.keep(model if other is None or other.cost >= model.cost else other)
-
-    def converged(self, model: Hypothesis) -> Hypothesis:
-        """Continue the fit of a set until it converges, without effects whose fitted size is zero."""
-        model = self._fits[model.key]
-        if model.effects and not model.fit.converged:
-            refitted = fit(self.problem, model.fit.estimate, model.fit.free, iterations=2 * EFFORT.fine)
-            model = self.keep(hypothesis(self.problem, model.effects, refitted))
-        present = tuple(name for name in model.effects if name in named_params(model.fit.estimate.params))
-        if len(present) == len(model.effects):
-            return model
-        free = free_parameters(model.fit.estimate, present, self.problem)
-        smaller = fit(self.problem, model.fit.estimate, free, iterations=EFFORT.fine)
-        return self.keep(hypothesis(self.problem, present, smaller))
 
 
 def _chi2(model: Hypothesis) -> float:

@@ -9,21 +9,12 @@ import numpy as np
 
 from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.imitation import follows_decay, follows_remainder, follows_swing
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, joint_gain
-from dpr_lab.gap.hypothesis.thresholds import (
-    THRESHOLDS,
-    accepted,
-    at_noise_floor,
-    bounded_excess,
-    far_from_noise,
-    follows_decay,
-    follows_remainder,
-    follows_swing,
-    most_excess,
-    promising_gain,
-    significance,
-)
+from dpr_lab.gap.hypothesis.significance import accepted, most_excess, promising_gain, significance
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.fitted_sets import FittedSets
+from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 
@@ -86,18 +77,18 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
         if not level:
             return
         ranked = _ranked(sets, best, level.values())
-        ranked = _ranked(sets, best, [sets.escaped(ranked[0]), *ranked[1:]])
+        ranked = _ranked(sets, best, [escaped(sets, ranked[0]), *ranked[1:]])
         largest = ranked[0]
         yield Proposal(largest)
         if accepted(sets.bare, best, largest) and not follows_remainder(sets.bare, largest, best):
             best, last_rejected = largest, False
-        elif last_rejected or not far_from_noise(best):
+        elif last_rejected or not best.far_from_noise:
             return
         else:
             last_rejected = True
-        if to_floor and at_noise_floor(best):
+        if to_floor and best.at_noise_floor:
             return
-        front = [largest] if at_noise_floor(largest) else [largest, *_runners_up(sets, largest, ranked[1:])]
+        front = [largest] if largest.at_noise_floor else [largest, *_runners_up(sets, largest, ranked[1:])]
 
 
 def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
@@ -106,7 +97,7 @@ def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
     As far as the effects are linear, all candidates of the score test together reduce chi2 at least as much as any few
     of them.
     """
-    if sets.problem.disturbance is None or not far_from_noise(model):
+    if sets.problem.disturbance is None or not model.far_from_noise:
         return False
     test = sets.test(model)
     remaining = float(np.sum(test.linear.e**2)) - test.space.gain()
@@ -135,12 +126,12 @@ def _with_one_more(
     """
     extended, least = dict(level), 0.0
     for score in _candidates(model, sets.test(model)):
-        reached = bounded_excess(model) - BEAM.exceeded * score.gain
+        reached = model.bounded_excess - BEAM.exceeded * score.gain
         if score.gain > least and not (
-            far_from_noise(model) and reached > _deciding_excess(sets, best, list(extended.values()), last)
+            model.far_from_noise and reached > _deciding_excess(sets, best, list(extended.values()), last)
         ):
             larger = sets.with_one(model, score)
-            if at_noise_floor(larger):
+            if larger.at_noise_floor:
                 least = max(least, BEAM.as_promising * (model.fit.chi2 - larger.fit.chi2))
             extended[larger.key] = larger
     return extended
@@ -155,7 +146,7 @@ def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
     promising = [score for score in test.ranking if score.gain > least and not set(score.effect.nested) & model.key]
     picked: list[Score] = []
     for score in promising:
-        if len(picked) == (BEAM.fitted_when_far if far_from_noise(model) else BEAM.fitted):
+        if len(picked) == (BEAM.fitted_when_far if model.far_from_noise else BEAM.fitted):
             break
         if not any(_nearly_equal(score, other) for other in picked):
             picked.append(score)
@@ -175,10 +166,10 @@ def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothe
     sound = [model for model in _ranked(sets, best, level) if not any(_doubts(sets, best, level, model))]
     ahead = [*sound[:1], *_runners_up(sets, sound[0], sound[1:])] if sound else []
     if last:
-        return min([most_excess(sets.bare, best), *map(bounded_excess, ahead[:1])])
+        return min([most_excess(sets.bare, best), *(model.bounded_excess for model in ahead[:1])])
     if len(ahead) == BEAM.sets:
-        return bounded_excess(ahead[-1])
-    return BEAM.worse * min(map(bounded_excess, ahead), default=np.inf)
+        return ahead[-1].bounded_excess
+    return BEAM.worse * min((model.bounded_excess for model in ahead), default=np.inf)
 
 
 def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
@@ -240,7 +231,7 @@ def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) ->
     Other functional forms of the best set are left out.
     """
     separate = [model for model in others if not _are_forms(sets, model, best)]
-    return [model for model in separate[: BEAM.sets - 1] if bounded_excess(model) < BEAM.worse * bounded_excess(best)]
+    return [model for model in separate[: BEAM.sets - 1] if model.bounded_excess < BEAM.worse * best.bounded_excess]
 
 
 def _are_forms(sets: FittedSets, model: Hypothesis, other: Hypothesis) -> bool:
@@ -258,5 +249,5 @@ def _significant_and_large(sets: FittedSets, current: Hypothesis, proposal: Prop
     if current.cost - model.cost < limit:
         return Decision(False, f"the criterion falls by less than {limit:.3g}, which is not significant")
     if accepted(sets.bare, current, model):
-        return Decision(True, "only noise remains" if at_noise_floor(model) else "explains more than random noise")
+        return Decision(True, "only noise remains" if model.at_noise_floor else "explains more than random noise")
     return Decision(False, f"the excess decreases by less than a factor of {THRESHOLDS.slow:g}")

@@ -4,32 +4,31 @@ A move consists of a generator of proposed sets and a rule that accepts or rejec
 in `removals`, moves that replace effects in `replacements`.
 
 The criterion is the held-out chi-square plus the penalty of the parameters (`Hypothesis.cost`).
-`dpr_lab.gap.hypothesis.thresholds` defines the reduction that is significant, and the increase of the excess from which
-an effect is necessary.
+`dpr_lab.gap.hypothesis.significance` defines the reduction that is significant, and the increase of the excess from
+which an effect is necessary.
 """
 
 from collections.abc import Iterator
 
-from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.effects import named_params
+from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
+from dpr_lab.gap.which.alternatives import BETTER_ALTERNATIVE, MORE_PLAUSIBLE
+from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.fitted_sets import FittedSets
+from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
-from dpr_lab.gap.which.replacements import (
-    BETTER_ALTERNATIVE,
-    EXCHANGE,
-    MORE_PLAUSIBLE,
-    RICHER_FORM,
-    SECOND_CAUSE,
-    SEVERAL_CAUSES,
-    SIMPLER_FORM,
-)
+from dpr_lab.gap.which.replacements import EXCHANGE, RICHER_FORM, SECOND_CAUSE, SEVERAL_CAUSES, SIMPLER_FORM
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 
 def _with_known_effects(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the bare model with those known effects of the rig that are visible in these recordings."""
-    start = sets.start()
-    if start.effects:
-        yield Proposal(start)
+    """Propose the bare model plus the significant known effects of the rig, added in order of size."""
+    model = sets.bare
+    while score := sets.best_known(model):
+        model = sets.with_one(model, score)
+    if model.effects:
+        yield Proposal(escaped(sets, model))
 
 
 def _known(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
@@ -45,9 +44,18 @@ START = Move(
 
 
 def _converged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    converged = sets.converged(current)
-    if converged is not current:
-        yield Proposal(converged)
+    """Propose the set with a converged fit, without effects whose fitted size is zero."""
+    model = sets.fits[current.key]
+    if model.effects and not model.fit.converged:
+        refitted = fit(sets.problem, model.fit.estimate, model.fit.free, iterations=2 * EFFORT.fine)
+        model = sets.keep(hypothesis(sets.problem, model.effects, refitted))
+    present = tuple(name for name in model.effects if name in named_params(model.fit.estimate.params))
+    if len(present) < len(model.effects):
+        free = free_parameters(model.fit.estimate, present, sets.problem)
+        smaller = fit(sets.problem, model.fit.estimate, free, iterations=EFFORT.fine)
+        model = sets.keep(hypothesis(sets.problem, present, smaller))
+    if model is not current:
+        yield Proposal(model)
 
 
 def _fitted_to_the_end(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:

@@ -5,16 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.thresholds import (
-    THRESHOLDS,
-    accepted,
-    at_noise_floor,
-    bounded_excess,
-    explains_as_much,
-    need,
-    scatter,
-    significance,
-)
+from dpr_lab.gap.hypothesis.significance import accepted, explains_as_much, need, scatter, significance
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.search import Decision, Move, Proposal
@@ -28,17 +20,17 @@ def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]
     cause, unless the current set contains it too. An impossible size is allowed, because later moves can reduce it to a
     possible size.
     """
-    gap = bounded_excess(sets.described(grown))
+    gap = sets.described(grown).bounded_excess
     adequate = [
         model
         for model in sets.fits.values()
         if 0 < len(model.effects) < len(grown.effects)
         and grown.key & sets.expected <= model.key
         and set(sets.imitating(model)) <= set(sets.imitating(grown))
-        and bounded_excess(model) < THRESHOLDS.keeps * bounded_excess(grown)
-        and bounded_excess(model) - bounded_excess(grown) < THRESHOLDS.large * gap
+        and model.bounded_excess < THRESHOLDS.keeps * grown.bounded_excess
+        and model.bounded_excess - grown.bounded_excess < THRESHOLDS.large * gap
         and (
-            _as_likely(sets, model, grown) if at_noise_floor(grown) else model.cost - grown.cost < scatter(model, grown)
+            _as_likely(sets, model, grown) if grown.at_noise_floor else model.cost - grown.cost < scatter(model, grown)
         )
     ]
     if adequate:
@@ -46,7 +38,7 @@ def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]
 
 
 def _as_likely(sets: FittedSets, model: Hypothesis, grown: Hypothesis) -> bool:
-    return at_noise_floor(model) and model.cost - grown.cost < significance(sets.bare, model, grown)
+    return model.at_noise_floor and model.cost - grown.cost < significance(sets.bare, model, grown)
 
 
 def _adequate(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
@@ -107,15 +99,15 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
     An effect is not proposed if the search would then choose a richer form, or another set with this effect, that
     explains less with more parameters.
     """
-    if at_noise_floor(current) or len(current.effects) < 2:
+    if current.at_noise_floor or len(current.effects) < 2:
         return
-    closest = min(map(bounded_excess, sets.fits.values()))
-    limit = min(THRESHOLDS.keeps_if_small * closest, THRESHOLDS.still_open * bounded_excess(sets.bare))
+    closest = min(model.bounded_excess for model in sets.fits.values())
+    limit = min(THRESHOLDS.keeps_if_small * closest, THRESHOLDS.still_open * sets.bare.bounded_excess)
     removable = [name for name in sets.unexpected(current) if not sets.library[name].universal]
     smaller_sets = {
         name: smaller
         for name in removable
-        if bounded_excess(smaller := sets.without(current, name)) <= limit
+        if (smaller := sets.without(current, name)).bounded_excess <= limit
         and sets.as_possible(smaller, current)
         and not _between(sets, smaller, current)
         and not _returns(sets, smaller, current)

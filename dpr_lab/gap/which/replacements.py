@@ -1,28 +1,17 @@
-"""Moves that replace effects: by simpler or richer forms, by several others, by alternatives."""
+"""Moves that replace effects: by simpler or richer forms, by several others, by another one."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
-from dpr_lab.effects import plausibility
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
+from dpr_lab.gap.hypothesis.imitation import follows_remainder
 from dpr_lab.gap.hypothesis.refits import refit_with, refit_without
-from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
-from dpr_lab.gap.hypothesis.thresholds import (
-    THRESHOLDS,
-    at_noise_floor,
-    bounded_excess,
-    explains_as_much,
-    follows_remainder,
-    form_indifference,
-    indifference,
-    indistinguishable,
-    significance,
-)
+from dpr_lab.gap.hypothesis.significance import form_indifference
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.fitted_sets import FittedSets
+from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.search import Decision, Move, Proposal
-
-REPLACEMENTS = 2
-"""Number of candidates that are fitted as replacements of each effect."""
+from dpr_lab.gap.which.substitutes import simpler_forms
 
 
 def _richer(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
@@ -37,7 +26,7 @@ def _richer(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
         if inner and score.gain > chance:
             with_both = refit_with(sets.problem, current, test, score, iterations=EFFORT.fine)
             richer = sets.keep(refit_without(sets.problem, with_both, inner[0], sets.bare))
-            yield Proposal(sets.escaped(richer) if current.cost - richer.cost > chance else richer)
+            yield Proposal(escaped(sets, richer) if current.cost - richer.cost > chance else richer)
 
 
 def _better_than_chance(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
@@ -51,16 +40,6 @@ RICHER_FORM = Move(
 )
 
 
-def _simpler(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets in which a simpler form replaces an effect that contains this form."""
-    for name in current.effects:
-        for simpler in sets.library[name].nested:
-            if simpler in sets.library and simpler not in current.effects:
-                replaced = sets.replaced(current, name, simpler)
-                if replaced is not None:
-                    yield Proposal(replaced)
-
-
 def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     """Accept a replacement that explains as much as the current set, within the indifference margin.
 
@@ -68,9 +47,9 @@ def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decis
     """
     model, margin = proposal.model, form_indifference(sets.bare, current)
     alike = (
-        at_noise_floor(model)
-        if at_noise_floor(current)
-        else bounded_excess(model) < THRESHOLDS.slow * bounded_excess(current)
+        model.at_noise_floor
+        if current.at_noise_floor
+        else model.bounded_excess < THRESHOLDS.slow * current.bounded_excess
     )
     if alike and model.cost - current.cost < margin:
         return Decision(True, f"the criterion grows by less than {margin:.3g}")
@@ -80,7 +59,7 @@ def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decis
 SIMPLER_FORM = Move(
     "simpler form",
     "an effect is replaced by a simpler one that it contains and that explains as much",
-    _simpler,
+    lambda sets, current: map(Proposal, simpler_forms(sets, current)),
     _as_good,
     then="repeat",
 )
@@ -92,7 +71,7 @@ def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     The additional parameters of a richer form may imitate a second cause. For example, unequal friction in the two
     directions imitates a zero offset, and a zero that drifts imitates a constant zero error and an error of the scale.
     """
-    for simpler in (proposal.model for proposal in _simpler(sets, current)):
+    for simpler in simpler_forms(sets, current):
         room, replaced = len(current.fit.free) - len(simpler.fit.free), current.key - simpler.key
         others = (score for score in sets.test(simpler).ranking if score.effect.name not in replaced)
         score = next((score for score in others if len(score.columns) <= room), None)
@@ -155,10 +134,10 @@ def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposa
     if (
         sets.possible(model)
         and not sets.possible(current)
-        and bounded_excess(model) < THRESHOLDS.slow * bounded_excess(current)
+        and model.bounded_excess < THRESHOLDS.slow * current.bounded_excess
     ):
         return Decision(True, "fewer parameters explain nearly as much, with sizes that a rig can have")
-    better = model.cost < current.cost and at_noise_floor(model) >= at_noise_floor(current)
+    better = model.cost < current.cost and model.at_noise_floor >= current.at_noise_floor
     return Decision(better, f"fewer parameters explain {'more' if better else 'less'}")
 
 
@@ -201,24 +180,30 @@ def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 
     Nothing is proposed if only noise remains.
     """
-    if at_noise_floor(current) or not current.effects:
+    if current.at_noise_floor or not current.effects:
         return
     best = current
     for name in sets.unexpected(current):
         smaller = sets.without(current, name)
         if sets.library[name].shapes:
-            best = min(best, sets.reshaped(current, name), key=_criterion)
-        for score in sets.test(smaller).ranking[:REPLACEMENTS]:
+            best = min(best, _reshaped(sets, current, name), key=lambda model: model.cost)
+        for score in sets.test(smaller).ranking[: EFFORT.replacements]:
             if score.effect.name != name:
                 other = sets.with_one(smaller, score)
-                best = min(best, other, key=_criterion) if sets.possible(other) else best
+                best = min(best, other, key=lambda model: model.cost) if sets.possible(other) else best
     if best is not current:
         yield Proposal(best)
 
 
+def _reshaped(sets: FittedSets, model: Hypothesis, effect: str) -> Hypothesis:
+    """Search again for the shape of one effect of a set, and refit the set."""
+    other = sets.grown(sets.without(model, effect), effect)
+    return sets.keep(model if other is None or other.cost >= model.cost else other)
+
+
 def _closer(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     model = proposal.model
-    if bounded_excess(current) >= THRESHOLDS.slow * bounded_excess(model):
+    if current.bounded_excess >= THRESHOLDS.slow * model.bounded_excess:
         return Decision(True, f"the excess decreases by more than a factor of {THRESHOLDS.slow:g}")
     if model.key == current.key:
         return Decision(True, "the same effects with a better shape")
@@ -232,109 +217,3 @@ EXCHANGE = Move(
     _closer,
     then="repeat",
 )
-
-
-def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Fit the alternatives of each effect, then propose the best fitted set with at most as many effects."""
-    fits = fit_alternatives(sets, sets.predictive(current))
-    known = current.key & sets.expected
-    others = [
-        model
-        for model in fits.values()
-        if model.effects
-        and len(model.effects) <= len(current.effects)
-        and known <= model.key
-        and sets.as_possible(model, current)
-    ]
-    best = min(others, key=_criterion, default=current)
-    if best.key != current.key:
-        yield Proposal(best)
-
-
-def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    best, chance = proposal.model, significance(sets.bare, current, proposal.model)
-    if at_noise_floor(best) < at_noise_floor(current):
-        return Decision(False, "the residual exceeds the noise")
-    if explains_as_much(sets.bare, current, best):
-        return Decision(False, "fewer parameters explain about as much")
-    if current.cost - best.cost > chance:
-        return Decision(True, f"the criterion falls by more than {chance:.3g}")
-    return Decision(False, f"the criterion falls by less than {chance:.3g}, which is not significant")
-
-
-BETTER_ALTERNATIVE = Move(
-    "better alternative",
-    "alternatives of each effect are fitted; a set of the same or smaller size that explains more replaces"
-    " the current one",
-    _better_alternative,
-    _explains_more,
-)
-
-
-def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets in which an indistinguishable effect of more plausible size replaces one effect."""
-    chosen = sets.predictive(current)
-    margin = indifference(sets.bare, chosen)
-    for name in sets.unexpected(chosen):
-        smaller = sets.without(chosen, name)
-        test, plausibility_here = sets.test(smaller), plausibility(chosen.fit.estimate.params, name)
-        if (score := test.of(name)) is None:
-            continue
-        for other in test.ranking:
-            model = sets.fits.get(smaller.key | {other.effect.name})
-            if model is None or model.key == chosen.key or abs(model.cost - chosen.cost) > margin:
-                continue
-            if indistinguishable(test, score, other):
-                yield Proposal(model, plausibility(model.fit.estimate.params, other.effect.name) / plausibility_here)
-
-
-def _far_more_plausible(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    return Decision(
-        proposal.value > THRESHOLDS.likelier,
-        f"indistinguishable; the ratio of the prior probabilities of the sizes is {proposal.value:.2g}",
-    )
-
-
-MORE_PLAUSIBLE = Move(
-    "more plausible size",
-    "of two indistinguishable effects, the one with the far more plausible size is named",
-    _more_plausible,
-    _far_more_plausible,
-)
-
-
-def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[str], Hypothesis]:
-    """Fit the sets in which an alternative replaces an effect, and return all fitted sets.
-
-    Alternatives are effects that the linear scores can hardly distinguish from the effect, or rank above it. If an
-    indistinguishable effect fits worse, its fit ended in a local minimum and is repeated from the selected solution.
-    While a residual remains, the simpler forms of each effect are also fitted.
-    """
-    if not at_noise_floor(chosen):
-        for proposal in _simpler(sets, chosen):
-            sets.keep(proposal.model)
-    for name in chosen.effects:
-        smaller = sets.without(chosen, name)
-        test = sets.test(smaller)
-        for score in _indistinguishable(test, name):
-            other = sets.escaped(sets.with_one(smaller, score))
-            if other.cost - chosen.cost > THRESHOLDS.chance * chosen.residuals.inflation:
-                sets.imaged(chosen, name, score)
-        for score in test.ranking[:REPLACEMENTS]:
-            if score.effect.name != name and smaller.cost - score.gain < chosen.cost:
-                sets.with_one(smaller, score)
-    return sets.fits
-
-
-def _indistinguishable(test: ScoreTest, name: str) -> Iterator[Score]:
-    """Yield the scores of effects that have the same signature as the effect `name` and are not forms of it."""
-    if (current_score := test.of(name)) is None:
-        return
-    for score in test.ranking:
-        form = score.effect.name in {name, *current_score.effect.nested} or name in score.effect.nested
-        if not form and score.gain > 0 and test.cosine(current_score, score) > THRESHOLDS.indistinguishable:
-            yield score
-
-
-def _criterion(model: Hypothesis) -> float:
-    return model.cost

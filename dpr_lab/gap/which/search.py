@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 
 from dpr_lab.fitting.gauss_newton import StopReason
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.thresholds import follows_remainder
+from dpr_lab.gap.hypothesis.imitation import follows_remainder
 from dpr_lab.gap.result.search_step import SearchStep
 from dpr_lab.gap.which.fitted_sets import FittedSets
 

@@ -15,20 +15,15 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.refits import refit_without
-from dpr_lab.gap.hypothesis.thresholds import (
-    THRESHOLDS,
-    at_noise_floor,
-    bounded_excess,
-    explains_as_much,
-    far_from_noise,
-    indifference,
-)
+from dpr_lab.gap.hypothesis.significance import explains_as_much, indifference
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
+from dpr_lab.gap.which.alternatives import fit_alternatives
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.forward import forward_selection, refutes_process_noise
+from dpr_lab.gap.which.local_minima import carried_over
 from dpr_lab.gap.which.moves import REFINE, REVISIONS, SHORT, START
 from dpr_lab.gap.which.removals import HELD_OUT
-from dpr_lab.gap.which.replacements import fit_alternatives
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply, run
 from dpr_lab.gap.which.selected import Selection
 
@@ -38,7 +33,7 @@ MOST_REVISIONS = 3
 
 def forward(sets: FittedSets, max_effects: int = 4) -> SearchState:
     """Return the state of the search after forward selection of at most `max_effects` effects."""
-    start = short_segments(max_effects) if far_from_noise(sets.bare) else START
+    start = short_segments(max_effects) if sets.bare.far_from_noise else START
     return run((start, forward_selection(max_effects)), SearchState.bare(sets, max_effects))
 
 
@@ -58,11 +53,11 @@ def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | N
     is not a cause.
     """
     chosen, first = selection.chosen, selection.bare
-    if not chosen.effects or not far_from_noise(first):
+    if not chosen.effects or not first.far_from_noise:
         return None
     bare = reduce(lambda model, name: refit_without(problem, model, name, first), chosen.effects, chosen)
     escaped = bare.fit.chi2 < first.fit.chi2 / THRESHOLDS.escaped
-    return bare if escaped or (at_noise_floor(bare) and not at_noise_floor(first)) else None
+    return bare if escaped or (bare.at_noise_floor and not first.at_noise_floor) else None
 
 
 def _one_search(state: SearchState) -> Selection:
@@ -97,7 +92,7 @@ def short_segments(max_effects: int) -> Move:
         if refutes_process_noise(state.sets.copied(), state.current):
             return
         state = run(SHORT, state)
-        model = sets.carried_over(state.current) if state.current.effects else sets.bare
+        model = carried_over(sets, state.current) if state.current.effects else sets.bare
         yield Proposal(model, trials=state.trace)
 
     return Move(
@@ -160,7 +155,7 @@ def _selection(state: SearchState, misleading: tuple[str, ...]) -> Selection:
 
 def _own_shares(sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypothesis]) -> dict[str, float]:
     """Return the own share of each secondary effect, unless it is the only effect or every rig has it."""
-    limit = bounded_excess(chosen) + THRESHOLDS.secondary * sets.bare.residuals.excess
+    limit = chosen.bounded_excess + THRESHOLDS.secondary * sets.bare.residuals.excess
     shares: dict[str, float] = {}
     for name, smaller in without.items():
         is_secondary = sets.without_substitute(chosen, name).residuals.excess < limit

@@ -30,7 +30,7 @@ class Selection:
     without_substitute: Mapping[str, Hypothesis]
     """Sets without one effect and without a curve that would imitate it, by the removed effect.
 
-    `thresholds.substitute_curve` determines the curve.
+    `imitation.substitute_curve` determines the curve.
     """
     tests_without: Mapping[str, ScoreTest]
     """Score tests of the sets without one effect of the selected set, by the removed effect."""
@@ -60,6 +60,15 @@ class Selection:
     def models(self) -> dict[str, Hypothesis]:
         """The two compared models: the bare model `before`, and the selected model `after`."""
         return {"before": self.bare, "after": self.chosen}
+
+    @property
+    def absorbed(self) -> dict[str, dict[str, str]]:
+        """Parameter that absorbs an amplitude, by effect and amplitude.
+
+        An effect of the selected set is tested in the set without this effect.
+        """
+        scores = {name: self.tests_without.get(name, self.final_test).of(name) for name in EFFECTS}
+        return {name: dict(score.absorbed) for name, score in scores.items() if score is not None and score.absorbed}
 
     @property
     def share_explained(self) -> float:
