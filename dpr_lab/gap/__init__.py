@@ -15,10 +15,25 @@
     evidence                   evidence.evidence.evidence        what supports the result?
     conclusion                 conclusion.conclusion.conclude    verdict, intervals, assumptions
 
-Reading order. These modules contain the decisions, about 14,000 words of text and code, about an hour:
-`state`, `diagnose`, `bare_model`, `hypothesis.hypothesis`, `hypothesis.score_test`, `hypothesis.thresholds`,
-`which.search`, `which.moves`, `which.forward`, `which.select`, `which.removals`,
-`corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 72,500 words. They are the
+Why was cause X preferred to Y? The field `search` of a diagnosis lists all trials of the search. The trial that rejects
+Y, or that replaces Y by X, states its move and the reason.
+
+Reading order. About 10,400 words contain the rules of this choice:
+
+    `hypothesis.hypothesis`      the cost, by which sets are compared
+    `hypothesis.thresholds`      the numbers in the rules
+    `hypothesis.significance`    the difference of cost that counts
+    `hypothesis.imitation`       effects that only follow what other causes leave
+    `which.search`               a move: it proposes sets, accepts or rejects them, and states the reason
+    `which.moves`                the order of the moves
+    `which.forward`              the moves; the trial names the one to read
+    `which.removals`
+    `which.replacements`
+    `which.alternatives`
+    `classes.posterior`          the probabilities of X and Y, if both remain
+
+About 7,500 words contain the stages: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`, `which.select`,
+`corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 69,000 words. They are the
 computations behind one decision each, and can be read when they are changed.
 
 Terms of all modules:

@@ -15,8 +15,10 @@ def words(files: list[Path]) -> int:
 def test_the_reading_order_states_its_modules_and_their_length() -> None:
     assert gap.__doc__ is not None
     order = gap.__doc__.partition("Reading order.")[2].partition("Terms")[0]
-    first = [FOLDER / f"{name.replace('.', '/')}.py" for name in re.findall(r"`([\w.]+)`", order)]
-    others = [file for file in FOLDER.rglob("*.py") if file not in first]
-    stated = [int(number.replace(",", "")) for number in re.findall(r"([\d,]+) words", order)]
-    for number, files in zip(stated, (first, others), strict=True):
+    _, *parts = re.split(r"([\d,]+) words", order)
+    groups = [[FOLDER / f"{name.replace('.', '/')}.py" for name in re.findall(r"`([\w.]+)`", t)] for t in parts[1::2]]
+    groups[-1] = [file for file in FOLDER.rglob("*.py") if not any(file in group for group in groups)]
+    assert len(groups) == 3
+    for stated, files in zip(parts[0::2], groups, strict=True):
+        number = int(stated.replace(",", ""))
         assert abs(words(files) - number) < 0.05 * number, words(files)

@@ -123,7 +123,7 @@ def test_a_correction_after_which_other_readings_are_left_out_is_not_kept() -> N
     def fitted(chi2: Array) -> Hypothesis:
         fit = SimpleNamespace(free=(), chi2=chi2.sum(), linear=SimpleNamespace(chi2_by_segment=chi2))
         residuals = ResidualStatistics(float(chi2.sum()), 50 * len(chi2), level=1.0, autocorrelation=0.0)
-        return Hypothesis((), cast(Any, fit), residuals, chi2, {})
+        return Hypothesis((), cast(Any, fit), residuals, float(chi2.sum()), {})
 
     before, after = np.full(6, 1000.0), np.full(6, 50.0)
     assert explains_more(fitted(before), fitted(after))

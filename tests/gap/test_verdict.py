@@ -48,8 +48,8 @@ def kind(
     """Verdict for a set with some causes, each with its probability and that of a cause outside the library."""
     effects = tuple("abc"[: len(causes)])
     selection = Fake(
-        chosen=Fake(effects=effects, residuals=chosen),
-        bare=Fake(residuals=bare),
+        chosen=Fake(effects=effects, residuals=chosen, at_noise_floor=chosen.z < 4.0),
+        bare=Fake(residuals=bare, at_noise_floor=bare.z < 4.0),
         share_explained=share,
         expected=frozenset(expected),
     )
@@ -147,7 +147,7 @@ def test_a_short_release_without_a_significant_effect_does_not_exclude_the_libra
     state: Any = Fake(
         description=Fake(hint="", withholds=False),
         fitted=Fake(problem=Fake(t=np.array([0.0, 1.3]))),
-        selection=Fake(chosen=Fake(effects=(), residuals=GAP), share_explained=0.0),
+        selection=Fake(chosen=Fake(effects=(), residuals=GAP, at_noise_floor=False), share_explained=0.0),
         posteriors=(),
         transfer=transfer(0.0, basis="one release", too_short=True),
     )
