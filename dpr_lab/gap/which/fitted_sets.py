@@ -249,7 +249,7 @@ class FittedSets:
         return bool(((previous > EFFORT.outstanding) & (current < 0.5 * previous)).any())
 
     def grown(self, model: Hypothesis, effect: str) -> Hypothesis | None:
-        """Return the set with one additional effect, or None if the effect has no score; the fit is not stored."""
+        """Fit a set with one additional effect, without storing the fit; None if the effect has no score."""
         score = self.score(model, effect)
         return None if score is None else self._best_shape(model, score)
 
