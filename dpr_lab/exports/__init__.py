@@ -96,7 +96,8 @@ FORMATS: dict[str, ExportFormat] = {
         lambda model, rig, _: {mjcf.XML: mjcf.mjcf(model, rig), mjcf.CALLBACK: mjcf.passive(model, rig)},
         in_mujoco,
         mjcf.WORDS,
-        tuple(stage for stage in _ALL if stage not in ("arm", "play0")),  # the motor would be an additional body
+        # a motor behind backlash would be an additional body
+        tuple(stage for stage in _ALL if stage not in ("arm", "play0")),
     ),
     "urdf": ExportFormat(
         "URDF", "corrected_model.urdf", lambda *model: {"corrected_model.urdf": urdf.urdf(*model)}, in_urdf, urdf.WORDS

@@ -162,7 +162,8 @@ def _followed(ratio_fit: RatioFit, index: int, tolerance: float) -> int:
     """Count the samples of the next segment that the free run of a segment predicts within the tolerance, rad."""
     begin, border, end = ratio_fit.problem.segments.offsets[index : index + 3]
     layout = ratio_fit.problem.segments
-    passed = begin + 1 if layout.setups[layout.run[index]].free else border  # known torques are indexed by sample
+    # known torques are given for each sample, so a driven free run needs all samples
+    passed = begin + 1 if layout.setups[layout.run[index]].free else border
     t = np.concatenate([ratio_fit.problem.t[begin:passed], ratio_fit.problem.t[border:end]])
     angles = _states(ratio_fit, index, t, float(layout.step[index]))[passed - begin :, :2]
     zeros = ratio_fit.fit.estimate.zeros[layout.run[index]] if ratio_fit.problem.rezeroed else 0.0

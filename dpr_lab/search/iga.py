@@ -35,14 +35,14 @@ def iga(problem: SearchProblem, settings: IgaSettings, rng: np.random.Generator)
     Source: docs/theory.md, section 2.
     """
     levels = array_for(settings.orthogonal_array, problem.box.shape[1])
-    genes = fresh(settings.population, problem.box, rng)  # (1)
-    population = ranked(genes, problem.costs(genes))  # (2)
+    genes = fresh(settings.population, problem.box, rng)  # step (1) of docs/theory.md, section 2
+    population = ranked(genes, problem.costs(genes))  # step (2)
     while True:
         yield population
-        if _converged(population, settings):  # (3), (4)
+        if _converged(population, settings):  # steps (3) and (4)
             population = _refreshed(problem, population, settings, rng)
-        offspring = _offspring(problem, population, levels, settings, rng)  # (5) - (8)
-        population = merged(population, offspring).best(settings.population)  # (9), (10)
+        offspring = _offspring(problem, population, levels, settings, rng)  # steps (5) to (8)
+        population = merged(population, offspring).best(settings.population)  # steps (9) and (10)
 
 
 def _fitness(population: Population, settings: IgaSettings) -> Array:
@@ -74,9 +74,9 @@ def _offspring(
 ) -> Population:
     """Create all M Pc / 2 offspring of a generation by steps (5) to (7), in no particular order."""
     pairs = max(1, round(settings.population * settings.crossover_rate / 2))
-    parents = pair(population.genes, _fitness(population, settings), pairs, problem.box, rng)  # (5)
+    parents = pair(population.genes, _fitness(population, settings), pairs, problem.box, rng)  # step (5)
     crossed = cross(*parents, rng)
-    offspring, costs = experiment(*crossed, levels, problem.costs)  # (6)
-    offspring, mutated = mutate(offspring, settings.mutation_rate, problem.box, rng)  # (7)
+    offspring, costs = experiment(*crossed, levels, problem.costs)  # step (6)
+    offspring, mutated = mutate(offspring, settings.mutation_rate, problem.box, rng)  # step (7)
     costs[mutated] = problem.costs(offspring[mutated])
     return Population(offspring, costs)

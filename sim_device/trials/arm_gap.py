@@ -134,7 +134,8 @@ def _laid_out(releases: list[ArmRelease], rig: Rig, length: int) -> tuple[Segmen
         t = np.arange(len(release.readings)) / MEASURE.rate_hz
         torques = None if release.torque is None else Torques(t, np.zeros((len(t), 2)), on_arm=release.torque)
         setups.append(Setup(rig.rods.mounting, torques=torques, arm_moves=True))
-        for k in range(length, len(t) - length + 1, length):  # a later segment starts at its first reading
+        # without the first segment, which would start at the release and not at its first reading
+        for k in range(length, len(t) - length + 1, length):
             times.append(t[k : k + length])
             runs.append(run)
             wanted.append(release.readings[k : k + length])

@@ -78,7 +78,7 @@ def replay_files(
     moving = isinstance(model, MovingArmModel)
     unit = drive_gain(rig).value if moving else 1.0  # torque per recorded input in the user's file
     file, patched = (Simulation.of(before, text, joints, rig.g, moving) for text in (None, after.text))
-    gain = unit * patched.gear / file.gear  # the known torques are those of the user's file
+    gain = unit * patched.gear / file.gear  # the known torques were computed with the gear of the user's file
     forced = patched.with_module(after.passive.module, rig, gain) if after.passive.module else None
     replays = []
     for run in runs:

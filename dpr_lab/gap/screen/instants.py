@@ -59,7 +59,8 @@ class InstantSettings:
     likely: float = 0.3
     """Minimum significance of a further cycle that is also fitted, relative to the largest significance."""
     unshared: float = 0.15
-    """Quantile, over all cycle lengths, of the scatter between positions; few cycle lengths contain late readings."""
+    """Quantile over all cycle lengths that gives the scatter due to jitter. It is small, because late readings increase
+    the scatter of some cycle lengths."""
     least: float = 0.1
     """Minimum delay, in periods; a smaller delay counts as noise."""
     wild: float = 8.0

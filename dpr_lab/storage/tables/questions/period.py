@@ -28,8 +28,8 @@ class PeriodSettings:
     """Maximum scale of the amplitude for a warning. A true angle has the scale 1; an unnoticed eccentricity of an
     encoder changes it by some tenths."""
     significant: float = 25.0
-    """Minimum increase of the sum of squares at the scale 1, in units of the variance of a period: 5 standard
-    deviations."""
+    """Minimum difference between the sums of squares at the scale 1 and at the best scale, in units of the variance of
+    a period. 25 corresponds to 5 standard deviations."""
     means: int = 5
     """Number of steps of the arithmetic-geometric mean. Each step doubles the number of correct digits."""
 
