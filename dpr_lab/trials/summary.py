@@ -206,9 +206,10 @@ def by_size(
 
 
 def _naming(causes: Sequence[Cause], leads: Sequence[TrialOutcome]) -> dict[str, float]:
-    """Compute the share of causes that are named, and shares of correct results in the trials `leads`.
+    """Compute three shares for a set of causes.
 
-    In these trials, the causes have the largest size.
+    `named` is the share of the causes that are named. `first` and `exact` are shares of the trials `leads`, in which
+    the largest effect is one of the causes.
     """
     named = float(np.mean([cause.named for cause in causes]))
     return {"named": named, "first": share(leads, lambda o: o.first), "exact": share(leads, lambda o: o.exact)}

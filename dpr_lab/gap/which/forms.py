@@ -115,6 +115,9 @@ def _free(effect: Effect, tested: Effect, angle: Array, speed: Array, t: Array) 
 
 
 def _are_losses_of_speed(effect: Effect, tested: Effect) -> bool:
-    """Return whether both effects are losses at one joint, and the tested loss does not depend on the load."""
+    """Return whether both effects are losses at one joint.
+
+    The tested loss must not depend on the load of the joint.
+    """
     share_joint = not set(effect.joints).isdisjoint(tested.joints)
     return share_joint and effect.dissipative and tested.dissipative and tested.stage != "load"

@@ -81,7 +81,7 @@ class Objective:
         return None if nonlinear is None else nonlinear / linear
 
     def bits(self, F: Array) -> dict[tuple[str, str], float]:
-        """Return the expected information about each undecided pair of causes, bits, for the Fisher information F."""
+        """Return, for each undecided pair of causes, the bits that recordings with the Fisher information F provide."""
         return self.bits_of(self.gained(F))
 
     def bits_of(self, gained: list[Array]) -> dict[tuple[str, str], float]:

@@ -139,7 +139,7 @@ def without_wraps(column: Array, options: ImportOptions) -> Array:
 
 
 def turn_of_hanging(angle: Array) -> float:
-    """Return the full turns, rad, by which the first hanging angle of a rod differs from pi.
+    """Return the full turns, rad, between pi and the first angle near which a rod hangs.
 
     The result is 0 if the rod also hangs at pi, or never hangs.
 
