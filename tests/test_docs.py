@@ -31,6 +31,33 @@ def test_every_file_the_readme_names_exists() -> None:
         assert (ROOT / target).exists(), target
 
 
+def test_the_readme_states_the_measured_reliability() -> None:
+    def pages(pattern: str, name: str) -> list[tuple[str, ...]]:
+        text = (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+        return [match.groups() for match in re.finditer(pattern, text, flags=re.MULTILINE)]
+
+    part = README[README.index("| test | result |") : README.index("On simulated rigs the diagnosis is reliable")]
+    stated = re.findall(r"^\| [a-z].* \| (\d.*) \|$", part, flags=re.MULTILINE)
+    kinds = "simulated rig with one effect|clean simulated rig"
+    simulated = pages(rf"^\|.*\| (?:{kinds}): [^|]+ \| [^|]+ \| (\d+ of \d+) \|", "benchmarks")
+    ((total, correct, honest, partly, wrong, refused, incorrect),) = pages(
+        r"^\| all" + r" \| (\d+)" * 7 + r" \|$", "benchmarks"
+    )
+    verdicts = pages(r"\| (?:partly explained|unexplained) \| (\d+) % \|", "real-rigs")
+    ((median,), (worst,)) = pages(r"^\| \*\*(?:median|worst)\*\* \|  \|  \| (\d+) %", "real-rigs")
+    best = max(int(gap) for (gap,) in verdicts)
+    assert stated == [
+        *(share for (share,) in simulated),
+        f"{correct} of {total}",
+        f"{honest} of {total}",
+        f"{partly}, {wrong} and {refused} of {total}",
+        incorrect,
+        f"{median} % ({worst} to {best} %)",
+        f"0 of {len(verdicts)}",
+    ]
+    assert f"median of {len(verdicts)}" in part
+
+
 def test_the_worked_example_states_the_claims_of_its_certificate() -> None:
     page = (ROOT / "docs" / "worked-example.md").read_text(encoding="utf-8")
     claims = load_certificate(ROOT / "docs" / "examples" / "multiarm" / "certificate.json").claims

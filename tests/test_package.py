@@ -16,7 +16,7 @@ from dpr_lab.version import __version__
 from tests.installed_sizes import added_mb, extras, requirements, sizes_mb
 
 ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+PLATFORMS = (ROOT / "docs" / "reference" / "platforms.md").read_text(encoding="utf-8")
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -141,12 +141,12 @@ def test_the_tests_upgrade_the_environment_of_the_demo_and_nothing_is_installed_
 
 
 @pytest.mark.long
-def test_the_readme_says_what_is_installed() -> None:
+def test_the_page_platforms_states_what_is_installed() -> None:
     """Within a tenth, or 5 MB: libraries grow from version to version."""
     result = {
-        name: float(size) for name, size in re.findall(r"^\| `(\w+)` \|.*\| (\d+) \|$", README, flags=re.MULTILINE)
+        name: float(size) for name, size in re.findall(r"^\| `(\w+)` \|.*\| (\d+) \|$", PLATFORMS, flags=re.MULTILINE)
     }
-    (core,) = re.findall(r"The package and the libraries that it needs take (\d+) MB", README)
+    (core,) = re.findall(r"The package and the libraries that it needs take (\d+) MB", PLATFORMS)
     measured = {name: sum(added_mb(name).values()) for name in extras() if name in result}
     assert set(extras()) - set(result) <= {"fuzz"}
     assert float(core) == pytest.approx(sum(sizes_mb(requirements()).values()), rel=0.1)
