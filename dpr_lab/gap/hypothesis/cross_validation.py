@@ -179,7 +179,8 @@ def left_out_chi2(fit: Fit, fold: Integers) -> Array:
 def predictive_loss(fit: Fit, fold: Integers, inflation: float) -> float:
     """Compute the predictive loss of a fit, in units of chi2.
 
-    It is the sum over folds of -2 times the log predictive density of the fold given the other folds, up to a constant.
+    Each fold is predicted from the other folds. The loss is -2 times the logarithm of the predictive density, summed
+    over all folds, up to a constant.
     """
     parts = _Folds(fit, fold)
     chi2 = sum(left_out.chi2 for left_out in parts.folds)

@@ -50,7 +50,8 @@ class Hypothesis:
     fit: Fit
     residuals: ResidualStatistics
     predictive_loss: float
-    """Loss of the prediction of each run, or quarter, from the others, summed, in units of chi2."""
+    """Sum of the losses in the prediction of each run from the other runs, in units of chi2. If there is a single run,
+    its quarters are predicted."""
     curves: Mapping[str, float]
     """Size s of each curve in the set, by effect: the rms of its amplitudes relative to their limits."""
     on_line: frozenset[str] = frozenset()
