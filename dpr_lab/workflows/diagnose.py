@@ -184,7 +184,7 @@ def _refuse_trials(runs: "Sequence[Run]") -> None:
 
 @contextmanager
 def diagnosis_folder(diagnosis: "Diagnosis", out: Path) -> "Iterator[Path]":
-    """Yield a temporary folder for the results that contains the diagnosis; it is moved to `out` at the end.
+    """Yield a temporary folder that contains the diagnosis; its files are moved to `out` at the end.
 
     If a step after the diagnosis fails, the error also states the verdict and the file of the diagnosis.
 

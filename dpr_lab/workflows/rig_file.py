@@ -195,7 +195,10 @@ def mass_bounds(mass: float) -> Bounds:
 
 
 def centre_bounds(length: float) -> Bounds:
-    """Return bounds and nominal value of the distance of the centre of mass of a rod of this length, m."""
+    """Return bounds and nominal value of the distance from the joint to the centre of mass of a rod, m.
+
+    `length` is the length of the rod, m.
+    """
     return DRAFT.centre[0] * length, length / 2, DRAFT.centre[1] * length
 
 

@@ -146,7 +146,10 @@ class Firmware:
         return self._library.dpr_host_next_tick(self._host)
 
     def receive(self, frame: Frame, millis: int, ticks: float) -> list[Frame]:
-        """Process a frame that arrived at a time given in ms and in ticks with fraction, and return the answers."""
+        """Process a frame and return the answers.
+
+        The time of arrival is given in ms, and in ticks with fraction.
+        """
         tick, fraction = divmod(ticks, 1.0)
         time = (millis & 0xFFFFFFFF, int(tick) & 0xFFFFFFFF, min(int(fraction * 65536), 65535))
         self._library.dpr_host_receive(self._host, byref(_packed(frame)), *time)

@@ -114,10 +114,10 @@ class SimulatedRods:
         return self._faults.counts(counts, self._at_release, since)
 
     def torques(self, first: int | None, count: int) -> NDArray[np.int64]:
-        """Return the values (count, kinds, ...) that the drives report at each tick from `first` since the release on.
+        """Return the values (count, kinds, ...) that the drives report at consecutive ticks.
 
-        The last axis is that of joints 1 and 2; the drive of the arm has no such axis. `first` is None while the drives
-        are at rest.
+        The last axis is that of joints 1 and 2; the drive of the arm has no such axis. `first` is the number of the
+        first tick since the release, or None while the drives are at rest.
         """
         if self._drives is None:
             return np.zeros((count, 0), dtype=np.int64)
@@ -173,7 +173,10 @@ class SimulatedRods:
     def _read(
         self, theta: NDArray[np.float64], stream: RandomStream, release: int, first: int, since: ArrayLike = -np.inf
     ) -> Counts:
-        """Return the counts (n, 3) for the angles at the encoders, at the device times `since` the release."""
+        """Return the counts (n, 3) for given angles at the encoders.
+
+        `since` contains the device times since the release, s.
+        """
         misread = self._plant.misread(theta, np.full(len(theta), since), release - 1)
         return self._faults.connected(self._plant.counted(self._encoders.read(misread, stream, release, first)))
 

@@ -51,7 +51,10 @@ DRIVING = Driving()
 
 @dataclass(frozen=True, slots=True)
 class DriveFault:
-    """Fault of a drive that the reported torques do not show, with the library effect that is its correct name."""
+    """Fault of a drive that the reported torques do not show.
+
+    `name` is the library effect that is the correct answer.
+    """
 
     name: str
     drives: dict[str, Any]

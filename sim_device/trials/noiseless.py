@@ -35,7 +35,10 @@ def plant_gap(config: PlantConfig, rig: Rig) -> float:
 
 
 def noiseless(config: PlantConfig, rig: Rig, release: int) -> Array:
-    """Return the readings (n, 2) of joint encoders 1 and 2 during a release from a pose, counted from 1, rad."""
+    """Return the readings (n, 2) of encoders 1 and 2 after a release, without noise, rad.
+
+    `release` is the number of the pose, counted from 1.
+    """
     plant, pose = plant_of(config, rig), list(rig.poses.values())[release - 1]
     ticks = np.arange(round(MEASURE.duration * MEASURE.rate_hz))
     theta = plant.let_go(pose.theta, np.zeros(3), MEASURE.rate_hz, release).theta(0, len(ticks))

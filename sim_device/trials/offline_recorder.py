@@ -95,6 +95,6 @@ def _released(
 
 
 def _near(theta: NDArray[np.float64], pose: NDArray[np.float64], release: int) -> NDArray[np.float64]:
-    """Return the angles without the full turns by which each rod differs from its pose at row `release`."""
+    """Subtract full turns, so that each rod is within half a turn of its pose at the row `release`."""
     turns = np.rint((theta[release] - pose) / (2 * np.pi))
     return theta - 2 * np.pi * np.where([False, True, True], turns, 0.0)

@@ -185,7 +185,10 @@ def _with_torque_noise(run: Run, std_Nm: Array, rng: np.random.Generator) -> Run
 
 
 def _swing(followed: Followed, onward: Segments, rng: np.random.Generator) -> Array:
-    """Simulate the readings (n, 2) of one model in a free run from a random initial state, with noise, rad."""
+    """Simulate the readings (n, 2) of one model in a free run, rad.
+
+    The initial state is random, and noise is added to the readings.
+    """
     problem = followed.fitted.problem
     started = drawn_starts(problem, followed.fitted.fit, rng)
     freely = replace(problem, segments=replace(onward, step=np.array([followed.step])))

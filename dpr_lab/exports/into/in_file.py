@@ -116,7 +116,7 @@ def unseen(
 
 
 def _at(joints: Collection[int]) -> Iterator[str]:
-    """Yield the effects of the given joints that an attribute of a joint in the file can represent."""
+    """Yield the effects of the given joints that the joint attributes of a file can represent."""
     return (name for name, effect in EFFECTS.items() if _term(name) and set(effect.joints) <= set(joints))
 
 

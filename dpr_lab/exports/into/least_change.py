@@ -147,7 +147,7 @@ def _base_of(chain: ModelChain, longer: float) -> Array:
 def _gear_factors(
     effects: Mapping[str, Mapping[str, float]], diagnosis: Diagnosis, runs: Sequence[Run]
 ) -> dict[str, float]:
-    """Return, for each driven joint, the ratio of the acting torque to the known torque at the estimated b.
+    """Return the ratio of acting torque to known torque of each driven joint, at the estimated b.
 
     The keys are the names of the effects of the drives. The result is empty unless the torques determine the scale.
     """

@@ -242,7 +242,10 @@ class FittedSets:
         return self.keep(smaller)
 
     def _stuck(self, smaller: Hypothesis, model: Hypothesis) -> bool:
-        """Return whether a few segments kept a smaller set in a local minimum that a larger set has left."""
+        """Return whether the fit of a smaller set remained in a local minimum because of a few segments.
+
+        The fit of a larger set shows this: it reduces the chi2 of such a segment to less than half.
+        """
         if (smaller.key, model.key) in self._refitted_from or smaller.at_noise_floor:
             return False
         previous, current = relative_chi2(smaller.fit), relative_chi2(model.fit)

@@ -84,9 +84,9 @@ class SearchState:
 
 
 def _caveat(model: Hypothesis) -> str:
-    """Return a note about a set whose criterion contains a linear prediction that its fit did not reach.
+    """Return a note about a set whose fit did not reach the linear prediction.
 
-    For other sets the text is empty.
+    The criterion of the set contains this prediction. For other sets the text is empty.
     """
     stuck = model.fit.stop is StopReason.NO_DESCENT
     return "; its fit may have ended above the minimum that the criterion assumes" if stuck else ""

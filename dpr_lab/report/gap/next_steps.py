@@ -53,6 +53,9 @@ def _check_words(diagnosis: Diagnosis, advice: str) -> str:
 
 
 def _decided(diagnosis: Diagnosis, check: AdvisedCheck) -> bool:
-    """Check whether at most one of the causes that a check distinguishes has a probability above 1 %."""
+    """Check whether the recordings have decided between the causes that a check distinguishes.
+
+    At most one of these causes then has a probability above 1 %.
+    """
     probabilities = candidates(diagnosis, check.about)
     return sum(probabilities.get(name, 0.0) > 0.01 for name in check.splits) <= 1
