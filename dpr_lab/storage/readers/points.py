@@ -23,8 +23,9 @@ from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.run import FilmNoise
 from dpr_lab.shown import counted, percent
 from dpr_lab.storage.readers.circle import most_of_a_circle
+from dpr_lab.storage.readers.coordinates import OTHER, coordinate, in_plane, only_coordinate
 from dpr_lab.storage.readers.rod_lengths import LENGTHS, WANTED, rod_length
-from dpr_lab.storage.tables.columns import counter, is_time, numbers, varies
+from dpr_lab.storage.tables.columns import is_time, numbers, varies
 from dpr_lab.storage.tables.table import Table, own_name, read_table, without_copies
 from dpr_lab.storage.tables.time_stamps import runs
 
@@ -64,14 +65,7 @@ class PointSettings:
 SETTINGS = PointSettings()
 PLAIN = "table of points"
 PARTS = {1: ("pivot", "tip"), 2: ("pivot", "elbow", "tip")}
-_COORDINATE = r"(?:(?P<c1>[xy])[\W_]*(?P<n1>\w+)|(?P<n2>\w+?)[\W_]*(?P<c2>[xy]))"
-_UNIT = r"([\W_]*(px|pixels?|mm|cm|m)\W*)?"
-_BY_NAME = re.compile(rf"{_COORDINATE}{_UNIT}", re.I)
-_WORDS = r"[\W_]*(?:coordinate|coord|position|pos)[\W_]*(?:(?:for|of)\b[\W_]*)?(?:the\b[\W_]*)?"
-_IN_WORDS = re.compile(rf"(?P<axis>[xy]){_WORDS}(?P<point>.+?){_UNIT}", re.I)
-"""Description of a column name, such as "x coordinate of the elbow"."""
 _ANGLE = re.compile(r"theta|(?<![a-z])th(?![a-z])|phi|angle|^q\d|joint")
-_ALONE = re.compile(rf"([xy]){_UNIT}", re.I)
 _NO_POINT = re.compile(r"acc|gyro|omega|vel|speed|rate|force|torque|cmd|command|^(a|v|w|f|d|mag|d*dot)\d?$")
 """Pattern of vectors in the plane that are no positions, for example `acc` for the columns `accX` and `accY`."""
 
@@ -155,28 +149,22 @@ def _points(table: Table, despite_angles: bool = False) -> tuple[str, list[_Poin
     angles = not despite_angles and any(
         _ANGLE.search(name.lower()) and varies(column) for name, column in zip(ungrouped, table.values, strict=True)
     )
-    alone = [("point", match[1].lower()) if (match := _ALONE.fullmatch(name)) else ("", "") for name in ungrouped]
+    alone, axes = in_plane([only_coordinate(name) for name in ungrouped], table.values)
     timed = len(ungrouped) > 2 and any(map(is_time, table.names))
     abscissa = next((column for (_, axis), column in zip(alone, table.values, strict=True) if axis == "x"), None)
     plotted = not timed and abscissa is not None and runs(abscissa)  # x is the time, as in a plot of one quantity
     if sorted(axis for _, axis in alone if axis) == ["x", "y"] and (plotted or not angles):
-        return ("", []) if plotted else (PLAIN, list(_upwards(table, alone, 0, -1.0)))
-    columns = [_coordinate(name) for name in ungrouped]
+        return ("", []) if plotted else (_of_plane(axes), list(_upwards(table, alone, 0, -1.0)))
+    columns, axes = in_plane([coordinate(name) for name in ungrouped], table.values)
     pairs = {name for name, _ in columns if {(name, "x"), (name, "y")} <= set(columns)}
     if not pairs or angles:
         return "", []
-    return PLAIN, list(_upwards(table, [c if c[0] in pairs else ("", "") for c in columns], 0, -1.0))
+    return _of_plane(axes), list(_upwards(table, [c if c[0] in pairs else OTHER for c in columns], 0, -1.0))
 
 
-def _coordinate(name: str) -> tuple[str, str]:
-    """Return the point and the axis that the name of a column states.
-
-    For other columns, both texts are empty.
-    """
-    if match := _IN_WORDS.fullmatch(name):
-        return match["point"].lower(), match["axis"].lower()
-    match = _BY_NAME.fullmatch(name)
-    return ((match["n1"] or match["n2"]).lower(), (match["c1"] or match["c2"]).lower()) if match else ("", "")
+def _of_plane(axes: str) -> str:
+    """Return the kind of a table of points, with the axes of the plane if the points have three coordinates."""
+    return f"{PLAIN}, of which the coordinates {axes} are used" if axes else PLAIN
 
 
 def _groups(table: Table) -> list[str]:
@@ -217,7 +205,7 @@ def _upwards(table: Table, columns: list[tuple[str, str]], first: int, up: float
 def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     pivot, *ends = _chosen(table, points, take)
     rods = [end.at - start.at for start, end in pairwise([pivot, *ends])]
-    upside_down = table.kind == PLAIN and _upside_down(rods)
+    upside_down = table.kind.startswith(PLAIN) and _upside_down(rods)
     again, filled = _repeats(ends), _interpolated(ends)
     removed = [
         f"{percent(float(mask.mean()))} of the frames {words}: these frames are removed"
@@ -255,7 +243,8 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     ]
     std = tuple(length.std for length in lengths)
     time = next((name for name in table.names if is_time(name)), "")
-    clocks = {"t": time} if time else {name: name for name in [counter(table)] if name}
+    running = (name for name, column in zip(table.names, table.values, strict=True) if runs(column))
+    clocks = {"t": time} if time else {name: name for name in running}
     columns = [table.values[table.names.index(name)] for name in clocks.values()] + angles
     return replace(
         table,

@@ -1,0 +1,92 @@
+"""Find the coordinates of points in the names of columns, and the plane of a swing that was tracked in space."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dpr_lab.arrays import Array
+from dpr_lab.storage.readers.circle import most_of_a_circle
+
+_COORDINATE = r"(?:(?P<c1>[xyz])[\W_]*(?P<n1>\w+)|(?P<n2>\w+?)[\W_]*(?P<c2>[xyz]))"
+_UNIT = r"([\W_]*(px|pixels?|mm|cm|m)\W*)?"
+_BY_NAME = re.compile(rf"{_COORDINATE}{_UNIT}", re.I)
+_WORDS = r"[\W_]*(?:coordinate|coord|position|pos)[\W_]*(?:(?:for|of)\b[\W_]*)?(?:the\b[\W_]*)?"
+_IN_WORDS = re.compile(rf"(?P<axis>[xyz]){_WORDS}(?P<point>.+?){_UNIT}", re.I)
+"""Description of a column name, such as "x coordinate of the elbow"."""
+_ALONE = re.compile(rf"([xyz]){_UNIT}", re.I)
+OTHER = ("", "")
+"""Point and axis of a column that contains no coordinate."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneSettings:
+    """Limits for the plane of a swing."""
+
+    far: float = 20.0
+    """Maximum radius of the circle on which a point swings, relative to the range of the point. The ratio is 5.7 for
+    amplitudes of 5 degrees. A straight line fits a circle of large radius."""
+    scatter: float = 0.1
+    """Maximum scatter of the distances to the centre of this circle, relative to the range of the point."""
+
+
+SETTINGS = PlaneSettings()
+
+
+def coordinate(name: str) -> tuple[str, str]:
+    """Return the point and the axis that the name of a column states.
+
+    For other columns, both texts are empty.
+    """
+    if match := _IN_WORDS.fullmatch(name):
+        return match["point"].lower(), match["axis"].lower()
+    match = _BY_NAME.fullmatch(name)
+    return ((match["n1"] or match["n2"]).lower(), (match["c1"] or match["c2"]).lower()) if match else OTHER
+
+
+def only_coordinate(name: str) -> tuple[str, str]:
+    """Return the point and the axis of a column whose name is only an axis, as `coordinate` does."""
+    match = _ALONE.fullmatch(name)
+    return ("point", match[1].lower()) if match else OTHER
+
+
+def in_plane(columns: Sequence[tuple[str, str]], values: Sequence[Array]) -> tuple[list[tuple[str, str]], str]:
+    """Replace three coordinates of points by the two in whose plane one of the points swings on a circle.
+
+    The axis with the largest range is horizontal. The other axis of the plane is the one for which the distances to the
+    centre of the circle scatter least.
+
+    Args:
+        columns: point and axis of each column
+        values: values of each column
+
+    Returns:
+        point and axis of each column, where x is the horizontal axis and y the other axis of the plane, and the names
+        of the two axes; without three coordinates of a point, the given columns without z and an empty text.
+    """
+    place = {column: values[k] for k, column in enumerate(columns)}
+    names = dict.fromkeys(name for name, _ in columns)
+    points = [name for name in names if {(name, axis) for axis in "xyz"} <= set(place)]
+    planes = [plane for name in points if (plane := _plane({axis: place[name, axis] for axis in "xyz"}))]
+    if not planes:
+        return [OTHER if axis == "z" else (name, axis) for name, axis in columns], ""
+    _, across, up = min(planes)
+    used = {(name, axis): (name, own) for name in points for axis, own in ((across, "x"), (up, "y"))}
+    return [used.get(column, OTHER) for column in columns], f"{across} and {up}"
+
+
+def _plane(point: dict[str, Array]) -> tuple[float, str, str] | None:
+    """Return the relative scatter about the circle in the best plane of a point, and the two axes of this plane."""
+    ranges = {axis: float(np.nanmax(column) - np.nanmin(column)) for axis, column in point.items()}
+    across = max(ranges, key=lambda axis: ranges[axis])
+    planes = []
+    for up in point.keys() - {across}:
+        at = np.column_stack([point[across], point[up]])
+        at = at[np.isfinite(at).all(axis=1)]
+        if ranges[across] > 0 and (circle := most_of_a_circle(at)) is not None:
+            distances = np.hypot(*(at - circle[0]).T)
+            if float(np.median(distances)) <= SETTINGS.far * ranges[across]:
+                planes.append((float(np.std(distances)) / ranges[across], across, up))
+    best = min(planes, default=None)
+    return best if best is not None and best[0] <= SETTINGS.scatter else None
