@@ -155,7 +155,7 @@ def test_rates_are_no_angles(tmp_path, one, rates):
     """Tables of the app phyphox and of one rate."""
     row = "{t:.2f}" + "".join(f",{{angle:.{digits}f}}" for digits, _ in enumerate(rates, 4)) + "\n"
     (tmp_path / "a.csv").write_text(",".join(["Time (s)", *rates]) + "\n" + lines(row, SWING))
-    with pytest.raises(RunError, match="These are rates and accelerations: an angle is required"):
+    with pytest.raises(RunError, match="None of them is an angle: export the angle of the rod"):
         import_csv(tmp_path / "a.csv", one)
 
 
@@ -169,7 +169,7 @@ def test_a_table_of_times_is_not_called_a_table_of_rates(tmp_path, one):
     (tmp_path / "a.csv").write_text("time_s,time_ms\n" + lines("{t:.2f},{angle:.6f}\n", SWING))
     with pytest.raises(RunError) as refused:
         import_csv(tmp_path / "a.csv", one)
-    assert "rates and accelerations" not in str(refused.value)
+    assert "None of them is an angle" not in str(refused.value)
 
 
 def test_a_single_column_without_a_header_has_the_number_1(tmp_path, one):

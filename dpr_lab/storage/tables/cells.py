@@ -30,6 +30,13 @@ _LABEL = rf"([^\W\d]\w*)\s*[:=]\s*({_NUMBER})"
 _LABELLED = re.compile(rf"\s*{_LABEL}(?:[,;\s]+{_LABEL})*[,;\s]*", re.I)
 """Pattern of a line with a name before each number, such as `angle:57.3,speed:0.1` for the plotter of Arduino."""
 UNIT_WORDS = r"rad|radians?|deg|degrees?|°|counts?|ticks?|m?s|us|sec|seconds|px|pixels?|[mc]?m"
+_RATE = re.compile(r"(rad|deg|degrees?|°|m)/s|omega|veloc|speed|^(?!.*(angle|pitch|roll|tilt)).*(gyro|acc(?!ura))")
+"""Pattern of rates and accelerations in lower case; the angle of a gyroscope is no rate."""
+_UNITS = "%|lu?x|[kmcd]?m|g|m?N|[hk]?Pa|°?[CFK]|m?A|m?W|[mµ]?T|dB|k?Hz"
+_OTHER_UNIT = re.compile(rf"(?!\W*[xyXY]\b).*[(\[]\s*({_UNITS})\s*[)\]]\s*$")
+"""Pattern of a name with the unit of another quantity, such as `Light (%)`. Voltages and coordinates give angles."""
+_INPUT = re.compile(r"(?<![a-z])(alpha\d|tau|torque|effort|force|current|voltage)")
+"""Pattern of names of accelerations and inputs in lower case."""
 QUANTITY = re.compile(rf"(.*[\d.,])\s*({UNIT_WORDS})", re.I)
 """Pattern of a field with a number and its unit, such as `12.3 deg`."""
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?|[-+]?\d{1,3}(?:\.\d{3})+,\d*")
@@ -95,6 +102,16 @@ def _numbers(fields: list[str]) -> Array | None:
         return np.fromiter(map(float, known), dtype=np.float64, count=len(fields))
     except ValueError:
         return None
+
+
+def names_no_angle(name: str) -> bool:
+    """Check whether the name of a column states a rate, an acceleration, or the unit of another quantity."""
+    return bool(_RATE.search(name.lower()) or _OTHER_UNIT.match(name))
+
+
+def may_be_angle(name: str) -> bool:
+    """Check whether a column may be proposed as an angle; a column without a name is not proposed."""
+    return bool(name) and not (names_no_angle(name) or _INPUT.search(name.lower()))
 
 
 def labels_of(lines: list[str]) -> list[str]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
+from dpr_lab.storage.tables.cells import may_be_angle, names_no_angle
 from dpr_lab.storage.tables.options import AXES
 from dpr_lab.storage.tables.table import LIMITS, Table, bare
 from dpr_lab.storage.tables.time_stamps import never_falls, runs
@@ -52,8 +53,6 @@ _SAID_UNIT = re.compile(
 _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
 _ERROR = re.compile(r"d[xyt]|(delta|δ|unc|uncertainty|sigma|std)\w*")
 """Pattern of the error of a value, a column of fit programs."""
-_RATE = re.compile(r"(rad|deg|degrees?|°|m)/s|omega|veloc|speed|^(?!.*(angle|pitch|roll|tilt)).*(gyro|acc(?!ura))")
-"""Pattern of rates and accelerations in lower case; the angle of a gyroscope is no rate."""
 _NO_NAME = re.compile(r"\d+|.+\[\d+\]|[xy]", re.I)
 """Pattern of names without a meaning: numbers, elements of an array, and axes of a plot."""
 SPEED_CORRELATION = 0.9
@@ -232,7 +231,7 @@ def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
         name
         for name, column in zip(table.names, table.values, strict=True)
         if name not in given.values() and not is_time(name) and not _ERROR.fullmatch(bare(name))
-        if (only_two or not runs(column)) and varies(column) and not _RATE.search(name.lower())
+        if (only_two or not runs(column)) and varies(column) and not names_no_angle(name)
     ]
     if len(varying) == 2 and clock and all(_NO_NAME.fullmatch(name) for name in table.names):
         varying = _without_speed(varying, table, clock)
@@ -306,8 +305,8 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
             rate = f"; several recordings next to each other are imported one by one, for example {example}"
         points = "; for points of a video add a first line with their names, for example t,x,y" if unnamed else ""
         rated = [name for name in named_so if not (is_time(name) or re.match("abs", name.lower()))]
-        if rated and all(_RATE.search(name.lower()) for name in rated):
-            points = ". These are rates and accelerations: an angle is required, for example the integral of a rate"
+        if rated and all(map(names_no_angle, rated)):
+            points = ". None of them is an angle: export the angle of the rod, for example the integral of a rate"
         raise RunError(
             f"{table.path}: no single column found for {' and '.join(missing)}; {available}."
             f" Name {'them' if len(missing) > 1 else 'it'}, for example {_example(names, named, missing)}{needed}{rate}"
@@ -327,12 +326,13 @@ def _example(names: Sequence[str], named: Mapping[str, str], missing: Sequence[s
     The example contains the remaining columns in their order if there are as many columns as missing quantities, or
     the only column whose name contains a word for an angle.
     """
+    names = [name for name in names if may_be_angle(name)]
     unknown = [name for name in names if name not in named.values() and name != NO_ROD]
     likely = [name for name in unknown if re.search(_LIKELY, name.lower())]
     # The arm is excluded, because its column may be a guess.
     rest = unknown if len(unknown) == len(missing) else [name for name in names if name not in (named.get("t"), NO_ROD)]
     rest = likely if len(likely) == len(missing) == 1 and "t" not in missing else rest
-    complete = len(rest) == len(missing) and not any(re.search(r"[,=]", name) for name in rest)
+    complete = len(rest) == len(missing) and not (set(rest) <= set(named.values()) or re.search("[,=]", "".join(rest)))
     pairs = zip(missing, rest if complete else ["NAME"] * len(missing), strict=True)
     text = ",".join(f"{quantity}={name}" for quantity, name in pairs)
     return f"--columns {shlex.quote(text)}"

@@ -102,6 +102,8 @@ class InterpretedTable:
     """Names of the columns that contain the torques of joints 1 and 2."""
     ignored: tuple[str, Array] | None
     """Kind and (n, 2) torques of the table that the options ignore, N m; None if no torques are ignored."""
+    drive: str = ""
+    """Sign in the table that an unknown torque drives the rods; empty if there is none."""
 
     @property
     def free(self) -> bool:
@@ -138,4 +140,4 @@ class InterpretedTable:
         values = {axis: column[rows] for axis, column in self.values.items()}
         torques = None if self.torques is None else self.torques[rows]
         t = self.t[rows] if even is None else even
-        return ReadTable(self.path, self.rig, self.options, self.columns, t, values, torques)
+        return ReadTable(self.path, self.rig, self.options, self.columns, t, values, torques, bool(self.drive))

@@ -115,6 +115,8 @@ class ReadTable:
     values: Values
     torques: Array | None
     """(n, 2) known torques, N m; None for a free swing."""
+    driven: bool = False
+    """Whether an unknown torque drives the rods, so that their energy does not determine the zeros."""
 
     def rods(self, values: Values, options: ImportOptions) -> Array:
         """Return the absolute angles (n, 2) of the rods in an interpretation, rad.
@@ -144,7 +146,8 @@ def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
     for reading in (*read.others(), *slower):
         if (residual := read.residual(reading)) < min(READ.sure, fit.residual / READ.better):
             tried.append((residual, reading))
-    if not tried and read.torques is None and (moved := _as_counts(read) or _with_other_zeros(read)):
+    free = read.torques is None and not read.driven
+    if not tried and free and (moved := _as_counts(read) or _with_other_zeros(read)):
         return [moved]
     best = min((residual for residual, _ in tried), default=np.inf)
     likely = fewest_changes([reading for residual, reading in tried if residual <= READ.alike * best])
@@ -209,7 +212,7 @@ def balanced_readings(read: ReadTable) -> list[OtherReading]:
     nearest = given.zeros(nearest=True)
     balancing = nearest if residual <= READ.near_balance else given.zeros()
     zeros = _with_zeros(read, _by_energy(read, balancing))
-    for reading in (*read.others(), zeros):
+    for reading in (*read.others(), *(() if read.driven else (zeros,))):
         other = None if reading.time_factor != 1 else balance(reading.values, reading.options)
         if other is not None:
             tried.append((other.residual(), reading))
@@ -221,7 +224,7 @@ def balanced_readings(read: ReadTable) -> list[OtherReading]:
     named = [reading for _, reading in alike if reading is not zeros] or [reading for _, reading in alike]
     if named:
         return fewest_changes(named)
-    far = np.abs(nearest).max() >= READ.wrong_zero_rad
+    far = np.abs(nearest).max() >= READ.wrong_zero_rad and not read.driven
     far = far and given.residual(nearest) <= min(READ.sure_balance, residual / READ.better_zero)
     return [_with_zeros(read, _by_energy(read, nearest))] if far else []
 

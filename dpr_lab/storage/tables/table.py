@@ -3,7 +3,9 @@
 import re
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from datetime import datetime, time
 from itertools import chain, islice
 from pathlib import Path
 from typing import NoReturn
@@ -65,6 +67,8 @@ class Table:
     """Noise of the angles, if they were computed from points in a video."""
     frames: Array | None = None
     """(n,) original number of each row, from 0, if frames of a video were removed; None for consecutive rows."""
+    midnights: Mapping[str, float] = field(default_factory=dict)
+    """Zero of each column of times with dates, s since 1970; times without a zone are local times."""
 
     def column(self, name: str) -> Array:
         """Return the values (n,) of one column; missing values are NaN.
@@ -147,9 +151,9 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
     shown = tuple(printable(_with_unit(name.strip(), unit)) for name, unit in zip(names, columns.units, strict=True))
     heading = tuple(tuple(printable(cell.strip()) for cell in row) for row in early)
     strange = tuple(columns.strange)
-    return _in_columns(
-        Table(path, shown, columns.arrays, strange, columns.line_numbers, columns.notes, heading=heading)
-    )
+    midnights = {name: start.timestamp() for name, start in zip(shown, columns.midnights, strict=True) if start}
+    table = Table(path, shown, columns.arrays, strange, columns.line_numbers, columns.notes, heading=heading)
+    return _in_columns(replace(table, midnights=midnights))
 
 
 def _in_columns(table: Table) -> Table:
@@ -178,6 +182,8 @@ class _Columns:
         self.strange = [""] * width
         self.units = [""] * width
         """Unit of each column, from its fields; empty if they contain only numbers."""
+        self.midnights: list[datetime | None] = [None] * width
+        """Midnight before the first row for each column of times with dates."""
         self.notes: tuple[str, ...] = ()
         self._path, self._comma = path, decimal_comma
         self._values = [array("d") for _ in range(width)]
@@ -252,13 +258,17 @@ class _Columns:
     def _number(self, word: str, place: int, line: int) -> float:
         """Convert a field to a number.
 
-        A time such as `14:30:00.123` or `30:00.1` is converted to seconds; a date may precede the time. All fields of a
-        column must have the same unit.
+        A time such as `14:30:00.123` or `30:00.1` is converted to seconds. A time with an ISO date is converted to
+        seconds since the midnight before the first row. All fields of a column must have the same unit.
         """
         word = word.replace(MINUS, "-")
         if (value := value_of(word, self._comma)) is not None:
             return value
         if clock := _CLOCK_TIME.fullmatch(word):
+            with suppress(ValueError, TypeError):  # no date, or another zone than in the first row
+                stamp = datetime.fromisoformat(word)
+                self.midnights[place] = self.midnights[place] or datetime.combine(stamp, time(), stamp.tzinfo)
+                return (stamp - self.midnights[place]).total_seconds()
             hours, minutes, seconds = clock.groups("0")
             return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(",", "."))
         if (quantity := QUANTITY.fullmatch(word)) and self.units[place] in ("", quantity[2]):

@@ -13,7 +13,7 @@ from dpr_lab.identification.misread.balance import EnergyFit, energy_fit
 from dpr_lab.identification.misread.torque_balance import torque_balance
 from dpr_lab.rig import Rig
 from dpr_lab.shown import percent
-from dpr_lab.storage.tables.columns import JOINT_NAMES
+from dpr_lab.storage.tables.columns import JOINT_NAMES, varies
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.readings import READ
 from dpr_lab.storage.tables.table import Table, bare
@@ -25,6 +25,7 @@ PASSIVE = "none"
 """Substitute name of the torque column of a joint without a drive."""
 _KINDS = {"meas": "measured"} | dict.fromkeys(("command", "cmd", "desired", "des"), "commanded")
 _KINDS |= dict(zip(KINDS, KINDS, strict=True))
+_SET_POINT = re.compile(r"(?<![a-z])(goal|target|desired|reference|set[\W_]?points?)(?![a-z])", re.I)
 _UNITS = {"nm": 1.0, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2}
 _NAME = re.compile(
     "(?:tau|torque|trq|effort){kind}([12])?{kind}({unit})?".format(kind=f"({'|'.join(_KINDS)})?", unit="|".join(_UNITS))
@@ -245,6 +246,13 @@ def coarse_torques(torques: Array, limit: float, words: str) -> str:
         " and a"
         " diagnosis may name a delay of the input: export the table at the rate of the controller"
     )
+
+
+def set_point(table: Table) -> str:
+    """Name a column that varies and contains the set points of a controller; return an empty text without one."""
+    columns = zip(table.names, table.values, strict=True)
+    name = next((name for name, column in columns if _SET_POINT.search(name) and varies(column)), "")
+    return name and f"column {name} is the set point of a controller, which drives the rods"
 
 
 def idle_torques(

@@ -44,7 +44,7 @@ from dpr_lab.storage.tables.plausible import (
 from dpr_lab.storage.tables.questions.questions import questions, refuse_push
 from dpr_lab.storage.tables.table import Table
 from dpr_lab.storage.tables.time_stamps import carried_times, even_times, shares_times, spread_times, stamps_at_gaps
-from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, torque_column, unnumbered
+from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, set_point, torque_column, unnumbered
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +121,11 @@ def understand(
     rows, removed = _rows_to_keep(path, t, {**readings, **known}, options)
     inputs.refuse_silent(known, rows, path)
     notes += [*unused_input(recorded, options.arm), *unnumbered(recorded, inputs.pairs, options)]
+    drive = set_point(table)
     if inputs.pairs and not any(column[rows].any() for column in known.values()):
         inputs = replace(inputs, pairs={})
+        if rig.rods.mounted == "both":  # two zeros may also fit driven rods by chance
+            drive = drive or "the columns of the torques contain only zeros, although motors may drive the rods"
         notes.append(
             "all torques are zero, so the recording is treated as a free swing: if motors drive the rods, their torques"
             " are not in this table"
@@ -131,7 +134,8 @@ def understand(
     notes = [*table.notes, *columns.notes, *removed, *notes, *inputs.notes()]
     named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}
     ignored = _ignored(table, [*recorded, *table.other_lengths], options, rows)
-    read = _Rows(path, rows, t, values, inputs.torques(known, t, rows), named, options, ignored)
+    midnight = table.midnights.get(named.get("t", ""), 0.0)
+    read = _Rows(path, rows, t, values, inputs.torques(known, t, rows), named, options, ignored, drive, midnight)
     understood = replace(_understood(read, notes, rig, table.kind, inputs.pairs), film_noise=table.film_noise)
     return _at_edges(understood, rig)
 
@@ -179,6 +183,10 @@ class _Rows:
     options: ImportOptions
     ignored: tuple[str, Array] | None
     """Kind and (kept rows, 2) torques that `--torque none` ignores, N m; None if no torques are ignored."""
+    drive: str
+    """Sign in the table that an unknown torque drives the rods; empty if there is none."""
+    midnight: float
+    """Zero of times with dates, s since 1970; 0 for other times."""
 
 
 def _ignored(
@@ -214,11 +222,11 @@ def _understood(
     part = whole if options.keep_rest else free_part(motion, str(path))
     pair = next(iter(driving.values()), (PASSIVE, PASSIVE))
     table = InterpretedTable(
-        path, rig, options, read.columns, time, mounted, read.values, part, driven, arm, pair, read.ignored
+        path, rig, options, read.columns, time, mounted, read.values, part, driven, arm, pair, read.ignored, read.drive
     )
+    doubts = questions(table)
     if not options.keep_rest:
         refuse_push(table, origin)
-    doubts = questions(table)
     if not rig.rig.on_earth(rig.g):
         sentence = f"g = {rig.g:g} m/s^2 in the rig file; on earth it is 9.78 to 9.83: correct g in the rig file"
         doubts.append(TableQuestion(sentence))
@@ -228,7 +236,7 @@ def _understood(
     notes += _cut_notes(time, part, fault)
     first, release = part.start if fault else part.rest, float(time[part.start])
     rows = slice(first, part.stop)
-    stamped = recorded_by_stamps(release) if options.rate_hz is None else ""
+    stamped = recorded_by_stamps(read.midnight + release) if options.rate_hz is None else ""
     return Understood(
         # Decimals that need few characters in a run file; 1 ns and 1e-11 rad are far below the resolution of a logger.
         np.round(time[rows] - time[first], 9),

@@ -60,6 +60,7 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
             if rate and pace != 1.0
             else _nearest(read, residual) or _explained_part(table)
         )
+        filmed += table.drive and f"; {table.drive}: record the torques of the motors, or a free swing"
         counted = table.options.unit == "counts"
         angles = "counts_per_rev, zero_counts, --offset" if counted else "--unit, --zero, --offset, --angles"
         doubts.append(
@@ -128,7 +129,7 @@ def _turned(read: ReadTable) -> list[OtherReading]:
     The list is empty if there is no such interpretation. If the rod hangs at 90 degrees of the table, the doubled
     angles also look like an energy-conserving swing about the hanging position.
     """
-    if read.torques is not None or read.rig.rods.mounting == "both" or read.options.unit == "counts":
+    if read.torques is not None or read.driven or read.rig.rods.mounting == "both" or read.options.unit == "counts":
         return []
     added = energy_zeros(read.t, read.rods(read.values, read.options), read.rig)
     if added is None or abs(math.sin(added[0])) < math.sin(READ.wrong_zero_rad):

@@ -23,10 +23,11 @@ from dpr_lab.storage.tables.torques import coarse_torques, idle_torques
 class PushSettings:
     """Limits from which the motion of hanging rods is explained by a push."""
 
-    hanging_rad: float = 0.03
-    """Maximum angle from the hanging position, rad, at which rods at rest do not start to swing by themselves."""
-    pushed_rad: float = 0.2
-    """Minimum later excursion that shows a push, rad."""
+    hanging_rad: float = 0.1
+    """Maximum angle of the rest from the hanging position of the table, rad."""
+    pushed: tuple[float, float] = (0.2, 10.0)
+    """Two limits of the later excursion that shows a push: in rad, and relative to the angle of the rest. Rods that are
+    released from rest stay within twice the angle of the release; a wrong zero changes this angle."""
 
 
 PUSH = PushSettings()
@@ -98,7 +99,8 @@ def refuse_push(table: InterpretedTable, origin: float) -> None:
     if start == rest or not table.free:
         return
     hung = apart(np.median(table.theta[rest:start, 1:], axis=0), np.array([np.pi, np.pi]))
-    if hung <= PUSH.hanging_rad and np.ptp(table.theta[table.swing, 1:], axis=0).max() > PUSH.pushed_rad:
+    excursion = float(np.ptp(table.theta[table.swing, 1:], axis=0).max())
+    if hung <= PUSH.hanging_rad and excursion > max(PUSH.pushed[0], PUSH.pushed[1] * hung):
         begins = table.t[start] - origin
         raise RunError(
             f"{table.path}: the rods hang at rest until {begins:.4g} s after the first row and then swing:"
