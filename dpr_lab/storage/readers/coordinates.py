@@ -1,4 +1,4 @@
-"""Find the coordinates of points in the names of columns, and the plane of a swing that was tracked in space."""
+"""Find the coordinates of points in the names of columns, and the plane of a swing in space."""
 
 import re
 from collections.abc import Sequence
@@ -72,21 +72,27 @@ def in_plane(columns: Sequence[tuple[str, str]], values: Sequence[Array]) -> tup
     if not planes:
         return [OTHER if axis == "z" else (name, axis) for name, axis in columns], ""
     _, across, up = min(planes)
-    used = {(name, axis): (name, own) for name in points for axis, own in ((across, "x"), (up, "y"))}
-    return [used.get(column, OTHER) for column in columns], f"{across} and {up}"
+    renamed = {(name, axis): (name, new) for name in points for axis, new in ((across, "x"), (up, "y"))}
+    return [renamed.get(column, OTHER) for column in columns], f"{across} and {up}"
 
 
 def _plane(point: dict[str, Array]) -> tuple[float, str, str] | None:
-    """Return the relative scatter about the circle in the best plane of a point, and the two axes of this plane."""
-    ranges = {axis: float(np.nanmax(column) - np.nanmin(column)) for axis, column in point.items()}
-    across = max(ranges, key=lambda axis: ranges[axis])
+    """Find the plane in which a point swings on a circle.
+
+    The result is the relative scatter about the circle and the two axes, or None if there is no such plane.
+    """
+    coordinates = np.column_stack(list(point.values()))
+    coordinates = coordinates[np.isfinite(coordinates).all(axis=1)]
+    if len(coordinates) < 3:
+        return None
+    ranges = np.ptp(coordinates, axis=0)
+    across = int(np.argmax(ranges))
     planes = []
-    for up in point.keys() - {across}:
-        at = np.column_stack([point[across], point[up]])
-        at = at[np.isfinite(at).all(axis=1)]
-        if ranges[across] > 0 and (circle := most_of_a_circle(at)) is not None:
-            distances = np.hypot(*(at - circle[0]).T)
+    for up in {0, 1, 2} - {across}:
+        path = coordinates[:, [across, up]]
+        if (circle := most_of_a_circle(path)) is not None:
+            distances = np.hypot(*(path - circle[0]).T)
             if float(np.median(distances)) <= SETTINGS.far * ranges[across]:
-                planes.append((float(np.std(distances)) / ranges[across], across, up))
+                planes.append((float(np.std(distances)) / float(ranges[across]), "xyz"[across], "xyz"[up]))
     best = min(planes, default=None)
     return best if best is not None and best[0] <= SETTINGS.scatter else None
