@@ -157,7 +157,7 @@ def arm_torques(data, motion):
 
 @dataclass(frozen=True, slots=True)
 class EngineFile:
-    """File of joints on which a module of passive forces acts; by default that of `mjcf`."""
+    """Simulator file on whose joints a module of passive forces acts; by default, the file of `mjcf`."""
 
     name: str = XML
     joints: tuple[str, str] = ("joint1", "joint2")

@@ -144,10 +144,10 @@ class SimulatedRods:
             self._held = replace(self._held, begins=now)
 
     def _guided(self, target: NDArray[np.float64], near: float) -> NDArray[np.float64]:
-        """Return the angles (3,) at which the encoders read `target`, if their error exceeds `near`, rad.
+        """Return the angles (3,) at which the operator holds the rods, so that the encoders read `target`, rad.
 
-        The operator follows the screen. If no angle gives the correct reading, for example because of a stuck bit, the
-        result is the target itself.
+        The operator follows the screen, and corrects errors above `near`, rad. If no angle gives the correct reading,
+        for example because of a stuck bit, the result is the target itself.
         """
         theta = target
         for _ in range(HABITS.looks):

@@ -1,4 +1,4 @@
-"""Imitation: effects that only follow what other causes leave, and curves that replace a removed effect."""
+"""Imitation: effects that only follow the remainder of other causes, and curves that replace a removed effect."""
 
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
