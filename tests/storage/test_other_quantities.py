@@ -65,6 +65,15 @@ def test_the_times_of_points_can_be_named(tmp_path: Path, one: Rig) -> None:
     np.testing.assert_allclose(import_csv(file, one, ImportOptions(columns={"t": "stamp"})).t, T, atol=1e-9)
 
 
+def test_the_origin_can_be_the_pivot_of_points(tmp_path: Path, one: Rig) -> None:
+    """The circle of the points has another centre, as in the picture of a lens with distortion."""
+    file = table(tmp_path, "t,x,y", T, 0.02 + 0.3 * np.sin(SWING), 0.02 - 0.3 * np.cos(SWING))
+    np.testing.assert_allclose(import_csv(file, one).theta[:, 1] - np.pi, SWING, atol=1e-3)
+    about_origin = import_csv(file, one, ImportOptions(take=("origin", "point"))).theta[:, 1] - np.pi
+    expected = np.arctan2(0.02 + 0.3 * np.sin(SWING), 0.3 * np.cos(SWING) - 0.02)
+    np.testing.assert_allclose(about_origin, expected, atol=1e-5)
+
+
 @pytest.mark.parametrize("zone", ["", "+02:00"])
 def test_stamps_with_a_date_give_the_date_of_the_recording(tmp_path: Path, one: Rig, zone: str) -> None:
     """The recording lasts over midnight."""

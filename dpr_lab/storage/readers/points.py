@@ -223,7 +223,7 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     axes = ("theta1", "theta2")[: len(rods)]
     angles = [_direction(rod) for rod in rods]
     lengths = [rod_length(table.path, axis, rods[: k + 1]) for k, axis in enumerate(axes)]
-    notes = [f"points used: {used} (--take selects other points)"]
+    notes = [f"points used: {used} (--take selects other points; its first point may be the origin)"]
     for axis, angle, length in zip(axes, angles, lengths, strict=True):
         if length.wrong.any():
             angle[length.wrong] = np.nan
@@ -332,10 +332,12 @@ def _falling(points: Array, lag: int) -> float:
 def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Point]:
     """Select the pivot and the ends of the rods, in this order.
 
-    The points named in `take` are used. If `take` is empty, all points are used. They are sorted by the numbers at the
-    end of their names; without such numbers, the order of the table is kept. A missing pivot is estimated.
+    The points named in `take` are used; `origin` is the origin of the coordinates. If `take` is empty, all points are
+    used. They are sorted by the numbers at the end of their names; without such numbers, the order of the table is
+    kept. A missing pivot is estimated.
     """
-    by_name = {point.name.lower(): point for point in points}
+    origin = _Point("(the origin)", np.zeros(points[0].at.shape))
+    by_name = {"origin": origin} | {point.name.lower(): point for point in points}
     available = ", ".join(point.name for point in points)
     unknown = [name for name in take if name.lower() not in by_name]
     if unknown:
