@@ -15,7 +15,7 @@ def compare(
         list[Path],
         typer.Argument(help="Run files (.mcap). Runs that were not used to fit the model are held-out runs."),
     ],
-    model: Annotated[Path, typer.Option(help="Model written by `identify` or `diagnose`.")],
+    model: Annotated[Path, typer.Option(help="Model written by `identify` or `diagnose`, or folder of a diagnosis.")],
     out: Annotated[Path, typer.Option(help="Folder for the figures and the report.")] = Path("report"),
     any_clock: AnyClock = False,
     torque: TorqueKind = None,

@@ -46,7 +46,10 @@ def diagnose(
             help="With --simulator: joints of the rods, the inner one first, and of an arm, separated by commas."
         ),
     ] = None,
-    model: Annotated[Path | None, typer.Option(help="Model written by `identify`; initial values of the fit.")] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(help="Model of `identify`, or folder of a diagnosis: initial values of the fit."),
+    ] = None,
     choices: DiagnosisChoices,
     out: Annotated[
         Path | None, typer.Option(help="Folder of the report, figures, corrected model and exports.")

@@ -25,7 +25,10 @@ def drift(
         Path | None,
         typer.Option(help="Diagnosis: its JSON file or folder. The sizes of its effects are also compared."),
     ] = None,
-    model: Annotated[Path | None, typer.Option(help="Model written by `identify`; initial values of the fit.")] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(help="Model of `identify`, or folder of a diagnosis: initial values of the fit."),
+    ] = None,
     fail_on_drift: Annotated[bool, typer.Option("--fail-on-drift", help="Exit with 1 if a parameter changed.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for the control charts and the report.")] = None,
     any_clock: AnyClock = False,

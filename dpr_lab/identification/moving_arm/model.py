@@ -118,11 +118,12 @@ class MovingArmModel(FittedModel):
 
 
 def load_moving_arm_model(path: Path) -> MovingArmModel | None:
-    """Read `model.json`; return None if the file is not JSON, or contains another kind of model.
+    """Read a model from its file or its folder; return None if it is not JSON, or another kind of model.
 
     Raises:
         RunError: the file cannot be read, or is damaged; the message names the key.
     """
+    path = in_folder(path, MODEL)
     try:
         content = json.loads(read_text(path, RunError))
     except (ValueError, RecursionError):
@@ -149,5 +150,4 @@ def load_model(path: Path | str) -> Model | MovingArmModel:
     Raises:
         RunError: the file is missing, not JSON, or not a model; the message names the key.
     """
-    path = in_folder(Path(path), MODEL)
-    return load_moving_arm_model(path) or load_rods_model(path)
+    return load_moving_arm_model(Path(path)) or load_rods_model(path)
