@@ -53,4 +53,4 @@ def compared_name(comparison: "Comparison") -> str:
     The label is the name of the run, preceded by the pose unless the name contains the pose.
     """
     name = run_label(comparison.run)
-    return f"{comparison.pose} {name}" if comparison.pose and name == comparison.run else name
+    return name if not comparison.pose or comparison.pose in name else f"{comparison.pose} {name}"

@@ -178,3 +178,10 @@ def test_the_tables_of_a_moving_arm_state_units_and_label_runs_like_those_of_a_c
     runs = [{"run": name, "held_out": False, "rms_rad": {"joint 0": 1e-3}, "noise_rad": {"joint 0": 1e-3}}]
     ((label, *_),) = moving_arm.comparison_rows({"runs": runs})
     assert label == run_names.run_name(Path(f"{name}.mcap")) != name
+
+
+@pytest.mark.parametrize(
+    ("run", "pose", "label"), [("swing", "X1", "X1 swing"), ("side", "side", "side"), ("swing", None, "swing")]
+)
+def test_a_compared_run_has_the_name_of_its_pose_once(run: str, pose: str | None, label: str) -> None:
+    assert run_names.compared_name(Mock(run=run, pose=pose)) == label
