@@ -118,7 +118,7 @@ class MovingArmModel(FittedModel):
 
 
 def load_moving_arm_model(path: Path) -> MovingArmModel | None:
-    """Read a model from its file or its folder; return None if it is not JSON, or another kind of model.
+    """Read a model from its file or folder, or return None if it is no such model.
 
     Raises:
         RunError: the file cannot be read, or is damaged; the message names the key.
