@@ -205,6 +205,16 @@ def test_live_speed_is_near_the_truth_and_only_looks_back():
     np.testing.assert_array_equal(head, speeds[:200])
 
 
+def test_the_last_speeds_of_the_live_filter_are_those_of_the_smoother():
+    """After a few samples, which depend on the prior of the filter."""
+    t = np.arange(6) / 500
+    run = Run("few", t, np.column_stack([0 * t, 0.3 * np.cos(20 * t), np.sin(15 * t)]), None, None, "paper", "", 500.0)
+    noise, snap = NoiseFloor(np.array([1e-4, 1e-4]), "rest", JointAngles(relative2=True)), np.array([1e8, 3e9])
+    live = VelocityFilter(noise.covariance, run.rate_hz, snap)
+    *_, last = (live.update(time, angles) for time, angles in zip(t, run.theta[:, 1:], strict=True))
+    np.testing.assert_allclose(last, smooth(run, noise, snap).states[-1, 2:], rtol=1e-6)
+
+
 def test_live_filter_bridges_a_gap_and_refuses_to_go_back():
     run, truth = recording("X1", 1000)
     live = VelocityFilter(noise_floor(run, RIG).covariance, run.rate_hz)
