@@ -5,6 +5,7 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: tests run side by side
 
 import gc
+import pickle
 import shutil
 import signal
 import threading
@@ -177,11 +178,12 @@ def two_runs(recorded: Callable[..., list[Any]], two_effects: Mapping[str, Mappi
 
 
 @pytest.fixture(scope="session")
-def two_found(two_runs: list[Any], paper: Rig) -> Any:
-    """Diagnosis of a rig with two effects, computed once per process."""
+def two_found(made_once: Callable[..., Path], two_runs: list[Any], paper: Rig) -> Any:
+    """Diagnosis of a rig with two effects, computed once for all test processes."""
     from dpr_lab.gap.diagnose import diagnose
 
-    return diagnose(two_runs, paper)
+    folder = made_once("two_found", lambda at: (at / "pickled").write_bytes(pickle.dumps(diagnose(two_runs, paper))))
+    return pickle.loads((folder / "pickled").read_bytes())
 
 
 @pytest.fixture(scope="session")

@@ -59,8 +59,6 @@ def test_the_report_shows_each_limit_with_its_answer(runs: list[Path], accepted:
     answers = {limit["quantity"]: limit["answer"] for limit in json.loads((out / "accept.json").read_text())["limits"]}
     assert answers == {"latency_joint2.delay_s": "pass", "c2/b": "fail"}
     assert json.loads((out / "diagnosis.json").read_text())["files"]["report"] == str(out / "diagnosis.html")
-    again = cli("accept", *runs, "--rig", "paper", "--limits", file, "--diagnosis", out, "--json")
-    assert {limit["quantity"]: limit["answer"] for limit in again.json["limits"]} == answers
     other = cli("accept", *runs, "--rig", "multiarm", "--limits", file, "--diagnosis", out)
     assert other.code == 3
     fewer = cli("accept", *runs[:1], "--rig", "paper", "--limits", file, "--diagnosis", out)

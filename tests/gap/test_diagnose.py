@@ -77,13 +77,6 @@ def test_same_runs_same_answer(two_found: Diagnosis, two_runs, paper: Rig):
 
 
 @pytest.mark.slow
-def test_a_clean_rig_has_no_gap(recorded, paper: Rig):
-    diagnosis = diagnose(recorded({}, seed=3), paper)
-    assert (diagnosis.verdict, diagnosis.effects) == ("no_gap", [])
-    assert diagnosis.probabilities["no_gap"] > 0.9
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "dirt",
     thinned([{"jitter_ms": 0.2}, {"repeated_share": 0.003}, {"missing_share": 0.02}, {"noise_counts": 2.0}], 2),
@@ -92,6 +85,7 @@ def test_a_clean_rig_has_no_gap(recorded, paper: Rig):
 def test_dirty_sensors_are_no_effect(recorded, paper: Rig, dirt: dict[str, float]):
     diagnosis = diagnose(recorded({}, seed=4, **dirt), paper)
     assert (diagnosis.verdict, diagnosis.effects) == ("no_gap", [])
+    assert diagnosis.probabilities["no_gap"] > 0.9
     assert diagnosis.sensor_findings
 
 
@@ -112,14 +106,6 @@ def test_a_cause_outside_the_library_is_not_given_a_name(recorded, paper: Rig, f
     diagnosis = diagnose(recorded(effects, duration=2.0), paper, library=library)
     assert diagnosis.verdict in ("unexplained", "partly_explained")
     assert all(result.probability < 0.5 for result in diagnosis.effects)
-
-
-@pytest.mark.slow
-def test_a_run_held_out_is_scored_and_not_fitted(recorded, paper: Rig):
-    runs = recorded({"coulomb_joint2": {"torque_Nm": 5e-4}})
-    diagnosis = diagnose(runs[:2], paper, held_out=runs[2:], library=candidates(*LIKELY))
-    assert diagnosis.gap.closed_held_out.held_out[runs[2].name] > 0.8
-    assert runs[2].name not in diagnosis.gap.closed_held_out.per_run
 
 
 @pytest.mark.slow
@@ -179,8 +165,8 @@ def test_an_effect_that_is_visible_at_no_size_has_no_detectable_size(recorded, b
 SEEN = [name for name in OF_FREE_SWINGS if name not in (*NOT_SEEN, "missed_counts")]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", thinned(SEEN, 60))
+@pytest.mark.long
+@pytest.mark.parametrize("name", SEEN)
 def test_every_effect_is_named_from_its_own_recording(recorded, paper: Rig, name: str):
     effect = EFFECTS[name]
     values = {p.name: (0.5 * p.typical if p.role == "amplitude" else p.default) for p in effect.parameters}

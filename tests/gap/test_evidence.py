@@ -19,6 +19,7 @@ from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.report.gap.figures import save_gap_figures
 from dpr_lab.report.gap.html import write_gap_report
 from dpr_lab.report.gap.sections import SECTIONS
+from tests.blank_figures import save_blank
 
 DRY = {"coulomb_joint1": {"torque_Nm": 3e-3}}
 
@@ -132,7 +133,9 @@ def test_the_map_of_coverage_contains_every_second_of_a_film(looked_at: Any):
 
 
 @pytest.mark.slow
-def test_the_report_is_complete_and_loads_nothing_from_the_network(two_found: Diagnosis, tmp_path: Any):
+def test_the_report_is_complete_and_loads_nothing_from_the_network(
+    two_found: Diagnosis, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+):
     evidence = two_found.evidence
     assert evidence is not None
     assert evidence.closing[-1].closed == pytest.approx(two_found.gap.closed_held_out.estimate)
@@ -141,6 +144,7 @@ def test_the_report_is_complete_and_loads_nothing_from_the_network(two_found: Di
         {name: errors["after"] for name, errors in free.items()}
     )
 
+    monkeypatch.setattr("dpr_lab.report.figures.save_png", save_blank)
     figures = save_gap_figures(two_found, tmp_path)
     written = write_gap_report(two_found, "Rig", tmp_path, figures)
     page = written.read_text(encoding="utf-8")

@@ -223,6 +223,8 @@ def test_the_headline_is_what_closes_on_the_runs_held_out(dry: list[Run], paper:
     closed = diagnosis.gap.closed_held_out
     assert (diagnosis.verdict, diagnosis.basis) == ("named", "held-out runs")
     assert closed.estimate == pytest.approx(closed.held_out[dry[2].name])
+    assert closed.estimate > 0.8
+    assert set(closed.per_run) == {run.name for run in dry[:2]}
     assert f"the gap closes by {percent(closed.estimate)}" in diagnosis.sentence
 
 
