@@ -147,7 +147,6 @@ dpr-lab rig show paper > my-rig.toml
 """,
     "docs/connect-your-device.md": """
 dpr-lab rig show paper > my_rig.toml
-printf 't_s,tau1_Nm,tau2_Nm\\n0,0,0\\n0.5,0.001,0\\n1,0,0.0005\\n2,0,0\\n' > torques.csv
 """,
     "docs/reliability.md": """
 openssl req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=localhost -keyout host.key -out host.pem

@@ -4,6 +4,7 @@ import re
 import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -174,7 +175,10 @@ def _device(url: str, rig: str | None) -> str:
     from dpr_lab.rig import load_rig
     from dpr_lab.transports import open_transport
 
-    described = load_rig(rig) if rig is not None else None
+    described = None
+    if rig is not None:
+        with suppress(DprError):  # the check of the rig file reports its faults
+            described = load_rig(rig)
     with Device(open_transport(url, rig_file=described.path if described else None), read_only=True) as device:
         info = device.connect()
         rate_hz = described.link.rate_hz if described else info.rate_default_hz

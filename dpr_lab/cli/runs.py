@@ -47,6 +47,8 @@ def info(files: RunFiles, as_json: JsonEach = False) -> None:
 def verify(files: RunFiles, as_json: JsonEach = False) -> None:
     """Check the hash, the CRC of every chunk, the ticks and the end of run files. The exit code is 3 if a check fails.
 
+    `dpr-lab run recover` saves the valid part of a damaged file.
+
     Example: dpr-lab run verify runs/*.mcap
     """
     from dpr_lab.storage.inspect import unchanged

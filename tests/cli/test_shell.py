@@ -80,6 +80,13 @@ def test_doctor_greets_a_device(cli) -> None:
     assert result["numba"]["state"] == "ok"
 
 
+def test_doctor_tests_the_device_without_a_valid_rig_file(tmp_path: Path, cli) -> None:
+    (tmp_path / "rig.toml").write_text("[rig]")
+    done = cli("doctor", "--link", "sim://?clock=fast&rig=paper", "--rig", tmp_path / "rig.toml", "--json")
+    result = {finding["what"]: finding for finding in done.json["findings"]}
+    assert (done.code, result["rig"]["state"], result["device"]["state"]) == (3, "wrong", "ok")
+
+
 def test_doctor_shows_its_progress_on_a_terminal(on_terminal) -> None:
     words = ("doctor", "--link", "sim://?clock=fast", "--rig", "paper")
     code, text = on_terminal([sys.executable, "-m", "dpr_lab", *words], {"COLUMNS": "120"})
