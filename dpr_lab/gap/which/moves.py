@@ -79,6 +79,7 @@ REFINE = (
     DROP,
     OWN_SHARE,
     CONVERGE,
+    SIMPLER_FORM,
 )
 """Moves after forward selection, in order."""
 

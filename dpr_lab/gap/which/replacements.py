@@ -44,8 +44,14 @@ def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decis
     """Accept a replacement that explains as much as the current set, within the indifference margin.
 
     Above the noise floor a richer form may compensate for an effect outside the set. It must then explain more.
+
+    If only the richer form has an impossible size, it follows another cause. The simpler form then replaces it, unless
+    the excess increases so much that the simpler form is no explanation either.
     """
     model, margin = proposal.model, form_indifference(sets.bare, current)
+    little = model.bounded_excess < THRESHOLDS.keeps * current.bounded_excess
+    if little and set(sets.oversized(model)) < set(sets.oversized(current)):
+        return Decision(True, "the richer form has an impossible size")
     alike = (
         model.at_noise_floor
         if current.at_noise_floor
@@ -58,7 +64,8 @@ def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decis
 
 SIMPLER_FORM = Move(
     "simpler form",
-    "an effect is replaced by a simpler one that it contains and that explains as much",
+    "an effect is replaced by a simpler one that it contains, if this one explains as much, or if only the richer one"
+    " has an impossible size",
     lambda sets, current: map(Proposal, simpler_forms(sets, current)),
     _as_good,
     then="repeat",
