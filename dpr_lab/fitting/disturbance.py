@@ -123,18 +123,13 @@ def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
     walks = [quiet if noise is None else noise.walk - quiet for noise in by_noise]
     predicted = problem.predict(estimate)
     slopes = problem.slopes(estimate, free, predicted)
-    inside = model.inside
 
     @cache
     def cost(level1: int, level2: int) -> float:
         walk = quiet + shares[level1] ** 2 * walks[0] + shares[level2] ** 2 * walks[1]
         changed = replace(problem, disturbance=replace(noisy, walk=np.ascontiguousarray(walk)))
-        linear = linearise(changed, estimate, free, predicted, slopes)
-        space = ColumnSpace.of(linear.A[:, :, inside], linear.e)
-        space = space.with_prior(model.prior[:, inside], np.zeros(len(model.prior)))
-        starts = 2 * float(np.log(np.abs(np.diagonal(linear.R, axis1=1, axis2=2))).sum())
-        ratios = float(np.linalg.slogdet(space.H)[1] - 2 * np.log(space.scale).sum())
-        return float(linear.e.ravel() @ linear.e.ravel()) - space.gain() + changed.log_variance + starts + ratios
+        squares, volume = restricted(changed, model, predicted, slopes)
+        return squares + volume
 
     levels = (0, 0)
     while True:
@@ -143,6 +138,26 @@ def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
         if best == levels:
             return upper * shares[list(levels)]
         levels = best
+
+
+def restricted(problem: Problem, model: Fit, predicted: Array, slopes: Array) -> tuple[float, float]:
+    """Return the two parts of -2 log restricted likelihood of the noise of a problem.
+
+    The first part is the sum of squared residuals with all unknowns fitted. The second part does not change if the
+    readings change: it is the logarithm of the determinants of the covariance and of the normal equations.
+
+    Args:
+        problem: segments with the noise
+        model: fit to the same segments
+        predicted: (samples, 2) readings of the fit, rad
+        slopes: derivatives of these readings, as `Problem.slopes`
+    """
+    linear = linearise(problem, model.estimate, model.free, predicted, slopes)
+    space = ColumnSpace.of(linear.A[:, :, model.inside], linear.e)
+    space = space.with_prior(model.prior[:, model.inside], np.zeros(len(model.prior)))
+    starts = 2 * float(np.log(np.abs(np.diagonal(linear.R, axis1=1, axis2=2))).sum())
+    ratios = float(np.linalg.slogdet(space.H)[1] - 2 * np.log(space.scale).sum())
+    return float(linear.e.ravel() @ linear.e.ravel()) - space.gain(), problem.log_variance + starts + ratios
 
 
 def _rows(torques: Torques) -> Torques:

@@ -10,7 +10,7 @@ from dpr_lab.arrays import Array, Flags, Integers, row_sums
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.estimate import ZEROS_BEGIN, Estimate, FreeParameter, zero_parameters
-from dpr_lab.fitting.whitening import Disturbance, innovations, padded
+from dpr_lab.fitting.whitening import Disturbance, innovations, padded, turned_picture
 from dpr_lab.joint_angles import JointAngles
 
 if TYPE_CHECKING:
@@ -80,6 +80,8 @@ class Problem:
     """Prior information of the rig file; None for a fit to the readings alone."""
     disturbance: Disturbance | None = None
     """Process noise of known torques and arm motions in these segments; None for free swings."""
+    camera_rad: float = 0.0
+    """Standard deviation of the angle of the picture in a film of free swings, rad; 0 for a fixed camera."""
 
     @property
     def t(self) -> Array:
@@ -119,7 +121,8 @@ class Problem:
     def whitened(self, values: Array) -> Array:
         """Weight values (samples, 2[, k]) and arrange them by segment, (segments, m[, k]).
 
-        With process noise, the results are innovations, which are independent and have unit variance.
+        With process noise, the results are innovations, which are independent and have unit variance. The slow rotation
+        of a picture is part of the noise.
         """
         columns = values.reshape(*self.weight.shape, -1)
         blocks = self.decorrelated(padded(columns, self.weight, self.segments.offsets))
@@ -132,11 +135,23 @@ class Problem:
         """
         if (noise := self.disturbance) is not None:
             innovations(weighed, self.weight, self.segments.offsets, noise.walk, noise.out, noise.shared)
-        return weighed.reshape(len(weighed), -1, weighed.shape[3])
+        values = weighed.reshape(len(weighed), -1, weighed.shape[3])
+        if self.camera_rad:
+            U, sizes = self._turned_picture()
+            removed = 1 - (1 + (self.camera_rad * sizes) ** 2) ** -0.5
+            with np.errstate(invalid="ignore", over="ignore"):
+                values -= U @ (removed[:, :, None] * (U.transpose(0, 2, 1) @ values))
+        return values
+
+    def _turned_picture(self) -> tuple[Array, Array]:
+        turned = self.joints.of_rods(np.ones((1, 2)))[0]
+        return turned_picture(self.t, turned, self.weight, self.segments.offsets)
 
     @property
     def log_variance(self) -> float:
-        """Sum of log variance ratios of innovations and readings."""
+        """Logarithm of the determinant of the covariance of the weighted readings."""
+        if self.camera_rad:
+            return float(np.log1p((self.camera_rad * self._turned_picture()[1]) ** 2).sum())
         if (noise := self.disturbance) is None:
             return 0.0
         zeros = padded(np.zeros((len(self.t), self.axes, 1)), self.weight, self.segments.offsets)
@@ -205,7 +220,7 @@ class Problem:
     def chi2_by_segment(self, predicted: Array) -> Array:
         """Return the (segments,) sum of squared whitened residuals, with inf for a segment whose simulation fails."""
         with np.errstate(over="ignore", invalid="ignore"):
-            if self.disturbance is not None:
+            if self.disturbance is not None or self.camera_rad:
                 return np.nan_to_num(np.sum(self.whitened(self.measured - predicted) ** 2, axis=1), nan=np.inf)
             squares = row_sums(((self.measured - predicted) * self.weight) ** 2)
         return np.nan_to_num(np.add.reduceat(squares, self.segments.offsets[:-1]), nan=np.inf)

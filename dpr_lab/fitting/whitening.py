@@ -10,6 +10,10 @@ reading after the other,
 where P is the covariance of z. The result is the same as multiplication by the inverse Cholesky factor of the
 covariance of the readings, but the filter takes linear time.
 
+A film from a camera that is not fixed has another correlated error: the picture turns slowly. In one segment, the
+angle of the picture is a straight line. Its value and its change over half of the segment have the standard deviation
+s. With the weighted readings C of these two, the covariance of the weighted readings is I + s^2 C C^T.
+
 Source: F. C. Schweppe (1965), Evaluation of likelihood functions for Gaussian signals, IEEE Trans. Inf. Theory 11.
 """
 
@@ -92,3 +96,24 @@ def innovations(columns: Array, weight: Array, offsets: Integers, walk: Array, o
                 for k in range(count):
                     row[k] /= np.sqrt(S)
     return volume
+
+
+def turned_picture(t: Array, turned: Array, weight: Array, offsets: Integers) -> tuple[Array, Array]:
+    """Return the weighted error of the readings by a picture that turns slowly, for a unit angle.
+
+    Args:
+        t: (samples,) times, s
+        turned: (axes,) change of the readings by a unit rotation of the picture
+        weight: (samples, axes) reciprocal standard deviation of each reading, 1/rad
+        offsets: (segments + 1,) index of the first sample of each segment, then the number of samples
+
+    Returns:
+        (segments, m, 2) orthonormal columns, and (segments, 2) their sizes, the roots of the eigenvalues of C C^T
+    """
+    first, last = t[offsets[:-1]], t[offsets[1:] - 1]
+    owner = np.repeat(np.arange(len(first)), np.diff(offsets))
+    since_middle = (2 * t - first[owner] - last[owner]) / np.maximum(last - first, np.finfo(float).tiny)[owner]
+    line = np.column_stack([np.ones_like(t), since_middle])
+    columns = padded(turned[:, None] * line[:, None, :], weight, offsets)
+    U, sizes, _ = np.linalg.svd(columns.reshape(len(first), -1, 2), full_matrices=False)
+    return U, sizes

@@ -4,6 +4,7 @@
     earlier torques     torques that act before their rows, which looks like a negative delay
     kicks and steps     disturbances that a larger cause hid in the residuals of the bare model
     rolling shutter     correction of the readings of a film, in two passes
+    moving camera       noise of a film whose picture turns slowly
 
 The first pass for the rolling shutter uses the delay of the bare model, because an effect may imitate a part of the
 delay. The second pass uses the delay of the selected set, which includes other causes.
@@ -23,6 +24,8 @@ from dpr_lab.gap.damage.disturbances import without_jumps
 from dpr_lab.gap.damage.jumps import JUMP
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
+from dpr_lab.gap.moving_camera import explains_more as camera_explains_more
+from dpr_lab.gap.moving_camera import likeliest_camera
 from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.state import Fitted, ScreenedRuns
@@ -158,10 +161,26 @@ def _shutter_explains_more(before: Drafted, after: Drafted) -> bool:
     return refined or explains_more(before.search.current, after.search.current)
 
 
+def _camera(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
+    angle_rad = likeliest_camera(fitted.recordings, fitted.problem, model)
+    if not angle_rad:
+        return None
+    recordings, held_out = (runs.with_camera(angle_rad) for runs in (fitted.recordings, fitted.held_out))
+    return replace(fitted, recordings=recordings, held_out=held_out)
+
+
+def _moves(before: Drafted, after: Drafted) -> bool:
+    """Return whether a moving camera explains more than the effects that a fixed camera requires."""
+    return camera_explains_more(
+        before.fitted.problem, before.search.current, after.fitted.problem, after.search.current
+    )
+
+
 CORRECTIONS = (
     Correction(with_other_noise, most=2),
     Correction(_earlier_torques, _no_worse),
     Correction(_jumps),
     Correction(lambda fitted, model: _shutter(fitted, fitted.bare), _shutter_explains_more),
     Correction(_shutter, _shutter_explains_more),
+    Correction(_camera, _moves),
 )

@@ -94,6 +94,8 @@ class Recordings:
     them."""
     shutter: Shutter | None = None
     """Rolling shutter for which the readings are corrected; None if no correction was made."""
+    camera_rad: float = 0.0
+    """Standard deviation of the angle of the picture of a camera that is not fixed, rad; 0 for a fixed camera."""
     torques_earlier: float = 0.0
     """Time by which known torques act before their rows, as a share of the interval between rows.
 
@@ -197,6 +199,17 @@ class Recordings:
         ]
         return replace(self, records=tuple(records), shutter=shutter)
 
+    def with_camera(self, angle_rad: float) -> "Recordings":
+        """Return the recordings with the slow rotation of the picture as a part of their noise, if it is positive."""
+        if not angle_rad:
+            return self
+        evidence = (
+            f"the zero of the angles changes slowly, by {1e3 * angle_rad:.2g} mrad (standard deviation), as in a film"
+            " from a camera that is not fixed; this change is treated as noise"
+        )
+        records = [record.with_finding("moving_camera", evidence) for record in self.records]
+        return replace(self, records=tuple(records), camera_rad=angle_rad)
+
     def with_earlier_torques(self, share: float) -> "Recordings":
         """Move the known torques to earlier times, by a share of the interval between rows."""
         if not share:
@@ -235,6 +248,7 @@ class Recordings:
             rezeroed=self.rig.encoders.rezeroed,
             prior=self.prior,
             noise_correlation=float(np.mean([record.noise_correlation for record in records])),
+            camera_rad=self.camera_rad,
         )
         relative2 = self.rig.encoders.joint2 == "relative"
         rough = _with_arm if self.arm_moves else _initial_states
