@@ -103,4 +103,10 @@ class Selection:
             if key.isdisjoint(forms) and (not rest <= key or len(key - rest) > 1)
             if key not in self.impossible and len(key - self.expected) <= self.max_effects
         )
-        return min([self.without_substitute[name].cost, *(cost for cost in exchanged if cost >= chosen.cost)])
+        missing_laws = (
+            max(model.cost_at(chosen.residuals.inflation), chosen.cost)
+            for key, model in self.fitted.items()
+            if rest < key and len(key - rest) == 1 and model.on_line - chosen.key
+        )
+        costs = (cost for cost in exchanged if cost >= chosen.cost)
+        return min([self.without_substitute[name].cost, *costs, *missing_laws])

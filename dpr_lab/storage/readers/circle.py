@@ -2,6 +2,10 @@
 
 The fit must be robust because the tracker may have followed another object in some frames.
 
+The algebraic fit is linear, but noise makes its radius too small: by 22 % on an arc of +-0.2 rad with errors of 0.3 %
+of the radius. It only selects the points near the circle. The final circle has the least squared distances from these
+points, which is the maximum likelihood estimate and has no such bias.
+
 Sources: Kasa (1976), IEEE Trans. Instrum. Meas. 25, 8-14: least squares of x^2 + y^2 - 2 cx x - 2 cy y - k with the
 centre (cx, cy). Rousseeuw (1984), J. Am. Stat. Assoc. 79, 871-880: the circle through three of the points with the
 least median of distances, then least squares for the points near this circle.
@@ -61,7 +65,22 @@ def most_of_a_circle(points: Array) -> tuple[Array, Flags] | None:
         if refitted is None or np.array_equal(near, before):
             break
         centre = refitted
-    return centre, near
+    return _nearest(points[near], centre), near
+
+
+def _nearest(points: Array, centre: Array) -> Array:
+    """Return the centre (2,) of the circle with the least squared distances from points, starting from a centre."""
+    from scipy.optimize import least_squares
+
+    if len(points) < 3:
+        return centre
+
+    def off(circle: Array) -> Array:
+        return np.hypot(*(points - circle[:2]).T) - circle[2]
+
+    radius = float(np.hypot(*(points - centre).T).mean())
+    fitted = least_squares(off, [*centre, radius], x_scale=radius, method="lm")
+    return np.asarray(fitted.x[:2], dtype=np.float64)
 
 
 def _distances(points: Array, centre: Array) -> tuple[Array, float]:
