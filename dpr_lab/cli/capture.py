@@ -52,8 +52,8 @@ def capture(
 ) -> None:
     """Record free swings: one run file for each release.
 
-    The rods are released only if they are at the pose and at rest, and the operator confirms the release. On a
-    terminal, the operator confirms with Enter. Without a terminal, or with --yes, no confirmation is required.
+    The rods are released only if they are at the pose and at rest, and the operator confirms the release with Enter.
+    With --yes, no confirmation is required. Without a terminal nobody can confirm, so a real device requires --yes.
 
     Example: dpr-lab capture --rig paper --link sim:// --pose X1 --pose X2 --pose X3 --out runs
     """
@@ -64,9 +64,10 @@ def capture(
 
     options = CaptureOptions(rate_hz=rate_hz, duration=duration, until_rest=until_rest, note=note)
     request = CaptureRequest(rig, out, options, tuple(pose or ()), repeat, link, rods, elbow, arm, inner)
+    confirm = release_question(ask=_must_confirm(rig, link, yes=yes))
     try:
         with Listener() as listener:
-            captured = capture_runs(request, release_question(ask=not yes and sys.stdin.isatty()), listener)
+            captured = capture_runs(request, confirm, listener)
     except KeyboardInterrupt as stopped:
         reason = str(stopped) or "stopped by the operator: the rods were not released"
         raise KeyboardInterrupt(reason) from stopped
@@ -78,6 +79,26 @@ def capture(
             line(file)
     if not captured.ok:
         raise typer.Exit(DEGRADED)
+
+
+def _must_confirm(rig: str, link: str | None, *, yes: bool) -> bool:
+    """Return whether the operator has to confirm each release.
+
+    Raises:
+        BadParameter: a real device would be released, and without a terminal nobody can confirm it.
+    """
+    if yes or sys.stdin.isatty():
+        return not yes
+    from dpr_lab.rig import load_rig
+    from dpr_lab.transports.url import parse_url
+
+    url = load_rig(rig).link.url if link is None else link
+    if parse_url(url).scheme != "sim":
+        raise typer.BadParameter(
+            f"{url}: without a terminal nobody can confirm the release with Enter; give --yes to release the rods as"
+            " soon as the checks pass"
+        )
+    return False
 
 
 def release_question(*, ask: bool) -> "Confirm":

@@ -22,7 +22,7 @@ def changed_rig(tmp_path: Path, old: str, new: str) -> Path:
 
 
 def capture(cli, link: str, tmp_path: Path, rig: object = "paper"):
-    return cli("capture", "--rig", rig, "--link", link, "--pose", "X1", "--out", tmp_path / "runs")
+    return cli("capture", "--rig", rig, "--link", link, "--pose", "X1", "--yes", "--out", tmp_path / "runs")
 
 
 @pytest.mark.parametrize(
@@ -44,6 +44,18 @@ def test_a_wrong_rig_file_names_file_key_and_value(tmp_path: Path, cli, old: str
     assert message in done.err
     assert str(rig) in done.err
     assert "Traceback" not in done.err
+
+
+@pytest.mark.parametrize("place", ["option", "rig file"])
+def test_without_a_terminal_a_real_device_is_released_only_with_yes(tmp_path: Path, cli, place: str) -> None:
+    link = "serial:///dev/nonesuch0"
+    rig = changed_rig(tmp_path, 'url = "sim://', f'url = "{link}" #')
+    done = cli(
+        "capture", "--rig", rig, "--pose", "X1", "--out", tmp_path, *(("--link", link) if place == "option" else ())
+    )
+    assert done.code == 2
+    assert f"{link}: without a terminal nobody can confirm the release" in " ".join(done.err.split())
+    assert "give --yes" in done.err
 
 
 @pytest.mark.parametrize("text", ["0,3", "30cm"])
