@@ -9,7 +9,7 @@ import pytest
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.damage.at_rest import without_touch
 from dpr_lab.gap.damage.disturbances import shows
-from dpr_lab.gap.damage.jumps import Jump, outstanding
+from dpr_lab.gap.damage.jumps import Jump, _Changes, outstanding
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.screen.record import Record, record
 from dpr_lab.gap.screen.recordings import Recordings
@@ -163,3 +163,16 @@ def test_behind_a_step_of_a_table_the_friction_is_named(tmp_path):
     diagnosis = diagnose(run, rig, library=candidates("coulomb", "encoder_offset", "air_drag", "missed_counts"))
     assert {finding.name for finding in diagnosis.sensor_findings} >= {"reading_step"}
     assert {effect.name for effect in diagnosis.effects if effect.probability > 0.5} == {"coulomb_joint1"}
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_kick_without_an_effect_on_the_readings_has_no_size(seed: int) -> None:
+    """Its columns cancel except for rounding errors, which may have either sign."""
+    rng = np.random.default_rng(seed)
+    out, into = rng.normal(size=(1, 2, 4)), np.zeros((1, 4, 2))
+    into[0, :, 0] = 1e10 * np.linalg.svd(out[0])[2][3]
+    first, after = np.array([0]), np.array([1])
+    changes = _Changes(rng.normal(size=(1, 2)), np.ones((1, 2)), np.zeros((1, 2, 1)), out, into, first, after)
+    gain, impulses = changes.kicks()
+    assert np.isfinite(gain).all()
+    assert np.isfinite(impulses).all()

@@ -206,7 +206,8 @@ class _Changes:
         along = (across @ score[:, :, None])[:, :, 0]
         total, remaining = across @ power @ self.into, across @ (power - shared @ shared.transpose(0, 2, 1)) @ self.into
         sizes, axes = np.linalg.eigh(remaining)
-        visible = sizes > STEPS.seen * np.trace(total, axis1=1, axis2=2)[:, None]
+        # By rounding, the trace of a kick without an effect on the readings may be negative.
+        visible = sizes > np.maximum(STEPS.seen * np.trace(total, axis1=1, axis2=2)[:, None], 0.0)
         components = np.einsum("nij,ni->nj", axes, along)
         weights = np.where(visible, components / np.where(visible, sizes, 1.0), 0.0)
         return self._inside(np.sum(components * weights, axis=1)), np.einsum("nij,nj->ni", axes, weights)
