@@ -1,4 +1,5 @@
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ from scipy.optimize import lsq_linear
 
 from dpr_lab.dynamics.base import base_parameters, ratios
 from dpr_lab.effects import EFFECTS, effect_params, param_index
+from dpr_lab.fitting import gauss_newton
 from dpr_lab.fitting.estimate import effect_parameters
 from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, StopReason, fit
 from dpr_lab.fitting.linearise import linearise
@@ -127,6 +129,19 @@ def test_a_step_that_failed_is_not_tried_again_because_of_a_little_damping(clean
     assert fitted.stop is StopReason.NO_DESCENT
     assert fitted.estimate is start
     assert model.predicted <= 1 + 2 * GaussNewton().tries  # a damping of 1e-3 is another step
+
+
+def test_a_failed_step_is_shortened_for_the_worse_segments_and_for_all_in_turn(monkeypatch):
+    """At every step one of three segments is worse, and more so than the others are better."""
+    tried = []
+    monkeypatch.setattr(gauss_newton, "moved", lambda at, free, step, initial: tried.append([*step, *initial[:, 0]]))
+    linear = Mock(chi2_by_segment=np.ones(3), initial_steps=lambda step: np.ones((3, 4)))
+    problem, prior = Mock(chi2_by_segment=lambda predicted: np.array([9.0, 0.5, 0.5])), Mock(cost=lambda step: 0.0)
+    settings = GaussNewton()
+    assert gauss_newton._line_search(problem, (), Mock(linear=linear), np.ones(1), prior, settings, 4) is None
+    alone, whole = settings.shorten_segment, settings.shorten
+    once = np.array([[1.0, 1.0, 1.0, 1.0], [1.0, alone, 1.0, 1.0]])
+    np.testing.assert_allclose(tried, np.concatenate([once, whole * once]))
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.moving_arm_balance import angles_are_right, wrong_scale
 from dpr_lab.identification.misread.moving_arm_description import wrong_input
+from dpr_lab.identification.misread.scaled_readings import TURNED_RODS, ScaledReadings
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.doubts import DESCRIPTION, failures, stops
 from dpr_lab.identification.moving_arm.fit import covariance_of, fit_moving_arm
@@ -31,6 +32,14 @@ from tests.thinned import FULL
 from tests.whole_swing import simulate_arm
 
 KT = {"nominal": 0.5, "lower": 0.1, "upper": 2.0}
+
+
+def test_scales_apply_from_the_hanging_position_and_a_turned_zero_adds_half_a_turn(rng: np.random.Generator) -> None:
+    theta = rng.uniform(-3.0, 3.0, (5, 3))
+    turned = TURNED_RODS.of_theta(theta) - theta - [0.0, np.pi, np.pi]
+    np.testing.assert_allclose(np.exp(1j * turned), 1.0, atol=1e-12)
+    scaled = ScaledReadings(arm=-1.0, rods=2.0).of_theta(theta)
+    np.testing.assert_allclose(scaled, theta * [-1.0, 2.0, 2.0] - [0.0, np.pi, np.pi], atol=1e-12)
 
 
 @pytest.mark.slow
