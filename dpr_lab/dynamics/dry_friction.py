@@ -100,7 +100,7 @@ def slides(
 
 @subroutine
 def _rubbed(terms: Terms, before: tuple[float, float], after: tuple[float, float], limits: Limits) -> Terms:
-    """Add the sliding friction of those rod joints that have just started to slide to the terms."""
+    """Add to the terms the sliding friction of the rod joints that have just started to slide."""
     _, forward, backward = limits
     torque1, torque2 = terms.torque1, terms.torque2
     if before[0] == 0.0 and after[0] != 0.0:

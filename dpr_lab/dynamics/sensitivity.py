@@ -78,7 +78,7 @@ def driven(
     step, count = sample_steps(segments.t, segments.offsets, segments.step)
     starts, pushes = initial_states(initial, segments), segments.pushes
     if any(setup.arm is not None for setup in segments.setups):
-        pushes[:, 2] *= rig.L0 / rig.g  # (54)
+        pushes[:, 2] *= rig.L0 / rig.g  # docs/theory.md (54)
     gravity = rig.g / rig.L1
     return _integrated(np.ascontiguousarray(values), gravity, starts, segments, pushes, step, count, outputs)
 

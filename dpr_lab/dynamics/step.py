@@ -109,7 +109,7 @@ def under_load(motion: Motion, force1: float, force2: float) -> Motion:
 
 @subroutine
 def _length(x: float, y: float) -> float:
-    return math.sqrt(x * x + y * y)  # without the branches of hypot, for the lanes
+    return math.sqrt(x * x + y * y)  # the branches of math.hypot would prevent vector instructions in the lanes
 
 
 @subroutine

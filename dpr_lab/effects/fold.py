@@ -30,7 +30,7 @@ def arguments(kernel: Callable[..., Any]) -> tuple[str, ...]:
 def call(kernel: str, wanted: Iterable[str], *offered: Mapping[str, str]) -> str:
     """Return the source of a kernel call.
 
-    Each argument gets the first expression that is available under its name.
+    Each argument is looked up by its name in the mappings `offered`, in their order; the first expression is used.
     """
     values = [next(expressions[name] for expressions in offered if name in expressions) for name in wanted]
     return f"{kernel}({', '.join(values)})"

@@ -166,7 +166,7 @@ def joint2(motion: Motion) -> Joint:
 
 @inlined
 def yielding(joint: Joint, push: float) -> Joint:
-    """Return the joint at rest with the sliding direction of the torque `push`, N m."""
+    """Return the motion of a joint at rest as if it slid in the direction of the torque `push`, N m."""
     return Joint(joint.t, joint.angle, 0.0, joint.displacement, joint.force, math.copysign(1.0, push))
 
 

@@ -79,7 +79,10 @@ def _joint_torque(joint: int, arguments: Collection[str] = ()) -> tuple[str, ...
 
 
 def _terms(joint: int, arguments: Collection[str]) -> tuple[str, ...]:
-    """Return the combination for a kernel without a joint argument, which returns `Terms`."""
+    """Return the statements that add the result of a kernel.
+
+    A kernel with the argument `joint` returns a torque of this joint. Any other kernel returns `Terms`.
+    """
     if "joint" in arguments:
         return _joint_torque(joint)
     return (

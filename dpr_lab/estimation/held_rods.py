@@ -258,7 +258,8 @@ def _turns(motion: RodMotion, first: int, stop: int) -> bool:
         return False
     powers = np.vander(t - t.mean(), 3)
     (curvature, _, middle), precision = np.linalg.lstsq(powers, rods, rcond=None)[0], np.linalg.inv(powers.T @ powers)
-    towards_hanging = curvature * np.sin(middle) > 0  # 0 is upright, so that the sine decreases through hanging
+    # 0 is upright: an acceleration towards hanging has the sign of the sine
+    towards_hanging = curvature * np.sin(middle) > 0
     significant = np.abs(curvature) > HELD.bent * np.sqrt(precision[0, 0]) * _noise(motion)
     return bool((towards_hanging & significant).any()) and _fall(t, rods) == 0
 

@@ -113,7 +113,7 @@ class VelocityFilter:
     def _predict(self, interval: float) -> None:
         from filterpy.common import Q_continuous_white_noise, kinematic_state_transition
 
-        # Instants are sums of floating-point periods: equal within rounding.
+        # Instants are sums of floating-point periods, so equal intervals differ by rounding.
         if not math.isclose(interval, self._interval, rel_tol=1e-6):
             step = interval / self._units.time
             noise = np.asarray(Q_continuous_white_noise(CHAIN, step), dtype=np.float64)

@@ -104,7 +104,7 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
     else:
         source, std = "differences", difference_std(run.t, joints.of_rods(run.theta[:, 1:]))
     floor = _rounding(run, joints.of_rods(run.swing.theta[:, 1:]), rig.radians_per_count[1:], std, still)
-    if run.at_edges and run.setup.alone:  # with two encoders, the one that does not count is between its edges
+    if run.at_edges and run.setup.alone:  # with two encoders, only the encoder that counts is at an edge
         floor[0] = 0.0
     std_joint = np.maximum(std, floor)
     if run.film_noise is not None:

@@ -107,14 +107,15 @@ def _predict(
         for i in range(CHAIN):
             for j in range(CHAIN):
                 P_ahead[rod * CHAIN + i, rod * CHAIN + j] += snap[rod] * q[i, j]
-    for i in range(STATES):  # the readings do not correct asymmetry due to rounding, which F F^T amplifies as t^6
+    # the readings do not correct an asymmetry due to rounding, and the prediction amplifies it as t^6
+    for i in range(STATES):
         for j in range(i):
             P_ahead[j, i] = P_ahead[i, j]
 
 
 @subroutine
 def _multiply(f: Array, A: Array, product: Array) -> None:
-    """Compute the product F A, where F is block diagonal with the upper triangular f twice."""
+    """Compute the product F A, where F is block diagonal with two equal, upper triangular blocks f."""
     for i in range(STATES):
         first = i - i % CHAIN
         for j in range(STATES):

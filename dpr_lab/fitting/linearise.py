@@ -140,7 +140,8 @@ def linearise(
     Q, R = np.linalg.qr(np.concatenate([J[:, :, -states:], slow], axis=1))
     Q = np.ascontiguousarray(Q[:, :-states])
     blind = np.abs(np.diagonal(R, axis1=1, axis2=2)).min(axis=1) < BLIND
-    R[lost | blind] = np.eye(states) / BLIND  # no reading determines its initial state, which is not changed
+    # no reading determines the initial state of such a segment, so it is not changed
+    R[lost | blind] = np.eye(states) / BLIND
     of_free = J[:, :, :-states]
     coefficients = Q.transpose(0, 2, 1) @ of_free
     absorbed = Q @ coefficients

@@ -155,7 +155,7 @@ def prior_of(rig: Rig) -> Prior:
     covariance[FRICTION, FRICTION] += (STRENGTH.damping * critical) ** 2
     covariance[np.diag_indices_from(covariance)] *= (
         1.0 + 1e-6
-    )  # with some of the nine parameters fixed, avoid an exact relation
+    )  # avoids an exact relation of the ratios if some of the nine parameters are fixed
     limits = amplitude_limits(BaseParameters(a, b, d, e1, e2, c1, c2), rig_constants(rig))
     return Prior(mean, covariance, limits)
 

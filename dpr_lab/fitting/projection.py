@@ -37,7 +37,7 @@ class ColumnSpace:
 
     @classmethod
     def of(cls, A: Array, e: Array) -> "ColumnSpace":
-        """Create the problem from columns (..., k) and a residual (...)."""
+        """Create the least-squares problem from columns (..., k) and a residual (...)."""
         flat = A.reshape(e.size, A.shape[-1])
         H = flat.T @ flat
         scale = 1 / np.maximum(np.sqrt(np.diag(H)), TINY)

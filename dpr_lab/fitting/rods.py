@@ -85,7 +85,10 @@ def by_start(slopes: Array, setup: Setup) -> Array:
 
 
 def values_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
-    """Return the (6,) five ratios and 1 / b of a run, with 1 / b = 0 without torques."""
+    """Return the (6,) five ratios and 1 / b of a run.
+
+    Without torques, 0 is returned in place of 1 / b.
+    """
     as_whole = _as_whole(setup)
     if as_whole and setup.torques is None:
         return np.append(unknown[: len(RATIOS)], 0.0)

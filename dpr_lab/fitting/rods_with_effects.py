@@ -130,7 +130,7 @@ class RodsWithEffects:
         angles[[*still, -1]] = with_encoder_errors(swings[-1], params[[*still, -1]], self.constants, segments)
         steps = np.array([*(parameter.step for parameter in free), *INITIAL_STEPS[:states]])
         slopes = angles[:-1]
-        with np.errstate(invalid="ignore"):  # swings that diverge
+        with np.errstate(invalid="ignore"):  # a diverging swing gives invalid values
             slopes -= angles[-1]
         slopes /= steps[:, None, None]
         return np.moveaxis(slopes, 0, -1), angles[-1]

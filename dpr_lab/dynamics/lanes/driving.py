@@ -69,7 +69,7 @@ def _in_sequence(runs: Sequence[tuple[Array, Array]]) -> Knots:
 
 @subroutine
 def _interval(knots: Knots, run: int, i: int, t: float, near: int = 16) -> int:
-    """Return the index of the knot at the start of the interval that contains t in a run.
+    """Return the index of the knot of a run that starts the interval containing t.
 
     The index is -1 for a run without knots. The `near` intervals after interval i are searched in sequence, all others
     by bisection.

@@ -75,7 +75,7 @@ def follow(w: LaneWorkspace, active: Flags, until: float) -> None:
 
 @subroutine
 def balance_gear(w: LaneWorkspace) -> None:
-    """Compute the impulse still to be transmitted by the gear at the end of a step.
+    """Compute the impulse that the gear has still to transmit at the end of a step.
 
     Before the release, the motor moves with the arm.
     """

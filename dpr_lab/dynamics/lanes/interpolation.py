@@ -22,7 +22,7 @@ def angle1(w: LaneWorkspace, k: int, u: float) -> float:
 
 @subroutine
 def angle2(w: LaneWorkspace, k: int, u: float, relative2: float) -> float:
-    """Return the reading angle of joint 2 at the fraction u of the step of lane k, rad."""
+    """Return the angle of joint 2, as its encoder reads it, at the fraction u of the step of lane k, rad."""
     theta2 = cubic(u, w.h[k], w.old_theta2[k], w.old_omega2[k], w.theta2[k], w.omega2[k])
     return theta2 - relative2 * angle1(w, k, u)
 

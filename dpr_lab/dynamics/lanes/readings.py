@@ -110,7 +110,7 @@ def _read(block: LaneBlock, advance: Any, buffers: Buffers) -> None:
             read_both(w, relative2, required.arm, samples)
         else:
             if required.play1 or required.play0:
-                # backlash of the encoder alone needs the turning points of the joint
+                # only play1, the backlash of the encoder, needs the turning points of the joint: 4 parts of the step
                 read_play1(w, required.arm, required.play0, 4 if required.play1 else 1, block.active, samples)
             else:
                 read_joint1(w, required.arm, samples)
@@ -150,7 +150,7 @@ def _hand_over(
 ) -> None:
     """Store the internal states for the next segment if this segment starts in the current step.
 
-    The backlash of joints 1 and 2 is stored at the end of the step.
+    The backlash of joints 1 and 2 is stored as it is at the end of the step.
     """
     if not shares(w, w.handed, 1.0):
         return

@@ -94,7 +94,7 @@ def begin_segment(k: int, piece: Piece, block: LaneBlock, buffers: Buffers) -> N
     last1, last2 = samples.t1[k, last], samples.t2[k, last] if block.required.timing else samples.t1[k, last]
     start, t, i = segment_start(samples.t1[k, 0]), block.segments.t, block.segments.offsets[s]
     longest = start + 2.0 * (t[i + last] - t[i]) + 1.0
-    if not (last1 < longest and last2 < longest):  # NaN is an impossible clock as well
+    if not (last1 < longest and last2 < longest):  # the negation also detects NaN
         _leave_idle(k, samples, previous)
         return
     w.due1[k] = samples.t1[k, 0]

@@ -234,7 +234,7 @@ def motion_at(w: LaneWorkspace, k: int) -> Motion:
 
 @inlined
 def joint0_at(w: LaneWorkspace, k: int) -> Joint:
-    """Return the arm joint of lane k without its unused values, as `joint0` of the motion."""
+    """Return the joint of the arm of lane k, as `joint0` does for a motion; its force is zero."""
     return Joint(
         w.stage_t[k], w.stage_theta0[k], w.stage_omega0[k], w.displacement0[k], 0.0,
         w.direction0[k],
@@ -243,7 +243,7 @@ def joint0_at(w: LaneWorkspace, k: int) -> Joint:
 
 @inlined
 def joint1_at(w: LaneWorkspace, k: int) -> Joint:
-    """Return joint 1 of lane k without its unused values, as `joint1` of the motion."""
+    """Return joint 1 of lane k, as `joint1` does for a motion."""
     return Joint(
         w.stage_t[k], w.stage_theta1[k] - math.pi, w.stage_omega1[k],
         w.displacement1[k], w.force1[k], w.direction1[k],
@@ -252,7 +252,7 @@ def joint1_at(w: LaneWorkspace, k: int) -> Joint:
 
 @inlined
 def joint2_at(w: LaneWorkspace, k: int) -> Joint:
-    """Return joint 2 of lane k without its unused values, as `joint2` of the motion."""
+    """Return joint 2 of lane k, as `joint2` does for a motion."""
     return Joint(
         w.stage_t[k],
         w.stage_theta2[k] - w.stage_theta1[k], w.stage_omega2[k] - w.stage_omega1[k],

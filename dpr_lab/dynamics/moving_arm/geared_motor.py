@@ -60,7 +60,7 @@ def arm_of_gear(t: float, x: GearedState, model: RigModel, drive: float) -> tupl
 def stepped_with_gear(t: float, x: GearedState, h: float, model: RigModel, mode: int, drive: float) -> GearedState:
     """Advance the state by one step of length h, s, with the motor torque `drive`, N m.
 
-    The effects of the drive act on the motor, so the model of the rig does not require them.
+    The effects of the drive act on the motor. `model.required` must therefore not include them.
     """
     rig, geared, torque, inertia, loose = arm_of_gear(t, x, model, drive)
     repaid, arm, params, active = fed(x.owed, x.behind, h), model.arm, model.params, model.active
