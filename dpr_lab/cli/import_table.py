@@ -84,7 +84,7 @@ def _parameter(option: TypedOption) -> inspect.Parameter:
     kind = list[str] if option.reads_text else option.kind  # a repeated option adds pairs
     if option.default is None:
         kind = kind | None
-    flags = (f"--{option.name.replace('_', '-')}",)  # switches without a --no- form
+    flags = (f"--{option.name.replace('_', '-')}",)  # the name is stated, so that a switch gets no --no- form
     annotation = Annotated[kind, typer.Option(*flags, help=option.typed.help, **limits)]
     return inspect.Parameter(
         option.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, default=option.default, annotation=annotation

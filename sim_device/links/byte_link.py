@@ -61,7 +61,10 @@ class SerialCodec:
         return encode_frame(frame)
 
     def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
-        """Return the undamaged frames in received bytes; the second value, an immediate answer, is always empty."""
+        """Return the undamaged frames in received bytes.
+
+        The second value contains bytes to answer immediately; it is always empty on a serial line.
+        """
         return self._decoder.feed(data), b""
 
 

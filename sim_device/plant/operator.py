@@ -62,6 +62,9 @@ def release_speed(operator: OperatorConfig, seed: int, release: int) -> NDArray[
 
 
 def _draw(seed: int, release: int) -> NDArray[np.float64]:
-    """Return the standard normal numbers (2, 3) for the errors of angle and speed, with zero for the clamped arm."""
+    """Return the standard normal numbers (2, 3) from which the errors of angle and speed are computed.
+
+    The numbers of the clamped arm are zero.
+    """
     rods = generator(seed, RandomStream.OPERATOR, release).standard_normal((2, JOINTS - 1))
     return np.concatenate([np.zeros((2, 1)), rods], axis=1)

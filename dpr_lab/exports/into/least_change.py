@@ -73,7 +73,7 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
     effects: Effects = model.effects
     longer = sum(words.get("added_length", 0.0) for words in words_of(effects).values())
     of_file = _base_of(chain, longer)
-    # a free swing shows the armature only in a
+    # of the base parameters, only a contains the armature
     rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])
     gears = _gear_factors(effects, diagnosis, runs)
     base = _base(of_file, rotor, model, diagnosis, np.array(list(gears.values())))

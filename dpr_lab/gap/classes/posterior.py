@@ -249,7 +249,7 @@ def _cost(place: _Place, score: Score) -> float:
     if fitted is not None:  # for every set, the residual of the selected set counts as noise
         return fitted.cost_at(chosen.residuals.inflation)
     price = PENALTY.parameter * without.residuals.inflation * (len(score.columns) + len(score.effect.shapes))
-    # a linear score is too optimistic; an effect that was not worth a fit can be nearly as good at best
+    # a linear score is too optimistic: the cost of an effect that was not fitted is at least `near`
     near = chosen.cost + THRESHOLDS.chance * chosen.residuals.inflation
     return max(without.cost - score.gain + price, near)
 

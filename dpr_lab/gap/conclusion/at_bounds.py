@@ -29,7 +29,7 @@ from dpr_lab.fitting.projection import ColumnSpace
 
 
 def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:
-    """Return the (free, free) second moment of errors that values at their bounds cause.
+    """Return the (free, free) second moment of the errors of all values, caused by the values at their bounds.
 
     Args:
         problem: segments and noise

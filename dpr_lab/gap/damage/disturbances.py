@@ -195,7 +195,7 @@ def _jumps(recordings: Recordings, estimate: Estimate, ratio: float) -> list[Jum
         problem, fitted = fitted_starts(recordings.only(later), estimate, LENGTHS.working)
         for best, candidates in zip((kicks, steps), jumps_of_segments(problem, fitted), strict=True):
             best += [jump for jump in candidates if undriven[jump.run]]
-    # Readings that are shifted change the gains of kicks, so that steps come first.
+    # A step of a reading also changes the gains of kicks, so kicks are returned only if there are no steps.
     steps = [step for step in outstanding(steps, JUMP.outstanding) if shows(recordings.records[step.run], step)]
     return steps or outstanding(kicks, ratio)
 

@@ -106,7 +106,7 @@ def free_swings(runs: FreeRuns, model: Hypothesis) -> FreeSwings:
     """Compute free runs of a model and their sensitivity to all uncertain quantities."""
     free, problem = model.fit.free, runs.problem
     states = problem.segments.states
-    # the zeros of these runs are treated as known
+    # the derivatives with respect to encoder zeros are zero, because the zeros of these runs are treated as known
     slopes = np.zeros((len(problem.t), problem.axes, len(free) + states))
     moves = [i for i, parameter in enumerate(free) if parameter.block != "zeros"]
     slopes[:, :, [*moves, *range(len(free), len(free) + states)]] = problem.slopes(runs.start, [free[i] for i in moves])

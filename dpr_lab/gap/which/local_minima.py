@@ -1,4 +1,4 @@
-"""Repeated fits of a set, to leave local minima that a few segments, long segments or a wrong order cause."""
+"""Repeated fits that leave local minima. A few segments, long segments or a wrong order cause such minima."""
 
 from dpr_lab.arrays import Array
 from dpr_lab.effects import param_index

@@ -204,7 +204,7 @@ def stops(t: Array, theta0: Array) -> list[tuple[str, float, list[float]]]:
     dt = float(np.median(np.diff(t)))
     k = max(1, round(DOUBTS.contact_s / dt / 2 + 1e-6))
     speed = (theta0[k:] - theta0[:-k]) / (t[k:] - t[:-k])
-    change = np.abs(speed[k:] - speed[:-k])  # at the samples k ... n - k
+    change = np.abs(speed[k:] - speed[:-k])  # change i is at sample i + k
     limit = max(DOUBTS.sudden * float(np.quantile(change, 0.9)), DOUBTS.strong * float(np.abs(speed).max()))
     reach = DOUBTS.apart * float(np.ptp(theta0))
     contacts_of_ends = []

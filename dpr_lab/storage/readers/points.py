@@ -163,7 +163,10 @@ def _points(table: Table, despite_angles: bool = False) -> tuple[str, list[_Poin
 
 
 def _of_plane(axes: str) -> str:
-    """Return the kind of a table of points, with the axes of the plane if the points have three coordinates."""
+    """Describe a table of points as its kind.
+
+    If the points have three coordinates, the description names the two coordinates `axes` that are used.
+    """
     return f"{PLAIN}, of which the coordinates {axes} are used" if axes else PLAIN
 
 

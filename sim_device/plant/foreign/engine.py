@@ -185,7 +185,8 @@ def _integrate_sticking(
     t, side = t[1:], float(np.sign(dry.speed(x))) or _starts(body, dry, x)
     while len(t):
         solved = _solved(_sliding_slope(body, dry, side), error, x, first, t, _change(body, dry, side))
-        states.append(np.reshape(solved.y, (len(x), -1)).T)  # an empty list if there are no instants
+        # `solved.y` is an empty list if an event precedes all instants
+        states.append(np.reshape(solved.y, (len(x), -1)).T)
         t = t[len(solved.t) :]
         if solved.status == 1:
             began, first, x = first, float(solved.t_events[0][-1]), solved.y_events[0][-1].copy()
