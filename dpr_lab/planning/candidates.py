@@ -99,6 +99,11 @@ def placements(release: CandidateRelease, std: float, count: int, rng: np.random
     return [replace(release, theta1=release.theta1 + a, theta2=release.theta2 + b) for a, b in errors.tolist()]
 
 
+def bent(release: CandidateRelease) -> CandidateRelease:
+    """Set the angle of an absent rod to that of the mounted rod."""
+    return replace(release, theta2=release.theta1) if release.setup.alone else release
+
+
 def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> float:
     """Return the fraction of its value that a release keeps if the releases `made` precede it.
 

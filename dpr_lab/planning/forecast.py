@@ -26,10 +26,11 @@ with the beta-binomial probability
     1 - product over j < k of (b + failed + j) / (weight + failed + j),    b = (1 - confirmed) weight.
 
 If no gap is visible, a small effect may become visible with further releases. Its alternatives must then be excluded as
-well. Therefore the next score test is simulated. Let G be the information about the tested amplitudes, with the
-unknowns of the model fitted, and z_i the estimate of amplitude i in standard deviations. l_i is the largest estimate
-that excludes its effect. The hypotheses are that no effect is present, or that one effect alone is present. This effect
-has only its most significant amplitude i, with a flat prior of its size. The probabilities have the ratio
+well. Therefore the score tests after each planned release are simulated. Let G be the information about the tested
+amplitudes, with the unknowns of the model fitted, and z_i the estimate of amplitude i in standard deviations. l_i is
+the largest estimate that excludes its effect. The hypotheses are that no effect is present, or that one effect alone is
+present. This effect has only its most significant amplitude i, with a flat prior of its size. The probabilities have
+the ratio
 
     1 : at_limit exp((z_i^2 - l_i^2) / 2).
 
@@ -38,13 +39,24 @@ increases by its mean response to a, and by noise:
 
     z_j' = (z_j sqrt(G_jj) + D_ji a + n_j) / sqrt(G_jj + D_jj),    a ~ N(z_i / sqrt(G_ii), 1 / G_ii),    n ~ N(0, D).
 
+D depends on the start pose, and a manually placed pose differs from the planned one. If a single segment contributes
+most of D, a small difference removes it. D is therefore computed for several random placement errors, not averaged.
+
 The improvement by an effect is its largest z'^2 minus the penalty of its parameters. A draw settles the question if all
-effects are excluded, or if the best effect is named and decided. It is named if its improvement exceeds chance. Its
-probability follows from the improvements of the best effect, of its best alternatives and of no effect, as in a
-diagnosis. It is decided if this probability reaches `SURE`. An effect that becomes visible thus stays undecided if
-another effect has a similar signature, unless no release separates them. Effects that are excluded now are included,
-because the estimate of an effect that is present grows. Earlier releases do not count as `failed`, because the reason
-for the missing decision is known.
+effects are excluded, or if the best effect is named and decided. It is named if its improvement exceeds chance and the
+gap closes on held-out data. Its probability follows from the improvements of the best effect, of its best alternatives
+and of no effect, as in a diagnosis. It is decided if this probability reaches `SURE`. An effect that becomes visible
+thus stays undecided if another effect has a similar signature, unless no release separates them. The recordings end
+with the first release that settles the question. Effects that are excluded now are included, because the estimate of an
+effect that is present grows. Earlier releases do not count as `failed`, because the reason for the missing decision is
+known.
+
+The gap of a visible effect is far below the noise. Its excess chi2 is z'^2 + e, and e remains if the effect is in the
+model. The noise of N readings causes e ~ N(0, N). The verdict is "named" if the excess is positive, and if the 90 %
+interval of the closed share 1 - sqrt(e / (z'^2 + e)) reaches `VERDICT.closes` = c. With the standard error sqrt(N) of e
+between blocks of segments, the second condition is
+
+    e - 1.645 sqrt(N) <= q (z'^2 + e - 1.645 sqrt(N)),    q = (1 - c)^2.
 
 Sources: H. Jeffreys (1946), An invariant form for the prior probability in estimation problems, Proceedings of the
 Royal Society A 186, 453-461. J. G. Skellam (1948), A probability distribution derived from the binomial distribution by
@@ -54,6 +66,7 @@ regarding the probability of success as variable between the sets of trials, Jou
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from statistics import NormalDist
 from typing import NamedTuple
 
@@ -62,7 +75,9 @@ import numpy as np
 from dpr_lab.acceptance.judge import SURE
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects import EFFECTS
+from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.classes.calibration import CALIBRATION
+from dpr_lab.gap.conclusion.verdict import VERDICT
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
@@ -96,8 +111,10 @@ class ForecastSettings:
     Of 1, 1/2, 1/4 and 1/8, the values 1/4 and 1/8 have the smallest Brier scores on 18 plants (0.100 and 0.096, against
     0.112 for even odds). The difference of both is within chance.
     """
-    tests: int = 512
-    """Number of simulated score tests for each effect."""
+    placements: int = 8
+    """Number of random placement errors of each planned release."""
+    tests: int = 64
+    """Number of simulated score tests for each effect and each placement error."""
 
 
 FORECAST = ForecastSettings()
@@ -149,23 +166,38 @@ class TestedEffects(NamedTuple):
         log_odds = np.append(0.0, np.log(FORECAST.at_limit) + 0.5 * (z**2 - limits**2))
         return np.exp(log_odds - log_odds.max())
 
-    def settled(self, z: Array) -> float:
-        """Return the fraction of draws that exclude every effect, or decide which effect is present.
+    def settled(self, z: Array, excess: Array, readings: float) -> Flags:
+        """Return the (draws,) mask of draws that exclude every effect, or decide which effect is present.
 
         Args:
             z: (draws, n) estimates of the amplitudes, in standard deviations
+            excess: (draws,) chi2 above its expected value, due to the noise of the readings
+            readings: number of readings
         """
         excluded = np.all(np.abs(z) < self.limits, axis=1)
         improvement = np.stack([np.max(z[:, columns] ** 2, axis=1) for columns in self.columns], axis=1) - self.prices
         best, largest = improvement.argmax(axis=1), improvement.max(axis=1)
-        visible = largest >= THRESHOLDS.chance
+        explained = largest + self.prices[best]
+        named = (largest >= THRESHOLDS.chance) & gap_closes(explained, excess, readings)
         weights = np.exp((improvement - largest[:, None]) / (2 * CALIBRATION.temperature))
         of_none = np.exp(-largest / (2 * CALIBRATION.temperature))
-        alike = (largest + self.prices[best])[:, None] * self.separation[best] < FORECAST.separable
+        alike = explained[:, None] * self.separation[best] < FORECAST.separable
         cause, alternatives = np.sum(weights * alike, axis=1), np.sort(weights * ~alike, axis=1)
         others = alternatives[:, -CALIBRATION.alternatives :].sum(axis=1) + of_none
         sure = (1 - CALIBRATION.outside_when_closed) * cause >= SURE * (cause + others)
-        return float(np.mean(excluded | (visible & sure)))
+        return np.asarray(excluded | (named & sure), dtype=np.bool_)
+
+
+def gap_closes(explained: Array, excess: Array, readings: float) -> Flags:
+    """Return whether a diagnosis states that a visible effect closes the gap on held-out data.
+
+    Args:
+        explained: (n,) chi2 that the effect explains
+        excess: (n,) chi2 above its expected value, due to the noise of the readings
+        readings: number of readings
+    """
+    remaining, share = excess - NORMAL_Q90 * np.sqrt(readings), (1 - VERDICT.closes) ** 2
+    return np.asarray((explained + excess > 0.0) & (remaining <= share * (explained + remaining)), dtype=np.bool_)
 
 
 def decision_probability(
@@ -217,24 +249,43 @@ def _decided(p: Array, d2: Array, alike: Flags) -> float:
     return total / max(float(p.sum()), 1e-12)
 
 
-def settled_probability(amplitudes: OpenAmplitudes, releases: int = 1) -> float:
-    """Return the probability that further releases decide for every small effect whether it is present.
+def settled_probabilities(paths: Sequence[Sequence[OpenAmplitudes]], readings: Sequence[float]) -> list[float]:
+    """Return the probability that it is decided for every small effect whether it is present.
+
+    The result has one probability for each number of further releases.
 
     Args:
-        amplitudes: all tested amplitudes, with the present information and the information after the releases
-        releases: number of these releases
+        paths: for each random placement error, all tested amplitudes with the present information and the information
+            after one release, after two releases and so on
+        readings: number of readings now, after one release and so on
     """
-    if not amplitudes.tested:
-        return 1.0
-    test, added = TestedEffects.of(amplitudes, releases), amplitudes.after - amplitudes.before
-    std, std_after = (np.diag(information) ** -0.5 for information in (amplitudes.before, amplitudes.after))
-    powers, directions = np.linalg.eigh(added)
+    if not paths[0][0].tested:
+        return [1.0] * len(paths[0])
     rng = np.random.default_rng(0)
-    noise = rng.standard_normal((FORECAST.tests, len(test.z))) * np.sqrt(np.maximum(powers, 0.0))
-    scores, sizes = test.z / std + noise @ directions.T, rng.standard_normal((FORECAST.tests, 1))
-    responses = ((test.z[i] + sizes) * std[i] * added[:, i] for i in test.largest)
-    settled = [test.settled((scores + response) * std_after) for response in (0.0, *responses)]
-    return float(test.odds @ settled / test.odds.sum())
+    mean: list[float] = np.mean([_settled(path, readings, rng) for path in paths], axis=0).tolist()
+    return mean
+
+
+def _settled(path: Sequence[OpenAmplitudes], readings: Sequence[float], rng: np.random.Generator) -> Array:
+    """Return the probabilities of `settled_probabilities`, (releases,), for one sequence of placement errors."""
+    draws, first = FORECAST.tests, path[0].before
+    tests = [TestedEffects.of(amplitudes, number) for number, amplitudes in enumerate(path, 1)]
+    test, std = tests[0], np.diag(first) ** -0.5
+    sizes = (test.z[test.largest] + rng.standard_normal((draws, 1))) * std[test.largest]
+    present = np.pad(sizes, ((0, 0), (1, 0)))  # the first hypothesis is that no effect is present
+    scores, excess = np.tile(test.z / std, (draws, 1)), np.sqrt(readings[0]) * rng.standard_normal(draws)
+    settled, probabilities, before = np.zeros(present.shape, dtype=np.bool_), list[float](), first
+    for test, amplitudes, (fewer, more) in zip(tests, path, pairwise(readings), strict=True):
+        powers, directions = np.linalg.eigh(amplitudes.after - before)
+        scores += (rng.standard_normal(scores.shape) * np.sqrt(np.maximum(powers, 0.0))) @ directions.T
+        excess += np.sqrt(more - fewer) * rng.standard_normal(draws)
+        responses = present[:, :, None] * (amplitudes.after - first)[[0, *test.largest]]
+        z = (scores[:, None] + responses) / np.sqrt(np.diag(amplitudes.after))
+        of_each = test.settled(z.reshape(-1, z.shape[2]), np.repeat(excess, z.shape[1]), more)
+        settled |= of_each.reshape(settled.shape)
+        probabilities.append(float(settled.mean(axis=0) @ test.odds / test.odds.sum()))
+        before = amplitudes.after
+    return np.array(probabilities)
 
 
 def _distances(information: Array, columns: Sequence[int]) -> Array:

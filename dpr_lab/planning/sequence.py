@@ -8,6 +8,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.planning.candidates import (
     SEARCH,
+    bent,
     cheapest_minutes,
     longest_s,
     minutes,
@@ -140,7 +141,7 @@ class Planner:
         return self._informed([*releases, *self.signals])
 
     def _informed(self, releases: Sequence[CandidateRelease], durations: Sequence[float] = ()) -> list[Informed]:
-        return informed([_bent(release) for release in releases], self.objective.known.model, durations)
+        return informed([bent(release) for release in releases], self.objective.known.model, durations)
 
     def _best(self, pool: list[Informed], now: SequenceSoFar) -> SequenceStep | None:
         """Return the best release of all candidates after refinement.
@@ -209,11 +210,6 @@ class Planner:
 def _swing(theta1: float, theta2: float, duration_s: float, on: MountedParts) -> CandidateRelease:
     """Create a free swing from a start pose; `on` states the mounted parts."""
     return CandidateRelease(theta1, theta2, duration_s, on.mounting, on.added, arm="held" if on.arm_held else "free")
-
-
-def _bent(release: CandidateRelease) -> CandidateRelease:
-    """Set the angle of an absent rod to that of the mounted rod."""
-    return replace(release, theta2=release.theta1) if release.setup.alone else release
 
 
 def _rate(step: SequenceStep) -> float:

@@ -12,8 +12,12 @@ import numpy as np
 from dpr_lab.acceptance.judge import SURE
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects import EFFECTS
+from dpr_lab.fitting.projection import TINY
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
-from dpr_lab.planning.forecast import FORECAST, decision_probability, settled_probability
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.planning.candidates import bent, placements
+from dpr_lab.planning.forecast import FORECAST, decision_probability, settled_probabilities
+from dpr_lab.planning.information import informed
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, PlannedRelease
@@ -43,16 +47,18 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     alike = inseparable_pairs(objective, steps) if steps else []
     stuck = inseparable(objective, alike) if steps else []
     state = _state(known, {name for pair in stuck for name in pair.causes})
+    gained = [_gained(objective, step, F) for step, F in zip(steps, after[1:], strict=True)]
+    forecast = _forecast(objective, steps, gained, alike) if state == "record" else [None] * len(steps)
     releases = [
-        _planned(k, step, after[k], objective, reason.text, alike if state == "record" else None)
-        for k, (step, reason) in enumerate(zip(steps, reasons, strict=True), 1)
+        _planned(k, step, after[k], objective, reason.text, d2, decided)
+        for k, (step, reason, d2, decided) in enumerate(zip(steps, reasons, gained, forecast, strict=True), 1)
     ]
     return Plan(
         state=state,
         sentence=_sentence(state, known, releases, stuck, only_ratios_sentence(reasons, state == "record")),
         releases=releases,
         minutes=sum(release.minutes for release in releases),
-        forecast=[release.decided for release in releases if release.decided is not None],
+        forecast=[decided for decided in forecast if decided is not None],
         ratio_std=shown_ratio_std(known, known.information),
         detectable=_detectable(known, after[-1]),
         inseparable=stuck,
@@ -77,12 +83,22 @@ def _reasons(objective: Objective, after: Array) -> list[Reason]:
     ]
 
 
+def _gained(objective: Objective, step: SequenceStep, F: Array) -> list[Array]:
+    """Return the d^2 between the causes that a release and the previous ones add, reduced by the simulated share."""
+    share = 1.0 if step.simulated is None else min(step.simulated, 1.0)
+    return [share * d2 for d2 in objective.gained(F)]
+
+
 def _planned(
-    number: int, step: SequenceStep, F: Array, objective: Objective, reason: str, alike: Sequence[Flags] | None
+    number: int,
+    step: SequenceStep,
+    F: Array,
+    objective: Objective,
+    reason: str,
+    gained: list[Array],
+    decided: float | None,
 ) -> PlannedRelease:
     release, known = step.release, objective.known
-    share = 1.0 if step.simulated is None else min(step.simulated, 1.0)
-    gained = [share * d2 for d2 in objective.gained(F)]
     planned = PlannedRelease(
         number=number,
         text=release.words + ", arm clamped" * (release.arm == "held" and known.rig.arm.mode != "clamped"),
@@ -102,28 +118,57 @@ def _planned(
         pairs=[PairBits(causes=pair, bits=bits) for pair, bits in objective.bits_of(gained).items()],
         library_bits=library_bits(known, F),
         ratio_std=shown_ratio_std(known, F),
-        decided=None if alike is None else _forecast(objective, F, gained, number, alike),
+        decided=decided,
         simulated=step.simulated,
     )
     return planned.driven_by(release.torques)
 
 
 def _forecast(
-    objective: Objective, F: Array, gained: Sequence[Array], releases: int, alike: Sequence[Flags]
-) -> float | None:
-    """Return the probability that a number of releases decides the causes; None before any recording.
+    objective: Objective, steps: Sequence[SequenceStep], gained: Sequence[Sequence[Array]], alike: Sequence[Flags]
+) -> list[float | None]:
+    """Return the probability that the releases up to each one decide the causes; None before any recording.
 
     The pairs of causes in `alike` count as one cause.
     """
-    diagnosis = objective.known.diagnosis
+    diagnosis, pairs = objective.known.diagnosis, objective.pairs
     if diagnosis is None:
-        return None
+        return [None] * len(steps)
     if diagnosis.verdict == "no_gap":  # two releases decide a named cause although other effects are not excluded
-        settled = settled_probability(OpenAmplitudes.of(objective.known, F, excluded=True), releases)
-        return settled * decision_probability(objective.pairs, gained, releases, alike)
+        settled = settled_probabilities(*_further_tests(objective.known, diagnosis, steps))
+        return [
+            probability * decision_probability(pairs, d2, number, alike)
+            for number, (probability, d2) in enumerate(zip(settled, gained, strict=True), 1)
+        ]
     failed = recorded_releases(diagnosis) - 1  # there is no forecast for the first release
     confirmed = FORECAST.revealed if diagnosis.gap.remainder_Nm else FORECAST.confirmed
-    return decision_probability(objective.pairs, gained, releases, alike, failed, confirmed)
+    return [decision_probability(pairs, d2, number, alike, failed, confirmed) for number, d2 in enumerate(gained, 1)]
+
+
+def _further_tests(
+    known: Knowledge, diagnosis: Diagnosis, steps: Sequence[SequenceStep]
+) -> tuple[list[list[OpenAmplitudes]], list[float]]:
+    """Return the arguments of `settled_probabilities` for the planned releases, with random placement errors."""
+    rng = np.random.default_rng(0)
+    added = np.cumsum([_placed(known, step, rng) for step in steps], axis=0)
+    paths = [
+        [OpenAmplitudes.of(known, known.information + F, excluded=True) for F in path] for path in added.swapaxes(0, 1)
+    ]
+    recordings = diagnosis.evidence.recordings if diagnosis.evidence else []
+    fitted = [recording for recording in recordings if not recording.held_out]
+    duration = sum(recording.duration_s for recording in fitted)
+    durations = np.cumsum([duration, *(step.release.duration_s for step in steps)])
+    rate = sum(recording.readings for recording in fitted) / max(duration, TINY)
+    return paths, (rate * durations).tolist()
+
+
+def _placed(known: Knowledge, step: SequenceStep, rng: np.random.Generator) -> list[Array]:
+    """Return the information of a planned release for each of several random placement errors."""
+    if step.release.torques is not None:
+        return [step.information] * FORECAST.placements
+    releases = placements(step.release, known.model.placement_rad, FORECAST.placements, rng)
+    placed = informed([bent(release) for release in releases], known.model)
+    return [one.information / known.inflation for one in placed]
 
 
 def _detectable(known: Knowledge, F: Array) -> list[Detectable]:

@@ -1,8 +1,6 @@
 """Stopping rule: causes decided by one release, by a second release, or only by a bench check."""
 
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from statistics import NormalDist
 from typing import Any
 
@@ -11,10 +9,10 @@ import pytest
 
 from dpr_lab.effects import effect_params
 from dpr_lab.fitting.estimate import Estimate
-from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis, load_diagnosis
-from dpr_lab.gap.result.evidence import Evidence, Exclusion, RecordingUsed
+from dpr_lab.gap.result.diagnosis import UNCERTAIN
+from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.gap.result.posterior import PosteriorComponent
-from dpr_lab.planning.forecast import FORECAST, settled_probability
+from dpr_lab.planning.forecast import FORECAST
 from dpr_lab.planning.information import informed
 from dpr_lab.planning.knowledge import known_before
 from dpr_lab.planning.limits import PlanLimits
@@ -23,44 +21,13 @@ from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.sequence import Planner, SequenceStep
 from dpr_lab.planning.stopping import Causes, causes_of, decided, possible, reservation, significance, undecided
 from dpr_lab.planning.summary import inseparable, inseparable_pairs, summed_up
-from dpr_lab.planning.worth.criteria import OpenAmplitudes, OpenPairs, open_bits
+from dpr_lab.planning.worth.criteria import OpenPairs, open_bits
 from dpr_lab.planning.worth.objective import Gain, Objective
 from dpr_lab.planning.worth.reasons import Expected, Reason, only_ratios_sentence, reason
 from dpr_lab.report.gap.next_steps import next_steps
 from dpr_lab.report.gap.sections.exclusions import exclusion_words
 from dpr_lab.rig import Rig
-
-TWO_NAMED = Path(__file__).parents[1] / "tui" / "data" / "diagnosis.json"
-
-
-def one_cause(sizes: float = 20.0, **changed: object) -> Diagnosis:
-    """Diagnosis of one release whose only cause is Coulomb friction with a size of `sizes` standard deviations."""
-    whole = load_diagnosis(TWO_NAMED)
-    half_width = 1.645 * 1e-3 / sizes
-    size = {"value": 1e-3, "interval90": [1e-3 - half_width, 1e-3 + half_width]}
-    effect = {
-        **whole.effects[0].model_dump(by_alias=True),
-        "name": "coulomb_joint1",
-        "class": ["coulomb_joint1"],
-        "odds": {"coulomb_joint1": 1.0},
-        "probability": 0.98,
-        "parameters": {"torque_Nm": size},
-    }
-    made = whole.to_json() | {
-        "basis": "one release",
-        "verdict": "named",
-        "effects": [effect],
-        "rivals": [],
-        "hints": [],
-    }
-    return Diagnosis.model_validate(made | changed)
-
-
-def of_runs(diagnosis: Diagnosis, *names: str, exclusions: Sequence[Exclusion] = ()) -> Diagnosis:
-    """The diagnosis, assigned to these recordings."""
-    recordings = [RecordingUsed.model_construct(name=name) for name in names]
-    evidence = Evidence.model_construct(recordings=recordings, exclusions=list(exclusions))
-    return diagnosis.model_copy(update={"evidence": evidence})
+from tests.one_cause import of_runs, one_cause
 
 
 @pytest.mark.parametrize(
@@ -194,86 +161,6 @@ def test_a_plan_tests_the_effects_that_keep_no_gap_undecided(paper: Rig) -> None
         assert (open_bits(after_one, large) > 2 * open_bits(after_one, small)) is is_open
 
 
-def latency(sizes: float) -> Exclusion:
-    """Test of a latency whose estimate has this size in standard deviations."""
-    confidence = NormalDist().cdf(5.0 - sizes)
-    return Exclusion(effect="latency_joint2", parameter="delay_s", size=5.0, estimate=-sizes, confidence=confidence)
-
-
-def settled(*sizes: float, gain: float = 2.5, cosine: float = 0.0) -> float:
-    """Forecast for a latency and further effects, whose signatures have this cosine with each other."""
-    names = [("latency_joint2", "delay_s"), ("base_tilt", "tilt_rad"), ("com_offset_link2", "offset_m")][: len(sizes)]
-    tested = tuple(
-        latency(size).model_copy(update={"effect": effect, "parameter": parameter})
-        for size, (effect, parameter) in zip(sizes, names, strict=True)
-    )
-    before = np.full((len(tested), len(tested)), cosine) + (1 - cosine) * np.eye(len(tested))
-    return settled_probability(OpenAmplitudes(tested, before, gain * before))
-
-
-@pytest.mark.parametrize("sizes", [2.5, 4.0, 5.5])
-def test_the_forecast_without_a_visible_gap_is_the_share_of_draws_that_exclude_or_decide_an_effect(
-    sizes: float,
-) -> None:
-    gain, count, rng, limit = 2.5, 200_000, np.random.default_rng(0), 5.0 - NormalDist().inv_cdf(0.95)
-    present = rng.random(count) < 1 / (1 + np.exp(-0.5 * (sizes**2 - limit**2)) / FORECAST.at_limit)
-    true = present * (sizes + rng.standard_normal(count))  # a flat prior of the size
-    further = true * (gain - 1) ** 0.5 + rng.standard_normal(count)
-    both = (sizes + (gain - 1) ** 0.5 * further) / gain**0.5
-    assert settled(sizes, gain=gain) == pytest.approx(np.mean((both < limit) | (both > 39**0.5)), abs=0.03)
-
-
-def test_the_forecast_without_a_visible_gap_considers_effects_that_are_excluded_now() -> None:
-    """An effect of 3 standard deviations is excluded, but if it is present, its estimate grows."""
-    assert 1.0 == settled() > settled(1.0) > settled(3.0) > settled(4.0)
-    grown = [settled(5.0, gain=gain) for gain in (1.0, 2.0, 4.0, 16.0)]
-    assert grown == sorted(grown)
-    assert grown[0] < 0.05
-    assert grown[-1] > 0.99
-
-
-def test_an_effect_that_becomes_visible_is_decided_only_if_its_alternatives_are_excluded() -> None:
-    """Two effects with the same signature count as one, because only a bench check separates them."""
-    apart, similar, same = (settled(5.0, 5.0 * cosine, gain=4.0, cosine=cosine) for cosine in (0.0, 0.9, 1.0))
-    assert min(apart, same) > 0.95
-    assert similar < 0.6
-    assert settled(5.0, 4.5, gain=16.0, cosine=0.9) > similar + 0.2
-
-
-def test_earlier_releases_do_not_lower_the_forecast_if_an_effect_that_is_not_excluded_is_the_reason(paper: Rig) -> None:
-    nothing, known = one_cause(verdict="no_gap", effects=[]), known_before(paper)
-    (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
-    step = SequenceStep(swing.release, swing.information, swing.horizon_s, 1.0, 0.0, 1.0)
-    forecasts = []
-    for runs in (("P1", "P2"), ("P1", "P2", "P3", "P4")):
-        after = replace(known, diagnosis=of_runs(nothing, *runs, exclusions=[latency(4.0)]))
-        forecasts += summed_up(Objective.of(after), [step], PlanLimits(), 0.0).forecast
-    assert 0.0 < forecasts[0] < FORECAST.confirmed
-    assert forecasts[1] == forecasts[0]
-
-
-def test_a_cause_without_alternatives_lowers_the_forecast_if_it_may_be_outside_the_library(paper: Rig) -> None:
-    known = known_before(paper)
-    causes = Causes("coulomb_joint1", {"coulomb_joint1": 0.8}, 0.2)
-    known = replace(known, causes=(causes,), named=frozenset({causes.about}), diagnosis=of_runs(one_cause(8.0), "P1"))
-    (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
-    objective = Objective.of(known)
-    step = SequenceStep(swing.release, swing.information, swing.horizon_s, 1.0, 0.0, 1.0)
-    made = summed_up(objective, [step], PlanLimits(), 0.0)
-    assert made.forecast == [pytest.approx(0.8 * FORECAST.confirmed)]
-    assert made.releases[0].pairs == []
-    assert objective.simulated(swing.release, swing.information) is None
-
-
-def test_a_failed_test_on_the_quarters_of_one_release_is_no_cause_outside_the_library() -> None:
-    """A second release replaces this test; afterwards the missing probability counts."""
-    effect = {"probability": 0.49, "outside": 0.02}
-    failed = one_cause(verdict="partly_explained", rivals=[])
-    failed = failed.model_copy(update={"effects": [failed.effects[0].model_copy(update=effect)]})
-    (one,), (two,) = (list(causes_of(of_runs(failed, *runs))) for runs in (("P1",), ("P1", "P2")))
-    assert (one.outside, two.outside) == (0.02, pytest.approx(0.51))
-
-
 def test_the_hidden_amplitude_of_a_richer_form_has_its_own_unit(paper: Rig) -> None:
     """An offset of 1 mrad and a drift of 0.05 mrad/s count as equally large: both typical sizes have this ratio."""
     names = ("encoder_offset_joint1", "encoder_drift_joint1")
@@ -284,29 +171,12 @@ def test_the_hidden_amplitude_of_a_richer_form_has_its_own_unit(paper: Rig) -> N
     assert pairs.sizes[1][-1] == pytest.approx(0.5 * 1e-4)
 
 
-def test_a_candidate_without_a_column_counts_against_a_decision(paper: Rig) -> None:
-    known = known_before(paper)
-    pairs = OpenPairs.of(known, Causes("coulomb_joint1", {"coulomb_joint1": 0.5, "missed_counts": 0.4}, 0.1))
-    assert pairs.names == ("coulomb_joint1",)
-    assert pairs.outside == pytest.approx(0.5)
-
-
 @pytest.mark.parametrize(
     ("changed", "question"),
     [({"effects": []}, "cannot show a gap"), ({}, "cannot decide the cause of the gap")],
 )
 def test_an_inconclusive_diagnosis_leaves_the_question_of_its_verdict(changed: dict[str, Any], question: str) -> None:
     assert undecided(one_cause(verdict="inconclusive", **changed)) == f"the recordings {question}"
-
-
-def test_a_remainder_above_the_noise_lowers_the_forecast(paper: Rig) -> None:
-    known, partly = known_before(paper), one_cause(verdict="partly_explained")
-    (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
-    step = SequenceStep(swing.release, swing.information, swing.horizon_s, 1.0, 0.0, 1.0)
-    for remainder, expected in (({}, FORECAST.confirmed), ({"joint1": 1e-4}, FORECAST.revealed)):
-        gap = partly.gap.model_copy(update={"remainder_Nm": remainder})
-        after = replace(known, diagnosis=of_runs(partly.model_copy(update={"gap": gap}), "P1"))
-        assert summed_up(Objective.of(after), [step], PlanLimits(), 0.0).forecast == [pytest.approx(expected)]
 
 
 @pytest.mark.parametrize("changed", [{"verdict": "partly_explained"}, {"hints": ["the clock"]}])

@@ -1,0 +1,167 @@
+"""Forecast of a decision: simulated score tests, held-out data, placement errors, and causes outside the library."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from statistics import NormalDist
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from dpr_lab.gap.conclusion.verdict import shows_reduction
+from dpr_lab.gap.transfer.out_of_sample import reduction
+from dpr_lab.gap.transfer.outcome import Transfer
+from dpr_lab.planning.forecast import FORECAST, gap_closes, settled_probabilities
+from dpr_lab.planning.information import informed
+from dpr_lab.planning.knowledge import known_before
+from dpr_lab.planning.limits import PlanLimits
+from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.sequence import SequenceStep
+from dpr_lab.planning.stopping import Causes, causes_of
+from dpr_lab.planning.summary import summed_up
+from dpr_lab.planning.worth.criteria import OpenAmplitudes, OpenPairs
+from dpr_lab.planning.worth.objective import Objective
+from dpr_lab.rig import Rig
+from tests.one_cause import latency, of_runs, one_cause
+
+
+def forecasts(*sizes: float, gains: Sequence[float], cosine: float = 0.0, readings: float = 0.0) -> list[float]:
+    """Forecasts for a latency and further effects, whose signatures have this cosine with each other.
+
+    The information is multiplied by `gains`, and each release has the same number of readings.
+    """
+    names = [("latency_joint2", "delay_s"), ("base_tilt", "tilt_rad"), ("com_offset_link2", "offset_m")][: len(sizes)]
+    tested = tuple(
+        latency(size).model_copy(update={"effect": effect, "parameter": parameter})
+        for size, (effect, parameter) in zip(sizes, names, strict=True)
+    )
+    before = np.full((len(tested), len(tested)), cosine) + (1 - cosine) * np.eye(len(tested))
+    path = [OpenAmplitudes(tested, before, gain * before) for gain in gains]
+    return settled_probabilities([path] * 40, (readings * np.arange(1, len(gains) + 2)).tolist())
+
+
+def settled(*sizes: float, gain: float = 2.5, cosine: float = 0.0, readings: float = 0.0) -> float:
+    """Forecast for one further release."""
+    return forecasts(*sizes, gains=[gain], cosine=cosine, readings=readings)[0]
+
+
+@pytest.mark.parametrize("sizes", [2.5, 4.0, 5.5])
+def test_the_forecast_without_a_visible_gap_is_the_share_of_draws_that_exclude_or_decide_an_effect(
+    sizes: float,
+) -> None:
+    gain, count, rng, limit = 2.5, 200_000, np.random.default_rng(0), 5.0 - NormalDist().inv_cdf(0.95)
+    present = rng.random(count) < 1 / (1 + np.exp(-0.5 * (sizes**2 - limit**2)) / FORECAST.at_limit)
+    true = present * (sizes + rng.standard_normal(count))  # a flat prior of the size
+    further = true * (gain - 1) ** 0.5 + rng.standard_normal(count)
+    both = (sizes + (gain - 1) ** 0.5 * further) / gain**0.5
+    assert settled(sizes, gain=gain) == pytest.approx(np.mean((both < limit) | (both > 39**0.5)), abs=0.03)
+
+
+def test_the_forecast_without_a_visible_gap_considers_effects_that_are_excluded_now() -> None:
+    """An effect of 3 standard deviations is excluded, but if it is present, its estimate grows."""
+    assert 1.0 == settled() > settled(1.0) > settled(3.0) > settled(4.0)
+    grown = [settled(5.0, gain=gain) for gain in (1.0, 2.0, 4.0, 16.0)]
+    assert grown == sorted(grown)
+    assert grown[0] < 0.05
+    assert grown[-1] > 0.99
+
+
+def test_an_effect_that_becomes_visible_is_decided_only_if_its_alternatives_are_excluded() -> None:
+    """Two effects with the same signature count as one, because only a bench check separates them."""
+    apart, similar, same = (settled(5.0, 5.0 * cosine, gain=4.0, cosine=cosine) for cosine in (0.0, 0.9, 1.0))
+    assert min(apart, same) > 0.95
+    assert similar < 0.6
+    assert settled(5.0, 4.5, gain=16.0, cosine=0.9) > similar + 0.2
+
+
+def test_a_question_that_a_release_settles_stays_settled() -> None:
+    """A second release could show an estimate of 3 standard deviations again, but it is not recorded."""
+    later = forecasts(3.2, gains=[1.001, 2.0])
+    assert later[0] > 0.9
+    assert later[1] >= later[0]
+    assert settled(3.2, gain=2.0) < later[0] - 0.1
+
+
+@pytest.mark.parametrize("explained", [45.0, 90.0, 300.0])
+def test_the_gap_closes_in_the_forecast_as_often_as_in_a_verdict(explained: float) -> None:
+    """Two releases of 10 s: 40 segments with 200 readings each, and an effect that acts in every segment."""
+    rng, run, readings = np.random.default_rng(0), np.repeat([0, 1], 20), 8000
+    noise = rng.normal(0.0, (readings / len(run)) ** 0.5, (400, len(run)))
+    closed = [reduction(np.stack([of_run + explained / len(run), of_run]), rng, 2, run) for of_run in noise]
+    shown = [shows_reduction(cast(Transfer, SimpleNamespace(closed=share, gap_ratio=0.1))) for share in closed]
+    expected = gap_closes(np.full(len(noise), explained), noise.sum(axis=1), readings)
+    assert np.mean(expected) == pytest.approx(np.mean(shown), abs=0.04)
+    assert np.mean(expected == shown) > 0.93
+    assert np.mean(expected) < 1.0
+
+
+def test_the_noise_of_many_readings_hides_a_visible_effect_from_the_test_on_held_out_data() -> None:
+    few, usual, many = (settled(6.5, gain=2.0, readings=readings) for readings in (0.0, 4000.0, 40000.0))
+    assert few > usual + 0.1 > many + 0.2
+
+
+def test_a_forecast_considers_the_errors_of_manual_placement(paper: Rig) -> None:
+    """The information of a swing that starts near the upright position depends on the exact start pose."""
+    nothing, known = one_cause(verdict="no_gap", effects=[]), known_before(paper)
+    recorded, swing = informed([CandidateRelease(0.3, 5.6, 5.0), CandidateRelease(0.02, 0.02, 5.0)], known.model)
+    known = replace(known, information=known.information + recorded.information)
+    step = SequenceStep(swing.release, swing.information, swing.horizon_s, 1.0, 0.0, 1.0)
+    made = []
+    for std in (1e-9, known.model.placement_rad):
+        after = replace(known, model=replace(known.model, placement_rad=std))
+        after = replace(after, diagnosis=of_runs(nothing, "P1", exclusions=[latency(5.0)]))
+        made += summed_up(Objective.of(after), [step], PlanLimits(), 0.0).forecast
+    assert abs(made[0] - made[1]) > 0.01
+
+
+def test_earlier_releases_do_not_lower_the_forecast_if_an_effect_that_is_not_excluded_is_the_reason(paper: Rig) -> None:
+    nothing, known = one_cause(verdict="no_gap", effects=[]), known_before(paper)
+    (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
+    known = replace(known, information=known.information + swing.information)
+    step = SequenceStep(swing.release, swing.information, swing.horizon_s, 1.0, 0.0, 1.0)
+    made = []
+    for runs in (("P1", "P2"), ("P1", "P2", "P3", "P4")):
+        after = replace(known, diagnosis=of_runs(nothing, *runs, exclusions=[latency(4.0)]))
+        made += summed_up(Objective.of(after), [step], PlanLimits(), 0.0).forecast
+    assert 0.0 < made[0] < FORECAST.confirmed
+    assert made[1] == made[0]
+
+
+def test_a_cause_without_alternatives_lowers_the_forecast_if_it_may_be_outside_the_library(paper: Rig) -> None:
+    known = known_before(paper)
+    causes = Causes("coulomb_joint1", {"coulomb_joint1": 0.8}, 0.2)
+    known = replace(known, causes=(causes,), named=frozenset({causes.about}), diagnosis=of_runs(one_cause(8.0), "P1"))
+    (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
+    objective = Objective.of(known)
+    step = SequenceStep(swing.release, swing.information, swing.horizon_s, 1.0, 0.0, 1.0)
+    made = summed_up(objective, [step], PlanLimits(), 0.0)
+    assert made.forecast == [pytest.approx(0.8 * FORECAST.confirmed)]
+    assert made.releases[0].pairs == []
+    assert objective.simulated(swing.release, swing.information) is None
+
+
+def test_a_failed_test_on_the_quarters_of_one_release_is_no_cause_outside_the_library() -> None:
+    """A second release replaces this test; afterwards the missing probability counts."""
+    effect = {"probability": 0.49, "outside": 0.02}
+    failed = one_cause(verdict="partly_explained", rivals=[])
+    failed = failed.model_copy(update={"effects": [failed.effects[0].model_copy(update=effect)]})
+    (one,), (two,) = (list(causes_of(of_runs(failed, *runs))) for runs in (("P1",), ("P1", "P2")))
+    assert (one.outside, two.outside) == (0.02, pytest.approx(0.51))
+
+
+def test_a_candidate_without_a_column_counts_against_a_decision(paper: Rig) -> None:
+    known = known_before(paper)
+    pairs = OpenPairs.of(known, Causes("coulomb_joint1", {"coulomb_joint1": 0.5, "missed_counts": 0.4}, 0.1))
+    assert pairs.names == ("coulomb_joint1",)
+    assert pairs.outside == pytest.approx(0.5)
+
+
+def test_a_remainder_above_the_noise_lowers_the_forecast(paper: Rig) -> None:
+    known, partly = known_before(paper), one_cause(verdict="partly_explained")
+    (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
+    step = SequenceStep(swing.release, swing.information, swing.horizon_s, 1.0, 0.0, 1.0)
+    for remainder, expected in (({}, FORECAST.confirmed), ({"joint1": 1e-4}, FORECAST.revealed)):
+        gap = partly.gap.model_copy(update={"remainder_Nm": remainder})
+        after = replace(known, diagnosis=of_runs(partly.model_copy(update={"gap": gap}), "P1"))
+        assert summed_up(Objective.of(after), [step], PlanLimits(), 0.0).forecast == [pytest.approx(expected)]
