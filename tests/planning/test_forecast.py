@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.gap.conclusion.verdict import shows_reduction
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.transfer.out_of_sample import reduction
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.planning.forecast import FORECAST, gap_closes, settled_probabilities
@@ -165,3 +166,15 @@ def test_a_remainder_above_the_noise_lowers_the_forecast(paper: Rig) -> None:
         gap = partly.gap.model_copy(update={"remainder_Nm": remainder})
         after = replace(known, diagnosis=of_runs(partly.model_copy(update={"gap": gap}), "P1"))
         assert summed_up(Objective.of(after), [step], PlanLimits(), 0.0).forecast == [pytest.approx(expected)]
+
+
+def test_a_remainder_at_the_limit_of_noise_disappears_by_chance_about_as_often_as_the_forecast_assumes() -> None:
+    """The unit of an excess is the standard deviation of the noise in one release."""
+    rng, limit, chances = np.random.default_rng(0), THRESHOLDS.noise_floor, list[float]()
+    for recorded in (1, 2, 3):
+        excess = limit * recorded**0.5
+        of_one = (excess + recorded**0.5 * rng.standard_normal(100_000)) / recorded  # a flat prior of the remainder
+        later = (excess + of_one + rng.standard_normal(len(of_one))) / (recorded + 1) ** 0.5
+        chances.append(float(np.mean(later < limit)))
+    assert chances == pytest.approx([0.05, 0.10, 0.14], abs=0.01)
+    assert chances[0] < FORECAST.revealed < chances[-1]
