@@ -16,10 +16,10 @@ causes, `confirmed` is (n + 1/2) / (N + 1), the posterior mean for the Jeffreys 
 
 If the selected effects leave a remainder above the noise, its cause is not known, although the search tested every
 effect of the library. A further release then decides only if it reveals this cause. `revealed` replaces `confirmed`
-in this case, and was estimated in the same way. Chance alone gives a similar value. A remainder whose significance after
-n releases is s has a significance of mean s sqrt((n + 1) / n) and variance 1 / n after the next one. At the limit s = 4
-of noise, the remainder therefore disappears with the probability 0.05, 0.10 or 0.14 for n = 1, 2 or 3. A larger
-remainder disappears less often.
+in this case, and was estimated in the same way. Chance alone gives a similar value. A remainder of significance s after
+n releases has a significance of mean s sqrt((n + 1) / n) and variance 1 / n after the next one. At the limit s = 4 of
+noise, the remainder therefore disappears with the probability 0.05, 0.10 or 0.14 for n = 1, 2 or 3. A larger remainder
+disappears less often.
 
 For an individual plant, the probability of a decision differs from this mean, because the causes may stay undecided for
 reasons that a forecast cannot take into account. The prior of this probability is a beta distribution with the above

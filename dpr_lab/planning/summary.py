@@ -132,7 +132,7 @@ def _forecast(
     The pairs of causes in `alike` count as one cause.
     """
     diagnosis, pairs = objective.known.diagnosis, objective.pairs
-    if diagnosis is None:
+    if diagnosis is None or not steps:
         return [None] * len(steps)
     if diagnosis.verdict == "no_gap":  # two releases decide a named cause although other effects are not excluded
         settled = settled_probabilities(*_further_tests(objective.known, diagnosis, steps))

@@ -127,6 +127,7 @@ def test_earlier_releases_do_not_lower_the_forecast_if_an_effect_that_is_not_exc
         made += summed_up(Objective.of(after), [step], PlanLimits(), 0.0).forecast
     assert 0.0 < made[0] < FORECAST.confirmed
     assert made[1] == made[0]
+    assert summed_up(Objective.of(after), [], PlanLimits(), 0.0).forecast == []
 
 
 def test_a_cause_without_alternatives_lowers_the_forecast_if_it_may_be_outside_the_library(paper: Rig) -> None:
