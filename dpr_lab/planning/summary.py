@@ -167,8 +167,8 @@ def _placed(known: Knowledge, step: SequenceStep, rng: np.random.Generator) -> l
     if step.release.torques is not None:
         return [step.information] * FORECAST.placements
     releases = placements(step.release, known.model.placement_rad, FORECAST.placements, rng)
-    placed = informed([bent(release) for release in releases], known.model)
-    return [one.information / known.inflation for one in placed]
+    informed_releases = informed([bent(release) for release in releases], known.model)
+    return [placed.information / known.inflation for placed in informed_releases]
 
 
 def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
