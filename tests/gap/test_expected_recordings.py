@@ -1,10 +1,14 @@
 """Expected recordings of possible releases."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.advice.expected_recordings import MENU, simulated_release
+from dpr_lab.gap.advice.recording import DISTINGUISHED, _apart_after_fits
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.rig import load_rig
 from sim_device.plant.config import load_plant
@@ -32,3 +36,26 @@ def test_a_class_with_hysteresis_gets_a_bench_check_and_no_release() -> None:
     assert {"base_tilt", "encoder_offset_joint1"} in [{*effect.members} for effect in diagnosis.effects]
     assert {check.kind for check in diagnosis.checks} == {"measurement"}
     assert diagnosis.advice[0].startswith("Only a bench measurement distinguishes")
+
+
+@pytest.mark.parametrize(
+    ("pair", "fits"),
+    [
+        (("coulomb_joint2", "stribeck_joint2"), {("stribeck_joint2", "coulomb_joint2"): 9.0}),
+        (("stribeck_joint2", "coulomb_joint2"), {("stribeck_joint2", "coulomb_joint2"): 9.0}),
+        (("base_tilt", "spring_joint1"), {("base_tilt", "spring_joint1"): 9.0, ("spring_joint1", "base_tilt"): 8.0}),
+        (("base_tilt", "spring_joint1"), {("base_tilt", "spring_joint1"): 0.5 * DISTINGUISHED}),
+    ],
+    ids=["simpler first", "richer first", "both directions", "first decides"],
+)
+def test_a_simpler_form_is_fitted_to_readings_of_the_richer_one(
+    pair: tuple[str, str], fits: Mapping[tuple[str, str], float]
+) -> None:
+    """Any other fit is an error, because `fits` contains only the necessary ones."""
+
+    class Release:
+        def apart_after_fit(self, name: str, other: str) -> float:
+            return fits[name, other]
+
+    release: Any = Release()
+    assert _apart_after_fits(release, *pair) == min(fits.values())

@@ -11,6 +11,7 @@ import pytest
 from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.gauss_newton import StopReason, fit
 from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.whitening import Disturbance
 from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
@@ -24,7 +25,7 @@ from dpr_lab.gap.which.forward import Beam, forward_selection
 from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.moves import START
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply, run
-from dpr_lab.gap.which.select import short_segments
+from dpr_lab.gap.which.select import forward, short_segments
 from dpr_lab.report.gap.trials_of_search import TRIAL_COLUMNS, trial_rows
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
@@ -203,12 +204,16 @@ def test_of_two_fits_of_a_set_the_better_one_is_kept(sets: FittedSets) -> None:
 
 
 @pytest.mark.slow
-def test_short_segments_propose_nothing_once_torque_noise_is_refuted(
+def test_a_search_ends_once_short_segments_refute_torque_noise(
     sets: FittedSets, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(Hypothesis, "far_from_noise", True)
+    torques = replace(sets, problem=replace(sets.problem, disturbance=Disturbance(*np.zeros((3, 0)))))
     assert list(short_segments(1).propose(sets, sets.bare))
-    monkeypatch.setattr("dpr_lab.gap.which.select.refutes_process_noise", lambda sets, model: bool(model.effects))
-    assert not list(short_segments(1).propose(sets, sets.bare))
+    assert not list(short_segments(1).propose(torques, sets.bare))
+    searched = forward(torques, 1)
+    assert searched.current is sets.bare
+    assert not searched.trace
 
 
 @pytest.mark.slow

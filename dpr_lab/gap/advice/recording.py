@@ -70,28 +70,25 @@ def _most_different(question: OpenQuestion, pairs: Sequence[tuple[str, str]]) ->
     for best in np.argsort(separations)[::-1].tolist():
         expected, separation = question.expected[best], separations[best]
         if question.one_class and separation >= DISTINGUISHED:
-            separation = min(separation, _apart_after_fits(expected, *pairs[0], separation))
+            separation = min(separation, _apart_after_fits(expected, *pairs[0]))
         if separation >= DISTINGUISHED:
             return expected, separation
     return None, 0.0
 
 
-def _apart_after_fits(expected: ExpectedRecording, name: str, other: str, separation: float) -> float:
-    """Fit each of two causes to readings simulated with the other cause, and return their remaining distance.
+def _apart_after_fits(expected: ExpectedRecording, name: str, other: str) -> float:
+    """Fit one of two causes to readings simulated with the other cause, and return their remaining distance.
 
-    A richer form can always imitate its simpler form, so the larger distance counts. Other causes are equivalent if
-    one of them can imitate the other. The smaller distance then counts, because a fit may end before its minimum.
-
-    The second fit is omitted if it cannot change the result. For a richer form, this is the case if the first distance
-    reaches `separation`, the distance before the fits. For other causes, it is the case if the first fit shows that
-    they are equivalent.
+    A richer form can imitate its simpler form, so only the simpler form is fitted to readings of the richer one. Other
+    causes are equivalent if one of them can imitate the other. Both directions are then tested, and the smaller
+    distance counts, because a fit may end before its minimum.
     """
-    one_is_richer = name in EFFECTS[other].nested or other in EFFECTS[name].nested
+    if name in EFFECTS[other].nested:
+        return expected.apart_after_fit(other, name)
     first = expected.apart_after_fit(name, other)
-    if first >= separation if one_is_richer else first < DISTINGUISHED:
+    if first < DISTINGUISHED or other in EFFECTS[name].nested:
         return first
-    second = expected.apart_after_fit(other, name)
-    return max(first, second) if one_is_richer else min(first, second)
+    return min(first, expected.apart_after_fit(other, name))
 
 
 def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior: Mapping[str, float]) -> Result:

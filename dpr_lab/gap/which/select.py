@@ -20,7 +20,7 @@ from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.alternatives import fit_alternatives
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
-from dpr_lab.gap.which.forward import forward_selection, refutes_process_noise
+from dpr_lab.gap.which.forward import forward_selection
 from dpr_lab.gap.which.local_minima import carried_over
 from dpr_lab.gap.which.moves import REFINE, REVISIONS, SHORT, START
 from dpr_lab.gap.which.removals import HELD_OUT
@@ -32,9 +32,15 @@ MOST_REVISIONS = 3
 
 
 def forward(sets: FittedSets, max_effects: int = 4) -> SearchState:
-    """Return the state of the search after forward selection of at most `max_effects` effects."""
-    start = short_segments(max_effects) if sets.bare.far_from_noise else START
-    return run((start, forward_selection(max_effects)), SearchState.bare(sets, max_effects))
+    """Return the state of the search after forward selection of at most `max_effects` effects.
+
+    If the short segments refute the noise of known torques, the search ends: it is repeated without this noise
+    (`dpr_lab.gap.corrections`).
+    """
+    is_far = sets.bare.far_from_noise
+    state = apply(short_segments(max_effects) if is_far else START, SearchState.bare(sets, max_effects))
+    refuted = is_far and not state.trace  # otherwise the move for short segments proposes a set
+    return state if refuted else apply(forward_selection(max_effects), state)
 
 
 def refined(state: SearchState) -> Selection:
@@ -78,8 +84,8 @@ def short_segments(max_effects: int) -> Move:
 
     The move applies far from the noise.
 
-    If forward selection refutes the noise of known torques, nothing is proposed: the search is repeated without this
-    noise (`dpr_lab.gap.corrections`). Full segments have fewer free initial states, so their residual is not smaller.
+    If the residual of the selected set is far above the noise of readings and known torques, the noise of these torques
+    is refuted, and nothing is proposed. Full segments have fewer free initial states, so their residual is not smaller.
 
     Args:
         max_effects: maximum number of effects
@@ -89,7 +95,7 @@ def short_segments(max_effects: int) -> Move:
     def propose(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
         short = sets.on_short()
         state = run(additions, SearchState.bare(short, max_effects))
-        if refutes_process_noise(state.sets.copied(), state.current):
+        if sets.problem.disturbance is not None and state.current.far_from_noise:
             return
         state = run(SHORT, state)
         model = carried_over(sets, state.current) if state.current.effects else sets.bare
