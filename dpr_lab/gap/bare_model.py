@@ -21,6 +21,9 @@ from dpr_lab.gap.screen.tracking_noise import tracking_noise
 from dpr_lab.identification.prior_update import assumed_b
 from dpr_lab.rig import Rig
 
+LESS_NOISE = 0.8
+"""Maximum ratio of a more likely noise of measured torques to the previous noise."""
+
 
 def nominal_ratios(rig: Rig) -> Array:
     """Return the (7,) ratios, b and p/b of the best known rig values."""
@@ -87,9 +90,7 @@ def _all_followed(recordings: Recordings, problem: Problem, bare: Fit) -> None:
         )
 
 
-def with_likeliest_noise(
-    recordings: Recordings, problem: Problem, model: Hypothesis, less: float = 0.8
-) -> Recordings | None:
+def with_likeliest_noise(recordings: Recordings, problem: Problem, model: Hypothesis) -> Recordings | None:
     """Return the recordings with a smaller noise of their measured torques.
 
     The result is None if this noise is not more likely. The likelihood of a noise is computed from the residuals of a
@@ -99,7 +100,7 @@ def with_likeliest_noise(
     if problem.disturbance is None or not before.any():
         return None
     noise = np.minimum(likeliest_noise(problem, model.fit), before)
-    if not (noise < less * before).any():
+    if not (noise < LESS_NOISE * before).any():
         return None
     return replace(recordings, torque_noise_Nm=(float(noise[0]), float(noise[1])))
 

@@ -23,7 +23,6 @@ from dpr_lab.gap.bare_model import with_likeliest_noise
 from dpr_lab.gap.damage.disturbances import without_jumps
 from dpr_lab.gap.damage.jumps import JUMP
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.moving_camera import explains_more as camera_explains_more
 from dpr_lab.gap.moving_camera import likeliest_camera
 from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
@@ -112,7 +111,7 @@ def _earlier_share(recordings: Recordings, model: Hypothesis) -> float:
     """
     if INPUT_DELAY.name not in model.effects or recordings.torques_earlier:
         return 0.0
-    early = -float(model.fit.estimate.params[param_index(INPUT_DELAY.name, "delay_s")])
+    early = -float(model.estimate.params[param_index(INPUT_DELAY.name, "delay_s")])
     intervals = [float(np.median(np.diff(r.setup.torques.t))) for r in recordings.records if r.setup.torques]
     share = early / max(intervals, default=np.inf)
     return min(share, ROWS.earlier) if 0.0 < share <= ROWS.earlier + ROWS.slack else 0.0
@@ -124,7 +123,7 @@ def _no_worse(before: Drafted, after: Drafted) -> bool:
     Differences within the noise are ignored.
     """
     held, earlier = before.search.current, after.search.current
-    return earlier.cost < held.cost + THRESHOLDS.chance * held.residuals.inflation
+    return earlier.cost < held.cost + held.chance
 
 
 def _jumps(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
@@ -134,7 +133,7 @@ def _jumps(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
     the model only if a reading shows them. The held-out runs remain as they were screened with the bare model: a model
     must not choose the readings that test it.
     """
-    estimate = model.fit.estimate
+    estimate = model.estimate
     if not any(record.screened.breaks for record in fitted.recordings.records):
         estimate = estimate.changed(params=without_events(estimate.params))
     recordings = without_jumps(fitted.recordings, estimate)

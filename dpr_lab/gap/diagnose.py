@@ -131,8 +131,8 @@ def _fitted(screened: ScreenedRuns) -> Fitted:
     request = screened.request
     _begin(request, "bare model")
     recordings, problem, bare = fit_bare_model(screened.recordings, request.start)
-    recordings = with_time_scale(recordings, bare.fit.estimate.ratios)
-    held_out = without_disturbances(screened.held_out, bare.fit.estimate.ratios)
+    recordings = with_time_scale(recordings, bare.estimate.ratios)
+    held_out = without_disturbances(screened.held_out, bare.estimate.ratios)
     held_out = replace(held_out, ratios=recordings.ratios, torque_noise_Nm=recordings.torque_noise_Nm)
     held_out = held_out.with_tracking(recordings.tracking).with_shutter(recordings.shutter)
     prediction = held_out_prediction(held_out, bare) if held_out.records else None
@@ -178,7 +178,7 @@ def _selected(drafted: Drafted) -> Selected:
         drafted = _drafted(changed)
         selection = refined(drafted.search)
     fitted, bare, chosen = drafted.fitted, selection.bare, selection.chosen
-    refuse_impossible_scale(chosen.fit.estimate.ratios, fitted.request.runs, fitted.request.rig, chosen.effects)
+    refuse_impossible_scale(chosen.estimate.ratios, fitted.request.runs, fitted.request.rig, chosen.effects)
     _begin(fitted.request, "classes")
     if bare is not fitted.bare:
         fitted = replace(fitted, bare=bare, places=locate(fitted.problem, bare))
@@ -195,7 +195,7 @@ def _transferred(selected: Selected) -> Transferred:
     rig, recordings, problem, chosen = fitted.request.rig, fitted.recordings, fitted.problem, selection.chosen
     _begin(fitted.request, "transfer")
     everything = recordings.only([*recordings.records, *fitted.held_out.records])
-    runs_by_model = {name: free_runs(everything, model.fit.estimate) for name, model in selection.models.items()}
+    runs_by_model = {name: free_runs(everything, model.estimate) for name, model in selection.models.items()}
     swings = free_swings(runs_by_model["before"], selection.bare)
     expected = expected_errors(swings, selection.bare.residuals.independent_noise)
     transferred = transfer(selected, runs_by_model, expected)
@@ -210,6 +210,5 @@ def _transferred(selected: Selected) -> Transferred:
         description=description(recordings.records, rig, problem, selection, transferred),
         remainder=remainder,
         gap=gap(selected, transferred, runs_by_model, budget, remainder),
-        covariance=covariance(problem, chosen, rig, remainder)
-        + second_moments(problem, chosen.fit, chosen.residuals.inflation),
+        covariance=covariance(problem, chosen, rig, remainder) + second_moments(problem, chosen.fit, chosen.inflation),
     )

@@ -59,7 +59,7 @@ def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
     """Return whether a rolling shutter correction improves the fit of a model."""
     if len(without.fit.linear.chi2_by_segment) != len(corrected.fit.linear.chi2_by_segment):
         return False
-    inflation = corrected.residuals.inflation
+    inflation = corrected.inflation
     chance = min(THRESHOLDS.chance * inflation, scatter(without, corrected))
     return without.cost - corrected.cost > chance + PENALTY.parameter * inflation
 
@@ -74,7 +74,7 @@ def _improved(recordings: Recordings, problem: Problem, model: Hypothesis, start
     columns = problem.whitened((before - after)[:, :, None] / (2 * SHUTTER.part * limit))
     others = [parameter for effect in ORDINARY for parameter in effect_parameters(effect, limits=problem.limits)]
     free = (*model.fit.free, *(parameter for parameter in others if parameter not in model.fit.free))
-    linear, fitted = linearise(problem, model.fit.estimate, free), len(free)
+    linear, fitted = linearise(problem, model.estimate, free), len(free)
     space = ColumnSpace.of(np.concatenate([linear.A, linear.projected(columns)], axis=2), linear.e)
     given = space.given(range(fitted), [fitted])
     step = given.solution(np.array([[-limit - start.delay], [limit - start.delay]]))

@@ -8,20 +8,19 @@ DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 """Bit of each dot of a braille character, by row and column (Unicode 2800 to 28FF)."""
 
 
-def text_chart(t: Array, y: Array, unit: str = "rad", width: int = 64, height: int = 6) -> list[str]:
+def text_chart(t: Array, y: Array, width: int = 64, height: int = 6) -> list[str]:
     """Draw a curve by `text_plot`, with its extreme values and a time axis.
 
     Args:
         t: (n,) increasing times, s
-        y: (n,) values, in `unit`
-        unit: unit of the values
+        y: (n,) angles, rad
         width: number of characters of the curve in a line
         height: number of lines of the curve
 
     Returns:
         the lines, top first; the last two are the time axis
     """
-    high, low = (f"{value:.3g} {unit}" for value in (float(y.max()), float(y.min())))
+    high, low = (f"{value:.3g} rad" for value in (float(y.max()), float(y.min())))
     labels = [high, *[""] * (height - 2), low]
     margin = max(map(len, labels))
     lines = [f"{label:>{margin}} │{line}" for label, line in zip(labels, text_plot(t, y, width, height), strict=True)]

@@ -180,8 +180,7 @@ def test_a_recording_of_another_rig_is_no_check() -> None:
 
 
 def test_a_candidate_that_cannot_be_simulated_is_excluded_with_finite_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
-    residuals = Mock(inflation=1.0)
-    fitted = {CLOCK: Mock(cost=10.0, residuals=residuals), "com_offset_link1": Mock(cost=np.inf, residuals=residuals)}
+    fitted = {CLOCK: Mock(cost=10.0, inflation=1.0), "com_offset_link1": Mock(cost=np.inf, inflation=1.0)}
     monkeypatch.setattr(recording, "_fitted", lambda *_: fitted)
     before = open_between(made(), "com_offset_link1")
     run = Mock(spec=Run, torque_kind="", sha256="")

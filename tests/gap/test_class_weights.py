@@ -50,7 +50,7 @@ def test_alternatives_are_weighted_by_their_costs_and_the_prior_of_a_drift(monke
     monkeypatch.setattr(posterior, "plausibility", lambda *_: 0.1)
     monkeypatch.setattr(posterior, "outside", lambda *_, **__: 0.2)
     selection: Any = Mock(
-        chosen=Mock(fit=Mock(estimate=Mock(params=effect_params({}))), residuals=Mock(inflation=INFLATION), cost=100.0),
+        chosen=Mock(estimate=Mock(params=effect_params({})), inflation=INFLATION, cost=100.0),
         without={NAME: None},
         tests_without={NAME: Mock(ranking=[])},
         cost_without=lambda *_: 100.0 + UNIT * np.log(5.0),
@@ -81,8 +81,8 @@ def test_an_alternative_of_two_effects_has_its_larger_probability(monkeypatch: p
 
 def place(fitted: dict[frozenset[str], Any] | None = None, **selection: Any) -> _Place:
     """Place of an effect in a set of two; the selected set has a cost of 100 and an inflation of 5."""
-    chosen = Mock(cost=100.0, key=frozenset({NAME, "base_tilt"}), residuals=Mock(inflation=INFLATION))
-    without = Mock(cost=1000.0, key=frozenset({"base_tilt"}), residuals=Mock(inflation=2.0))
+    chosen = Mock(cost=100.0, inflation=INFLATION, chance=30 * INFLATION, key=frozenset({NAME, "base_tilt"}))
+    without = Mock(cost=1000.0, key=frozenset({"base_tilt"}), inflation=2.0)
     values: dict[str, Any] = {"chosen": chosen, "without": {NAME: without}, "fitted": fitted or {}, "bare": Mock()}
     return _Place(Mock(**values | selection), NAME)
 

@@ -122,7 +122,7 @@ def test_detectable_size_is_five_standard_deviations_of_its_own_fit(recorded, ba
     least = detectable(base, tested(problem, base.fit, (EFFECTS["base_tilt"],)))["base_tilt"]["tilt_rad"]
     at = base.fit.estimate
     A, _ = fit(problem, at, free_parameters(at, ("base_tilt",), problem), iterations=0).linear.flat
-    std = np.sqrt(np.linalg.inv(A.T @ A)[-1, -1] * base.residuals.inflation)
+    std = np.sqrt(np.linalg.inv(A.T @ A)[-1, -1] * base.inflation)
     assert least == pytest.approx(5 * std, rel=1e-3)
 
 

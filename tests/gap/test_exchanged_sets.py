@@ -22,7 +22,7 @@ def costing(cost: float, *on_line: str) -> Any:
 
 def selection(*other: str, cost: float = 120.0, **fields: Any) -> Selection:
     """Result of a search that selected `CHOSEN` at a cost of 100 and also fitted one other set."""
-    chosen = Mock(key=CHOSEN, cost=100.0, residuals=Mock(inflation=1.0))
+    chosen = Mock(key=CHOSEN, cost=100.0, inflation=1.0)
     nothing: Any = dict.fromkeys(("bare", "final_test", "detectable", "without", "tests_without", "own_shares", "path"))
     fitted = {frozenset(other): costing(cost)}
     without: Any = {SCALE: costing(REMOVED)}
@@ -57,7 +57,7 @@ def test_a_simpler_form_with_another_effect_is_evidence_against_the_richer_form(
     simple = "encoder_offset_joint1"
     fitted: Any = {frozenset({simple, SCALE}): costing(120.0)}
     without: Any = {DRIFT: costing(REMOVED)}
-    chosen: Any = Mock(key=frozenset({DRIFT}), cost=100.0, residuals=Mock(inflation=1.0))
+    chosen: Any = Mock(key=frozenset({DRIFT}), cost=100.0, inflation=1.0)
     richer = replace(selection(), chosen=chosen, fitted=fitted, without_substitute=without)
     assert richer.cost_without(DRIFT) == 120.0
     assert richer.cost_without(DRIFT, [simple]) == REMOVED  # both forms are one class

@@ -15,6 +15,6 @@ def test_an_effect_of_any_size_hands_its_amplitudes_over(torque: float, monkeypa
     start = Estimate.of([1.0] * 7, effect_params({"stribeck_joint1": {"torque_Nm": torque}}), [[0.0] * 4])
     monkeypatch.setattr(substitutes, "refit", lambda problem, start, names, iterations: start)
     sets = cast(Any, SimpleNamespace(library=EFFECTS, problem=None))
-    model = cast(Any, SimpleNamespace(fit=SimpleNamespace(estimate=start), effects=("stribeck_joint1",)))
+    model = cast(Any, SimpleNamespace(estimate=start, effects=("stribeck_joint1",)))
     exchanged = cast(Any, substitutes._handed_over(sets, model, "stribeck_joint1", "coulomb_joint1"))
     assert exchanged.params[param_index("coulomb_joint1", "torque_Nm")] == torque

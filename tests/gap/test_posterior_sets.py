@@ -42,7 +42,7 @@ def test_a_set_of_lower_cost_is_as_probable_as_the_selected_one_at_most(
     result = refined(forward(sets))
     chosen = result.chosen
     assert chosen.effects == ("coulomb_joint2",)
-    unit = 2 * chosen.residuals.inflation * CALIBRATION.temperature
+    unit = 2 * chosen.inflation * CALIBRATION.temperature
     viscous = replace(chosen, effects=tuple(OTHER), curves={})
     worse, other = (costing(viscous, chosen.cost + sign * np.log(4.0) * unit) for sign in (1, -1))
 
@@ -77,7 +77,7 @@ def test_a_richer_form_of_the_named_effect_is_no_alternative_if_it_may_follow_th
     result = refined(forward(sets))
     chosen = result.chosen
     assert chosen.effects == (name,)
-    better = costing(replace(chosen, effects=(richer,), curves={}), chosen.cost - 20 * chosen.residuals.inflation)
+    better = costing(replace(chosen, effects=(richer,), curves={}), chosen.cost - 20 * chosen.inflation)
     near, far = (
         replace(result, bare=replace(base, residuals=replace(base.residuals, chi2=chi2)), fitted={better.key: better})
         for chi2 in (chosen.residuals.chi2 + 1e3, 1e8)
@@ -134,7 +134,7 @@ def test_a_drift_is_compared_with_an_offset_by_their_typical_sizes() -> None:
     offset, drift = EFFECTS["encoder_offset_joint1"], EFFECTS["encoder_drift_joint1"]
     params = effect_params({"encoder_offset_joint1": {"offset_rad": 5e-3}})
     assert [comparable_size(params, offset, p) for p in drift.amplitudes] == pytest.approx([5e-3, 5e-4])
-    chosen = Mock(fit=Mock(estimate=Mock(params=params)))
+    chosen = Mock(estimate=Mock(params=params))
     selection = Mock(chosen=chosen, final_test=Mock(ranking=[Mock(effect=drift)]))
     half = CALIBRATION.hidden * comparable_size(params, offset, drift.amplitudes[1])
     for rate, hidden in ((1e-3, (drift.name,)), (2e-4, ()), (half, ())):
@@ -146,9 +146,8 @@ def test_an_effect_that_the_fit_without_it_cannot_show_has_no_alternatives() -> 
     """Orders of cogging are proposed for the arc that the fitted swing covers, which is shorter in another fit."""
     name = "detent_joint1"
     params = effect_params({name: {"cos1_Nm": 1e-3}})
-    residuals = Mock(inflation=1.0, noise_ratio=0.1)
     selection = Mock(
-        chosen=Mock(fit=Mock(estimate=Mock(params=params)), residuals=residuals, cost=10.0, at_noise_floor=True),
+        chosen=Mock(estimate=Mock(params=params), inflation=1.0, cost=10.0, at_noise_floor=True),
         without={name: None},
         tests_without={name: ScoreTest(*[cast(Any, None)] * 5)},
         cost_without=lambda *_: 1000.0,

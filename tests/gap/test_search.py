@@ -188,8 +188,8 @@ def test_two_moves_that_request_the_same_fit_share_it(sets: FittedSets) -> None:
 
 @pytest.mark.slow
 def test_without_room_for_a_parameter_nothing_is_tested(sets: FittedSets) -> None:
-    fresh, most = replace(sets, _fits={}, _tests={}), len(sets.bare.fit.free)
-    assert not list(replacements._grown_to(fresh, fresh.bare, "", most=most, widest=1, chance=0.0))
+    fresh = replace(sets, _fits={}, _tests={})
+    assert not list(replacements._grown_to(fresh, fresh.bare, fresh.bare, "", 1))
     assert not fresh._tests
 
 

@@ -20,14 +20,11 @@ OFFSET, SPRING = "com_offset_link1", "spring_joint2"
 )
 def test_a_rod_does_not_hang_at_more_than_45_degrees_of_its_axis(monkeypatch, offset, std, off):
     """Gravity torque 0.3 N m with a mass of 1 kg: the centre of mass lies 31 mm along the rod."""
-    fit = Fake(
-        estimate=Fake(params=effect_params({OFFSET: {"offset_m": offset}}), ratios=np.full(7, 0.1)),
-        free=[Fake(effect=OFFSET)],
-    )
+    estimate = Fake(params=effect_params({OFFSET: {"offset_m": offset}}), ratios=np.full(7, 0.1))
     monkeypatch.setattr(sizes, "considered", lambda *_: np.array([[std**2]]))
     monkeypatch.setattr(sizes, "_gravity_torque", lambda *_: 3.0)
     problem: Any = Fake(model=Fake(constants=Fake(m1=1.0, g=9.81)))
-    model: Any = Fake(fit=fit, residuals=Fake(inflation=1.0))
+    model: Any = Fake(fit=Fake(free=[Fake(effect=OFFSET)]), estimate=estimate, inflation=1.0)
     assert sizes.off_axis(problem, model) == ((OFFSET,) if off else ())
 
 
@@ -54,8 +51,8 @@ def test_an_impossible_size_is_significant_beyond_two_standard_deviations(
     parameters = [Fake(effect=OFFSET, name=name, amplitude=True), Fake(effect=SPRING, name=name, amplitude=free)]
     monkeypatch.setattr(sizes, "considered", lambda *_: np.diag([1.0, std**2]))
     monkeypatch.setattr(sizes, "oversized", lambda *_: (SPRING,))
-    fit = Fake(estimate=Fake(params=effect_params({SPRING: {name: stiffness}})), free=parameters)
-    model: Any = Fake(fit=fit, residuals=Fake(inflation=1.0))
+    estimate = Fake(params=effect_params({SPRING: {name: stiffness}}))
+    model: Any = Fake(fit=Fake(free=parameters), estimate=estimate, inflation=1.0)
     assert sizes.significantly_oversized(model, None) == ((SPRING,) if impossible else ())
 
 
@@ -68,8 +65,8 @@ def test_gravity_lifts_a_rod_only_beyond_two_standard_deviations(monkeypatch, to
     free = ratio_parameters(estimate, [RATIOS.index("a/b"), RATIOS.index("e1/b")])
     monkeypatch.setattr(sizes, "considered", lambda *_: np.diag([100.0, std**2]))
     monkeypatch.setattr(sizes, "_gravity_torque", lambda *_: torque)
-    model: Any = Fake(fit=Fake(estimate=estimate, free=free), residuals=Fake(inflation=1.0))
+    model: Any = Fake(fit=Fake(free=free), estimate=estimate, inflation=1.0)
     problem: Any = Fake()
     assert sizes.rises(problem, model) is lifted
-    fixed: Any = Fake(fit=Fake(estimate=estimate, free=free[:1]), residuals=Fake(inflation=1.0))
+    fixed: Any = Fake(fit=Fake(free=free[:1]), estimate=estimate, inflation=1.0)
     assert not sizes.rises(problem, fixed)

@@ -25,12 +25,11 @@ def named(cubic: float, std: float, monkeypatch, *, library=SCALE, held: bool = 
     """Springs named as a scale error, for one of 0.1 N m/rad with a cubic term of a standard deviation."""
     params = effect_params({"spring_joint1": dict(zip(SIZES, (0.1, cubic), strict=True))})
     free = [Fake(effect="spring_joint1", name=name) for name in SIZES]
-    fit = Fake(estimate=Fake(params=params), free=free)
     monkeypatch.setattr(sizes, "considered", lambda *_: np.diag([1.0, std**2]))
     problem = Fake(segments=Fake(setups=(Mounted(held),)))
-    return springs_like_scale(
-        problem, library, Fake(effects=("spring_joint1",), fit=fit, residuals=Fake(inflation=1.0))
-    )
+    estimate = Fake(params=params)
+    model = Fake(effects=("spring_joint1",), fit=Fake(free=free), estimate=estimate, inflation=1.0)
+    return springs_like_scale(problem, library, model)
 
 
 @pytest.mark.parametrize("arc", [0.5, 1.5, 3.0])

@@ -52,8 +52,8 @@ def _of_fit(fitted: Hypothesis, effect: str, names: tuple[str, ...]) -> Interval
     places = _places(free, effect, names)
     if not places:
         return None
-    covariance = considered(fitted.fit, fitted.residuals.inflation)[np.ix_(places, places)]
-    return magnitude(np.array([free[i].read(fitted.fit.estimate) for i in places]), NORMAL_Q90**2 * covariance)
+    covariance = considered(fitted.fit, fitted.inflation)[np.ix_(places, places)]
+    return magnitude(np.array([free[i].read(fitted.estimate) for i in places]), NORMAL_Q90**2 * covariance)
 
 
 def _places(parameters: Sequence[FreeParameter], effect: str, names: tuple[str, ...]) -> list[int]:
@@ -69,6 +69,6 @@ def _of_score(test: ScoreTest, score: Score, chosen: Hypothesis, names: tuple[st
     places = _places([test.free[column] for column in score.columns], score.effect.name, names)
     if not places:
         return None
-    covariance = test.projected(score.columns).covariance()[np.ix_(places, places)] * chosen.residuals.inflation
+    covariance = test.projected(score.columns).covariance()[np.ix_(places, places)] * chosen.inflation
     covariance = covariance + np.diag((CHECK.linear_error * score.amplitudes[places]) ** 2)
     return magnitude(score.amplitudes[places], NORMAL_Q90**2 * covariance)

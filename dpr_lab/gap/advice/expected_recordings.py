@@ -116,7 +116,7 @@ def expected_recordings(recordings: Recordings, chosen: Hypothesis, names: Seque
 def _expected(
     recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease, names: Sequence[str]
 ) -> ExpectedRecording:
-    estimate = chosen.fit.estimate
+    estimate = chosen.estimate
     trial, initial = simulated_release(recordings, chosen, choice)
     always_free = [p for p in chosen.fit.free if p.block == "ratios" or p.effect in trial.always]
     parameters = {name: [*effect_parameters(EFFECTS[name])] for name in names}
@@ -159,7 +159,7 @@ def simulated_release(recordings: Recordings, chosen: Hypothesis, choice: Possib
         the problem with the simulated readings, and the initial state
     """
     t = THINNING.after_release_s + np.arange(int(choice.duration * RATE_HZ)) / RATE_HZ
-    estimate, like = chosen.fit.estimate, min(recordings.records, key=lambda recorded: recorded.setup.alone)
+    estimate, like = chosen.estimate, min(recordings.records, key=lambda recorded: recorded.setup.alone)
     start = np.array([[*choice.theta, 0.0, 0.0]])
     setup = replace(like.run.setup, added=choice.added)
     angles = predict(estimate.whole, estimate.params, recordings.constants, segments([t], setups=[setup]), start)

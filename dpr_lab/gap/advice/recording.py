@@ -44,7 +44,7 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
         if best is None:
             continue
         release = best.release
-        spread = np.sqrt(question.chosen.residuals.inflation * CALIBRATION.temperature)
+        spread = np.sqrt(question.chosen.inflation * CALIBRATION.temperature)
         bits = expected_bits([probability[about], probability[other]], separation / spread)
         check = question.check("recording", release.text, (about, other), bits)
         theta1, theta2 = release.theta
@@ -106,7 +106,7 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
     best = min(fitted.values(), key=lambda candidate: candidate.cost)
     if not np.isfinite(best.cost):
         raise RunError(f"no candidate of check {check.id} can be fitted to these runs: record the release again")
-    scale = 2 * best.residuals.inflation * CALIBRATION.temperature
+    scale = 2 * best.inflation * CALIBRATION.temperature
     worse = {name: (candidate.cost - best.cost) / scale for name, candidate in fitted.items()}
     # the density of a candidate that cannot be simulated is practically zero; its logarithm must be finite
     densities = {name: -float(np.nan_to_num(difference, posinf=1e6)) for name, difference in worse.items()}
@@ -133,7 +133,7 @@ def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: Chec
     recordings, problem, others_model = fit_bare_model(recordings, diagnosis.unknowns)
     others = {name: dict(values) for name, values in diagnosis.model_effects.items() if name != about}
     if others:
-        initial = others_model.fit.estimate.changed(params=effect_params(others))
+        initial = others_model.estimate.changed(params=effect_params(others))
         free = free_parameters(initial, tuple(others), problem)
         others_model = hypothesis(problem, others, fit(problem, initial, free, iterations=CHECK.iterations))
     known = recorded(recordings.records, problem, others_model.fit)

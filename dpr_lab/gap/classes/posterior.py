@@ -42,7 +42,6 @@ from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 from dpr_lab.gap.hypothesis.imitation import follows_decay, is_dismissed, substitute_curve
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.hypothesis.significance import adds_less_than_remains, form_indifference, indifference
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.selected import Selection
 
 
@@ -97,10 +96,10 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
         plausibilities, forms = _class_members(place, named_score, others)
         rest = {other: others[other] for other in others if other not in plausibilities and other not in forms}
         alternatives = _alternatives(place, named_score, rest)
-    prior = np.array([plausibility(chosen.fit.estimate.params, name), *plausibilities.values()])
+    prior = np.array([plausibility(chosen.estimate.params, name), *plausibilities.values()])
     costs = [_added_cost(place, alternative) for alternative in alternatives]
     added_cost = np.array([0.0, *costs, selection.cost_without(name, plausibilities) - chosen.cost])
-    scaled = -added_cost / (2 * chosen.residuals.inflation * CALIBRATION.temperature)
+    scaled = -added_cost / (2 * chosen.inflation * CALIBRATION.temperature)
     weights = np.exp(np.clip(scaled, -CALIBRATION.negligible, CALIBRATION.negligible))
     weights[1:-1] *= [_prior_odds(place, alternative.name) for alternative in alternatives]
     of_outside = outside(selection, name, members=plausibilities)
@@ -190,7 +189,7 @@ def _in_one_class(place: _Place, score: Score, other: Score) -> bool:
 
 def _hidden(selection: Selection, effect: Effect) -> tuple[str, ...]:
     """Return those richer forms of an effect whose additional parameters are undetectable in the recordings."""
-    params = selection.chosen.fit.estimate.params
+    params = selection.chosen.estimate.params
     return tuple(
         form.name
         for form in (score.effect for score in selection.final_test.ranking if effect.name in score.effect.nested)
@@ -210,7 +209,7 @@ def _adds_nothing(place: _Place, richer: str) -> bool:
     """
     selection, fitted = place.selection, place.filled(richer)
     score = selection.final_test.of(richer)
-    better = fitted is not None and fitted.cost_at(selection.chosen.residuals.inflation) < selection.chosen.cost
+    better = fitted is not None and fitted.cost_at(selection.chosen.inflation) < selection.chosen.cost
     if score is None or richer in selection.chosen.effects or better:
         return False
     added = linear_exclusions(selection.final_test, score, selection.detectable.get(richer, {}))
@@ -224,7 +223,7 @@ def _plausibility(place: _Place, score: Score) -> float:
     """
     fitted = place.filled(score.effect.name)
     if fitted is not None:
-        return plausibility(fitted.fit.estimate.params, score.effect.name)
+        return plausibility(fitted.estimate.params, score.effect.name)
     params = effect_params({})
     for name, value in score.named_amplitudes.items():
         params[param_index(score.effect.name, name)] = value
@@ -247,10 +246,10 @@ def _alternatives(place: _Place, named: Score, others: Mapping[str, Score]) -> l
 def _cost(place: _Place, score: Score) -> float:
     chosen, without, fitted = place.selection.chosen, place.without, place.filled(score.effect.name)
     if fitted is not None:  # for every set, the residual of the selected set counts as noise
-        return fitted.cost_at(chosen.residuals.inflation)
-    price = PENALTY.parameter * without.residuals.inflation * (len(score.columns) + len(score.effect.shapes))
+        return fitted.cost_at(chosen.inflation)
+    price = PENALTY.parameter * without.inflation * (len(score.columns) + len(score.effect.shapes))
     # a linear score is too optimistic: the cost of an effect that was not fitted is at least `near`
-    near = chosen.cost + THRESHOLDS.chance * chosen.residuals.inflation
+    near = chosen.cost + chosen.chance
     return max(without.cost - score.gain + price, near)
 
 
@@ -276,7 +275,7 @@ def _added_cost(place: _Place, alternative: Alternative) -> float:
     added = max(alternative.cost - chosen.cost, 0.0)
     if place.name not in EFFECTS[alternative.name].nested:
         return added
-    return added + form_indifference(place.selection.bare, chosen) - THRESHOLDS.chance * chosen.residuals.inflation
+    return added + form_indifference(place.selection.bare, chosen) - chosen.chance
 
 
 def _prior_odds(place: _Place, other: str) -> float:

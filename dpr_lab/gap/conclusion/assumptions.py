@@ -63,7 +63,7 @@ def assumptions(state: Transferred, least: Mapping[str, Mapping[str, float | Non
 
 def _length(state: Transferred) -> str:
     """Return a sentence that states whether L1 is the measured length or was fitted within its uncertainty."""
-    rig, estimate = state.fitted.recordings.rig, state.selection.chosen.fit.estimate
+    rig, estimate = state.fitted.recordings.rig, state.selection.chosen.estimate
     if rig.rig.L1_std is None:
         return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are as measured."
     name = next(name for name in state.fitted.problem.always if EFFECTS[name].corrects == "L1")
@@ -127,7 +127,7 @@ def _torque_noise(state: Transferred) -> list[str]:
 
 def _zeros(state: Transferred) -> list[str]:
     """Return the sentence about the fitted zeros of encoders that are zeroed before each recording."""
-    runs, zeros = state.fitted.recordings.records, 1e3 * state.selection.chosen.fit.estimate.zeros
+    runs, zeros = state.fitted.recordings.records, 1e3 * state.selection.chosen.estimate.zeros
     texts = [
         f"{record.run.name}: {offsets[0]:.3g} and {offsets[1]:.3g}"
         for record, offsets in zip(runs, zeros, strict=False)

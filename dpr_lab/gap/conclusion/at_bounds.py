@@ -90,11 +90,12 @@ def _farthest(room: Array, direction: Array) -> float:
     return float(ahead.min(initial=np.inf))
 
 
-def _mean_square(slope: float, curvature: float, farthest: float, *, reach: float = 8.0) -> float:
+def _mean_square(slope: float, curvature: float, farthest: float) -> float:
     """Return the second moment E[u^2] of the density exp(slope u - curvature u^2 / 2) on 0 <= u <= farthest.
 
-    The density is cut off where it is negligible, at `reach` standard deviations.
+    The density is cut off at eight standard deviations, where it is negligible.
     """
+    reach = 8.0
     std, falling = max(curvature, 1e-300) ** -0.5, max(-slope, 1e-300)
     beyond = max(slope, 0.0) / max(curvature, 1e-300) + reach * std
     u = np.linspace(0.0, min(farthest, beyond, reach**2 / 2 / falling), 1000)

@@ -22,7 +22,7 @@ from dpr_lab.identification.scaling.scale import Scale
 def named_effect(state: Transferred, posterior: EffectPosterior, scale: Scale) -> NamedEffect:
     """Describe a selected effect: class, sizes, and share of the excess chi-square."""
     selection = state.selection
-    values = named_params(selection.chosen.fit.estimate.params).get(posterior.name, {})
+    values = named_params(selection.chosen.estimate.params).get(posterior.name, {})
     errors = {name: state.intervals.get((posterior.name, name), 0.0) for name in values}
     return NamedEffect.model_validate(
         {

@@ -67,7 +67,7 @@ def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
         if model is not chosen and _may_be_true(selection, model)
     }
     models = {**others, chosen.key: chosen}
-    span = 2 * chosen.residuals.inflation * CALIBRATION.temperature
+    span = 2 * chosen.inflation * CALIBRATION.temperature
     weights = {key: float(np.exp(-_worse(model, chosen) / span)) for key, model in models.items()}
     ranked = sorted(models, key=lambda key: (-weights[key], key != chosen.key))
     most_likely = [key for key in ranked if weights[key] >= MIXTURE.least * sum(weights.values())][: MIXTURE.most]
@@ -94,7 +94,7 @@ def _worse(model: Hypothesis, chosen: Hypothesis) -> float:
     search, so it is at most as probable as the selected set. If a set has more effects than the selected set, each
     further effect was the best of hundreds. It must therefore explain more than would be expected by chance.
     """
-    inflation = chosen.residuals.inflation
+    inflation = chosen.inflation
     further = max(len(model.effects) - len(chosen.effects), 0)
     return max(model.cost_at(inflation) - chosen.cost_at(inflation), 0.0) + further * THRESHOLDS.chance * inflation
 
@@ -107,11 +107,11 @@ def _component(
     if not np.isfinite(spread).all():
         return None
     free = [_name(model.fit.free[i]) for i in places]
-    ratios = dict(zip(SCALED, model.fit.estimate.ratios.tolist(), strict=False))
+    ratios = dict(zip(SCALED, model.estimate.ratios.tolist(), strict=False))
     return PosteriorComponent(
         probability=probability,
         ratios={name: value for name, value in ratios.items() if name in RATIOS or name in free},
-        effects=named_params(model.fit.estimate.params),
+        effects=named_params(model.estimate.params),
         free=free,
         covariance=spread.tolist(),
         between=between_recordings(problem, model.fit)[np.ix_(places, places)].tolist(),

@@ -50,7 +50,7 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
     probable = () if withheld or (kind == "inconclusive" and not candidates) else state.posteriors
     named = [named_effect(state, posterior, assumed) for posterior in shown] if names_causes else []
     named_families = families(state.fitted.problem, state.selection, named)
-    estimate, residuals, setups = chosen.fit.estimate, chosen.residuals, state.fitted.problem.segments.setups
+    estimate, residuals, setups = chosen.estimate, chosen.residuals, state.fitted.problem.segments.setups
     sizes, all_ratios = named_params(estimate.params), ratios(state)
     shown_ratios, of_ratios = determined(state)
     alone = only_inner(setups)
@@ -104,7 +104,7 @@ def _shutter(state: Transferred) -> RollingShutter | None:
 
 def _checks(state: Transferred, advice: Sequence[NextStep], named: Sequence[str], scale: Scale) -> list[AdvisedCheck]:
     """Return all checks of the advice in their order, with an identifier that is unique among diagnoses."""
-    estimate = state.selection.chosen.fit.estimate
+    estimate = state.selection.chosen.estimate
     digest = hashlib.sha256(estimate.ratios.tobytes() + estimate.params.tobytes()).hexdigest()[:4]
     checks = merged(check for step in advice for check in step.checks if check.about in named)
     return [
@@ -134,7 +134,7 @@ def _sensor_findings(state: Transferred) -> list[SensorFinding]:
 
     Steps that a fitted effect explains are left out.
     """
-    values = named_params(state.selection.chosen.fit.estimate.params)
+    values = named_params(state.selection.chosen.estimate.params)
     hidden = [0.0, 0.0, 0.0]
     for name, effect in EFFECTS.items():
         if effect.hides_step is not None and name in values:

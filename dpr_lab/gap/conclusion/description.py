@@ -112,7 +112,7 @@ def _wrong_gravity(rig: Rig, selection: Selection) -> str:
         return ""
     (effect,) = chosen
     assert effect.exported is not None
-    added = effect.exported(named_params(selection.chosen.fit.estimate.params)[effect.name])["added_length"]
+    added = effect.exported(named_params(selection.chosen.estimate.params)[effect.name])["added_length"]
     g = rig.g * rig.L1 / (rig.L1 + added)
     if not rig.rig.on_earth(g):
         return ""
@@ -130,7 +130,7 @@ def _delay_within_row(problem: Problem, selection: Selection) -> str:
     """
     if INPUT_DELAY.name not in selection.chosen.effects:
         return ""
-    delay = named_params(selection.chosen.fit.estimate.params)[INPUT_DELAY.name]["delay_s"]
+    delay = named_params(selection.chosen.estimate.params)[INPUT_DELAY.name]["delay_s"]
     for torques in (setup.torques for setup in problem.segments.setups if setup.torques):
         interval, ranges = float(np.median(np.diff(torques.t))), np.ptp(torques.joints, axis=0)
         changes = np.median(np.abs(np.diff(torques.joints, axis=0)), axis=0)

@@ -40,10 +40,10 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
         return ""
     smaller = (chosen.key - {name} for name in chosen.effects)
     # in the selected set, an effect of the angle has changed the gravity torque
-    bare = selection.bare.fit.estimate.ratios
+    bare = selection.bare.estimate.ratios
     tried = [(factor, _scaled_fit(problem, chosen, bare, factor, names)) for names in smaller for factor in SCALES]
     factor, best = min(tried, key=lambda pair: pair[1].cost)
-    if best.cost > chosen.cost + THRESHOLDS.chance * chosen.residuals.inflation or not _closes(best, selection):
+    if best.cost > chosen.cost + chosen.chance or not _closes(best, selection):
         return ""
     joint, coupled = 2 if rig.rods.mounted == "outer" else 1, rig.rods.mounted == "both"
     counts = rig.encoders.counts_per_rev[joint]
@@ -80,7 +80,7 @@ def _scaled_fit(
         measured=joints.of_rods(turned),
         weight=problem.weight / np.array([factor, 1.0 if joints.relative2 else factor]),
     )
-    estimate, params = chosen.fit.estimate, chosen.fit.estimate.params
+    estimate, params = chosen.estimate, chosen.estimate.params
     for name in chosen.key - effects:
         params = without_effect(params, name)
     moved = estimate.initial[:, [0, 0, 2, 2]] - np.array([np.pi, np.pi, 0.0, 0.0])

@@ -23,7 +23,7 @@ def ratios(state: Transferred) -> dict[str, Interval]:
     The interval of a friction ratio contains no negative values. The same applies to an interval that the bounds of the
     rig file widen.
     """
-    values = state.selection.chosen.fit.estimate.ratios[: len(RATIOS)].tolist()
+    values = state.selection.chosen.estimate.ratios[: len(RATIOS)].tolist()
     reaches = np.array([state.intervals.get(("", name), 0.0) for name in RATIOS])
     prior_variance = by_unseen_ratios(state.fitted.problem, state.selection.chosen, state.fitted.recordings.rig)
     reaches = np.hypot(reaches, NORMAL_Q90 * np.sqrt(prior_variance)).tolist()
@@ -63,13 +63,13 @@ def scale(state: Transferred) -> Scale:
 
     If only the inner rod is mounted, the value of a is stated instead.
     """
-    setups, unknown = state.fitted.problem.segments.setups, state.selection.chosen.fit.estimate.ratios
+    setups, unknown = state.fitted.problem.segments.setups, state.selection.chosen.estimate.ratios
     of_b = _scale_b(state)
     return of_b.as_inertia("a", alone_share(unknown)) if only_inner(setups) else of_b
 
 
 def _scale_b(state: Transferred) -> Scale:
-    rig, unknown, intervals = state.fitted.recordings.rig, state.selection.chosen.fit.estimate.ratios, state.intervals
+    rig, unknown, intervals = state.fitted.recordings.rig, state.selection.chosen.estimate.ratios, state.intervals
     b = float(unknown[SCALE])
     if ("", "b") in intervals:
         setups = state.fitted.problem.segments.setups
@@ -78,7 +78,7 @@ def _scale_b(state: Transferred) -> Scale:
         reach = float(np.hypot(intervals["", "b"], NORMAL_Q90 * b * of_drive))
         return Scale(b=b, interval90=(max(b - reach, 1e-3 * b), b + reach), fixed_by="data", constants_std=of_drive)
     visible = [i for i, name in enumerate(UNKNOWN_RATIOS) if ("", name) in intervals]
-    assumed = assumed_b(state.selection.bare.fit.estimate.ratios, rig)
+    assumed = assumed_b(state.selection.bare.estimate.ratios, rig)
     return scale_of(assumed.model_copy(update={"value": b}), unknown, rig, visible)
 
 

@@ -41,28 +41,28 @@ def covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrep
         rig: measured constants
         remainder: discrepancy term of the fit, which also shifts the values
     """
-    before = problem.predict(model.fit.estimate)
-    shifts = [other.predict(model.fit.estimate) - before for other in _otherwise(problem, rig)]
+    before = problem.predict(model.estimate)
+    shifts = [other.predict(model.estimate) - before for other in _otherwise(problem, rig)]
     # a segment that cannot be simulated contains no information
     changes = [problem.whitened(np.nan_to_num(shift)) for shift in shifts]
     if remainder is not None:
         changes += list(np.moveaxis(remainder.columns, 2, 0))
-    return considered(model.fit, model.residuals.inflation, changes)
+    return considered(model.fit, model.inflation, changes)
 
 
-def by_unseen_ratios(problem: Problem, model: Hypothesis, rig: Rig, *, share: float = 1e-3) -> Array:
+def by_unseen_ratios(problem: Problem, model: Hypothesis, rig: Rig) -> Array:
     """Return the (5,) variance of the ratios due to the undetermined ratios.
 
     Args:
         problem: segments and noise
         model: a fitted set of effects
         rig: nominal values and bounds
-        share: increment of an undetermined ratio for a derivative, as a fraction of its prior standard deviation
     """
-    before = problem.predict(model.fit.estimate)
+    before = problem.predict(model.estimate)
     variance = np.array(prior_ratio_std(rig)) ** 2
     columns = {p.place: i for i, p in enumerate(model.fit.free) if p.block == "ratios" and p.place < len(RATIOS)}
     variance[list(columns)] = 0.0
+    share = 1e-3  # increment for the derivative by a ratio, in prior standard deviations
     for other in _other_ratios(problem, model, share):
         change = problem.whitened(np.nan_to_num((problem.predict(other) - before) / share))
         variance[list(columns)] += shifted(model.fit, change)[list(columns.values())] ** 2
@@ -83,9 +83,9 @@ def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator
     if problem.prior is None:
         return
     for step in np.linalg.cholesky(problem.prior.covariance[np.ix_(fixed, fixed)]).T:
-        ratios = model.fit.estimate.ratios.copy()
+        ratios = model.estimate.ratios.copy()
         ratios[fixed] += share * step
-        yield model.fit.estimate.changed(ratios=ratios)
+        yield model.estimate.changed(ratios=ratios)
 
 
 def _otherwise(problem: Problem, rig: Rig) -> Iterator[Problem]:

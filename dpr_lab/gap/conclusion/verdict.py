@@ -94,19 +94,22 @@ def _verdict(state: Transferred) -> Verdict:
     if not chosen.effects:
         return "no_gap" if small(chosen) and not _only_held_out(transferred) else "unexplained"
     complete = share >= THRESHOLDS.explained or chosen.at_noise_floor
-    most = max(posterior.probability for posterior in posteriors)
-    sure = most >= VERDICT.sure
-    tested = transferred.tested and transferred.basis != "one release"
-    transfers = not tested or (not transferred.withdrawn and shows_reduction(transferred))
-    transfers = transfers and not transferred.worse_free_run
-    if chosen.residuals.z < VERDICT.noise and complete and sure and transfers and not transferred.oversized:
+    sure = max(posterior.probability for posterior in posteriors) >= VERDICT.sure
+    if chosen.residuals.z < VERDICT.noise and complete and sure and _passes_all_tests(transferred):
         return "named"
-    no_reduction = fitted_only(posteriors, transferred)
     likely = any(cause.outside <= VERDICT.outside * cause.probability for cause in listed_causes(posteriors))
-    if (complete or share >= VERDICT.partly_share) and not no_reduction and likely:
+    if (complete or share >= VERDICT.partly_share) and likely and not fitted_only(posteriors, transferred):
         return "partly_explained"
     only_expected = set(chosen.effects) <= selection.expected
     return "no_gap" if small(selection.bare) and only_expected else "unexplained"
+
+
+def _passes_all_tests(transferred: Transfer) -> bool:
+    """Return whether neither sizes nor free runs nor other recordings contradict the effects."""
+    if transferred.worse_free_run or transferred.oversized:
+        return False
+    tested = transferred.tested and transferred.basis != "one release"
+    return not tested or (not transferred.withdrawn and shows_reduction(transferred))
 
 
 def small(model: Hypothesis) -> bool:

@@ -93,7 +93,7 @@ class _Refit:
         change = problem.whitened(np.nan_to_num(other.predict(fit.estimate) - problem.predict(fit.estimate)))
         step = shifted(fit, change)
         remaining = fit.linear.projected(change[:, :, None])[:, :, 0] + fit.linear.A @ step
-        return cls(step, float((1 + np.sum(remaining**2) / model.residuals.inflation) ** -0.5))
+        return cls(step, float((1 + np.sum(remaining**2) / model.inflation) ** -0.5))
 
     def variance(self, swings: FreeSwings, changes: Sequence[Array], factor: float) -> list[Array]:
         """Return the (n, 2) squared change of each free run after the refit, rad^2.

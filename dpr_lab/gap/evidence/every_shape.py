@@ -71,7 +71,7 @@ class AllShapes:
             return None
         blocks: list[Array] = []
         for sets in swings.sets(effect, values):
-            of_block = _union(sets, self.model.residuals.inflation)
+            of_block = _union(sets, self.model.inflation)
             if of_block is None:
                 return None
             blocks.append(of_block)
@@ -81,12 +81,12 @@ class AllShapes:
     @cached_property
     def _whole(self) -> "_Swings":
         """Swings of the whole recordings."""
-        return _Swings.of(self.problem, self.model.fit.estimate, FittedColumns.of(self.model.fit.linear))
+        return _Swings.of(self.problem, self.model.estimate, FittedColumns.of(self.model.fit.linear))
 
     @cached_property
     def _beginnings(self) -> "_Swings":
         """Swings at the beginning of the recordings, in which frequencies are tested."""
-        problem, estimate = _beginning(self.problem, self.model.fit.estimate)
+        problem, estimate = _beginning(self.problem, self.model.estimate)
         return _Swings.of(problem, estimate, FittedColumns.of(linearise(problem, estimate, self.model.fit.free)))
 
 

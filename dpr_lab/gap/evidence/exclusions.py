@@ -57,4 +57,4 @@ def _intervals(all_shapes: AllShapes, score: Score, given: ColumnSpace) -> dict[
         return dict(zip((p.name for p in score.effect.amplitudes), every, strict=True))
     if score.effect.shapes and len(score.columns) > 1:
         return {}
-    return dict(zip(names, joint_intervals(given, all_shapes.model.residuals.inflation) or (), strict=False))
+    return dict(zip(names, joint_intervals(given, all_shapes.model.inflation) or (), strict=False))

@@ -40,7 +40,7 @@ def detectable(model: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, 
         model: the fitted model
         test: score test of the model
     """
-    spread = SIGMAS * model.residuals.inflation**0.5
+    spread = SIGMAS * model.inflation**0.5
     least: dict[str, dict[str, float | None]] = {}
     for score in test.ranking:
         remaining_shares = np.diag(test.projected(score.columns).H)

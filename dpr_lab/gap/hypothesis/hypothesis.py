@@ -8,13 +8,7 @@ import numpy as np
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.friction_drift import FRICTION_DRIFT
 from dpr_lab.effects.limits import relative_size
-from dpr_lab.fitting.estimate import (
-    Estimate,
-    FreeParameter,
-    effect_parameters,
-    ratio_parameters,
-    visible_ratios,
-)
+from dpr_lab.fitting.estimate import Estimate, FreeParameter, effect_parameters, ratio_parameters, visible_ratios
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import folds, predictive_loss
@@ -65,7 +59,7 @@ class Hypothesis:
 
         The penalty is multiplied by the variance inflation.
         """
-        return self.cost_at(self.residuals.inflation)
+        return self.cost_at(self.inflation)
 
     def cost_at(self, inflation: float) -> float:
         """Return the cost of the set for the variance inflation of another set.
@@ -87,6 +81,21 @@ class Hypothesis:
         for name, size in self.curves.items():
             penalty += 2 * len(EFFECTS[name].amplitudes) * float(np.log(max(size / PENALTY.ordinary, 1.0)))
         return penalty
+
+    @property
+    def estimate(self) -> Estimate:
+        """Fitted values of all unknowns."""
+        return self.fit.estimate
+
+    @property
+    def inflation(self) -> float:
+        """Variance inflation of the residuals, n / n_eff: chi2 of one independent reading."""
+        return self.residuals.inflation
+
+    @property
+    def chance(self) -> float:
+        """Maximum reduction of chi2 that is attributed to chance."""
+        return THRESHOLDS.chance * self.inflation
 
     @property
     def bounded_excess(self) -> float:

@@ -18,7 +18,7 @@ def is_dismissed(bare: Hypothesis, other: Hypothesis, chosen: Hypothesis) -> boo
     """
     if follows_swing(bare, other, chosen):
         return True
-    dearer = other.cost_at(chosen.residuals.inflation) > chosen.cost
+    dearer = other.cost_at(chosen.inflation) > chosen.cost
     return dearer and curve_follows_remainder(bare, other, chosen)
 
 
@@ -34,8 +34,7 @@ def curve_follows_remainder(bare: Hypothesis, with_curve: Hypothesis, simple: Hy
     explained = bare.bounded_excess - with_curve.bounded_excess
     if bare.bounded_excess - simple.bounded_excess < THRESHOLDS.nearly_all * explained:
         return False
-    inflation = simple.residuals.inflation
-    return simple.cost - with_curve.cost_at(inflation) < THRESHOLDS.chance * inflation
+    return simple.cost - with_curve.cost_at(simple.inflation) < simple.chance
 
 
 def follows_swing(bare: Hypothesis, vibrating: Hypothesis, other: Hypothesis) -> bool:

@@ -29,6 +29,8 @@ class Refits:
     Far from the noise, the residual is an error of the model, and the costs of two sets differ by factors. A change of
     a thousandth is then irrelevant. The fit of the selected set is continued to its minimum.
     """
+    without: int = 15
+    """Maximum number of iterations of the fit of a set without one effect."""
     lost: float = 10.0
     """Maximum ratio of chi2 at the linear prediction to chi2 of the original set.
 
@@ -64,23 +66,6 @@ def refit(
     return hypothesis(problem, effects, end)
 
 
-def started_with(
-    problem: Problem,
-    before: Hypothesis,
-    test: ScoreTest,
-    score: Score,
-    iterations: int = 0,
-    settings: GaussNewton = PRELIMINARY,
-) -> Iteration:
-    """Add one effect at the linear solution of its score test, and iterate a few times."""
-    linear = test.linear.chosen([*test.fitted_columns, *score.columns])
-    first = descend(problem, shaped(before, score), score.free, iterations=1, first=linear)
-    if not iterations:
-        return first
-    free = free_parameters(first.estimate, (*before.effects, score.effect.name), problem)
-    return descend(problem, first.estimate, free, iterations=iterations, predicted=first.predicted, settings=settings)
-
-
 def best_start(
     problem: Problem, before: Hypothesis, test: ScoreTest, scores: Sequence[Score], iterations: int
 ) -> Iteration:
@@ -88,10 +73,14 @@ def best_start(
 
     Each of these fits starts from another shape of the effect.
     """
-    best = started_with(problem, before, test, scores[0], iterations)
-    for score in scores[1:]:
-        race = replace(PRELIMINARY, to_beat=best.chi2)
-        best = min(best, started_with(problem, before, test, score, iterations, race), key=lambda end: end.chi2)
+    best: Iteration | None = None
+    for score in scores:
+        first = _started_with(problem, before, test, score)
+        free = free_parameters(first.estimate, (*before.effects, score.effect.name), problem)
+        race = PRELIMINARY if best is None else replace(PRELIMINARY, to_beat=best.chi2)
+        end = descend(problem, first.estimate, free, iterations=iterations, predicted=first.predicted, settings=race)
+        best = end if best is None else min(best, end, key=lambda fitted: fitted.chi2)
+    assert best is not None
     return best
 
 
@@ -104,9 +93,15 @@ def refit_with(
     start: Iteration | None = None,
 ) -> Hypothesis:
     """Fit a set with one additional effect, from its linear score or from `start`."""
-    start = start or started_with(problem, before, test, score)
+    start = start or _started_with(problem, before, test, score)
     effects = (*before.effects, score.effect.name)
     return refit(problem, start.estimate, effects, iterations=iterations, predicted=start.predicted)
+
+
+def _started_with(problem: Problem, before: Hypothesis, test: ScoreTest, score: Score) -> Iteration:
+    """Add one effect at the linear solution of its score test."""
+    linear = test.linear.chosen([*test.fitted_columns, *score.columns])
+    return descend(problem, shaped(before, score), score.free, iterations=1, first=linear)
 
 
 def refit_with_from_short(
@@ -133,7 +128,7 @@ def refit_with_from_short(
     short_start = replace(shaped(before, score), initial=initial)
     short_fit = descend(short_problem, short_start, score.free, iterations=iterations, settings=PRELIMINARY)
     initial_states = carried(
-        short_problem.segments, short_fit.estimate.initial, problem.segments, before.fit.estimate.initial
+        short_problem.segments, short_fit.estimate.initial, problem.segments, before.estimate.initial
     )
     start = short_fit.estimate.changed(initial=initial_states)
     return refit(problem, start, (*before.effects, score.effect.name), iterations, settings=settings)
@@ -141,21 +136,19 @@ def refit_with_from_short(
 
 def shaped(before: Hypothesis, score: Score) -> Estimate:
     """Return the estimate of a fit with the shape parameters of a score."""
-    params = before.fit.estimate.params.copy()
+    params = before.estimate.params.copy()
     for index, value in score.shape:
         params[index] = value
-    return before.fit.estimate.changed(params=params)
+    return before.estimate.changed(params=params)
 
 
-def refit_without(
-    problem: Problem, before: Hypothesis, effect: str, bare: Hypothesis, iterations: int = 15
-) -> Hypothesis:
+def refit_without(problem: Problem, before: Hypothesis, effect: str, bare: Hypothesis) -> Hypothesis:
     """Refit a set without one effect, starting from the linearised solution.
 
     If b is not identifiable without the effect, its value is taken from the bare model.
     """
     names = tuple(name for name in before.effects if name != effect)
-    free, linear, estimate = before.fit.free, before.fit.linear, before.fit.estimate
+    free, linear, estimate = before.fit.free, before.fit.linear, before.estimate
     removed = np.array([-p.read(estimate) if p.effect == effect and p.amplitude else 0.0 for p in free])
     remaining = [i for i, parameter in enumerate(free) if parameter.effect != effect]
     A, e = linear.flat
@@ -166,7 +159,7 @@ def refit_without(
     predicted, of_without = problem.predict(start), problem.predict(without)
     if not problem.chi2_by_segment(predicted).sum() < REFITS.lost * problem.chi2_by_segment(of_without).sum():
         start, predicted = without, of_without
-    b = bare.fit.estimate.ratios[SCALE]
+    b = bare.estimate.ratios[SCALE]
     if start.ratios[SCALE] != b and not scale_visible(names, problem):
-        return refit(problem, start.changed(ratios=with_scale(start.ratios, b)), names, iterations=iterations)
-    return refit(problem, start, names, iterations, predicted)
+        start, predicted = start.changed(ratios=with_scale(start.ratios, b)), None
+    return refit(problem, start, names, REFITS.without, predicted)

@@ -148,8 +148,9 @@ def lone_readings(problem: Problem, estimate: Estimate) -> Flags:
     return off > np.maximum(np.maximum(ASSUMPTIONS.lone, ASSUMPTIONS.lone_among * usual), 2 * across)
 
 
-def _off_a_line(values: Array, width: int = 7) -> Array:
-    """Return the (n, 2) deviation of each value from a robust line through the `width` values around it."""
+def _off_a_line(values: Array) -> Array:
+    """Return the (n, 2) deviation of each value from a robust line through the seven values around it."""
+    width = 7
     if len(values) < width:
         return np.zeros_like(values)
     begin = np.clip(np.arange(len(values)) - width // 2, 0, len(values) - width)

@@ -30,7 +30,7 @@ def indifference(
 
     Chance or the steps of the integrator can cause such a difference.
     """
-    return max(independent * model.residuals.inflation, share * (bare.residuals.chi2 - model.residuals.chi2))
+    return max(independent * model.inflation, share * (bare.residuals.chi2 - model.residuals.chi2))
 
 
 def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
@@ -42,13 +42,13 @@ def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> flo
     """
     limit = _significance(bare, before, after)
     if before.at_noise_floor:
-        limit += max(before.residuals.inflation - after.residuals.inflation, 0.0) * before.penalty
+        limit += max(before.inflation - after.inflation, 0.0) * before.penalty
     return limit if after.at_noise_floor else min(limit, scatter(before, after))
 
 
 def _significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
     if not before.effects:
-        return THRESHOLDS.chance * after.residuals.inflation
+        return after.chance
     if after.at_noise_floor and not before.at_noise_floor:
         return indifference(bare, after, share=THRESHOLDS.integrator_at_floor)
     chance = THRESHOLDS.chance_at_floor if before.at_noise_floor else THRESHOLDS.chance
@@ -98,7 +98,7 @@ def need(described: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float
     """
     loss = smaller.cost - model.cost
     if model.at_noise_floor:
-        return loss / (THRESHOLDS.chance * model.residuals.inflation)
+        return loss / model.chance
     growth, factor = smaller.residuals.excess - model.bounded_excess, smaller.residuals.excess / model.bounded_excess
     if loss > scatter(smaller, model):  # even if another effect is much larger, this effect improves every segment
         return factor / THRESHOLDS.slow

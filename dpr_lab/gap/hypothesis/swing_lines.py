@@ -33,6 +33,8 @@ class LineSettings:
     """
     resolution: float = 0.5
     """Half width of a spectral line, in units of the inverse duration of the recording."""
+    equal: float = 0.1
+    """Maximum relative difference between the amplitudes of equal releases."""
     swings: int = 2
     """Minimum number of half swings for the estimate of a frequency."""
 
@@ -99,12 +101,12 @@ def one_decay(problem: Problem) -> bool:
     return bool((last[order][:-1] <= first[order][1:]).all()) or _equal_releases(problem)
 
 
-def _equal_releases(problem: Problem, tolerance: float = 0.1) -> bool:
-    """Return whether one rod swings from the same angle in all runs, within a relative tolerance."""
+def _equal_releases(problem: Problem) -> bool:
+    """Return whether one rod swings from about the same angle in all runs."""
     segments = problem.segments
     if not all(setup.alone for setup in segments.setups):
         return False
     from_hanging = np.abs(problem.measured[:, 0] - np.pi)
     of_segment = np.maximum.reduceat(from_hanging, segments.offsets[:-1])
     widest = [of_segment[segments.run == run].max() for run in np.unique(segments.run)]
-    return min(widest) > (1 - tolerance) * max(widest)
+    return min(widest) > (1 - LINES.equal) * max(widest)

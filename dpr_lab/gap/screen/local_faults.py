@@ -198,7 +198,7 @@ def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tu
     return int(places[best % len(places)]), size
 
 
-def _spline(t: Array, y: Array, instants: Array, sweeps: int = 40) -> Array:
+def _spline(t: Array, y: Array, instants: Array) -> Array:
     """Evaluate the cubic spline through readings at some times; the ends have not-a-knot conditions.
 
     The slopes s of the spline at the readings make the curvature continuous. With spacings h and difference quotients
@@ -206,8 +206,8 @@ def _spline(t: Array, y: Array, instants: Array, sweeps: int = 40) -> Array:
 
         s_i = 1.5 (w d_i-1 + (1 - w) d_i) - 0.5 (w s_i-1 + (1 - w) s_i+1),    w = h_i / (h_i-1 + h_i)
 
-    Each sweep halves the error. The result is that of scipy's CubicSpline, whose import takes longer than the screening
-    of a run.
+    Each of forty sweeps halves the error. The result is that of scipy's CubicSpline, whose import takes longer than the
+    screening of a run.
     """
     h = np.diff(t)
     d = np.diff(y) / h
@@ -219,7 +219,7 @@ def _spline(t: Array, y: Array, instants: Array, sweeps: int = 40) -> Array:
     left[0], right[0], known[0] = 0.0, 1 - w[0], 2 * known[0] - w[0] * first
     left[-1], right[-1], known[-1] = w[-1], 0.0, 2 * known[-1] - (1 - w[-1]) * last
     s = np.gradient(y, t)
-    for _ in range(sweeps):
+    for _ in range(40):
         s[1:-1] = known - left * s[:-2] - right * s[2:]
     s[0], s[-1] = first - s[1] / w[0], last - s[-2] / (1 - w[-1])
     i = np.clip(np.searchsorted(t, instants, side="right") - 1, 0, len(h) - 1)

@@ -109,7 +109,7 @@ def gap_torque(problem: Problem, model: Hypothesis) -> dict[str, float]:
     In every segment, a torque in each joint is fitted to the residual. This torque is piecewise linear in time. The
     variance that noise alone would cause is subtracted.
     """
-    along, linear = trajectory(problem, model.fit.estimate, spacing=TRAJECTORY.coarse_s), model.fit.linear
+    along, linear = trajectory(problem, model.estimate, spacing=TRAJECTORY.coarse_s), model.fit.linear
     places = np.concatenate([np.linspace(0, TORQUE_HATS - 1, count) for count in np.diff(along.edges)])
     # hat functions of time in each segment
     hats = np.maximum(0.0, 1 - np.abs(places[:, None] - np.arange(TORQUE_HATS)))
@@ -145,8 +145,8 @@ def by_horizon(
 
 def _at_other_length(problem: Problem, initial: Array, working: Problem, model: Hypothesis) -> dict[str, float]:
     """Return the rms residual of a model above the noise, rad, by axis, for segments of another length."""
-    states = carried(working.segments, model.fit.estimate.initial, problem.segments, initial)
-    fitted = fit(problem, model.fit.estimate.changed(initial=states), (), settings=TWO_DIGITS)
+    states = carried(working.segments, model.estimate.initial, problem.segments, initial)
+    fitted = fit(problem, model.estimate.changed(initial=states), (), settings=TWO_DIGITS)
     return _above_noise(problem, fitted, residual_statistics(problem, fitted).level)
 
 

@@ -89,11 +89,11 @@ def left_out(recordings: Recordings, problem: Problem) -> OutOfSample:
 def held_out_prediction(recordings: Recordings, bare: Hypothesis) -> OutOfSample:
     """Predict whole recordings that the diagnosis did not fit."""
     problem, initial = recordings.cut(recordings.working_length)
-    states = descend(problem, bare.fit.estimate.changed(initial=initial), (), iterations=20).estimate.initial
+    states = descend(problem, bare.estimate.changed(initial=initial), (), iterations=20).estimate.initial
 
     @cache
     def chi2(model: Hypothesis) -> Array:
-        estimate = model.fit.estimate  # counts that were lost in a fitted run do not affect other runs
+        estimate = model.estimate  # counts that were lost in a fitted run do not affect other runs
         estimate = estimate.changed(initial=states, params=without_events(estimate.params))
         fitted = descend(problem, estimate, (), iterations=20)
         return problem.chi2_by_segment(problem.predict(fitted.estimate))

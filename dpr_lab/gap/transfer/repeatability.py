@@ -238,7 +238,8 @@ class _Parts:
     def left_out(self, freed: Sequence[int] = ()) -> Array:
         """Return the (segments,) chi2 of the prediction from the other recordings.
 
-        The columns `freed` are fitted to the predicted recording itself.
+        The columns `freed` are fitted to the predicted recording itself. In contrast to
+        `cross_validation.left_out_chi2`, they have separate values in all recordings.
         """
         removed = [*self.own, *freed]
         parts, chi2 = [_without(part, removed) for part in self.by_fold], np.zeros(len(self.e))

@@ -58,27 +58,18 @@ def transfer(state: Selected, runs_by_model: Mapping[str, FreeRuns], expected: M
     """
     recordings, problem, selection = state.fitted.recordings, state.fitted.problem, state.selection
     held_out, rng = state.fitted.held_out_prediction, np.random.default_rng(state.fitted.request.seed)
-    basis: Basis = "held-out runs" if held_out else "releases left out"
-    if not held_out and len(recordings.records) == 1:
-        basis = "one release"
     test = _Test(held_out or left_out(recordings, problem), selection.chosen.residuals.level, rng)
     tested = held_out is not None or len(test.data.dof) >= FOLDS.quarters
     models: dict[str, Hypothesis] = {"": selection.bare, **selection.without_substitute}
     chosen = test.above_noise(selection.chosen)
     pairs = {name: np.stack([test.above_noise(model), chosen]) for name, model in models.items()}
     shares = {name: test.by_run(pair) for name, pair in pairs.items()}
-    of_fitted_runs = shares[""]
-    if held_out:
-        of_others = _Test(left_out(recordings, problem), test.level, rng)
-        ends = np.stack([of_others.above_noise(model) for model in (selection.bare, selection.chosen)])
-        of_fitted_runs = of_others.by_run(ends)
+    of_fitted_runs = _Test(left_out(recordings, problem), test.level, rng).of_set(selection) if held_out else shares[""]
     closed = test.reduction(pairs[""])
-    least_kept = TRANSFER.kept * (_of_fitted(closed, selection) if closed.value >= TRANSFER.comparable else 1.0)
-    failed = tuple(
-        name
-        for name, smaller in selection.without_substitute.items()
-        if tested and not test.carries_over(pairs[name], least_kept * _share_of_fitted(smaller, selection.chosen))
-    )
+    failed = tuple(_failed(test, selection, pairs, closed)) if tested else ()
+    basis: Basis = "held-out runs" if held_out else "releases left out"
+    if not held_out and len(recordings.records) == 1:
+        basis = "one release"
     before, after = (runs_by_model[name].errors for name in ("before", "after"))
     of_gap, of_noise = float(pairs[""][0].sum()), float(test.noise.sum())
     return Transfer(
@@ -161,6 +152,10 @@ class _Test:
         """
         return {name: self.reduction(pair, rows) for name, rows in self.data.runs}
 
+    def of_set(self, selection: Selection) -> dict[str, Interval]:
+        """Return for each run the share of its gap that the selected set closes."""
+        return self.by_run(np.stack([self.above_noise(model) for model in (selection.bare, selection.chosen)]))
+
     def carries_over(self, pair: Array, least: float) -> bool:
         """Return whether an effect improves the prediction and closes enough of the gap.
 
@@ -170,6 +165,21 @@ class _Test:
         if not helps or pair[0].sum() < TRANSFER.gap_from * self.noise.sum():
             return helps
         return self.reduction(pair).interval90[1] >= least
+
+
+def _failed(test: _Test, selection: Selection, pairs: Mapping[str, Array], closed: Interval) -> Iterator[str]:
+    """Yield the effects that do not carry over.
+
+    Args:
+        test: data that were not fitted
+        selection: the selected set of effects
+        pairs: (2, segments) excess chi2 without and with each effect
+        closed: share of the gap that all effects together close
+    """
+    least_kept = TRANSFER.kept * (_of_fitted(closed, selection) if closed.value >= TRANSFER.comparable else 1.0)
+    for name, smaller in selection.without_substitute.items():
+        if not test.carries_over(pairs[name], least_kept * _share_of_fitted(smaller, selection.chosen)):
+            yield name
 
 
 def _helps(test: OutOfSample, chi2: Array) -> bool:

@@ -87,7 +87,7 @@ def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
     linear = model.fit.linear
     if model.at_noise_floor or not np.isfinite(linear.residual).all():
         return None
-    reference = trajectory(problem, model.fit.estimate, spacing=TRAJECTORY.coarse_s)
+    reference = trajectory(problem, model.estimate, spacing=TRAJECTORY.coarse_s)
     groups, M = _scaled(problem, model.fit, reference)
     if not groups:
         return None
@@ -98,7 +98,7 @@ def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
     gradient = space.gradient / space.scale
     eigen, vectors = np.linalg.eigh(H)
     eigen, along_each = np.maximum(eigen, 0.0), (vectors.T @ gradient) ** 2
-    n = model.residuals.chi2 / model.residuals.inflation  # number of independent readings of unit variance
+    n = model.residuals.chi2 / model.inflation  # number of independent readings of unit variance
     total = float(np.sum(linear.e**2))
 
     def cost(ridge: float) -> float:

@@ -46,7 +46,7 @@ def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:
     """
     if bare.residuals.z < SIGNIFICANT:
         return ()
-    reference = trajectory(problem, bare.fit.estimate, spacing=TRAJECTORY.coarse_s)
+    reference = trajectory(problem, bare.estimate, spacing=TRAJECTORY.coarse_s)
     places = [
         _place(problem, bare, reference, free_functions(problem, reference, joint, kind, coordinate))
         for joint, kind, coordinate in _maps(problem)
@@ -91,7 +91,7 @@ def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, free: Free
     projected = linear.projected(free.readings(problem, reference))
     space = ColumnSpace.of(np.concatenate([linear.A, projected], axis=2), linear.e)
     space = space.given(slice(0, fitted), slice(fitted, None))
-    values, std = space.solution(), np.sqrt(np.diag(space.covariance()) * bare.residuals.inflation)
+    values, std = space.solution(), np.sqrt(np.diag(space.covariance()) * bare.inflation)
     share = float(np.clip((space.gain() - len(space)) / bare.residuals.excess, 0.0, 1.0))
     site = ALL_AXES[free.joint].replace("joint", "encoder") if free.kind == "error" else ALL_AXES[free.joint]
     return Where(

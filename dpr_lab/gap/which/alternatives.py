@@ -57,7 +57,7 @@ def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]
     margin = indifference(sets.bare, chosen)
     for name in sets.unexpected(chosen):
         smaller = sets.without(chosen, name)
-        test, plausibility_here = sets.test(smaller), plausibility(chosen.fit.estimate.params, name)
+        test, plausibility_here = sets.test(smaller), plausibility(chosen.estimate.params, name)
         if (score := test.of(name)) is None:
             continue
         for other in test.ranking:
@@ -65,7 +65,7 @@ def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]
             if model is None or model.key == chosen.key or abs(model.cost - chosen.cost) > margin:
                 continue
             if test.indistinguishable(score, other):
-                yield Proposal(model, plausibility(model.fit.estimate.params, other.effect.name) / plausibility_here)
+                yield Proposal(model, plausibility(model.estimate.params, other.effect.name) / plausibility_here)
 
 
 def _far_more_plausible(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
@@ -98,7 +98,7 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
         test = sets.test(smaller)
         for score in _indistinguishable(test, name):
             other = escaped(sets, sets.with_one(smaller, score))
-            if other.cost - chosen.cost > THRESHOLDS.chance * chosen.residuals.inflation:
+            if other.cost - chosen.cost > chosen.chance:
                 imaged(sets, chosen, name, score)
         for score in test.ranking[: EFFORT.replacements]:
             if score.effect.name != name and smaller.cost - score.gain < chosen.cost:

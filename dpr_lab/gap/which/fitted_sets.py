@@ -17,16 +17,9 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.robust import relative_chi2
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.hypothesis.imitation import substitute_curve
-from dpr_lab.gap.hypothesis.refits import (
-    beating,
-    best_start,
-    refit_with,
-    refit_with_from_short,
-    refit_without,
-)
+from dpr_lab.gap.hypothesis.refits import beating, best_start, refit_with, refit_with_from_short, refit_without
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, score_test
 from dpr_lab.gap.hypothesis.steps import recorded
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.sizes import off_axis, rises, significantly_oversized, springs_like_scale
@@ -148,7 +141,7 @@ class FittedSets:
         If a previous test lacks some of these effects, it is repeated with all effects, for the same fit.
         """
         test = self._tests.get(model.key)
-        chance = THRESHOLDS.chance * model.residuals.inflation
+        chance = model.chance
         outdated = test is not None and test.fit.chi2 - model.fit.chi2 > chance
         if test is None or outdated or not effects <= test.tested:
             self.on_progress(ScoreTestBegan(model.effects))
@@ -172,7 +165,7 @@ class FittedSets:
         failed = model.far_from_noise and model.fit.chi2 - larger.fit.chi2 < EFFORT.achieved * score.gain
         if failed and not self.is_short:
             short = self.on_short()
-            cut = short.problem, short.bare.fit.estimate.initial
+            cut = short.problem, short.bare.estimate.initial
             from_short = refit_with_from_short(self.problem, cut, model, score, EFFORT.short, beating(larger))
             larger = min(larger, from_short, key=_chi2)
         return self.keep(larger)
@@ -200,7 +193,7 @@ class FittedSets:
         """
         if not self._short:
             cut, initial = self.recordings.cut(LENGTHS.first)
-            start = self.bare.fit.estimate.changed(initial=initial)
+            start = self.bare.estimate.changed(initial=initial)
             bare = hypothesis(cut, (), fit(cut, start, free_parameters(start, (), cut), iterations=EFFORT.fine))
             self._short.append(
                 FittedSets(self.recordings, cut, self.library, bare, self.on_progress, self.expected, is_short=True)

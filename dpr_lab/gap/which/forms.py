@@ -53,7 +53,7 @@ def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: st
     score = test.of(effect)
     if score is None:
         return None
-    reference, linear = trajectory(problem, smaller.fit.estimate), test.linear
+    reference, linear = trajectory(problem, smaller.estimate), test.linear
     forms = linear.projected(
         np.concatenate(
             [_other_forms(problem, reference, smaller, name, score.effect) for name in smaller.effects], axis=2
@@ -76,7 +76,7 @@ def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, nam
 
     Forms that contain the tested effect are left out.
     """
-    effect, estimate = EFFECTS[name], model.fit.estimate
+    effect, estimate = EFFECTS[name], model.estimate
     if effect.stage == "load":
         (joint,) = effect.joints
         force = joint_force(problem, reference, joint)

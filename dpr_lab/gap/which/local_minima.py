@@ -24,16 +24,16 @@ def _escaped(sets: FittedSets, model: Hypothesis) -> Hypothesis:
         model = _better(sets, without_outstanding(sets.problem, model.fit, settings=PRELIMINARY), model)
     if not model.at_noise_floor and model.effects and not sets.is_short:
         short = sets.on_short()
-        start = model.fit.estimate.changed(initial=short.bare.fit.estimate.initial)
+        start = model.estimate.changed(initial=short.bare.estimate.initial)
         near = preliminary_fit(short.problem, start, model.fit.free, iterations=EFFORT.rough)
-        long = _lengthened(sets, near, model.fit.estimate.initial, iterations=EFFORT.fine)
+        long = _lengthened(sets, near, model.estimate.initial, iterations=EFFORT.fine)
         model = _better(sets, without_outstanding(sets.problem, long, settings=beating(model)), model)
     return model
 
 
 def carried_over(sets: FittedSets, short: Hypothesis) -> Hypothesis:
     """Fit a set to the working segments, starting from its fit to short segments."""
-    long = _lengthened(sets, short.fit, sets.bare.fit.estimate.initial, iterations=2 * EFFORT.fine)
+    long = _lengthened(sets, short.fit, sets.bare.estimate.initial, iterations=2 * EFFORT.fine)
     return escaped(sets, hypothesis(sets.problem, short.effects, long))
 
 
@@ -59,12 +59,12 @@ def _in_best_order(sets: FittedSets, model: Hypothesis) -> Hypothesis:
     for index, scan in orders:
         best = None
         while best is not model:
-            best, order = model, model.fit.estimate.params[index]
+            best, order = model, model.estimate.params[index]
             for other in (order - 1.0, order + 1.0):
                 if other in scan:
-                    params = best.fit.estimate.params.copy()
+                    params = best.estimate.params.copy()
                     params[index] = other
-                    start = best.fit.estimate.changed(params=params)
+                    start = best.estimate.changed(params=params)
                     near = fit(sets.problem, start, model.fit.free, iterations=EFFORT.fine, settings=beating(model))
                     model = _better(sets, near, model)
     return model

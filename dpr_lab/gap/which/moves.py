@@ -31,15 +31,11 @@ def _with_known_effects(sets: FittedSets, current: Hypothesis) -> Iterator[Propo
         yield Proposal(escaped(sets, model))
 
 
-def _known(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    return Decision(True, "present in every rig of this kind")
-
-
 START = Move(
     "known effects",
     "effects that every rig of this kind has are included first, as far as the recordings show them",
     _with_known_effects,
-    _known,
+    lambda *_: Decision(True, "present in every rig of this kind"),
 )
 
 
@@ -47,12 +43,12 @@ def _converged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose the set with a converged fit, without effects whose fitted size is zero."""
     model = sets.fits[current.key]
     if model.effects and not model.fit.converged:
-        refitted = fit(sets.problem, model.fit.estimate, model.fit.free, iterations=2 * EFFORT.fine)
+        refitted = fit(sets.problem, model.estimate, model.fit.free, iterations=2 * EFFORT.fine)
         model = sets.keep(hypothesis(sets.problem, model.effects, refitted))
-    present = tuple(name for name in model.effects if name in named_params(model.fit.estimate.params))
+    present = tuple(name for name in model.effects if name in named_params(model.estimate.params))
     if len(present) < len(model.effects):
-        free = free_parameters(model.fit.estimate, present, sets.problem)
-        smaller = fit(sets.problem, model.fit.estimate, free, iterations=EFFORT.fine)
+        free = free_parameters(model.estimate, present, sets.problem)
+        smaller = fit(sets.problem, model.estimate, free, iterations=EFFORT.fine)
         model = sets.keep(hypothesis(sets.problem, present, smaller))
     if model is not current:
         yield Proposal(model)

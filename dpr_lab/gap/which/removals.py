@@ -41,15 +41,11 @@ def _as_likely(sets: FittedSets, model: Hypothesis, grown: Hypothesis) -> bool:
     return model.at_noise_floor and model.cost - grown.cost < significance(sets.bare, model, grown)
 
 
-def _adequate(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    return Decision(True, "fewer effects explain nearly as much")
-
-
 SMALLEST_ADEQUATE = Move(
     "smallest adequate set",
     "an earlier, smaller set that explains nearly as much replaces the current one",
     _smaller_adequate,
-    _adequate,
+    lambda *_: Decision(True, "fewer effects explain nearly as much"),
 )
 
 

@@ -19,20 +19,18 @@ def _richer(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 
     The score test must show a contribution of the richer form.
     """
-    chance = THRESHOLDS.chance * current.residuals.inflation
     test = sets.test(current)
     for score in test.ranking:
         inner = [name for name in score.effect.nested if name in current.effects]
-        if inner and score.gain > chance:
+        if inner and score.gain > current.chance:
             with_both = refit_with(sets.problem, current, test, score, iterations=EFFORT.fine)
             richer = sets.keep(refit_without(sets.problem, with_both, inner[0], sets.bare))
-            yield Proposal(escaped(sets, richer) if current.cost - richer.cost > chance else richer)
+            yield Proposal(escaped(sets, richer) if current.cost - richer.cost > current.chance else richer)
 
 
 def _better_than_chance(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    chance = THRESHOLDS.chance * current.residuals.inflation
-    better = current.cost - proposal.model.cost > chance
-    return Decision(better, f"the criterion falls by {'more' if better else 'less'} than {chance:.3g}")
+    better = current.cost - proposal.model.cost > current.chance
+    return Decision(better, f"the criterion falls by {'more' if better else 'less'} than {current.chance:.3g}")
 
 
 RICHER_FORM = Move(
@@ -82,7 +80,7 @@ def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
         room, replaced = len(current.fit.free) - len(simpler.fit.free), current.key - simpler.key
         others = (score for score in sets.test(simpler).ranking if score.effect.name not in replaced)
         score = next((score for score in others if len(score.columns) <= room), None)
-        if score is not None and score.gain > THRESHOLDS.chance * current.residuals.inflation:
+        if score is not None and score.gain > current.chance:
             yield Proposal(sets.with_one(simpler, score))
 
 
@@ -91,32 +89,25 @@ def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal
 
     On a small arc a curve of many parameters imitates a tilt, friction and drag together, and is selected first.
     """
-    chance = THRESHOLDS.chance * current.residuals.inflation
     for name in sets.unexpected(current):
         if name not in current.curves:
             continue
         model = sets.without(current, name)
         if current.curves[name] > PENALTY.ordinary:
             yield from _next_to(sets, model, name)
-        most = len(current.fit.free) - 1
-        for widest in (1, most):
-            yield from _grown_to(sets, model, name, most=most, widest=widest, chance=chance)
+        for widest in (1, len(current.fit.free)):
+            yield from _grown_to(sets, current, model, name, widest)
 
 
-def _grown_to(
-    sets: FittedSets, model: Hypothesis, curve: str, *, most: int, widest: int, chance: float
-) -> Iterator[Proposal]:
-    """Propose sets that extend a set by the best further effects, one at a time.
+def _grown_to(sets: FittedSets, current: Hypothesis, model: Hypothesis, curve: str, widest: int) -> Iterator[Proposal]:
+    """Propose sets that extend a set without the curve by the best further effects, one at a time.
 
-    Each added effect has at most `widest` parameters. The extended set has at most `most` parameters.
+    Each added effect has at most `widest` parameters. The extended set has fewer parameters than the current one.
     """
-    while True:
-        room = min(most - len(model.fit.free), widest)
-        if room < 1:
-            return
+    while (room := min(len(current.fit.free) - 1 - len(model.fit.free), widest)) > 0:
         ranking = (score for score in sets.test(model).ranking if score.effect.name != curve)
         score = next((score for score in ranking if len(score.columns) <= room), None)
-        if score is None or score.gain < chance:
+        if score is None or score.gain < current.chance:
             return
         model = sets.with_one(model, score)
         if sets.possible(model):

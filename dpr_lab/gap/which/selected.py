@@ -98,7 +98,7 @@ class Selection:
         forms = {other for other, effect in EFFECTS.items() if same.intersection((other, *effect.nested))}
         forms.update(self.misleading)
         exchanged = (
-            model.cost_at(chosen.residuals.inflation)
+            model.cost_at(chosen.inflation)
             for key, model in self.fitted.items()
             if key.isdisjoint(forms) and (not rest <= key or len(key - rest) > 1)
             if key not in self.impossible and len(key - self.expected) <= self.max_effects

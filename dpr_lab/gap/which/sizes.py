@@ -47,7 +47,7 @@ SIZES = ("stiffness_Nm_per_rad", "cubic_Nm_per_rad3")
 
 def errors(model: Hypothesis) -> Array:
     """Return the (free,) half widths of the intervals of the fitted values of a set."""
-    return RULES.deviations * np.sqrt(np.diag(considered(model.fit, model.residuals.inflation)))
+    return RULES.deviations * np.sqrt(np.diag(considered(model.fit, model.inflation)))
 
 
 def significantly_oversized(model: Hypothesis, limits: Array | None) -> tuple[str, ...]:
@@ -59,7 +59,7 @@ def significantly_oversized(model: Hypothesis, limits: Array | None) -> tuple[st
         model: the fitted set
         limits: (SIZE,) maximum sizes; None: no limits
     """
-    params = model.fit.estimate.params
+    params = model.estimate.params
 
     def possible(name: str) -> bool:
         effect, sizes = EFFECTS[name], named_params(params)[name]
@@ -101,12 +101,12 @@ def off_axis(problem: Problem, model: Hypothesis) -> tuple[str, ...]:
     """
     effect, constants = COM_OFFSET_LINK1, problem.model.constants
     free = [i for i, parameter in enumerate(model.fit.free) if parameter.effect == effect.name]
-    torque, sizes = _gravity_torque(problem, model), named_params(model.fit.estimate.params)
+    torque, sizes = _gravity_torque(problem, model), named_params(model.estimate.params)
     if not free or torque is None or effect.name not in sizes:
         return ()
     (offset,) = sizes[effect.name].values()
     least = constants.m1 * constants.g * (abs(offset) - errors(model)[free[0]])
-    return (effect.name,) if least > torque * model.fit.estimate.ratios[SCALE] else ()
+    return (effect.name,) if least > torque * model.estimate.ratios[SCALE] else ()
 
 
 def rises(problem: Problem, model: Hypothesis) -> bool:
@@ -127,7 +127,7 @@ def _gravity_torque(problem: Problem, model: Hypothesis) -> float | None:
 
     The result is None if no inner rod is mounted, or if there is no gravity.
     """
-    estimate, constants = model.fit.estimate, problem.model.constants
+    estimate, constants = model.estimate, problem.model.constants
     setups = [setup for setup in set(problem.segments.setups) if setup.mounting != "outer"]
     if not (setups and constants.g > 0.0):
         return None
@@ -153,7 +153,7 @@ def springs_like_scale(problem: Problem, library: Container[str], model: Hypothe
     for spring, scale in zip(SPRINGS, ENCODER_SCALES, strict=True):
         if spring not in model.effects or scale not in library:
             continue
-        stiffness, cubic = model.fit.estimate.params[[param_index(spring, name) for name in SIZES]]
+        stiffness, cubic = model.estimate.params[[param_index(spring, name) for name in SIZES]]
         free = [i for i, p in enumerate(model.fit.free) if (p.effect, p.name) == (spring, SIZES[1])]
         like_scale = (
             free and abs(cubic - RULES.softening * stiffness) < RULES.tolerance * abs(RULES.softening) * stiffness

@@ -45,11 +45,11 @@ def _handed_over(sets: FittedSets, model: Hypothesis, effect: str, other: str) -
     Rods that hardly move stick even at the smallest Coulomb friction. Its derivative at zero is then no search
     direction.
     """
-    params = model.fit.estimate.params.copy()
+    params = model.estimate.params.copy()
     values = named_params(params).get(effect, {})  # empty if its fitted size is zero
     for parameter in sets.library[other].amplitudes:
         params[param_index(other, parameter.name)] = values.get(parameter.name, 0.0)
-    start = model.fit.estimate.changed(params=without_effect(params, effect))
+    start = model.estimate.changed(params=without_effect(params, effect))
     names = tuple(other if name == effect else name for name in model.effects)
     return refit(sets.problem, start, names, EFFORT.fine)
 

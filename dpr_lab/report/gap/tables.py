@@ -108,13 +108,13 @@ def causes(diagnosis: Diagnosis) -> dict[str, NamedEffect]:
     }
 
 
-def summary_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, *, brief: bool = False) -> list[tuple[str, ...]]:
+def summary_rows(diagnosis: Diagnosis, *, brief: bool = False) -> list[tuple[str, ...]]:
     """Return one row for each probable cause, in the columns `SUMMARY_COLUMNS`.
 
     `brief` is passed to `sizes_cell`.
     """
     return [
-        (words, sizes_cell(diagnosis, effect, angles, brief=brief), percent(effect.probability))
+        (words, sizes_cell(diagnosis, effect, brief=brief), percent(effect.probability))
         for words, effect in causes(diagnosis).items()
     ]
 
