@@ -38,8 +38,8 @@ def likeliest_camera(recordings: Recordings, problem: Problem, model: Hypothesis
     """
     if not all(record.may_be_film for record in recordings.records):
         return 0.0
-    predicted = problem.predict(model.fit.estimate)
-    slopes = problem.slopes(model.fit.estimate, model.fit.free, predicted)
+    predicted = problem.predict(model.estimate)
+    slopes = problem.slopes(model.estimate, model.fit.free, predicted)
 
     def cost(angle_rad: float) -> float:
         squares, volume = restricted(replace(problem, camera_rad=angle_rad), model.fit, predicted, slopes)
@@ -62,9 +62,9 @@ def explains_more(problem: Problem, fixed: Hypothesis, other_problem: Problem, m
     """
     if problem.evidence != other_problem.evidence:
         return False
-    inflation = moving.residuals.inflation
+    inflation = moving.inflation
     costs = [
         model.cost_at(inflation) + inflation * segments.log_variance
         for segments, model in ((problem, fixed), (other_problem, moving))
     ]
-    return costs[0] - costs[1] > THRESHOLDS.chance * inflation
+    return costs[0] - costs[1] > moving.chance

@@ -104,7 +104,7 @@ class Selection:
             if key not in self.impossible and len(key - self.expected) <= self.max_effects
         )
         missing_laws = (
-            max(model.cost_at(chosen.residuals.inflation), chosen.cost)
+            max(model.cost_at(chosen.inflation), chosen.cost)
             for key, model in self.fitted.items()
             if rest < key and len(key - rest) == 1 and model.on_line - chosen.key
         )
