@@ -255,8 +255,8 @@ def diagnosed(real: RealRig) -> Iterator[Fold]:
     for fitted, unseen in real.folds:
         start_s = time.process_time()
         diagnosis = diagnose(fitted, real.rig, held_out=unseen)
-        name = unseen[0].name if unseen else "every second part"
-        yield Fold(name, fitted, unseen, diagnosis, time.process_time() - start_s)
+        of_single = "each quarter" if diagnosis.basis == "one release" else "every second part"
+        yield Fold(unseen[0].name if unseen else of_single, fitted, unseen, diagnosis, time.process_time() - start_s)
 
 
 def section(real: RealRig, folds: list[Fold]) -> str:
@@ -302,7 +302,7 @@ def summary(diagnoses: list[tuple[RealRig, list[Fold]]]) -> str:
         explained = _percent(float(share(reproducible))) if reproducible else ""
         rows.append([f"**{word}**", "", "", _percent(float(share(closed))), explained, f"{duration(seconds):.0f}"])
     head = ["rig", "held-out recording", "verdict", "gap reduction on held-out data"]
-    head += ["explained share of the reproducible gap", "CPU time, s"]
+    head += ["explained share of the reproducible gap, fitted recordings", "CPU time, s"]
     return "\n".join(["## Summary", "", *_table(head, rows), ""])
 
 
@@ -346,12 +346,7 @@ def _ratios(diagnosis: Diagnosis, published: Any) -> list[list[str]]:
 def _effects(diagnosis: Diagnosis) -> list[str]:
     """Table of the named effects; empty if there are none."""
     rows = [
-        [
-            named(effect.name),
-            _percent(effect.probability),
-            _percent(effect.share),
-            sizes_cell(diagnosis, effect),
-        ]
+        [named(effect.name), _percent(effect.probability), _percent(effect.share), sizes_cell(diagnosis, effect)]
         for effect in diagnosis.effects
     ]
     return [*_table(["effect", "probability", "unique contribution", "size (90 % interval)"], rows), ""] if rows else []
@@ -360,8 +355,13 @@ def _effects(diagnosis: Diagnosis) -> list[str]:
 HEAD = """# Diagnoses of real rigs
 
 This page is for readers who judge dpr-lab by real data. It lists diagnoses of recordings that other laboratories
-published. `benchmarks/real.py` computes all figures. Each recording of a rig is held out once and predicted from the
-other recordings of the same rig.
+published. `benchmarks/real.py` computes all figures. If a rig has several recordings, each one is held out once
+and predicted from the others. A single recording is divided: every second part is held out, or, if the recording is
+short, each quarter is predicted from the other quarters.
+
+The reproducible gap is the mean squared gap that free-form corrections of torques and readings can remove
+([Reading the report](reading-the-report.md)). It is computed on the fitted recordings. An explained share of 100 % does
+not mean that nothing remains: the rest differs from recording to recording.
 
 "Published" is the model of the authors of a rig. It is simulated with their parameters on the same held-out recordings
 and from the same initial states as the bare and the corrected model. A published ratio can lie outside the 90 %
