@@ -1,5 +1,6 @@
 """Name runs in tables and figures by pose and local time of the recording."""
 
+import re
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -50,7 +51,9 @@ def run_label(stem: str) -> str:
 def compared_name(comparison: "Comparison") -> str:
     """Return the label of a compared run.
 
-    The label is the name of the run, preceded by the pose unless the name contains the pose.
+    The label is the name of the run, preceded by the pose unless the name contains the pose as a word of its own.
     """
     name = run_label(comparison.run)
-    return name if not comparison.pose or comparison.pose in name else f"{comparison.pose} {name}"
+    pose = comparison.pose
+    named = not pose or re.search(rf"(?<![^\W_]){re.escape(pose)}(?![^\W_])", name)
+    return name if named else f"{pose} {name}"

@@ -181,7 +181,14 @@ def test_the_tables_of_a_moving_arm_state_units_and_label_runs_like_those_of_a_c
 
 
 @pytest.mark.parametrize(
-    ("run", "pose", "label"), [("swing", "X1", "X1 swing"), ("side", "side", "side"), ("swing", None, "swing")]
+    ("run", "pose", "label"),
+    [
+        ("swing", "X1", "X1 swing"),
+        ("side", "side", "side"),
+        ("swing", None, "swing"),
+        ("lab_X12", "X1", "X1 lab_X12"),
+        ("lab_X1", "X1", "lab_X1"),
+    ],
 )
 def test_a_compared_run_has_the_name_of_its_pose_once(run: str, pose: str | None, label: str) -> None:
     assert run_names.compared_name(Mock(run=run, pose=pose)) == label
