@@ -33,6 +33,9 @@ class CircleSettings:
     rounding: float = 1e-9
     """Distance from the circle, relative to its radius, up to which a point counts as on the circle regardless of
     `near`."""
+    short_arc: float = 0.05
+    """Standard error of the radius, relative to the radius, above which an arc is too short for its centre. The median
+    error of the centre of simulated arcs is 0.9 to 1.1 times this standard error."""
 
 
 SETTINGS = CircleSettings()
@@ -80,7 +83,24 @@ def _nearest(points: Array, centre: Array) -> Array:
 
     radius = float(np.hypot(*(points - centre).T).mean())
     fitted = least_squares(off, [*centre, radius], x_scale=radius, method="lm")
-    return np.asarray(fitted.x[:2], dtype=np.float64)
+    return np.asarray(fitted.x[:2], dtype=np.float64) if fitted.success else centre
+
+
+def radius_error(points: Array, centre: Array) -> float:
+    """Return the standard error of the radius of the fitted circle, relative to the radius.
+
+    The errors of the points are assumed to be independent. The result is infinite if the points do not determine the
+    circle.
+    """
+    away = points - centre
+    distances = np.hypot(*away.T)
+    radius, free = float(distances.mean()), len(points) - 3
+    slopes = np.column_stack([away / distances[:, None], np.ones(len(points))])
+    _, sizes, directions = np.linalg.svd(slopes, full_matrices=False)
+    if free < 1 or not sizes[-1] > 0:
+        return np.inf
+    variance = float(((distances - radius) ** 2).sum()) / free
+    return float(np.sqrt(variance * ((directions[:, 2] / sizes) ** 2).sum())) / radius
 
 
 def _distances(points: Array, centre: Array) -> tuple[Array, float]:

@@ -22,12 +22,14 @@ from dpr_lab.errors import RunError
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.run import FilmNoise
 from dpr_lab.shown import counted, percent
-from dpr_lab.storage.readers.circle import most_of_a_circle
+from dpr_lab.storage.readers.circle import SETTINGS as CIRCLE
+from dpr_lab.storage.readers.circle import most_of_a_circle, radius_error
 from dpr_lab.storage.readers.coordinates import OTHER, coordinate, in_plane, only_coordinate
+from dpr_lab.storage.readers.downwards import points_downwards
 from dpr_lab.storage.readers.rod_lengths import LENGTHS, WANTED, rod_length
-from dpr_lab.storage.tables.columns import is_time, numbers, varies
+from dpr_lab.storage.tables.columns import is_time, numbers
 from dpr_lab.storage.tables.table import Table, own_name, read_table, without_copies
-from dpr_lab.storage.tables.time_stamps import runs
+from dpr_lab.storage.tables.time_stamps import runs, varies
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +60,6 @@ class PointSettings:
     chance: float = 3.0
     """Minimum excess of the number of frames on straight lines over the number expected by chance, in standard
     deviations."""
-    frames_of_speed: int = 8
-    """Ratio of the interval over which energies are compared to half of the interval over which a speed is measured."""
 
 
 SETTINGS = PointSettings()
@@ -82,6 +82,8 @@ class _Point:
     name: str
     at: Array
     """(n, 2) coordinates, x to the right and y upwards; NaN if the point was not detected."""
+    doubt: str = ""
+    """Warning about an estimated point; empty if there is none."""
 
 
 def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched, *, points: bool = True) -> Table:
@@ -94,7 +96,7 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
     if not (points or take):
         return table
     table = _with_names(table)
-    kind, tracked = _points(table)
+    kind, tracked, note = _points(table)
     if not tracked:
         if take:
             raise RunError(f"{path}: is a single table without parts: remove --take")
@@ -106,7 +108,7 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
         moving = any(all(map(varies, point.at.T)) and not _NO_POINT.search(point.name) for point in unused)
         notes = (note,) if moving else ()
         return without_copies(replace(table, notes=(*table.notes, *notes)))
-    return _angles(replace(table, kind=kind), tracked, take)
+    return _angles(replace(table, kind=kind, notes=(*table.notes, note) if note else table.notes), tracked, take)
 
 
 def _with_names(table: Table) -> Table:
@@ -127,39 +129,40 @@ def _with_names(table: Table) -> Table:
         return table
     if max(float(np.nanstd(rod) / np.nanmean(rod)) for rod in rods) > LENGTHS.scatter:
         return table
-    names = (f"{axis}{number}" for number in range(1, len(xy) + 1) for axis in "xy")
-    return replace(table, names=("t",) * timed + tuple(names))
+    names = ("t",) * timed + tuple(f"{axis}{number}" for number in range(1, len(xy) + 1) for axis in "xy")
+    renamed = dict(zip(table.names, names, strict=True))
+    return replace(table, names=names, midnights={renamed[name]: start for name, start in table.midnights.items()})
 
 
-def _points(table: Table, despite_angles: bool = False) -> tuple[str, list[_Point]]:
-    """Return the kind of the table and the points that the table contains.
+def _points(table: Table, despite_angles: bool = False) -> tuple[str, list[_Point], str]:
+    """Return the kind of the table, the points that the table contains, and a note, which may be empty.
 
     Points of a table that also contains angles are omitted, unless `despite_angles` is true.
     """
     rows = {row[0].lower(): row for row in table.heading if row and len(row) == len(table.names)}
     if "bodyparts" in rows and "coords" in rows:
         columns = zip(rows["bodyparts"], (coord.lower() for coord in rows["coords"]), strict=True)
-        return "table of points by DeepLabCut", list(_upwards(table, list(columns)[1:], 1, -1.0))
+        return "table of points by DeepLabCut", list(_upwards(table, list(columns)[1:], 1, -1.0)), ""
     names = [own_name(name).lower() for name in table.names]
     if names.count("x") > 1 and names.count("x") == names.count("y"):
         columns = list(zip(_groups(table), names, strict=True))
-        return "table of points by Tracker", list(_upwards(table, columns, 0, 1.0))
+        return "table of points by Tracker", list(_upwards(table, columns, 0, 1.0)), ""
     ungrouped = [own_name(name) for name in table.names]
     # a program that did not compute the angle writes the same value in all rows
     angles = not despite_angles and any(
         _ANGLE.search(name.lower()) and varies(column) for name, column in zip(ungrouped, table.values, strict=True)
     )
-    alone, axes = in_plane([only_coordinate(name) for name in ungrouped], table.values)
+    alone, axes, note = in_plane([only_coordinate(name) for name in ungrouped], table.values)
     timed = len(ungrouped) > 2 and any(map(is_time, table.names))
     abscissa = next((column for (_, axis), column in zip(alone, table.values, strict=True) if axis == "x"), None)
     plotted = not timed and abscissa is not None and runs(abscissa)  # x is the time, as in a plot of one quantity
     if sorted(axis for _, axis in alone if axis) == ["x", "y"] and (plotted or not angles):
-        return ("", []) if plotted else (_of_plane(axes), list(_upwards(table, alone, 0, -1.0)))
-    columns, axes = in_plane([coordinate(name) for name in ungrouped], table.values)
+        return ("", [], "") if plotted else (_of_plane(axes), list(_upwards(table, alone, 0, -1.0)), note)
+    columns, axes, note = in_plane([coordinate(name) for name in ungrouped], table.values)
     pairs = {name for name, _ in columns if {(name, "x"), (name, "y")} <= set(columns)}
     if not pairs or angles:
-        return "", []
-    return _of_plane(axes), list(_upwards(table, [c if c[0] in pairs else OTHER for c in columns], 0, -1.0))
+        return "", [], ""
+    return _of_plane(axes), list(_upwards(table, [c if c[0] in pairs else OTHER for c in columns], 0, -1.0)), note
 
 
 def _of_plane(axes: str) -> str:
@@ -208,7 +211,7 @@ def _upwards(table: Table, columns: list[tuple[str, str]], first: int, up: float
 def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     pivot, *ends = _chosen(table, points, take)
     rods = [end.at - start.at for start, end in pairwise([pivot, *ends])]
-    upside_down = table.kind.startswith(PLAIN) and _upside_down(rods)
+    upside_down = table.kind.startswith(PLAIN) and points_downwards(rods)
     again, filled = _repeats(ends), _interpolated(ends)
     removed = [
         f"{percent(float(mask.mean()))} of the frames {words}: these frames are removed"
@@ -226,7 +229,8 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     axes = ("theta1", "theta2")[: len(rods)]
     angles = [_direction(rod) for rod in rods]
     lengths = [rod_length(table.path, axis, rods[: k + 1]) for k, axis in enumerate(axes)]
-    notes = [f"points used: {used} (--take selects other points; its first point may be the origin)"]
+    choice = "--take selects other points; `--take origin,NAME` takes the origin of the coordinates as pivot"
+    notes = [f"points used: {used} ({choice})", *filter(None, [pivot.doubt])]
     for axis, angle, length in zip(axes, angles, lengths, strict=True):
         if length.wrong.any():
             angle[length.wrong] = np.nan
@@ -254,6 +258,7 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
         names=(*clocks, *axes),
         values=tuple(columns),
         strange=("",) * len(columns),
+        midnights={new: table.midnights[name] for new, name in clocks.items() if name in table.midnights},
         notes=(*table.notes, *notes),
         settled=True,
         film_noise=FilmNoise(std, float(np.mean([length.correlation for length in lengths]))) if min(std) > 0 else None,
@@ -302,36 +307,6 @@ def _interpolated(ends: list[_Point]) -> Flags:
     return unreal
 
 
-def _upside_down(rods: list[Array]) -> bool:
-    """Check, from the motion of the points, whether the y axis of the table points downwards.
-
-    Falling points become faster. If y points upwards, the increments of squared speed and of height of the rods' ends
-    are therefore negatively correlated over intervals in which friction is negligible. This is also true for rods that
-    swing from near upright or turn over. Noise hides the correlation over short intervals, and the exchange of energy
-    between the rods hides it over some longer ones. The interval with the largest correlation is therefore used. Points
-    that do not move are assumed to hang.
-    """
-    points = np.cumsum(rods, axis=0)  # (rods, n, xy)
-    lags = [2**k for k in range(points.shape[1].bit_length()) if 4 * 2**k < points.shape[1]]
-    correlations = [_falling(points, lag) for lag in lags]
-    largest = max(correlations, key=abs, default=0.0)
-    return largest > 0 if largest else bool(np.nanmedian(points[:, :, 1]) > 0)
-
-
-def _falling(points: Array, lag: int) -> float:
-    """Compute the correlation between the increments of squared speed and the increments of height.
-
-    All increments are taken over `lag` frames.
-    """
-    half = max(1, lag // SETTINGS.frames_of_speed)
-    speed2 = ((points[:, 2 * half :] - points[:, : -2 * half]) ** 2).sum(axis=2)
-    faster, higher = (values[:, lag:] - values[:, :-lag] for values in (speed2, points[:, half:-half, 1]))
-    valid = np.isfinite(faster) & np.isfinite(higher)
-    faster, higher = faster[valid], higher[valid]
-    power = float(np.sqrt((faster**2).sum() * (higher**2).sum()))
-    return float((faster * higher).sum()) / power if power > 0 else 0.0
-
-
 def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Point]:
     """Select the pivot and the ends of the rods, in this order.
 
@@ -344,8 +319,16 @@ def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Po
     available = ", ".join(point.name for point in points)
     unknown = [name for name in take if name.lower() not in by_name]
     if unknown:
-        raise RunError(f"{table.path}: has no point {unknown[0]!r}; its points: {available}")
+        raise RunError(
+            f"{table.path}: has no point {unknown[0]!r}; its points: {available}; the pivot may also be origin, the"
+            " origin of the coordinates"
+        )
     chosen = [by_name[name.lower()] for name in take] or _by_number(points)
+    if any(point is origin for point in chosen[1:] or chosen):
+        raise RunError(
+            f"{table.path}: the origin of the coordinates can only be the pivot, followed by other points:"
+            " --take origin,NAME"
+        )
     if len(chosen) > 3:
         raise RunError(f"{table.path}: contains the points {available}: select with --take {WANTED}")
     if len(chosen) == 1 or (len(chosen) == 2 and _moved(chosen[0]) > SETTINGS.at_rest * _moved(chosen[1])):
@@ -381,7 +364,11 @@ def _pivot_of(table: Table, end: _Point) -> _Point:
     scatter, about_origin = (float(np.std(np.hypot(*(valid[near] - c).T))) for c in (centre, np.zeros(2)))
     if about_origin <= SETTINGS.at_origin * scatter:
         return _Point("(the origin)", np.zeros(end.at.shape))
-    return _Point(f"(centre of the circle of {end.name})", np.broadcast_to(centre, end.at.shape))
+    short = radius_error(valid[near], centre) > CIRCLE.short_arc
+    doubt = f"the arc of {end.name} is too short for its centre: track the pivot, or use --take origin,{end.name}"
+    return _Point(
+        f"(centre of the circle of {end.name})", np.broadcast_to(centre, end.at.shape), doubt if short else ""
+    )
 
 
 def _direction(rod: Array) -> Array:

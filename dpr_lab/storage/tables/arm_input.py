@@ -12,9 +12,9 @@ from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig, refuse_impossible_arm, refuse_impossible_inner
 from dpr_lab.rig_tables import MotorTable
-from dpr_lab.storage.tables.columns import varies
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.table import Table, bare
+from dpr_lab.storage.tables.time_stamps import varies
 from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, Pairs, find_torques, held_torque
 
 _NAMES = {

@@ -10,10 +10,10 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
-from dpr_lab.storage.tables.cells import may_be_angle, names_no_angle
+from dpr_lab.storage.tables.cells import may_be_angle, names_no_angle, names_rate
 from dpr_lab.storage.tables.options import AXES
-from dpr_lab.storage.tables.table import LIMITS, Table, bare
-from dpr_lab.storage.tables.time_stamps import never_falls, runs
+from dpr_lab.storage.tables.table import LIMITS, Table, bare, own_name
+from dpr_lab.storage.tables.time_stamps import never_falls, runs, varies
 
 TO_RADIANS = {"rad": 1.0, "deg": math.pi / 180}
 TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
@@ -45,7 +45,8 @@ _ONE_ROD = re.compile(
 )
 _PLACE = re.compile("pos(ition)?([cm]?m)?")
 """Pattern of a position: the position of a cart if another column is an angle, otherwise the angle of the rod."""
-_COORDINATE = re.compile("[xy]([cm]?m|px|pixels?)?")
+_ACCELERATION = re.compile(r"(?<![a-z])alpha\d")  # an angle if no other column has the name of an angle
+_COORDINATE = re.compile(r"\W*[xy][\W_]*([cm]?m|px|pixels?)?\W*|.*[\W_][xy][\W_]*([cm]?m|px|pixels?)\W*", re.I)
 _SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
 _SAID_UNIT = re.compile(
     r"(?<![a-z])(rad|deg|counts)(ians|rees|r[eé]s)?(?![a-z])|°|(?<![a-z])gra(us|dos|di|den|d)(?![a-z])"
@@ -231,16 +232,17 @@ def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
         name
         for name, column in zip(table.names, table.values, strict=True)
         if name not in given.values() and not is_time(name) and not _ERROR.fullmatch(bare(name))
-        if (only_two or not runs(column)) and varies(column) and not names_no_angle(name)
+        if (only_two or not runs(column)) and varies(column)
     ]
+    varying = [name for name in varying if not names_no_angle(name)] or varying
     if len(varying) == 2 and clock and all(_NO_NAME.fullmatch(name) for name in table.names):
         varying = _without_speed(varying, table, clock)
-    if len(varying) == 1 and not clock and _COORDINATE.fullmatch(bare(varying[0])):
+    if len(varying) == 1 and not clock and _COORDINATE.fullmatch(own_name(varying[0])):
         raise RunError(
             f"{table.path}: {varying[0]!r} is the name of one coordinate of a point, and an angle requires two: export"
             f" the x and the y of the point; if the column is the angle of the rod, give --columns theta1={varying[0]}"
         )
-    return varying if len(varying) == 1 else []
+    return varying if len(varying) == 1 and not names_no_angle(varying[0]) else []
 
 
 def _without_speed(names: Sequence[str], table: Table, clock: str) -> list[str]:
@@ -264,12 +266,6 @@ def _correlation(first: Array, second: Array) -> float:
     x, y = first[known], second[known]
     size = float(np.sqrt((x @ x) * (y @ y)))
     return float(x @ y) / size if size > 0 else 0.0
-
-
-def varies(column: Array) -> bool:
-    """Check whether the values of a column differ."""
-    known = column[np.isfinite(column)]
-    return bool(len(known) and np.ptp(known) > 0.0)
 
 
 def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], timed: bool) -> None:
@@ -304,9 +300,10 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
             example = f"--columns t={clocks[0]},theta1=NAME"
             rate = f"; several recordings next to each other are imported one by one, for example {example}"
         points = "; for points of a video add a first line with their names, for example t,x,y" if unnamed else ""
-        rated = [name for name in named_so if not (is_time(name) or re.match("abs", name.lower()))]
+        rated = [name for name in named_so if not (is_time(name) or re.match(r"abs|\(no name\)", name.lower()))]
         if rated and all(map(names_no_angle, rated)):
-            points = ". None of them is an angle: export the angle of the rod, for example the integral of a rate"
+            points = ". None of them is an angle: export the angle of the rod"
+            points += ", for example the integral of a rate" if any(map(names_rate, rated)) else ""
         raise RunError(
             f"{table.path}: no single column found for {' and '.join(missing)}; {available}."
             f" Name {'them' if len(missing) > 1 else 'it'}, for example {_example(names, named, missing)}{needed}{rate}"
@@ -326,7 +323,10 @@ def _example(names: Sequence[str], named: Mapping[str, str], missing: Sequence[s
     The example contains the remaining columns in their order if there are as many columns as missing quantities, or
     the only column whose name contains a word for an angle.
     """
-    names = [name for name in names if may_be_angle(name)]
+    rods = {named.get(axis, NO_ROD) for axis in ("theta1", "theta2")} - {NO_ROD}
+    angles = rods | {name for name in names if _ONE_ROD.fullmatch(re.sub(r"\d", "", bare(name)))}
+    plain = any(not _ACCELERATION.search(name.lower()) for name in angles)
+    names = [name for name in names if may_be_angle(name) and not (plain and _ACCELERATION.search(name.lower()))]
     unknown = [name for name in names if name not in named.values() and name != NO_ROD]
     likely = [name for name in unknown if re.search(_LIKELY, name.lower())]
     # The arm is excluded, because its column may be a guess.

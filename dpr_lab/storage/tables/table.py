@@ -151,7 +151,10 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
     shown = tuple(printable(_with_unit(name.strip(), unit)) for name, unit in zip(names, columns.units, strict=True))
     heading = tuple(tuple(printable(cell.strip()) for cell in row) for row in early)
     strange = tuple(columns.strange)
-    midnights = {name: start.timestamp() for name, start in zip(shown, columns.midnights, strict=True) if start}
+    midnights = {}
+    for name, start in zip(shown, columns.midnights, strict=True):
+        with suppress(ValueError, OverflowError, OSError):  # a date outside the range of this computer's clock
+            midnights |= {name: start.timestamp()} if start else {}
     table = Table(path, shown, columns.arrays, strange, columns.line_numbers, columns.notes, heading=heading)
     return _in_columns(replace(table, midnights=midnights))
 
@@ -265,11 +268,14 @@ class _Columns:
         if (value := value_of(word, self._comma)) is not None:
             return value
         if clock := _CLOCK_TIME.fullmatch(word):
+            hours, minutes, seconds = clock.groups("0")
             with suppress(ValueError, TypeError):  # no date, or another zone than in the first row
                 stamp = datetime.fromisoformat(word)
-                self.midnights[place] = self.midnights[place] or datetime.combine(stamp, time(), stamp.tzinfo)
-                return (stamp - self.midnights[place]).total_seconds()
-            hours, minutes, seconds = clock.groups("0")
+                below_1us = float(f"0.000000{seconds[len('00.000000') :]}")  # digits that `stamp` lacks
+                self.midnights[place] = midnight = self.midnights[place] or datetime.combine(
+                    stamp, time(), stamp.tzinfo
+                )
+                return (stamp - midnight).total_seconds() + below_1us
             return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(",", "."))
         if (quantity := QUANTITY.fullmatch(word)) and self.units[place] in ("", quantity[2]):
             value = value_of(quantity[1], self._comma)

@@ -104,6 +104,12 @@ def carried_times(t: Array) -> tuple[Array, str]:
     )
 
 
+def varies(column: Array) -> bool:
+    """Check whether the values of a column differ."""
+    known = column[np.isfinite(column)]
+    return bool(len(known) and np.ptp(known) > 0.0)
+
+
 def runs(column: Array) -> bool:
     """Check whether a column increases in nearly equal steps."""
     steps = np.diff(column)

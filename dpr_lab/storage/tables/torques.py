@@ -13,10 +13,11 @@ from dpr_lab.identification.misread.balance import EnergyFit, energy_fit
 from dpr_lab.identification.misread.torque_balance import torque_balance
 from dpr_lab.rig import Rig
 from dpr_lab.shown import percent
-from dpr_lab.storage.tables.columns import JOINT_NAMES, varies
+from dpr_lab.storage.tables.columns import JOINT_NAMES
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.readings import READ
 from dpr_lab.storage.tables.table import Table, bare
+from dpr_lab.storage.tables.time_stamps import varies
 
 KINDS = ("measured", "commanded")
 JOINTS = ("tau1", "tau2")

@@ -130,6 +130,8 @@ def understand(
             "all torques are zero, so the recording is treated as a free swing: if motors drive the rods, their torques"
             " are not in this table"
         )
+    elif inputs.pairs:  # the torques that follow the set point are known
+        drive = ""
     values = {axis: _scaled(column[rows], axis, options) for axis, column in readings.items()}
     notes = [*table.notes, *columns.notes, *removed, *notes, *inputs.notes()]
     named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}
