@@ -273,16 +273,17 @@ def _settled(path: Sequence[OpenAmplitudes], readings: Sequence[float], rng: np.
     """Return the probabilities of `settled_probabilities`, (releases,), for one sequence of placement errors."""
     draws, first = FORECAST.tests, path[0].before
     tests = [TestedEffects.of(amplitudes, number) for number, amplitudes in enumerate(path, 1)]
-    test, std = tests[0], np.diag(first) ** -0.5
-    sizes = (test.z[test.largest] + rng.standard_normal((draws, 1))) * std[test.largest]
+    present_test, std = tests[0], np.diag(first) ** -0.5
+    largest = present_test.largest
+    sizes = (present_test.z[largest] + rng.standard_normal((draws, 1))) * std[largest]
     present = np.pad(sizes, ((0, 0), (1, 0)))  # the first hypothesis is that no effect is present
-    scores, excess = np.tile(test.z / std, (draws, 1)), np.sqrt(readings[0]) * rng.standard_normal(draws)
+    scores, excess = np.tile(present_test.z / std, (draws, 1)), np.sqrt(readings[0]) * rng.standard_normal(draws)
     settled, probabilities, before = np.zeros(present.shape, dtype=np.bool_), list[float](), first
     for test, amplitudes, (fewer, more) in zip(tests, path, pairwise(readings), strict=True):
         powers, directions = np.linalg.eigh(amplitudes.after - before)
         scores += (rng.standard_normal(scores.shape) * np.sqrt(np.maximum(powers, 0.0))) @ directions.T
         excess += np.sqrt(more - fewer) * rng.standard_normal(draws)
-        responses = present[:, :, None] * (amplitudes.after - first)[[0, *test.largest]]
+        responses = present[:, :, None] * (amplitudes.after - first)[[0, *largest]]
         z = (scores[:, None] + responses) / np.sqrt(np.diag(amplitudes.after))
         of_each = test.settled(z.reshape(-1, z.shape[2]), np.repeat(excess, z.shape[1]), more)
         settled |= of_each.reshape(settled.shape)

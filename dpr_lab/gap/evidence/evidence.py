@@ -46,7 +46,7 @@ def _used(recordings: Recordings, *, held_out: bool) -> list[RecordingUsed]:
             driven=record.run.torques is not None,
             held_out=held_out,
             duration_s=float(record.t[-1] - record.t[0]),
-            readings=int(record.joints.size),
+            readings=record.readings,
         )
         for record in recordings.records
     ]

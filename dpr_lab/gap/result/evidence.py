@@ -23,7 +23,7 @@ class RecordingUsed(Saved):
     held_out: bool
     duration_s: Number
     readings: int
-    """Number of readings that the diagnosis uses, of all joints together."""
+    """Number of readings that the diagnosis uses, of all joints together; an absent rod has none."""
 
 
 class Occupancy(Saved):

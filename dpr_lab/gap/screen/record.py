@@ -101,6 +101,11 @@ class Record:
     """(n, 2) readings before the correction of a rolling shutter, rad; None if no correction was made."""
 
     @property
+    def readings(self) -> int:
+        """Number of trusted readings of all joints; an absent rod has none."""
+        return int(np.count_nonzero(np.isfinite(self.joints) & np.isfinite(self.sigma)))
+
+    @property
     def may_be_film(self) -> bool:
         """Whether the readings may come from a video.
 
