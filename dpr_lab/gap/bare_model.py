@@ -22,7 +22,10 @@ from dpr_lab.identification.prior_update import assumed_b
 from dpr_lab.rig import Rig
 
 LESS_NOISE = 0.8
-"""Maximum ratio of a more likely noise of measured torques to the previous noise."""
+"""Maximum ratio of a more likely noise of measured torques to the previous noise.
+
+The tested variances differ by factors of two, so that one step is a ratio of 0.71.
+"""
 
 
 def nominal_ratios(rig: Rig) -> Array:

@@ -22,7 +22,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.bare_model import with_likeliest_noise
 from dpr_lab.gap.damage.disturbances import without_jumps
 from dpr_lab.gap.damage.jumps import JUMP
-from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refutes_torque_noise
 from dpr_lab.gap.moving_camera import explains_more as camera_explains_more
 from dpr_lab.gap.moving_camera import likeliest_camera
 from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
@@ -90,7 +90,7 @@ def with_other_noise(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
 
     Otherwise return None.
     """
-    if fitted.problem.disturbance is not None and model.far_from_noise:
+    if refutes_torque_noise(fitted.problem, model):
         return replace(fitted, recordings=replace(fitted.recordings, exact_torques=True))
     recordings = with_likeliest_noise(fitted.recordings, fitted.problem, model)
     return recordings and replace(fitted, recordings=recordings)
@@ -168,7 +168,7 @@ def _camera(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
     return replace(fitted, recordings=recordings, held_out=held_out)
 
 
-def _moves(before: Drafted, after: Drafted) -> bool:
+def _camera_explains_more(before: Drafted, after: Drafted) -> bool:
     """Return whether a moving camera explains more than the effects that a fixed camera requires."""
     return camera_explains_more(
         before.fitted.problem, before.search.current, after.fitted.problem, after.search.current
@@ -181,5 +181,5 @@ CORRECTIONS = (
     Correction(_jumps),
     Correction(lambda fitted, model: _shutter(fitted, fitted.bare), _shutter_explains_more),
     Correction(_shutter, _shutter_explains_more),
-    Correction(_camera, _moves),
+    Correction(_camera, _camera_explains_more),
 )

@@ -36,7 +36,7 @@ def likeliest_camera(recordings: Recordings, problem: Problem, model: Hypothesis
 
     The result is 0 if encoders gave the readings, or if the likelihood of a fixed camera is not significantly lower.
     """
-    if not all(record.may_be_film for record in recordings.records):
+    if not recordings.may_be_films:
         return 0.0
     predicted = problem.predict(model.estimate)
     slopes = problem.slopes(model.estimate, model.fit.free, predicted)
@@ -52,7 +52,8 @@ def likeliest_camera(recordings: Recordings, problem: Problem, model: Hypothesis
 def explains_more(problem: Problem, fixed: Hypothesis, other_problem: Problem, moving: Hypothesis) -> bool:
     """Return whether the readings are more likely with a moving camera than with a fixed one.
 
-    The result is false if the two searches used different readings, because their likelihoods are then not comparable.
+    The result is false if the two searches used different numbers of readings, because their likelihoods are then not
+    comparable.
 
     Args:
         problem: segments with the noise of a fixed camera

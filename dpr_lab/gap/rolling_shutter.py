@@ -44,7 +44,7 @@ def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesi
 
     The result is None if encoders gave the readings, or if no shutter explains enough.
     """
-    if not all(record.may_be_film for record in recordings.records):
+    if not recordings.may_be_films:
         return None
     now = recordings.shutter
     start = [Shutter(lines, 0.0) for lines in NORMALS] if now is None else [now]

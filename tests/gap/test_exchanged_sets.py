@@ -71,12 +71,19 @@ def test_a_member_of_the_class_and_its_richer_form_count_as_the_effect(member: s
 
 
 @pytest.mark.parametrize(
-    ("cost", "on_line", "expected"),
-    [(120.0, (VIBRATION,), 120.0), (60.0, (VIBRATION,), 100.0), (60.0, (), REMOVED)],
-    ids=["higher cost", "lower cost", "another frequency"],
+    ("cost", "on_line", "fields", "expected"),
+    [
+        (120.0, (VIBRATION,), {}, 120.0),
+        (60.0, (VIBRATION,), {}, 100.0),
+        (60.0, (), {}, REMOVED),
+        (60.0, (VIBRATION,), {"impossible": frozenset({frozenset({COGGING, TILT, VIBRATION})})}, REMOVED),
+        (60.0, (VIBRATION,), {"misleading": (VIBRATION,)}, REMOVED),
+        (60.0, (VIBRATION,), {"max_effects": 2}, REMOVED),
+    ],
+    ids=["higher cost", "lower cost", "another frequency", "impossible size", "misleading", "too many effects"],
 )
 def test_a_vibration_at_the_frequency_of_the_swing_represents_a_missing_law(
-    cost: float, on_line: tuple[str, ...], expected: float
+    cost: float, on_line: tuple[str, ...], fields: dict[str, Any], expected: float
 ) -> None:
     fitted: Any = {frozenset({COGGING, TILT, VIBRATION}): costing(cost, *on_line)}
-    assert replace(selection(), fitted=fitted).cost_without(SCALE) == expected
+    assert replace(selection(), fitted=fitted, **fields).cost_without(SCALE) == expected

@@ -49,6 +49,17 @@ def test_the_rotation_is_estimated_from_the_residual(tmp_path: Path, turned_rad:
     assert ("moving_camera" in names) == (turned_rad > 0.0)
 
 
+def test_recordings_of_encoders_get_no_noise_of_a_camera(tmp_path: Path) -> None:
+    rig, run = filmed(tmp_path, 0.0, seconds=4.0)
+    film = record(run, rig)
+    encoder = replace(film, run=replace(run, rate_hz=1000.0, film_noise=None))
+    for records, expected in (((film,), 0.02), ((encoder,), 0.0), ((film, encoder), 0.0)):
+        turning = Recordings(records, rig).with_camera(0.02)
+        assert turning.camera_rad == expected
+        names = {finding.name for record in turning.records for finding in record.screened.findings}
+        assert ("moving_camera" in names) == (expected > 0.0)
+
+
 def test_chi2_is_that_of_the_covariance_with_a_turning_picture(tmp_path: Path) -> None:
     rig, run = filmed(tmp_path, 0.02, seconds=4.0)
     recordings = Recordings((record(run, rig),), rig).with_camera(0.02)
@@ -63,6 +74,13 @@ def test_chi2_is_that_of_the_covariance_with_a_turning_picture(tmp_path: Path) -
         volume += np.linalg.slogdet(covariance)[1] - 2 * np.log(std).sum()
     assert problem.chi2_by_segment(problem.measured - residual) == pytest.approx(expected)
     assert problem.log_variance == pytest.approx(volume)
+
+
+def test_an_absent_rod_has_no_readings(tmp_path: Path) -> None:
+    rig, run = filmed(tmp_path, 0.0, seconds=4.0)
+    film = record(run, rig)
+    assert film.readings == len(film.t)
+    assert film.without(film.t[:1], np.array([[True, False]])).readings == len(film.t) - 1
 
 
 @pytest.mark.slow

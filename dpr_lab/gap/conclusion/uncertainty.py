@@ -62,7 +62,7 @@ def by_unseen_ratios(problem: Problem, model: Hypothesis, rig: Rig) -> Array:
     variance = np.array(prior_ratio_std(rig)) ** 2
     columns = {p.place: i for i, p in enumerate(model.fit.free) if p.block == "ratios" and p.place < len(RATIOS)}
     variance[list(columns)] = 0.0
-    share = 1e-3  # increment for the derivative by a ratio, in prior standard deviations
+    share = 1e-3  # increment of a ratio in prior standard deviations: small, so that the difference is a derivative
     for other in _other_ratios(problem, model, share):
         change = problem.whitened(np.nan_to_num((problem.predict(other) - before) / share))
         variance[list(columns)] += shifted(model.fit, change)[list(columns.values())] ** 2

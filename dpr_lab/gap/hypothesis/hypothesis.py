@@ -130,6 +130,11 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
     return Hypothesis(names, fitted, residuals, loss, sizes, on_line, drifts)
 
 
+def refutes_torque_noise(problem: Problem, model: Hypothesis) -> bool:
+    """Return whether the residual of a model is far above the noise of readings and known torques together."""
+    return problem.disturbance is not None and model.far_from_noise
+
+
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
     """Return whether b is identifiable.
 

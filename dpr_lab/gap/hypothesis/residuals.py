@@ -29,6 +29,8 @@ class NoiseAssumptions:
     lone_quantile: float = 0.8
     """Quantile that represents the deviations of the neighbours; a second outlier among them then does not hide the
     first."""
+    line: int = 7
+    """Number of residuals to which a robust line is fitted: the three readings of an outlier are a minority."""
     wildest: float = 1e6
     """Residual of the readings in a segment that cannot be simulated, in standard deviations.
 
@@ -150,7 +152,7 @@ def lone_readings(problem: Problem, estimate: Estimate) -> Flags:
 
 def _off_a_line(values: Array) -> Array:
     """Return the (n, 2) deviation of each value from a robust line through the seven values around it."""
-    width = 7
+    width = ASSUMPTIONS.line
     if len(values) < width:
         return np.zeros_like(values)
     begin = np.clip(np.arange(len(values)) - width // 2, 0, len(values) - width)

@@ -163,6 +163,11 @@ class Recordings:
         arm = {FREE_ARM.name: {"inertia_kgm2": inertia, "viscous_Nms": viscous}}
         return effect_params(arm if self.arm_moves else {})
 
+    @property
+    def may_be_films(self) -> bool:
+        """Whether the readings of all recordings may come from videos."""
+        return all(record.may_be_film for record in self.records)
+
     def with_tracking(self, noise: TrackingNoise | None) -> "Recordings":
         """Return the recordings with correlated errors, unless the noise is known by other means."""
         if noise is None or self.tracking is not None:
@@ -200,12 +205,16 @@ class Recordings:
         return replace(self, records=tuple(records), shutter=shutter)
 
     def with_camera(self, angle_rad: float) -> "Recordings":
-        """Return the recordings with the slow rotation of the picture as a part of their noise, if it is positive."""
-        if not angle_rad:
+        """Return the recordings with the slow rotation of the picture as a part of their noise, if it is positive.
+
+        The noise applies to all recordings. If any of them is no film, the recordings do not change.
+        """
+        if not angle_rad or not self.may_be_films:
             return self
         evidence = (
             f"the zero of the angles changes slowly, by {1e3 * angle_rad:.2g} mrad (standard deviation), as in a film"
-            " from a camera that is not fixed; this change is treated as noise"
+            " from a camera that is not fixed; this change is treated as noise; fix the camera on a tripod for further"
+            " films"
         )
         records = [record.with_finding("moving_camera", evidence) for record in self.records]
         return replace(self, records=tuple(records), camera_rad=angle_rad)

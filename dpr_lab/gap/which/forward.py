@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON
-from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refutes_torque_noise
 from dpr_lab.gap.hypothesis.imitation import follows_decay, follows_remainder, follows_swing
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, joint_gain
 from dpr_lab.gap.hypothesis.significance import accepted, most_excess, promising_gain, significance
@@ -97,7 +97,7 @@ def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
     As far as the effects are linear, all candidates of the score test together reduce chi2 at least as much as any few
     of them.
     """
-    if sets.problem.disturbance is None or not model.far_from_noise:
+    if not refutes_torque_noise(sets.problem, model):
         return False
     test = sets.test(model)
     remaining = float(np.sum(test.linear.e**2)) - test.space.gain()

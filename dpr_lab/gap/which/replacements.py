@@ -44,11 +44,13 @@ def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decis
     Above the noise floor a richer form may compensate for an effect outside the set. It must then explain more.
 
     If only the richer form has an impossible size, it follows another cause. The simpler form then replaces it, unless
-    the excess increases so much that the simpler form is no explanation either.
+    the excess increases so much that the simpler form is no explanation either. At the noise floor, the residual of the
+    simpler form must also be consistent with noise.
     """
     model, margin = proposal.model, form_indifference(sets.bare, current)
+    explains = model.at_noise_floor or not current.at_noise_floor
     little = model.bounded_excess < THRESHOLDS.keeps * current.bounded_excess
-    if little and set(sets.oversized(model)) < set(sets.oversized(current)):
+    if explains and little and set(sets.oversized(model)) < set(sets.oversized(current)):
         return Decision(True, "the richer form has an impossible size")
     alike = (
         model.at_noise_floor

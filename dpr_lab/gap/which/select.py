@@ -13,7 +13,7 @@ from functools import reduce
 
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.detectable import detectable
-from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refutes_torque_noise
 from dpr_lab.gap.hypothesis.refits import refit_without
 from dpr_lab.gap.hypothesis.significance import explains_as_much, indifference
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
@@ -34,13 +34,18 @@ MOST_REVISIONS = 3
 def forward(sets: FittedSets, max_effects: int = 4) -> SearchState:
     """Return the state of the search after forward selection of at most `max_effects` effects.
 
-    If the short segments refute the noise of known torques, the search ends: it is repeated without this noise
-    (`dpr_lab.gap.corrections`).
+    Far from the noise, short segments are searched first. If they refute the noise of known torques, the search ends:
+    it is repeated without this noise (`dpr_lab.gap.corrections`). Full segments have fewer free initial states, so
+    their residual is not smaller.
     """
-    is_far = sets.bare.far_from_noise
-    state = apply(short_segments(max_effects) if is_far else START, SearchState.bare(sets, max_effects))
-    refuted = is_far and not state.trace  # otherwise the move for short segments proposes a set
-    return state if refuted else apply(forward_selection(max_effects), state)
+    start = SearchState.bare(sets, max_effects)
+    if not sets.bare.far_from_noise:
+        return run((START, forward_selection(max_effects)), start)
+    additions = (START, forward_selection(max_effects, to_floor=True))
+    short = run(additions, SearchState.bare(sets.on_short(), max_effects))
+    if refutes_torque_noise(sets.problem, short.current):
+        return start
+    return run((short_segments(short), forward_selection(max_effects)), start)
 
 
 def refined(state: SearchState) -> Selection:
@@ -79,25 +84,15 @@ def _one_search(state: SearchState) -> Selection:
     return _selection(final, misleading)
 
 
-def short_segments(max_effects: int) -> Move:
-    """Create the move that searches in short segments and refits in full segments.
-
-    The move applies far from the noise.
-
-    If the residual of the selected set is far above the noise of readings and known torques, the noise of these torques
-    is refuted, and nothing is proposed. Full segments have fewer free initial states, so their residual is not smaller.
+def short_segments(short: SearchState) -> Move:
+    """Create the move that refines the set that was selected with short segments, and fits it to full segments.
 
     Args:
-        max_effects: maximum number of effects
+        short: state of the search in short segments after forward selection
     """
-    additions = (START, forward_selection(max_effects, to_floor=True))
 
     def propose(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-        short = sets.on_short()
-        state = run(additions, SearchState.bare(short, max_effects))
-        if sets.problem.disturbance is not None and state.current.far_from_noise:
-            return
-        state = run(SHORT, state)
+        state = run(SHORT, short)
         model = carried_over(sets, state.current) if state.current.effects else sets.bare
         yield Proposal(model, trials=state.trace)
 
