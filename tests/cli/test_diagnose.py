@@ -98,7 +98,7 @@ def test_dry_friction_is_named_with_its_size(printed: dict[str, Any]) -> None:
 
 
 def test_the_page_and_the_exports_are_written(printed: dict[str, Any]) -> None:
-    assert set(printed["files"]) >= {"report", "model", "module", "mjcf"}
+    assert set(printed["files"]) >= {"report", "model", "python", "mjcf"}
     assert all(Path(file).is_file() for file in printed["files"].values())
     page = Path(printed["files"]["report"]).read_text(encoding="utf-8")
     HTMLParser().feed(page)
