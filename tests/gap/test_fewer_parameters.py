@@ -15,7 +15,7 @@ from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
-from dpr_lab.gap.which.replacements import SECOND_CAUSE, SIMPLER_FORM
+from dpr_lab.gap.which.replacements import POSSIBLE_SIZE, SECOND_CAUSE
 from dpr_lab.gap.which.search import Proposal, SearchState, apply
 from tests.background_rigs import law, recordings
 
@@ -177,5 +177,5 @@ def test_a_simpler_form_replaces_a_richer_one_of_impossible_size(impossible: str
     drift, offset = stated(6e3, 5, effects["drift"]), stated(remaining, 4, effects["offset"])
     sets, off = sets_of(stated(1e6, 3), drift, offset), {effects[name] for name in impossible.split()}
     sets.oversized = lambda model: off & model.key
-    accepted = SIMPLER_FORM.accept(sets, drift, Proposal(offset)).accepted
+    accepted = POSSIBLE_SIZE.accept(sets, drift, Proposal(offset)).accepted
     assert (offset if accepted else drift).effects == (effects[named],)

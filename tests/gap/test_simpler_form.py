@@ -5,7 +5,7 @@ from unittest.mock import Mock
 
 import pytest
 
-from dpr_lab.gap.which.replacements import SIMPLER_FORM
+from dpr_lab.gap.which.replacements import POSSIBLE_SIZE
 from dpr_lab.gap.which.search import Proposal
 
 
@@ -15,11 +15,10 @@ from dpr_lab.gap.which.search import Proposal
     ids=["above the noise", "no explanation", "at the noise floor", "leaves the noise floor"],
 )
 def test_a_simpler_form_replaces_one_of_impossible_size_unless_it_explains_too_little(
-    monkeypatch: pytest.MonkeyPatch, before: float, after: float, accepted: bool
+    before: float, after: float, accepted: bool
 ) -> None:
     """The residuals are in standard deviations of the noise; 4 is the noise floor."""
-    monkeypatch.setattr("dpr_lab.gap.which.replacements.form_indifference", lambda *_: 0.0)
     models = [Mock(bounded_excess=max(z, 4.0), at_noise_floor=z < 4.0, cost=z) for z in (before, after)]
     current, simpler = models
     sets: Any = Mock(oversized=lambda model: ("drift",) if model is current else ())
-    assert SIMPLER_FORM.accept(sets, current, Proposal(simpler)).accepted == accepted
+    assert POSSIBLE_SIZE.accept(sets, current, Proposal(simpler)).accepted == accepted

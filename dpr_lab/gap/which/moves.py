@@ -18,7 +18,14 @@ from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
-from dpr_lab.gap.which.replacements import EXCHANGE, RICHER_FORM, SECOND_CAUSE, SEVERAL_CAUSES, SIMPLER_FORM
+from dpr_lab.gap.which.replacements import (
+    EXCHANGE,
+    POSSIBLE_SIZE,
+    RICHER_FORM,
+    SECOND_CAUSE,
+    SEVERAL_CAUSES,
+    SIMPLER_FORM,
+)
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 
@@ -75,7 +82,7 @@ REFINE = (
     DROP,
     OWN_SHARE,
     CONVERGE,
-    SIMPLER_FORM,
+    POSSIBLE_SIZE,
 )
 """Moves after forward selection, in order."""
 

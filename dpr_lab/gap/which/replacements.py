@@ -42,16 +42,8 @@ def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decis
     """Accept a replacement that explains as much as the current set, within the indifference margin.
 
     Above the noise floor a richer form may compensate for an effect outside the set. It must then explain more.
-
-    If only the richer form has an impossible size, it follows another cause. The simpler form then replaces it, unless
-    the excess increases so much that the simpler form is no explanation either. At the noise floor, the residual of the
-    simpler form must also be consistent with noise.
     """
     model, margin = proposal.model, form_indifference(sets.bare, current)
-    explains = model.at_noise_floor or not current.at_noise_floor
-    little = model.bounded_excess < THRESHOLDS.keeps * current.bounded_excess
-    if explains and little and set(sets.oversized(model)) < set(sets.oversized(current)):
-        return Decision(True, "the richer form has an impossible size")
     alike = (
         model.at_noise_floor
         if current.at_noise_floor
@@ -64,10 +56,32 @@ def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decis
 
 SIMPLER_FORM = Move(
     "simpler form",
-    "an effect is replaced by a simpler one that it contains, if this one explains as much, or if only the richer one"
-    " has an impossible size",
+    "an effect is replaced by a simpler one that it contains, if this one explains as much",
     lambda sets, current: map(Proposal, simpler_forms(sets, current)),
     _as_good,
+    then="repeat",
+)
+
+
+def _of_possible_size(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    """Accept a simpler form if only the richer form has an impossible size, because that form follows another cause.
+
+    The excess may not increase so much that the simpler form is no explanation either. At the noise floor, the residual
+    of the simpler form must also be consistent with noise.
+    """
+    model = proposal.model
+    explains = model.at_noise_floor or not current.at_noise_floor
+    little = model.bounded_excess < THRESHOLDS.keeps * current.bounded_excess
+    if explains and little and set(sets.oversized(model)) < set(sets.oversized(current)):
+        return Decision(True, "the richer form has an impossible size")
+    return Decision(False, "explains less, or its size is not more plausible")
+
+
+POSSIBLE_SIZE = Move(
+    "possible size",
+    "at the end, a richer form of impossible size is replaced by a simpler one that it contains",
+    lambda sets, current: map(Proposal, simpler_forms(sets, current)) if sets.oversized(current) else iter(()),
+    _of_possible_size,
     then="repeat",
 )
 
