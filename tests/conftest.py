@@ -5,7 +5,6 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: tests run side by side
 
 import gc
-import pickle
 import shutil
 import signal
 import threading
@@ -181,9 +180,13 @@ def two_runs(recorded: Callable[..., list[Any]], two_effects: Mapping[str, Mappi
 def two_found(made_once: Callable[..., Path], two_runs: list[Any], paper: Rig) -> Any:
     """Diagnosis of a rig with two effects, computed once for all test processes."""
     from dpr_lab.gap.diagnose import diagnose
+    from dpr_lab.gap.result.diagnosis import Diagnosis
 
-    folder = made_once("two_found", lambda at: (at / "pickled").write_bytes(pickle.dumps(diagnose(two_runs, paper))))
-    return pickle.loads((folder / "pickled").read_bytes())
+    def saved(folder: Path) -> None:
+        (folder / "diagnosis.json").write_text(diagnose(two_runs, paper).model_dump_json(), encoding="utf-8")
+
+    text = (made_once("two_found", saved) / "diagnosis.json").read_text(encoding="utf-8")
+    return Diagnosis.model_validate_json(text)
 
 
 @pytest.fixture(scope="session")
