@@ -12,7 +12,7 @@ import pytest
 from scipy.linalg import eigh
 
 from dpr_lab.errors import RunError
-from dpr_lab.rig import Rig, load_rig
+from dpr_lab.rig import Rig
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.readers.coordinates import OTHER, in_plane
 from dpr_lab.storage.readers.points import read_text
@@ -22,17 +22,9 @@ from dpr_lab.storage.tables.preview import preview
 from dpr_lab.storage.tables.questions.questions import refuse_push
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
-from tests.storage.test_rod_alone import ONE_ROD
 
 T = np.arange(200) / 50
 SWING = 0.8 * np.cos(6 * T)
-
-
-@pytest.fixture
-def one(tmp_path: Path) -> Rig:
-    file = tmp_path / "one.toml"
-    file.write_text(ONE_ROD)
-    return load_rig(file)
 
 
 def table(folder: Path, head: str, *columns: np.ndarray) -> Path:

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from dpr_lab.rig import Rig, load_rig
+from dpr_lab.rig import Rig
 from dpr_lab.storage.csv_import import ImportOptions
 from dpr_lab.storage.tables.understand import understand
-from tests.storage.test_rod_alone import ONE_ROD, table
+from tests.storage.test_rod_alone import table
 
 T = np.arange(0, 16, 0.04)
 
@@ -24,13 +24,6 @@ def swing(angle: float, drag: float = 0.0) -> np.ndarray:
     return solve_ivp(rates, (0, T[-1]), [angle, 0.0], t_eval=T, rtol=1e-9, atol=1e-9).y[0]
 
 
-@pytest.fixture
-def rig(tmp_path: Path) -> Rig:
-    file = tmp_path / "one.toml"
-    file.write_text(ONE_ROD)
-    return load_rig(file)
-
-
 def doubts(folder: Path, rig: Rig, degrees: np.ndarray) -> list[str]:
     noisy = degrees + np.random.default_rng(4).normal(0, 0.3, len(T))
     file = table(folder, "t,theta_deg", T, noisy)
@@ -38,12 +31,12 @@ def doubts(folder: Path, rig: Rig, degrees: np.ndarray) -> list[str]:
     return [question.sentence for question in understood.questions if "position of a point" in question.sentence]
 
 
-def test_a_position_in_mm_is_not_taken_for_an_angle_in_degrees(tmp_path: Path, rig: Rig) -> None:
-    sentences = doubts(tmp_path, rig, 600 * np.sin(swing(0.09)))
+def test_a_position_in_mm_is_not_taken_for_an_angle_in_degrees(tmp_path: Path, one: Rig) -> None:
+    sentences = doubts(tmp_path, one, 600 * np.sin(swing(0.09)))
     assert len(sentences) == 1
     assert "is the column an angle in deg" in sentences[0]
 
 
 @pytest.mark.parametrize(("angle", "drag"), [(0.9, 0.0), (2.0, 0.02), (0.09, 0.0)])
-def test_a_true_angle_is_not_doubted(tmp_path: Path, rig: Rig, angle: float, drag: float) -> None:
-    assert not doubts(tmp_path, rig, np.degrees(swing(angle, drag)))
+def test_a_true_angle_is_not_doubted(tmp_path: Path, one: Rig, angle: float, drag: float) -> None:
+    assert not doubts(tmp_path, one, np.degrees(swing(angle, drag)))

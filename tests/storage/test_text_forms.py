@@ -2,30 +2,20 @@
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from dpr_lab.errors import RunError
-from dpr_lab.rig import Rig, load_rig
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.preview import preview
 from dpr_lab.storage.tables.table import read_table
-from tests.storage.test_rod_alone import ONE_ROD
 
 T = np.arange(0, 1, 0.01)
 SWING = 1.2 * np.cos(6 * T)
 DEG = np.rad2deg(SWING)
-
-
-@pytest.fixture
-def one(tmp_path: Path) -> Rig:
-    file = tmp_path / "one.toml"
-    file.write_text(ONE_ROD)
-    return load_rig(file)
 
 
 def lines(form: str, values: np.ndarray = DEG) -> str:
