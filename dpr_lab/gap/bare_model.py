@@ -1,4 +1,7 @@
-"""Fit of the bare model to screened runs, in short segments and then in longer ones."""
+"""Fit of the bare model to screened runs.
+
+The segments are short at first, then longer.
+"""
 
 from dataclasses import replace
 
@@ -109,7 +112,10 @@ def with_likeliest_noise(recordings: Recordings, problem: Problem, model: Hypoth
 
 
 def lengthened(recordings: Recordings, short: Problem, estimate: Estimate, length: float) -> tuple[Problem, Hypothesis]:
-    """Fit the bare model to segments of `length`, s, starting from a fit of shorter segments."""
+    """Fit the bare model to segments of `length`, s.
+
+    The fit starts from a fit of shorter segments.
+    """
     longer, initial = recordings.cut(length)
     start = estimate.changed(initial=carried(short.segments, estimate.initial, longer.segments, initial))
     fitted = fit(longer, start, free_parameters(start, (), longer), iterations=20)

@@ -86,10 +86,7 @@ def corrected(drafted: Drafted, search: Callable[[ScreenedRuns], Drafted]) -> Dr
 
 
 def with_other_noise(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
-    """Return the state with less or no noise of known torques, if a model requires it.
-
-    Otherwise return None.
-    """
+    """Return the state with less or no noise of known torques, if a model requires it."""
     if refutes_torque_noise(fitted.problem, model):
         return replace(fitted, recordings=replace(fitted.recordings, exact_torques=True))
     recordings = with_likeliest_noise(fitted.recordings, fitted.problem, model)
@@ -105,7 +102,7 @@ def _earlier_torques(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
 
 
 def _earlier_share(recordings: Recordings, model: Hypothesis) -> float:
-    """Return the time by which known torques act before their rows, as a share of the interval between rows.
+    """Return how early known torques act, as a share of the interval between rows.
 
     The share is 0 if each torque is held constant until the next row.
     """
@@ -118,16 +115,16 @@ def _earlier_share(recordings: Recordings, model: Hypothesis) -> float:
 
 
 def _no_worse(before: Drafted, after: Drafted) -> bool:
-    """Return whether torques that act before their rows fit as well as torques that are held and delayed.
+    """Return whether early torques fit as well as torques that are held and delayed.
 
-    Differences within the noise are ignored.
+    Early torques act before their rows. Differences within the noise are ignored.
     """
     held, earlier = before.search.current, after.search.current
     return earlier.cost < held.cost + held.chance
 
 
 def _jumps(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
-    """Return the state without kicks and steps of readings.
+    """Exclude kicks and steps of readings, and return the new state.
 
     The result is None if there are no kicks or steps, or if their exclusion explains too little. Missed counts are in
     the model only if a reading shows them. The held-out runs remain as they were screened with the bare model: a model
@@ -143,7 +140,7 @@ def _jumps(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
 
 
 def _explains_better(before: Problem, model: Fit, recordings: Recordings) -> bool:
-    """Return whether chi2 decreases by more than the removal of readings alone would explain."""
+    """Return whether the exclusion of readings reduces chi2 by more than their own share."""
     problem, initial = recordings.cut(recordings.working_length)
     other = fit(problem, model.estimate.changed(initial=initial), (), iterations=20)
     level = max(1.0, model.chi2 / before.evidence)

@@ -62,7 +62,7 @@ def diagnose(
     seed: int = 0,
     on_progress: Callable[[Event], None] | None = None,
 ) -> Diagnosis:
-    """Diagnose the gap between simulation and rig: its location, its causes, their probabilities, and its reduction.
+    """Diagnose the gap between simulation and rig: location, causes, probabilities, reduction.
 
     Args:
         runs: one recorded run or several; three releases or more distinguish effects best
@@ -107,7 +107,11 @@ def _begin(request: Request, stage: str) -> None:
 
 
 def _screened(request: Request) -> ScreenedRuns:
-    """Cut a long record into pieces, screen all runs, and refuse those that contradict their description."""
+    """Cut long records into pieces, and screen all runs.
+
+    Raises:
+        RunError: there are no runs, or a run contradicts its description.
+    """
     if not request.runs:
         raise RunError("no runs to diagnose")
     for run in (*request.runs, *request.held_out):
@@ -190,7 +194,7 @@ def _selected(drafted: Drafted) -> Selected:
 
 
 def _transferred(selected: Selected) -> Transferred:
-    """Test the selected set on other recordings, and compute the size of the gap and the covariance."""
+    """Test the selected set on other recordings, and compute gap size and covariance."""
     fitted, selection = selected.fitted, selected.selection
     rig, recordings, problem, chosen = fitted.request.rig, fitted.recordings, fitted.problem, selection.chosen
     _begin(fitted.request, "transfer")

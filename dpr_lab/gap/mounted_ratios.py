@@ -11,7 +11,8 @@ from dpr_lab.rig import Rig
 def ratio_of(parameter: FreeParameter, estimate: Estimate, rig: Rig, *, alone: bool) -> tuple[str, float, float] | None:
     """Return a fitted parameter of rods, arm or drive as a ratio to b.
 
-    If only the inner rod is mounted, the ratio refers to a.
+    The result contains the name and value of the ratio, and the divisor of the parameter. If only the inner rod is
+    mounted, the ratio refers to a.
     """
     unknown, value = estimate.ratios, parameter.read(estimate)
     on_elbow, inertia = (float(unknown[ON_ELBOW]), alone_share(unknown)) if alone else (0.0, 1.0)

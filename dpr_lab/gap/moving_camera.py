@@ -1,4 +1,4 @@
-"""Film from a camera that is not fixed: the zero of the angles changes slowly.
+"""Film from a camera that moves slowly, so that the zero of the angles changes.
 
 If the picture turns, or if the point that counts as the pivot moves, all angles of the picture change together. The
 change is much slower than the swing, and it is different in each recording. It is therefore part of the noise, and no
@@ -50,7 +50,7 @@ def likeliest_camera(recordings: Recordings, problem: Problem, model: Hypothesis
 
 
 def explains_more(problem: Problem, fixed: Hypothesis, other_problem: Problem, moving: Hypothesis) -> bool:
-    """Return whether the readings are more likely with a moving camera than with a fixed one.
+    """Return whether a moving camera makes the readings more likely than a fixed one.
 
     The result is false if the two searches used different numbers of readings, because their likelihoods are then not
     comparable.

@@ -65,7 +65,7 @@ def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
 
 
 def _improved(recordings: Recordings, problem: Problem, model: Hypothesis, start: Shutter) -> tuple[float, Shutter]:
-    """Return the predicted reduction of chi2 by the best delay, and the shutter with this delay."""
+    """Return the reduction of chi2 by the best delay, and the shutter with this delay."""
     rate_hz = max(record.run.rate_hz for record in recordings.records)
     limit = 1 / (recordings.rods_length * rate_hz)  # reading the length of the rods takes one frame; s/m
     delays = [start.delay + SHUTTER.part * limit, start.delay - SHUTTER.part * limit]

@@ -37,7 +37,7 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
 
 
 def _alternatives(texts: Iterable[str]) -> str:
-    """Join alternative instructions by `Or:`; write a sentence that occurs in several instructions once."""
+    """Join alternative instructions by `Or:`, without repeated sentences."""
     written: set[str] = set()
     parts = []
     for text in texts:
@@ -48,12 +48,15 @@ def _alternatives(texts: Iterable[str]) -> str:
 
 
 def _listed(causes: Sequence[str]) -> str:
-    """Return a list of causes in the form `a from b`, or `a, b and c`."""
+    """Join causes as `a from b`, or as `a, b and c`."""
     return " from ".join(causes) if len(causes) == 2 else listed(causes)
 
 
 def _check(question: OpenQuestion, measured: str) -> AdvisedCheck:
-    """Create a check that measures an amplitude of one effect; the amplitude is zero if another cause is right."""
+    """Create a check that measures an amplitude of one effect.
+
+    The amplitude is zero if another cause is correct.
+    """
     effect = EFFECTS[measured]
     wider = effect.adds and not set(effect.nested).isdisjoint(question.causes)
     amplitude = next(p for p in effect.amplitudes if p.name == effect.adds) if wider else effect.amplitudes[0]
@@ -97,7 +100,7 @@ def _read(check: AdvisedCheck, answer: CheckAnswer) -> tuple[float, float]:
 
 
 def _example(check: AdvisedCheck) -> str:
-    """Return an example of a value with the unit of a check; messages to the operator quote it."""
+    """Return an example of a value with its unit, for messages to the operator."""
     unit = check.quantity.unit if check.quantity else ""
     return "0.1 %" if unit == "1" else f"{check.amplitudes[0].typical:g} {unit}"
 
@@ -130,7 +133,7 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
 
 
 def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained: bool, predicted: Predictions) -> str:
-    """Return a question to the operator about a doubtful value; the question states how to confirm the value.
+    """Ask the operator whether a doubtful value is right, and how to confirm it.
 
     The text is empty if the value is plausible.
 
@@ -166,7 +169,7 @@ def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained
 
 
 def _same_unit(diagnosis: Diagnosis, check: AdvisedCheck) -> list[tuple[str, float]]:
-    """List fitted amplitudes of named effects that have the unit of a check but are not its measured quantity."""
+    """List other fitted amplitudes of named effects in the unit of a check."""
     return [
         (f"the {EFFECTS[effect.name].bench_quantity(p.name).words} of {EFFECTS[effect.name].words}", fitted.value)
         for effect in diagnosis.effects

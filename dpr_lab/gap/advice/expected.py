@@ -17,10 +17,10 @@ from dpr_lab.identification.scaling.scale import Scale
 
 
 def expected_size(selection: Selection, scale: Scale, check: AdvisedCheck) -> Interval | None:
-    """Return the expected result of a measurement, with its 90 % interval, if its effect is the cause.
+    """Return the measured value that is expected if the effect of a check is the cause.
 
-    The size comes from the fit in which the measured effect replaces the named effect. If no such fit exists, the size
-    comes from the score test.
+    The value comes from the fit in which this effect replaces the named effect. If no such fit exists, the value comes
+    from the score test. The interval contains the value with a probability of 90 %.
 
     Args:
         selection: all fitted sets
@@ -28,7 +28,7 @@ def expected_size(selection: Selection, scale: Scale, check: AdvisedCheck) -> In
         check: the check
 
     Returns:
-        None if the check is a recording, if the size is zero, or if the recordings do not determine an amplitude
+        None if the check is a recording, if the value is zero, or if the recordings do not determine an amplitude
     """
     if check.quantity is None or check.about not in selection.without:
         return None

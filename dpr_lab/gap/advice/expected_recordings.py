@@ -70,7 +70,7 @@ class ExpectedRecording:
     """Parameters of each effect."""
 
     def apart(self, name: str, other: str) -> float:
-        """Return the distance between the change by effect `name` and its best approximation by effect `other`.
+        """Return the distance of the change by effect `name` from its best fit by effect `other`.
 
         The distance is in standard deviations of the noise.
         """
@@ -79,7 +79,7 @@ class ExpectedRecording:
         return float(np.sqrt(max(signal @ signal - explained, 0.0)))
 
     def apart_after_fit(self, name: str, other: str) -> float:
-        """Return the distance between readings simulated with effect `name` and a fit of effect `other` to them.
+        """Simulate readings with effect `name`, fit effect `other`, and return the remaining distance.
 
         The distance is in standard deviations of the noise. Unlike `apart`, it does not depend on the derivatives at
         the estimate, which are inaccurate near the reversals of a law with memory.

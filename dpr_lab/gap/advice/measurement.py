@@ -122,7 +122,7 @@ class Predictions:
     """Prediction of the recordings if the measured effect is the cause."""
 
     def log_densities(self, value: float, std: float) -> dict[str, float]:
-        """Return the log predictive density under each candidate, and under a cause outside the candidates."""
+        """Return the log predictive density under each candidate and under an outside cause."""
         from scipy.special import voigt_profile  # its import is slow
 
         densities = {name: prediction.log_density(value, std) for name, prediction in self.candidates.items()}
@@ -163,7 +163,7 @@ def predictions(diagnosis: Diagnosis, check: AdvisedCheck, names: Iterable[str])
 
 
 def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
-    """Return the amplitude that the recordings predict if the effect of the check is the cause.
+    """Return the amplitude that is expected if the effect of the check is the cause.
 
     The result is None if no size was fitted.
     """

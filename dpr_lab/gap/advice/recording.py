@@ -1,4 +1,4 @@
-"""Checks by a recording: select the release in which two causes differ most, and evaluate it."""
+"""Checks by a recording of the release in which two causes differ most."""
 
 from collections.abc import Mapping, Sequence
 
@@ -32,7 +32,10 @@ def form(check: AdvisedCheck) -> str:
 
 
 def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
-    """Recommend releases: for each other cause, the release in which it differs most from the named effect."""
+    """Recommend a release for each cause other than the named effect.
+
+    In this release, the predictions of the two causes differ most.
+    """
     steps: list[NextStep] = []
     if not question.expected:
         return steps
@@ -77,7 +80,7 @@ def _most_different(question: OpenQuestion, pairs: Sequence[tuple[str, str]]) ->
 
 
 def _apart_after_fits(expected: ExpectedRecording, name: str, other: str) -> float:
-    """Fit one of two causes to readings simulated with the other cause, and return their remaining distance.
+    """Fit one of two causes to a simulation of the other, and return the distance.
 
     A richer form can imitate its simpler form, so only the simpler form is fitted to readings of the richer one. Other
     causes are equivalent if one of them can imitate the other. Both directions are then tested, and the smaller

@@ -65,7 +65,7 @@ class Alternative:
 
 @dataclass(frozen=True, slots=True)
 class EffectPosterior:
-    """Probability of a named effect, with its alternatives and the effects that are indistinguishable from it."""
+    """Probability of a named effect, its alternatives, and the members of its class."""
 
     name: str
     members: tuple[str, ...]
@@ -121,7 +121,7 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """One effect of the selected set, with the scores and fits of other effects in its place."""
+    """One effect of the selected set, and the fits of others that replace it."""
 
     selection: Selection
     name: str
@@ -137,7 +137,7 @@ class _Place:
         return self.selection.tests_without[self.name]
 
     def filled(self, other: str) -> Hypothesis | None:
-        """Return the set in which another effect replaces the effect, or None if this set was not fitted."""
+        """Return the set in which another effect replaces this effect, if it was fitted."""
         return self.selection.fitted.get(self.without.key | {other})
 
 
@@ -202,10 +202,10 @@ def _hidden(selection: Selection, effect: Effect) -> tuple[str, ...]:
 
 
 def _adds_nothing(place: _Place, richer: str) -> bool:
-    """Return whether all detectable amplitudes that a richer form adds to the selected set are excluded.
+    """Return whether a richer form adds only amplitudes that are excluded.
 
-    If the richer form was fitted, its additional amplitudes together must also reduce the cost by less than their
-    penalty.
+    Undetectable amplitudes are ignored. If the richer form was fitted, its additional amplitudes together must also
+    reduce the cost by less than their penalty.
     """
     selection, fitted = place.selection, place.filled(richer)
     score = selection.final_test.of(richer)
@@ -217,7 +217,7 @@ def _adds_nothing(place: _Place, richer: str) -> bool:
 
 
 def _plausibility(place: _Place, score: Score) -> float:
-    """Return the prior of the size of an effect that replaces a named effect.
+    """Return the prior probability density of the size of an effect that replaces a named effect.
 
     The size comes from a fit, or from the linear score if the effect was not fitted.
     """
@@ -231,7 +231,7 @@ def _plausibility(place: _Place, score: Score) -> float:
 
 
 def _alternatives(place: _Place, named: Score, others: Mapping[str, Score]) -> list[Alternative]:
-    """Return the best alternatives to the named effect, by increasing cost; equal costs are sorted by name."""
+    """Return the best alternatives to the named effect, sorted by cost and name."""
     alternatives = (
         Alternative(other, place.test.cosine(named, score), _cost(place, score))
         for other, score in others.items()
@@ -254,7 +254,7 @@ def _cost(place: _Place, score: Score) -> float:
 
 
 def _takes_over(place: _Place, other: str) -> bool:
-    """Return whether another effect would only imitate the named effect or fit small causes."""
+    """Return whether another effect only imitates the named effect or fits small causes."""
     bare, chosen, instead = place.selection.bare, place.selection.chosen, place.filled(other)
     if instead is None or follows_decay(bare, instead, chosen):
         return False
@@ -265,7 +265,7 @@ def _takes_over(place: _Place, other: str) -> bool:
 
 
 def _added_cost(place: _Place, alternative: Alternative) -> float:
-    """Return the cost of an alternative minus the cost of the selected set, but at least zero.
+    """Return the additional cost of an alternative over the selected set, at least zero.
 
     The search has compared the alternative with the selected set. An alternative that fits better is not significantly
     better, so it is at most as probable as the named effect. The cost of a richer form of the effect is increased,
@@ -336,7 +336,7 @@ def odds_outside(
 
 
 def probabilities(selection: Selection, posteriors: tuple[EffectPosterior, ...], kind: str) -> Mapping[str, float]:
-    """Return the probabilities of no gap, of a cause outside the library, and of each class.
+    """Return the probabilities of no gap, of an outside cause, and of each class.
 
     Args:
         selection: the selected set of effects

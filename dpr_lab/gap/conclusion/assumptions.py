@@ -1,4 +1,4 @@
-"""Sentences on the assumptions of a diagnosis, and on effects that are undetectable in its recordings."""
+"""Assumptions of a diagnosis, and effects that its recordings cannot show."""
 
 from collections.abc import Mapping
 
@@ -62,7 +62,7 @@ def assumptions(state: Transferred, least: Mapping[str, Mapping[str, float | Non
 
 
 def _length(state: Transferred) -> str:
-    """Return a sentence that states whether L1 is the measured length or was fitted within its uncertainty."""
+    """State whether L1 is the measured length or a fitted one."""
     rig, estimate = state.fitted.recordings.rig, state.selection.chosen.estimate
     if rig.rig.L1_std is None:
         return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are as measured."
@@ -77,7 +77,7 @@ def _length(state: Transferred) -> str:
 
 
 def _scale(state: Transferred, assumed: Scale) -> str:
-    """Return the sentence about the source of the scale of all torques."""
+    """State the source of the scale of all torques."""
     setups = state.fitted.problem.segments.setups
     if drives := [setup.torques for setup in setups if setup.torques and setup.torques.scaled]:
         kinds = " and ".join(sorted({drive.kind for drive in drives} - {""}))
@@ -90,7 +90,7 @@ def _scale(state: Transferred, assumed: Scale) -> str:
 
 
 def _arm(state: Transferred) -> str:
-    """Return the sentence about the assumptions about an arm that moves."""
+    """State the assumptions about an arm that moves."""
     rig, setups = state.fitted.recordings.rig, state.fitted.problem.segments.setups
     text = "The angle of the arm is measured; its inertia and viscous friction are fitted"
     if not any(setup.torques and setup.torques.on_arm is not None for setup in setups):
@@ -113,7 +113,7 @@ def _arm(state: Transferred) -> str:
 
 
 def _torque_noise(state: Transferred) -> list[str]:
-    """Return the sentence about the noise of measured torques that the fits assume."""
+    """State the noise of measured torques that the fits assume."""
     if state.fitted.problem.disturbance is None or not (most := most_noise(state.fitted.problem)).any():
         return []
     inner, outer = np.minimum(most, state.fitted.recordings.torque_noise_Nm)
@@ -126,7 +126,7 @@ def _torque_noise(state: Transferred) -> list[str]:
 
 
 def _zeros(state: Transferred) -> list[str]:
-    """Return the sentence about the fitted zeros of encoders that are zeroed before each recording."""
+    """State the fitted zeros of encoders that are zeroed before each recording."""
     runs, zeros = state.fitted.recordings.records, 1e3 * state.selection.chosen.estimate.zeros
     texts = [
         f"{record.run.name}: {offsets[0]:.3g} and {offsets[1]:.3g}"
@@ -137,7 +137,7 @@ def _zeros(state: Transferred) -> list[str]:
 
 
 def _geared(state: Transferred) -> list[str]:
-    """Return the sentence about effects that are in the model because the rig is known to have them."""
+    """State which effects are always in the model because the rig has a geared motor."""
     names = [name for name in state.selection.chosen.effects if name in state.selection.expected]
     joints = listed([f"joint {joint}" for joint in state.fitted.recordings.rig.joints.geared])
     are = "is" if len(names) == 1 else "are"
@@ -149,7 +149,7 @@ def _geared(state: Transferred) -> list[str]:
 
 
 def _misleading(state: Transferred) -> list[str]:
-    """Return the sentence about effects that are excluded because they worsen the prediction of held-out runs."""
+    """State which effects were excluded because they worsen the held-out predictions."""
     names = state.selection.misleading
     was, them = ("was", "it") if len(names) == 1 else ("were", "them")
     text = (
@@ -160,7 +160,7 @@ def _misleading(state: Transferred) -> list[str]:
 
 
 def _unseen(least: Mapping[str, Mapping[str, float | None]], absorbed: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """Return the sentences about undetectable effects, and about effects that base parameters absorb."""
+    """State which effects are undetectable, and which ones the base parameters absorb."""
     blind = {name: absorbed.get(name, {}) for name, sizes in least.items() if sizes and not any(sizes.values())}
     twins = {
         name: listed(sorted(set(ratios_by_name.values()) & {*RATIOS, "p/b", "b"}))

@@ -29,7 +29,9 @@ from dpr_lab.fitting.projection import ColumnSpace
 
 
 def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:
-    """Return the (free, free) second moment of the errors of all values, caused by the values at their bounds.
+    """Return the second moment of the errors that values at their bounds cause.
+
+    Its shape is (free, free), for all values.
 
     Args:
         problem: segments and noise
@@ -43,7 +45,7 @@ def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:
 
 
 def _shifts(problem: Problem, fit: Fit, inflation: float) -> Iterator[Array]:
-    """Yield, for each value at its bound, the (free,) rms errors that it causes in all fitted values."""
+    """Yield the (free,) rms errors due to each value at its bound."""
     room, inside = bounds(fit.estimate, fit.free), fit.inside
     at_bound = np.flatnonzero((room == 0.0).any(axis=0)).tolist()
     if not at_bound:
@@ -91,7 +93,7 @@ def _farthest(room: Array, direction: Array) -> float:
 
 
 def _mean_square(slope: float, curvature: float, farthest: float) -> float:
-    """Return the second moment E[u^2] of the density exp(slope u - curvature u^2 / 2) on 0 <= u <= farthest.
+    """Return E[u^2] for the density exp(slope u - curvature u^2 / 2) on 0 <= u <= farthest.
 
     The density is cut off at eight standard deviations, where it is negligible.
     """

@@ -1,4 +1,4 @@
-"""Named effects with their sizes and probabilities, their alternatives, and the components that they form."""
+"""Named effects with sizes and probabilities, their alternatives, and the components they form."""
 
 from collections.abc import Sequence
 from functools import reduce
@@ -42,7 +42,10 @@ def named_effect(state: Transferred, posterior: EffectPosterior, scale: Scale) -
 
 
 def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
-    """Derive quantities from the parameters of an effect, with intervals; assume that the errors are independent."""
+    """Derive quantities with intervals from the parameters of an effect.
+
+    The errors of the parameters are assumed to be independent.
+    """
     if effect.implied is None:
         return {}
     sizes, squares = effect.implied(values), dict.fromkeys(effect.implied(values), 0.0)
@@ -56,7 +59,7 @@ def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
 
 
 def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> EffectSize:
-    """Describe the size of a fitted parameter: value, ratio to the assumed inertia, and their intervals."""
+    """Describe the size of a fitted parameter with its intervals."""
     parameter = next(p for p in EFFECTS[effect].parameters if p.name == name)
     floor = 0.0 if parameter.sign == "positive" else -np.inf
     interval, power = (max(value - reach, floor), value + reach), parameter.scale_power
@@ -111,7 +114,7 @@ def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -
 
 
 def _share(problem: Problem, selection: Selection, parts: tuple[str, ...]) -> float:
-    """Return the share of the excess chi2 that returns if all effects of a family are removed, 0 to 1."""
+    """Return the share of the excess that returns if a family is removed, 0 to 1."""
 
     def without(model: Hypothesis, name: str) -> Hypothesis:
         return refit_without(problem, model, name, selection.bare)

@@ -87,7 +87,7 @@ def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
 
 
 def _worse(model: Hypothesis, chosen: Hypothesis) -> float:
-    """Return the cost of a set minus the cost of the selected set.
+    """Return the additional cost of a set over the selected set.
 
     Both costs are computed with the same noise: the noise of the readings plus the remainder of the selected set. A
     larger remainder of the other set therefore counts against that set. A set that fits better was rejected by the

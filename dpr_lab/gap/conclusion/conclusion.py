@@ -103,7 +103,7 @@ def _shutter(state: Transferred) -> RollingShutter | None:
 
 
 def _checks(state: Transferred, advice: Sequence[NextStep], named: Sequence[str], scale: Scale) -> list[AdvisedCheck]:
-    """Return all checks of the advice in their order, with an identifier that is unique among diagnoses."""
+    """Return all recommended checks in order, each with a unique identifier."""
     estimate = state.selection.chosen.estimate
     digest = hashlib.sha256(estimate.ratios.tobytes() + estimate.params.tobytes()).hexdigest()[:4]
     checks = merged(check for step in advice for check in step.checks if check.about in named)
@@ -114,10 +114,10 @@ def _checks(state: Transferred, advice: Sequence[NextStep], named: Sequence[str]
 
 
 def merged(checks: Iterable[AdvisedCheck]) -> list[AdvisedCheck]:
-    """Merge checks that are the same action for the same effect, in the order of their first occurrence.
+    """Merge checks that are the same action for the same effect.
 
-    A merged check distinguishes all causes that the single checks distinguish. Its expected information is the largest
-    of theirs, which is a lower bound.
+    The order is that of their first occurrence. A merged check distinguishes all causes that the single checks
+    distinguish. Its expected information is the largest of theirs, which is a lower bound.
     """
     actions: dict[tuple[str, str, str], AdvisedCheck] = {}
     for check in checks:

@@ -83,7 +83,7 @@ def description(
 
 
 def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Description:
-    """Describe an arm that hits a stop, or a drive that the rig file does not contain.
+    """Describe an arm that hits a stop, or a drive that is not in the rig file.
 
     The description is empty if an effect explains the motion.
     """
@@ -97,13 +97,13 @@ def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Descr
 
 
 def _trusted(record: Record) -> Run:
-    """Remove the logger's faulty readings from a run, because such readings look like energy input."""
+    """Remove the faulty readings of the logger, because they look like energy input."""
     run, screened = record.run, record.screened
     return run.only(~np.isin(run.t, screened.t[~screened.keep.all(axis=1)]))
 
 
 def _wrong_gravity(rig: Rig, selection: Selection) -> str:
-    """Return a sentence if g in the rig file does not occur on earth and appears as an error of L1.
+    """State that g in the rig file is impossible on earth and appears as an error of L1.
 
     Otherwise the text is empty. Only g / L1 is identifiable.
     """
@@ -124,7 +124,7 @@ def _wrong_gravity(rig: Rig, selection: Selection) -> str:
 
 
 def _delay_within_row(problem: Problem, selection: Selection) -> str:
-    """Return a sentence if known torques change too much between rows to determine a delay.
+    """State that a delay is undetermined because known torques change too much between rows.
 
     The delay is then shorter than the interval between rows. Otherwise the text is empty.
     """

@@ -41,7 +41,7 @@ def _restrictions(state: Transferred, kind: Verdict) -> Iterator[str]:
 
 
 def _small_effects(state: Transferred, kind: Verdict) -> Iterator[str]:
-    """Yield a sentence that lists the effects which the verdict omits because they explain little of the gap."""
+    """Yield a sentence on the effects that explain too little for the verdict."""
     of_model = small_effects(state.selection.bare, state.selection.path)
     listable = [cause.name for cause in state.posteriors if cause.probability >= PROBABLE]
     excluded = {*state.transfer.withdrawn, *(cause.name for cause in causes_named(state))}
@@ -69,7 +69,7 @@ def component_notes(named_families: Sequence[NamedFamily], geared: Collection[in
 
 
 def _varying_sizes(state: Transferred) -> Iterator[str]:
-    """Yield the sentences on effects that do not carry over because their size differs between the recordings."""
+    """Yield sentences on effects whose sizes differ between the recordings."""
     budget = state.gap.budget
     if budget is None or budget.basis != "recordings":
         return
@@ -81,7 +81,10 @@ def _varying_sizes(state: Transferred) -> Iterator[str]:
 
 
 def _lone_recording(state: Transferred) -> Iterator[str]:
-    """Yield a sentence about the only recording that the model does not explain; it states the next step."""
+    """Yield a sentence on the only recording that the model does not explain.
+
+    The sentence states the next step.
+    """
     if (lone := state.transfer.lone) is None:
         return
     piece = are_pieces([lone.name])

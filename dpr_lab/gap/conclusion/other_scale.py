@@ -24,7 +24,7 @@ SCALES = (2.0, 0.5)
 
 
 def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
-    """Return a sentence that states another scale of the readings, at which fewer effects are needed.
+    """State another scale of the readings at which fewer effects are needed.
 
     Only readings of one degree of freedom are considered. The text is empty if there is no such scale.
 
@@ -68,9 +68,9 @@ def _closes(scaled: Hypothesis, selection: Selection) -> bool:
 def _scaled_fit(
     problem: Problem, chosen: Hypothesis, ratios: Array, factor: float, effects: frozenset[str]
 ) -> Hypothesis:
-    """Fit `effects` to the readings of joint 1, which are measured from hanging and multiplied by `factor`.
+    """Fit `effects` to the readings of joint 1 multiplied by `factor`.
 
-    The fit starts from (7,) ratios.
+    These readings are measured from hanging. The fit starts from (7,) ratios.
     """
     joints = problem.joints
     turned = joints.to_rods(problem.measured)

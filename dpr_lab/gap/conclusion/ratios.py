@@ -59,7 +59,7 @@ def determined(state: Transferred) -> tuple[dict[str, Interval], Array]:
 
 
 def scale(state: Transferred) -> Scale:
-    """Return the value of b that absolute sizes assume; it is fitted or comes from the rig file.
+    """Return the value of b that absolute sizes assume, fitted or from the rig file.
 
     If only the inner rod is mounted, the value of a is stated instead.
     """
@@ -83,7 +83,10 @@ def _scale_b(state: Transferred) -> Scale:
 
 
 def ratio_covariance(state: Transferred) -> Array:
-    """Return the (5, 5) covariance of the ratios, with zero for ratios of the rig file."""
+    """Return the (5, 5) covariance of the ratios.
+
+    It is zero for ratios of the rig file.
+    """
     free = state.selection.chosen.fit.free
     column_of = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}
     covariance = np.zeros((len(RATIOS), len(RATIOS)))

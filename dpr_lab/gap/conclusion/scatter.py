@@ -77,9 +77,9 @@ def between_recordings(problem: Problem, fit: Fit) -> Array:
 
 
 def left_out_values(problem: Problem, fit: Fit) -> Array:
-    """Fit the values without each recording in turn, by one Gauss-Newton step; return (recordings, free) values.
+    """Fit the values without each recording in turn; return (recordings, free) values.
 
-    The values without recording r are
+    One Gauss-Newton step gives the values without recording r,
 
         p - (H - H_r + P)^+ g_r
 

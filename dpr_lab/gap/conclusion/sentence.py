@@ -1,4 +1,4 @@
-"""Verdict in up to three sentences: the causes, the reduction of the gap, and the remainder."""
+"""Verdict in up to three sentences: causes, reduction of the gap, and remainder."""
 
 from collections.abc import Sequence
 
@@ -43,7 +43,7 @@ def _inconclusive(visible_counts: tuple[int, int]) -> str:
 
 
 def _too_short(state: Transferred) -> str:
-    """Return sentences that list the most probable causes, and the recordings that can decide between them."""
+    """List the most probable causes, and recordings that can decide between them."""
     t, causes = state.fitted.problem.t, listed_causes(state.posteriors)
     probable = {_class(cause): cause.probability for cause in causes}
     listed_names = {name for cause in causes for name in (cause.name, *cause.members)}
@@ -123,7 +123,7 @@ def _in_noise(ratio: float) -> str:
 
 
 def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
-    """Return a sentence about the remainder; an increased error of the free run takes precedence."""
+    """Describe the remainder, or an increased error of the free run, which takes precedence."""
     if transferred.worse_free_run:
         errors = transferred.worse_free_run
         before, after = 1e3 * errors.before_rad, 1e3 * errors.after_rad
@@ -202,5 +202,5 @@ def _class(posterior: EffectPosterior) -> str:
 
 
 def _doubt(cause: EffectPosterior) -> str:
-    """Return a clause with the probability of an effect if it is probably not the cause; otherwise an empty text."""
+    """Return a clause with the probability of an improbable cause, otherwise an empty text."""
     return "" if cause.probability >= VERDICT.rather else f" (probability only {percent(cause.probability)})"

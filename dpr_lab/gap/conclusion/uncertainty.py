@@ -89,7 +89,7 @@ def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator
 
 
 def _otherwise(problem: Problem, rig: Rig) -> Iterator[Problem]:
-    """Yield problems with half the integrator step, and with a larger value of each weighed mass."""
+    """Yield problems with half the integrator step, and with each weighed mass increased."""
     segments, model = problem.segments, problem.model
     yield replace(problem, segments=replace(segments, step=segments.step / 2))
     for name in MASSES:

@@ -118,7 +118,7 @@ def small(model: Hypothesis) -> bool:
 
 
 def _only_held_out(transferred: Transfer) -> bool:
-    """Return whether only the held-out recordings show a gap."""
+    """Return whether a gap appears only in the held-out recordings."""
     return transferred.basis == "held-out runs" and transferred.gap_ratio > VERDICT.held_out_gap
 
 

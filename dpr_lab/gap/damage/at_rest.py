@@ -1,4 +1,4 @@
-"""Motion after rest: a joint without a drive moves although the rods had come to rest.
+"""Detection of joints without a drive that move again after rest.
 
 A free rod that stays within the noise for half a period of its small oscillation is at rest: friction holds it, or its
 energy is below the noise. Whether it hangs exactly vertically is then a matter of friction. A later motion is caused by
@@ -104,7 +104,7 @@ def without_touch(record: Record, rig: Rig) -> Record:
 
 
 def _blocks(record: Record) -> tuple[Array, Array, Array]:
-    """Return the times of blocks, their (n, axes) medians, and the (axes,) standard deviation of a median, rad."""
+    """Return times, (n, axes) medians and their (axes,) standard deviations, rad, of blocks."""
     length = max(REST.block_s, REST.fewest * float(np.median(np.diff(record.t))))
     number = np.floor((record.t - record.t[0]) / length).astype(np.int64)
     edges = np.flatnonzero(np.diff(number, prepend=-1))

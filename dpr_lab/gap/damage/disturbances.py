@@ -123,7 +123,7 @@ def without_jumps(recordings: Recordings, estimate: Estimate, ratio: float = JUM
 
 
 def _cleaned(whole: Recordings, parts: Sequence[Sequence[LeftOut]]) -> Recordings | None:
-    """Remove some intervals from recordings; return None if a recording would have no segment left."""
+    """Remove intervals from recordings; return None if a recording loses all segments."""
     records = tuple(map(_without, whole.records, parts))
     remain = all(cut(record.t, np.inf, record.breaks) for record in records)
     return replace(whole, records=records) if remain else None
@@ -166,7 +166,7 @@ def _of_kick(jump: Jump, parts: Iterable[LeftOut]) -> Jump:
 
 
 def _undriven(record: Record) -> bool:
-    """Return whether no known torque and no moving arm drives the rods.
+    """Return whether neither a known torque nor a moving arm drives the rods.
 
     Errors of a drive could look like a disturbance.
     """
@@ -174,7 +174,7 @@ def _undriven(record: Record) -> bool:
 
 
 def _shifted(record: Record, estimate: Estimate) -> bool:
-    """Return whether missed counts shift the readings although the model contains no missed counts.
+    """Return whether missed counts shift the readings but are not in the model.
 
     A jump is then not conspicuous.
     """
@@ -210,7 +210,10 @@ def _later(record: Record, begin: float) -> Record:
 
 
 def shows(record: Record, jump: Jump) -> bool:
-    """Return whether the readings themselves contain the step, not only the residuals of a model."""
+    """Return whether the readings themselves contain the step.
+
+    The residuals of a model may show a step that the readings do not contain.
+    """
     return jump.joint is not None and shows_step(record, jump.joint, jump.at, jump.size[0])
 
 
@@ -283,7 +286,7 @@ def _merged(parts: Iterable[LeftOut]) -> list[LeftOut]:
 
 
 def _without(record: Record, parts: Sequence[LeftOut]) -> Record:
-    """Return the record without the given intervals; a finding is added for each interval."""
+    """Return the record without the given intervals, with a finding for each."""
     findings = [_finding(record, part) for part in parts]
     for part in parts:
         record = _with_missed_counts(record, part) if part.of_counts else record.left_out(part.since, part.until)
@@ -291,7 +294,7 @@ def _without(record: Record, parts: Sequence[LeftOut]) -> Record:
 
 
 def _with_missed_counts(record: Record, part: LeftOut) -> Record:
-    """Add to the record a step at which the encoder missed counts; an effect estimates their number."""
+    """Add a step of missed counts to the record; an effect estimates their number."""
     (step,) = part.jumps
     steps = sorted([*record.screened.breaks, (step.at, int(step.joint or 0))])
     breaks = np.sort(np.append(record.breaks, step.at))

@@ -80,16 +80,16 @@ def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Recor
 
 
 def fitted_starts(recordings: Recordings, estimate: Estimate, length: float) -> tuple[Problem, Fit]:
-    """Cut recordings into segments of about a given length, s, and fit their initial states.
+    """Cut recordings into segments, and fit the initial states of the segments.
 
-    The ratios and the effects of the estimate are fixed.
+    The ratios and the effects of the estimate are fixed. `length` is the approximate length of a segment, s.
     """
     problem, initial = replace(recordings, ratios=None).cut(length)
     return problem, fit(problem, estimate.changed(initial=initial), (), iterations=HAND.iterations)
 
 
 def energies(problem: Problem, estimate: Estimate) -> Array:
-    """Return the (segments,) energy of the rods at segment starts, divided by b, 1/s^2.
+    """Return the (segments,) energy at the start of each segment, divided by b, 1/s^2.
 
     The energy is zero for hanging rods at rest.
     """
@@ -103,7 +103,7 @@ def energies(problem: Problem, estimate: Estimate) -> Array:
 
 
 def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float | None:
-    """Return the start, s, of the first segment that the model fits after a rise of the energy.
+    """Return the start, s, of the first segment that the model fits after the energy rose.
 
     The result is None if the energy does not rise.
     """
@@ -129,7 +129,7 @@ def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float |
 
 
 def _first_followed(level: Array, top: int) -> int:
-    """Return the index of the first segment from `top` on that the model of undriven rods fits.
+    """Return the index of the first segment from `top` on that the undriven model fits.
 
     The energy of a segment that contains the push is not the energy at its start.
 
@@ -143,10 +143,10 @@ def _first_followed(level: Array, top: int) -> int:
 
 
 def _held_until(recordings: Recordings, undriven: Estimate) -> float | None:
-    """Return the instant in the first segment, s, until which something holds the rods.
+    """Return the time, s, until which something holds the rods.
 
-    From this instant on, the model of undriven rods fits as well as in other segments. The result is None if nothing
-    holds the rods.
+    The time lies in the first segment. From then on, the model of undriven rods fits as well as in other segments. The
+    result is None if nothing holds the rods.
     """
     (recording,) = recordings.records
     problem, fitted = fitted_starts(recordings, undriven, LENGTHS.first)
@@ -172,7 +172,7 @@ def _held_until(recordings: Recordings, undriven: Estimate) -> float | None:
 
 
 def _only_rose_before(energy: Array, later: Array, top: int, begins: Array, scatter: float) -> bool:
-    """Return whether the energy rises until the segment `top`, early in the recording, and then only decreases."""
+    """Return whether the energy rises early, until the segment `top`, and then only decreases."""
     most = float(later[top:].max())
     rise = (most - float(energy[: top + 1].min())) / most
     if top == 0 or rise < max(HAND.rises, HAND.scatters * scatter / most):
@@ -184,7 +184,7 @@ def _only_rose_before(energy: Array, later: Array, top: int, begins: Array, scat
 
 
 def _smoothed(energy: Array) -> Array:
-    """Return running medians of the energy; repeat the first and the last value at the ends."""
+    """Return running medians of the energy, with the end values repeated."""
     half = HAND.smoothed // 2
     padded = np.pad(energy, half, mode="edge")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, HAND.smoothed), axis=1))

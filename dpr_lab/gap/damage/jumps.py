@@ -104,7 +104,7 @@ def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
 
 
 def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[Jump]]:
-    """Return the kick and the step of a reading with the largest gains in each segment.
+    """Return the best kick and the best step of a reading in each segment.
 
     The joint of a step is given only if neither a kick of finite duration nor a single wrong reading explains as much.
     """
@@ -132,7 +132,7 @@ def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[J
 
 
 def _highest_near(t: Array, values: Array, reach_s: float) -> Array:
-    """Return the (n,) maximum of values (n,) over the times up to `reach_s` before and after each instant."""
+    """Return the (n,) maximum of the values within `reach_s` of each instant."""
     highest = values.copy()
     for shift in range(1, int(reach_s / max(float(np.median(np.diff(t))), 1e-6)) + 1):
         highest[shift:] = np.maximum(highest[shift:], values[:-shift])
@@ -141,7 +141,7 @@ def _highest_near(t: Array, values: Array, reach_s: float) -> Array:
 
 
 def _speeds(reference: Trajectory, sample: int, impulses: Array) -> tuple[float, ...]:
-    """Return the changes of the speeds of both rods, rad/s, by impulses on theta1 and theta2, N m s."""
+    """Convert impulses on theta1 and theta2, N m s, to changes of the speeds, rad/s."""
     i = round(float(reference.at[sample]))
     setup = reference.motion.run[i]
     a, b, d, *_ = reference.bases[setup]
@@ -173,7 +173,7 @@ class _Changes:
 
     @classmethod
     def of(cls, problem: Problem, fitted: Fit, reference: Trajectory, degree: int) -> "_Changes":
-        """Return the residuals of a fit with free initial states, after polynomial torques are projected out.
+        """Project initial states and polynomial torques out of the residuals of a fit.
 
         `degree` is the degree of the polynomials.
         """
@@ -222,7 +222,10 @@ class _Changes:
         return self._inside(gain), size
 
     def lone(self) -> Array:
-        """Return the (samples,) gain if a single wrong reading, at the sample or next to it, is excluded."""
+        """Return the gain of excluding a single wrong reading near each sample.
+
+        The result has the shape (samples,). The wrong reading is the sample itself or its neighbour.
+        """
         remaining = 1.0 - np.sum(self.Q**2, axis=2)
         gain = np.max(self.e**2 / np.maximum(remaining, STEPS.seen), axis=1)
         return np.maximum(gain, np.maximum(np.roll(gain, 1), np.roll(gain, -1)))
@@ -235,7 +238,7 @@ class _Changes:
 def _of_torques(problem: Problem, fitted: Fit, reference: Trajectory, degree: int) -> Array:
     """Return (segments, m, k) orthonormal responses of the readings to polynomial torques.
 
-    The initial states are projected out.
+    The initial states are projected out of the responses.
     """
     t, edges = reference.motion.t, reference.edges
     begin, end = (np.repeat(t[places], np.diff(edges)) for places in (edges[:-1], edges[1:] - 1))

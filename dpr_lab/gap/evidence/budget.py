@@ -73,7 +73,7 @@ class _Source:
 
 
 def sources(problem: Problem, model: Hypothesis, rig: Rig) -> list[_Source]:
-    """Return all sources that contribute to the uncertainty of a prediction."""
+    """Return all sources of the uncertainty of a prediction."""
     return [_integrator(problem, model), *_constants(problem, model, rig), *_noise(model)]
 
 
@@ -88,7 +88,7 @@ class _Refit:
 
     @classmethod
     def of(cls, problem: Problem, model: Hypothesis, other: Problem) -> Self:
-        """Return the refit of the model to the same readings after `other` replaces the problem."""
+        """Refit the model to the same readings after `other` replaces the problem."""
         fit = model.fit
         change = problem.whitened(np.nan_to_num(other.predict(fit.estimate) - problem.predict(fit.estimate)))
         step = shifted(fit, change)
@@ -96,7 +96,7 @@ class _Refit:
         return cls(step, float((1 + np.sum(remaining**2) / model.inflation) ** -0.5))
 
     def variance(self, swings: FreeSwings, changes: Sequence[Array], factor: float) -> list[Array]:
-        """Return the (n, 2) squared change of each free run after the refit, rad^2.
+        """Return the (n, 2) squared change, rad^2, of each free run after the refit.
 
         Args:
             swings: the free runs
@@ -110,7 +110,7 @@ class _Refit:
 
 
 def _integrator(problem: Problem, model: Hypothesis) -> _Source:
-    """Return the contribution of the integrator: the change of a prediction if the step is halved."""
+    """Return the contribution of the integrator, from a prediction with half the step."""
     halved = replace(problem, segments=replace(problem.segments, step=problem.segments.step / 2))
     refit = _Refit.of(problem, model, halved)
     return _Source(
@@ -122,7 +122,10 @@ def _integrator(problem: Problem, model: Hypothesis) -> _Source:
 
 
 def _constants(problem: Problem, model: Hypothesis, rig: Rig) -> Iterator[_Source]:
-    """Yield the contributions of lengths, gravity and weighed masses, each changed by one standard uncertainty."""
+    """Yield the contribution of each length, weighed mass, and gravity.
+
+    Each value is changed by one standard uncertainty.
+    """
     for name, description, constants in _inputs(problem.model.constants, rig, problem.always):
         refit = _Refit.of(problem, model, replace(problem, model=problem.model.with_constants(constants)))
 
@@ -135,7 +138,7 @@ def _constants(problem: Problem, model: Hypothesis, rig: Rig) -> Iterator[_Sourc
 def _noise(model: Hypothesis) -> Iterator[_Source]:
     """Yield the contributions of the noise of the readings.
 
-    They act on the fitted values, on the initial state, and on the comparison itself.
+    The noise acts on the fitted values, on the initial state, and on the comparison itself.
     """
     level, noise = model.residuals.level, model.residuals.independent_noise
     spread = considered(model.fit, noise)
@@ -162,7 +165,7 @@ def _noise(model: Hypothesis) -> Iterator[_Source]:
 def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tuple[str, str, RigConstants]]:
     """Yield name, source and changed constants for each measured constant of the rig.
 
-    In the changed constants, the measured constant is increased by its standard uncertainty.
+    The change is one standard uncertainty of this constant.
     """
     if not any(EFFECTS[name].corrects == "L1" for name in fitted):
         std = ASSUMED.rule_m * ASSUMED.rectangular

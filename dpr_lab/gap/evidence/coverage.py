@@ -66,7 +66,7 @@ def _spent(record: Record, to_rods: Callable[[Array], Array]) -> Spent:
 
 
 def _of(rod: str, spent: Sequence[Spent]) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield the angles, speeds and durations of a rod for each recording in which the rod swung.
+    """Yield angles, speeds and durations of a rod for each recording in which it swung.
 
     If only one rod is mounted, its values are in the first column.
     """

@@ -91,7 +91,7 @@ class AllShapes:
 
 
 def joint_intervals(given: ColumnSpace, inflation: float) -> list[tuple[float, float]] | None:
-    """Return the 90 % interval of each amplitude, fitted together with the other amplitudes.
+    """Return the 90 % interval of each amplitude in a joint fit of all amplitudes.
 
     The result is None if the amplitudes are inseparable.
 
@@ -104,7 +104,7 @@ def joint_intervals(given: ColumnSpace, inflation: float) -> list[tuple[float, f
 
 
 def _union(sets: UnitSets, inflation: float) -> Array | None:
-    """Return, for each of n amplitudes, the union (n, 2) of its 90 % intervals in all shapes.
+    """Return the union (n, 2) of the 90 % intervals in all shapes, for n amplitudes.
 
     The result is None if the amplitudes are inseparable in one of the shapes.
 
@@ -126,10 +126,7 @@ def _is_frequency(effect: Effect) -> bool:
 
 
 def _beginning(problem: Problem, estimate: Estimate) -> tuple[Problem, Estimate]:
-    """Keep only those segments of the problem and the estimate that end early.
-
-    They end within `SHAPES.longest_s` after the first reading.
-    """
+    """Keep the segments that end within `SHAPES.longest_s` after the first reading."""
     ends = problem.t[problem.segments.offsets[1:] - 1]
     indices = np.flatnonzero(ends <= problem.t.min() + SHAPES.longest_s)
     samples = problem.segments.samples_of(indices)
@@ -143,7 +140,7 @@ def _beginning(problem: Problem, estimate: Estimate) -> tuple[Problem, Estimate]
 
 
 def _values(effect: Effect, problem: Problem) -> Array:
-    """Return the tested values of the shape parameter; the values of a frequency are evenly spaced."""
+    """Return the tested values of the shape parameter; frequencies are evenly spaced."""
     (shape,) = effect.shapes
     if not _is_frequency(effect):
         return np.array(shape.scan)
@@ -161,7 +158,7 @@ class _Swings:
 
     @classmethod
     def of(cls, problem: Problem, estimate: Estimate, fitted: FittedColumns) -> "_Swings":
-        """Return the swings of the estimate at which the problem was linearised."""
+        """Create the swings at the estimate of the linearised problem."""
         return cls(problem, trajectory(problem, estimate, spacing=TRAJECTORY.coarse_s), fitted)
 
     def sets(self, effect: Effect, values: Array) -> Iterator[UnitSets]:

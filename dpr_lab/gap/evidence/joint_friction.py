@@ -111,7 +111,7 @@ def _reached(swings: Trajectory) -> dict[int, float]:
 
 
 def _curve(joint: int, free: Sequence[FreeParameter]) -> list[FreeParameter]:
-    """Return those amplitudes of the free-form friction curve that the model does not yet fit."""
+    """Return the amplitudes of the friction curve that the model does not yet fit."""
     fitted = {column.place for column in free}
     every = effect_parameters(FRICTION_CURVES[joint])
     return [column for column in every if column.place not in fitted]
@@ -120,9 +120,9 @@ def _curve(joint: int, free: Sequence[FreeParameter]) -> list[FreeParameter]:
 def linear_torque(
     joint: int, speeds: Array, estimate: Estimate, free: Sequence[FreeParameter], constants: RigConstants
 ) -> tuple[Array, Array]:
-    """Return the (speeds,) friction torque, N m, and its (speeds, free) derivatives.
+    """Return the (speeds,) friction torque, N m, and its derivatives.
 
-    The derivatives are those with respect to the fitted values.
+    The (speeds, free) derivatives are those with respect to the fitted values.
     """
     vectors = np.tile(estimate.vector, (len(free) + 1, 1))
     steps = np.array([column.step for column in free])
@@ -132,7 +132,10 @@ def linear_torque(
 
 
 def _torques(joint: int, speeds: Array, vectors: Array, base: Array, constants: RigConstants) -> Array:
-    """Return the (speeds, vectors) friction torque of a joint, N m, for each vector of parameters."""
+    """Return the (speeds, vectors) friction torque of a joint, N m.
+
+    Each vector of parameters gives a column.
+    """
     n, axes, axis = len(speeds), 2 if joint else 3, joint - 1  # the arm is the last axis
     zero, omega = np.zeros((n, axes)), np.zeros((n, axes))
     hanging = zero + [np.pi, np.pi, 0.0][:axes]

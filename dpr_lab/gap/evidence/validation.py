@@ -160,9 +160,9 @@ def _curves(recordings: Recordings, pair: Pairs, run: RunBudget) -> Curves:
 
 
 def _input(recordings: Recordings, swing: FreeSwing, t: Array) -> dict[str, Any]:
-    """Return the input of the arm's drive at (n,) times since the first reading, and its name with the unit.
+    """Return the input of the arm's drive, with its name and unit.
 
-    The result is empty if the run has no input.
+    The (n,) times `t` are measured from the first reading. The result is empty if the run has no input.
     """
     run, motor = swing.record.run, recordings.rig.motor
     if run.arm_input is None or motor is None:
@@ -173,5 +173,5 @@ def _input(recordings: Recordings, swing: FreeSwing, t: Array) -> dict[str, Any]
 
 
 def _rounded(values: Array) -> Any:
-    """Return the rounded numbers as nested lists; a value is zero where a model could not be simulated."""
+    """Return the rounded numbers as nested lists, with zero for failed simulations."""
     return np.round(np.nan_to_num(values), CURVE.digits).tolist()

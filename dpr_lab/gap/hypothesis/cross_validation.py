@@ -128,10 +128,10 @@ class _Folds:
         return sum((part.H for part in parts), np.eye(k)), sum((part.gradient for part in parts), np.zeros(k))
 
     def seen_by_one_alone(self, fold: Fold, V: Array) -> Flags:
-        """Return a (free,) mask of the parameters that are free in a held-out run, like its initial state.
+        """Return a (free,) mask of the parameters that are free in a held-out run.
 
-        These parameters are the encoder zeros that are set before the run, and the shape parameters whose variance V
-        grows too much without the run.
+        Like its initial state, two kinds of parameters are free: the encoder zeros that are set before the run, and the
+        shape parameters whose variance V grows too much without the run.
         """
         zeros = self.zeros & (np.diag(self.H) - np.diag(fold.H) <= 1.0)
         if not self.shapes.any():
@@ -140,7 +140,7 @@ class _Folds:
 
 
 def _within_bounds(fit: Fit) -> list[int]:
-    """Return the indices of the free parameters that are inside their bounds at the minimum of the linear model.
+    """Return the indices of the parameters whose linear minimum is inside their bounds.
 
     A fit may end so near a bound that this minimum is beyond it. The reduction of chi2 beyond the bound cannot be
     reached. If it counted, an effect of the wrong sign would be evidence for the effect.
@@ -159,7 +159,7 @@ def _within_bounds(fit: Fit) -> list[int]:
 
 
 def left_out_chi2(fit: Fit, fold: Integers) -> Array:
-    """Return the (segments,) chi2 of each segment when it is predicted from the other folds."""
+    """Return the (segments,) chi2 of each segment, predicted from the other folds."""
     parts = _Folds(fit, fold)
     chi2 = np.sum(parts.e**2, axis=1)
     for left_out in parts.folds:

@@ -89,7 +89,7 @@ def comparable_size(params: Array, effect: Effect, amplitude: EffectParameter) -
 
 
 def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float | None]) -> list[Exclusion]:
-    """Test, for each detectable amplitude of an effect, whether its minimum detectable size is excluded.
+    """Test whether the minimum detectable size of each amplitude is excluded.
 
     The other amplitudes are zero, and no intervals are computed. A linear estimate a of standard deviation s excludes
     the minimum detectable size 5 s with the confidence P(|x| < 5 s) = Phi(5 - |a| / s).
@@ -116,7 +116,7 @@ def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float |
 
 
 def visible(least: Mapping[str, Mapping[str, float | None]], limits: Array | None = None) -> tuple[int, int]:
-    """Count the effects detectable at their typical size, and those detectable at any size.
+    """Count the effects that are detectable at their typical size, and at any size.
 
     If an effect is undetectable at any size, it does not act in these recordings or is absorbed by the ratios.
 
@@ -148,5 +148,5 @@ def _typical(effect: str, parameter: EffectParameter, limits: Array | None) -> f
 
 @cache
 def _laboratory_limits() -> Array:
-    """Return the (SIZE,) maximum sizes on the rig of the published measurements, to which the typical sizes refer."""
+    """Return the (SIZE,) maximum sizes on the laboratory rig, to which typical sizes refer."""
     return prior_of(load_rig("paper")).limits

@@ -55,7 +55,7 @@ class Hypothesis:
 
     @property
     def cost(self) -> float:
-        """Cost of the set: the sum of the predictive loss and the penalty of the parameters.
+        """Cost of the set: predictive loss plus penalty of the parameters.
 
         The penalty is multiplied by the variance inflation.
         """
@@ -99,7 +99,7 @@ class Hypothesis:
 
     @property
     def bounded_excess(self) -> float:
-        """Excess chi-square; its lower limit is the random variation of the noise."""
+        """Excess chi-square, at least the random variation of the noise."""
         return max(self.residuals.excess, THRESHOLDS.noise_floor * self.residuals.uncertainty)
 
     @property
@@ -131,7 +131,7 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
 
 
 def refutes_torque_noise(problem: Problem, model: Hypothesis) -> bool:
-    """Return whether the residual of a model is far above the noise of readings and known torques together."""
+    """Return whether the residual far exceeds the noise of readings and known torques."""
     return problem.disturbance is not None and model.far_from_noise
 
 

@@ -1,4 +1,7 @@
-"""Imitation: effects that only follow the remainder of other causes, and curves that replace a removed effect."""
+"""Effects that only follow the remainder of other causes.
+
+A curve can also replace a removed effect.
+"""
 
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
@@ -11,7 +14,7 @@ def follows_remainder(bare: Hypothesis, larger: Hypothesis, simple: Hypothesis) 
 
 
 def is_dismissed(bare: Hypothesis, other: Hypothesis, chosen: Hypothesis) -> bool:
-    """Return whether a set only follows the remainder and is therefore no alternative to the selected set.
+    """Return whether a set only follows the remainder and is no alternative.
 
     A curve whose set costs no more than the selected set is an alternative: its amplitudes are worth their penalty. The
     amplitude and phase of a vibration fit the residual of any missing law, so its cost is no evidence.
@@ -50,10 +53,11 @@ def follows_swing(bare: Hypothesis, vibrating: Hypothesis, other: Hypothesis) ->
 
 
 def follows_decay(bare: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> bool:
-    """Return whether a friction drift along one decay only follows the residual of a missing loss.
+    """Return whether a friction drift only follows the residual of a missing loss.
 
-    In this case another set of the same size explains nearly all of this residual. Along a decay the amplitude
-    decreases with time. A loss that depends on speed, which every rod has, therefore looks like a drift.
+    The recordings are a single decay, and another set of the same size explains nearly all of this residual. Along a
+    decay the amplitude decreases with time. A loss that depends on speed, which every rod has, therefore looks like a
+    drift.
     """
     if not drifting.of_decay - other.key or not other.effects or len(other.fit.free) > len(drifting.fit.free):
         return False

@@ -45,9 +45,9 @@ preliminary_fit = partial(fit, settings=PRELIMINARY)
 
 
 def beating(model: Hypothesis) -> GaussNewton:
-    """Return the settings of a preliminary fit that ends early unless it beats a previous fit.
+    """Return the settings of a fit that ends early unless it beats the previous fit.
 
-    The previous fit has the same set of effects.
+    Both fits have the same set of effects.
     """
     return replace(PRELIMINARY, to_beat=model.fit.chi2)
 

@@ -81,7 +81,7 @@ class ResidualStatistics:
 
     @property
     def inflation(self) -> float:
-        """Variance inflation n / n_eff of a first-order process, multiplied by the variance of the residuals."""
+        """Variance inflation: n / n_eff of a first-order process times the residual variance."""
         rho = min(max(self.autocorrelation, 0.0), ASSUMPTIONS.most_correlated)
         return max(self.chi2 / self.dof, 1.0) * (1 + rho) / (1 - rho)
 
@@ -151,7 +151,10 @@ def lone_readings(problem: Problem, estimate: Estimate) -> Flags:
 
 
 def _off_a_line(values: Array) -> Array:
-    """Return the (n, 2) deviation of each value from a robust line through the seven values around it."""
+    """Return the (n, 2) deviation of each value from a robust line through seven values.
+
+    The value is one of the seven, in the middle if possible.
+    """
     width = ASSUMPTIONS.line
     if len(values) < width:
         return np.zeros_like(values)

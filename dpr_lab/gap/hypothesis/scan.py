@@ -1,4 +1,4 @@
-"""Scan of shape parameters: orders and frequencies of torques, and times of steps in a reading."""
+"""Scan of shape parameters: orders, frequencies, and times of steps in a reading."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -95,7 +95,7 @@ class FittedColumns:
 
     @classmethod
     def of(cls, linear: Linearisation) -> "FittedColumns":
-        """Return the columns, the residual and the initial-state columns of a linearised fit."""
+        """Copy the columns, the residual and the initial-state columns of a linearised fit."""
         rows = np.concatenate([linear.A, linear.e[:, :, None], linear.Q], axis=2).transpose(0, 2, 1).copy()
         return cls(ColumnSpace.of(*linear.flat), rows, rows @ linear.Q)
 
@@ -127,7 +127,7 @@ class FittedColumns:
 
 @dataclass(frozen=True)
 class ShapeScan:
-    """Scan of the shapes of effects that are added to one linearised fit."""
+    """Scan of the shapes of effects, each added to the same linearised fit."""
 
     problem: Problem
     """Segments and noise."""
@@ -163,7 +163,7 @@ class ShapeScan:
         return min(covered, arc(readings)) if joint == 0 and len(readings) else covered
 
     def _between(self, effect: Effect, separate: list[Shape]) -> list[Shape]:
-        """Return the best shapes between the shapes of the grid, if the shape parameter is continuous.
+        """Return the best shapes between the grid points of a continuous shape parameter.
 
         The width of a frequency peak is the inverse of the record length. Such a peak is too narrow for a nonlinear fit
         that starts from the grid.
@@ -211,7 +211,7 @@ def arc(angle: Array) -> float:
 
 
 def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
-    """Return the best shapes, without shapes that are neighbours of a better one."""
+    """Return the best shapes, without neighbours of better ones."""
     separate: list[Shape] = []
     for i in np.argsort(-gains):
         first = candidates[i][0][1]
@@ -235,9 +235,9 @@ def _within(columns: Array, others: Array, count: int) -> Array:
 
 
 def _typical(effect: Effect, count: int, shapes: Sequence[Shape]) -> Array:
-    """Return (shapes * count, SIZE) parameters in which one of the first amplitudes has its typical size.
+    """Return parameters in which one amplitude has its typical size.
 
-    There is a row for each shape and each of the first `count` amplitudes.
+    The shape is (shapes * count, SIZE): a row for each shape and each of the first `count` amplitudes.
     """
     params = np.tile(effect_params({}), (len(shapes), count, 1))
     for i, amplitude in enumerate(effect.amplitudes[:count]):

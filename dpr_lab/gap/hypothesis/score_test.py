@@ -98,7 +98,7 @@ class ScoreTest:
         return self.space.given(list(self.fitted_columns), list(columns))
 
     def cosine(self, target: Score, other: Score) -> float:
-        """Return the cosine similarity of the signature of `target` and the nearest signature of `other`.
+        """Return the cosine of the signature of `target` and the nearest signature of `other`.
 
         The fitted parameters are projected out of both signatures.
         """
@@ -161,7 +161,7 @@ def _score(test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ..
 
 
 def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
-    """Return the name of the parameter whose signature is nearest to the signature of a candidate's amplitude."""
+    """Return the parameter whose signature is nearest to that of a candidate's amplitude."""
     before = [*test.fitted_columns, *columns[:index]]
     nearest = before[int(np.argmax(np.abs(test.space.H[before, columns[index]])))] if before else None
     visible = nearest is not None and abs(test.space.H[nearest, columns[index]]) > 0.0
@@ -183,7 +183,7 @@ def _bounded_step(
 def joint_gain(test: ScoreTest, scores: Iterable[Score]) -> float:
     """Predict the reduction of chi2 by several effects together.
 
-    The shape parameters of each effect are those of its own score.
+    The shape parameters of each effect are those of its score.
     """
     rows = [*test.fitted_columns, *(column for score in scores for column in score.columns)]
     prior, chosen = test.prior_of(rows), test.space.chosen(rows)

@@ -8,7 +8,7 @@ from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 
 
 def promising_gain(model: Hypothesis) -> float:
-    """Return the minimum predicted reduction of chi2 for which an additional effect is fitted.
+    """Return the predicted reduction of chi2 from which an additional effect is fitted.
 
     A fit may reduce chi2 by `GAUSS_NEWTON.exceeded` times the predicted reduction. The minimum is therefore smaller, by
     this factor, than the largest reduction by chance.
@@ -26,7 +26,7 @@ def promising_gain(model: Hypothesis) -> float:
 def indifference(
     bare: Hypothesis, model: Hypothesis, *, independent: float = THRESHOLDS.chance, share: float = THRESHOLDS.integrator
 ) -> float:
-    """Return the maximum difference of cost of two sets that count as equally good.
+    """Return the difference of cost up to which two sets count as equally good.
 
     Chance or the steps of the integrator can cause such a difference.
     """
@@ -56,11 +56,11 @@ def _significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> fl
 
 
 def scatter(before: Hypothesis, after: Hypothesis, errors: float = THRESHOLDS.consistent) -> float:
-    """Return the reduction of chi2 that can occur by chance, from its scatter between segments.
+    """Return the reduction of chi2 that can occur by chance.
 
-    The result is inf if the segments are too few. The residual due to small unknown effects is smooth along a segment.
-    If this residual counted as noise of every reading, a cause that improves every segment would not be significant.
-    Segments are therefore the independent units.
+    It is estimated from the scatter between segments. The result is inf if the segments are too few. The residual due
+    to small unknown effects is smooth along a segment. If this residual counted as noise of every reading, a cause that
+    improves every segment would not be significant. Segments are therefore the independent units.
 
     Args:
         before: set of larger chi2
@@ -74,7 +74,7 @@ def scatter(before: Hypothesis, after: Hypothesis, errors: float = THRESHOLDS.co
 
 
 def accepted(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
-    """Return whether an additional effect explains more than chance and inexact functional forms can explain.
+    """Return whether an effect explains more than chance and inexact forms can explain.
 
     An inexact form leaves a residual. If only noise remains, a significant reduction is therefore sufficient.
     """
@@ -84,7 +84,7 @@ def accepted(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
 
 
 def most_excess(bare: Hypothesis, before: Hypothesis) -> float:
-    """Return the largest excess at which `accepted` accepts an additional effect if a residual remains."""
+    """Return the excess below which an additional effect may leave a residual."""
     return max(before.bounded_excess / THRESHOLDS.slow, before.bounded_excess - THRESHOLDS.large * bare.bounded_excess)
 
 
@@ -142,9 +142,10 @@ def form_indifference(bare: Hypothesis, model: Hypothesis) -> float:
 
 
 def adds_less_than_remains(richer: Hypothesis, simpler: Hypothesis | None) -> bool:
-    """Return whether a richer form leaves more excess than it removes, compared with a simpler form.
+    """Return whether a richer form leaves more excess than it removes.
 
-    The result is false if no simpler form is fitted, or if the richer form reaches the noise floor.
+    The excess is compared with that of the simpler form. The result is false if no simpler form is fitted, or if the
+    richer form reaches the noise floor.
     """
     if simpler is None or richer.at_noise_floor:
         return False

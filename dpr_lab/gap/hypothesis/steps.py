@@ -1,8 +1,9 @@
-"""Detection of lasting steps of an encoder reading, from the screening or from the residuals.
+"""Detection of lasting steps of an encoder reading.
 
-A step must be visible in the readings themselves, not only in the residual of a fit. A residual can also change like a
-step if the zero of an encoder differs between recordings, or if friction holds a rod away from the vertical. In these
-cases, however, the readings before and after the instant lie on one smooth curve.
+Steps are detected by the screening or in the residuals. A step must be visible in the readings themselves, not only
+in the residual of a fit. A residual can also change like a step if the zero of an encoder differs between recordings,
+or if friction holds a rod away from the vertical. In these cases, however, the readings before and after the instant
+lie on one smooth curve.
 """
 
 from collections.abc import Sequence
@@ -86,7 +87,7 @@ def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
 def visible_steps(
     records: Sequence[Record], steps: list[ReadingStep], rig: RigConstants
 ) -> list[tuple[int, int, float]]:
-    """Return joint, run and instant of each step that the readings can contain, best first.
+    """Return joint, run and time of each step that the readings can contain, best first.
 
     Only the readings of an encoder with counts are considered.
     """
@@ -99,7 +100,7 @@ def visible_steps(
 
 
 def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
-    """Return whether a polynomial with a step fits the readings around a time significantly better.
+    """Return whether a step significantly improves a polynomial through the readings.
 
     The step in the readings must be visible, and must not be far smaller than the step of the residual. By chance,
     readings without a step may seem to contain a small part of the residual's step. The step in the readings must
@@ -124,7 +125,7 @@ def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
 
 
 def _step_shape() -> Array:
-    """Return the (2 side,) step in the middle of the readings after the polynomial is projected out."""
+    """Return a step in the middle of (2 side,) readings, with the polynomial projected out."""
     around = np.arange(-STEPS.side, STEPS.side)
     smooth = np.linalg.qr(np.vander((around + 0.5) / STEPS.side, STEPS.degree + 1))[0]
     shape = (around >= 0).astype(np.float64)
@@ -136,9 +137,10 @@ _STEP_POWER = float(_STEP_SHAPE @ _STEP_SHAPE)
 
 
 def _steps(problem: Problem, fit: Fit) -> list[ReadingStep]:
-    """Find the best step of each segment, largest gain first; the nonlinear fit determines its exact size.
+    """Find the best step of each segment, largest gain first.
 
-    A segment that lies entirely after the step contains a constant, which its initial state nearly absorbs.
+    The nonlinear fit determines the exact sizes. A segment that lies entirely after the step contains a constant, which
+    its initial state nearly absorbs.
     """
     segments, steps = problem.segments, list[ReadingStep]()
     e, ends = problem.by_sample(fit.linear.e), segments.offsets[problem.owner + 1]
@@ -196,7 +198,7 @@ def is_sharp(apparent: Array, place: int, size: float) -> bool:
 
 
 def step_gains(weight: Array, e: Array, Q: Array, ends: Integers) -> tuple[Array, Array]:
-    """Compute gain and size of a step in one joint's readings before each sample.
+    """Compute gain and size of a step before each sample of one joint.
 
     The step lasts to the end of its segment.
 

@@ -65,7 +65,7 @@ def on_swing_line(problem: Problem, effect: str, estimate: Estimate) -> bool:
 
 
 def _line(problem: Problem, run: int) -> tuple[float, float, float] | None:
-    """Return the range of the swing frequency of one run, Hz, and the duration of the run, s.
+    """Return the range of the swing frequency of one run, Hz, and its duration, s.
 
     The rod swings about its hanging position.
     """
@@ -88,10 +88,10 @@ def _line(problem: Problem, run: int) -> tuple[float, float, float] | None:
 
 
 def one_decay(problem: Problem) -> bool:
-    """Return whether the amplitude is a single function of time, so that amplitude and time are inseparable.
+    """Return whether the amplitude is a single function of time.
 
-    The amplitude is such a function for a single undriven swing (one release or its pieces) and for equal releases of
-    one rod.
+    Amplitude and time are then inseparable. The amplitude is such a function for a single undriven swing (one release
+    or its pieces) and for equal releases of one rod.
     """
     segments = problem.segments
     if not all(setup.free for setup in segments.setups):

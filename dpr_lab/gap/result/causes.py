@@ -9,7 +9,7 @@ PROBABLE = 0.05
 
 
 class EffectSize(Interval):
-    """Size of one parameter of an effect: its value, its ratio to b^k, and their intervals.
+    """Size of a parameter of an effect: value, ratio to b^k, and their intervals.
 
     `interval90` contains only the uncertainty of the fit, for the assumed b.
     """

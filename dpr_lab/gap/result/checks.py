@@ -62,7 +62,7 @@ class Quantity(Saved):
         return f"{self.name} ({self.symbol}{definition}), in {'% or ppm' if self.unit == '1' else self.unit}"
 
     def shown(self, value: float) -> str:
-        """Return a value as text with its unit, for example `0.0061 N m`; a ratio is stated in percent."""
+        """Format a value with its unit, for example `0.0061 N m`; ratios are in percent."""
         return f"{100 * value:.4g} %" if self.unit == "1" else f"{value:.4g} {self.unit}"
 
 
@@ -94,7 +94,7 @@ class AdvisedCheck(Saved):
     """Release to record; None for a measurement."""
 
     def is_part_of(self, advice: str) -> bool:
-        """Return whether a recommendation contains every sentence of the instruction of this check.
+        """Return whether a recommendation contains every sentence of this check's instruction.
 
         If a sentence has no full stop, the recommendation must not continue it, because a longer description is that of
         another release.
@@ -104,7 +104,10 @@ class AdvisedCheck(Saved):
 
     @property
     def informative(self) -> bool:
-        """Whether the expected information is at least 0.05 bits, the entropy of the probabilities 0.994 and 0.006."""
+        """Whether the expected information is at least 0.05 bits.
+
+        This is the entropy of the probabilities 0.994 and 0.006.
+        """
         return self.expected_bits >= 0.05
 
     @property

@@ -188,18 +188,21 @@ class Diagnosis(Shown, Saved):
 
     @property
     def stated_ratios(self) -> dict[str, Interval]:
-        """Ratios that the recordings determine; for a file of an older version, the five ratios of the fit."""
+        """Ratios that the recordings determine; for an older file, the five ratios of the fit."""
         return self.determined or self.all_ratios
 
     @property
     def unknowns(self) -> Array:
-        """(7,) ratios, b and p/b as initial values of another fit; p/b is nan without a single-rod run."""
+        """Initial values (7,) of another fit: ratios, b and p/b.
+
+        p/b is nan without a single-rod run.
+        """
         p_over_b = np.nan if self.p_over_b is None else self.p_over_b
         return np.array([*(ratio.value for ratio in self.all_ratios.values()), self.scale_b, p_over_b])
 
     @property
     def only_uncertain(self) -> bool:
-        """Whether effects explain the gap down to the noise floor, but their identity as causes is uncertain."""
+        """Whether effects explain the gap down to the noise, but their identity is uncertain."""
         return UNCERTAIN in self.sentence
 
     @property
@@ -239,12 +242,12 @@ ADDED_BY_COMMANDS = ("files", "simulator")
 
 
 def diagnosis_file(path: Path) -> Path:
-    """Return the path of the file of a diagnosis; `path` is this file or its folder."""
+    """Return the path of the file of a diagnosis, given this file or its folder."""
     return in_folder(path, RECORD)
 
 
 def load_diagnosis(path: Path) -> Diagnosis:
-    """Read the output of `diagnose --json`, from its file or from the folder of `diagnose --out`.
+    """Read a diagnosis from its JSON file, or from the folder of `diagnose --out`.
 
     Raises:
         RunError: the file is missing, is not JSON, is not a diagnosis, or contains effects that this version does not

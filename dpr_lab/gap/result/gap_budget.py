@@ -77,7 +77,7 @@ class GapBudget(Saved):
 
     @property
     def of_reproducible(self) -> float | None:
-        """Explained share of the reproducible gap, or None if no part is known to be reproducible."""
+        """Explained share of the reproducible gap, or None if nothing is known to be reproducible."""
         reproducible = self.explained + self.unmodelled
         return self.explained / reproducible if reproducible > 0 and not self.undecided else None
 

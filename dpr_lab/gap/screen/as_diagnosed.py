@@ -11,7 +11,10 @@ from dpr_lab.run import Run
 
 
 def recordings_as_in(diagnosis: Diagnosis, runs: Iterable[Run], rig: Rig) -> Recordings:
-    """Screen runs, with the shutter and torque timing corrections of a diagnosis of the same rig."""
+    """Screen runs, and apply the shutter and torque timing corrections of a diagnosis.
+
+    The runs and the diagnosis belong to the same rig.
+    """
     recordings = Recordings(tuple(record(run, rig) for run in runs), rig, exact_torques=diagnosis.exact_torques)
     shutter = diagnosis.shutter and Shutter(diagnosis.shutter.lines, diagnosis.shutter.delay_s_per_m)
     return recordings.with_earlier_torques(diagnosis.torques_earlier).with_shutter(shutter)

@@ -1,4 +1,4 @@
-"""Noise of a smooth signal, estimated from high-order differences: level, increase with speed, correlation."""
+"""Noise of a smooth signal from high-order differences: level, increase with speed, correlation."""
 
 import math
 from collections.abc import Callable
@@ -37,26 +37,26 @@ SPEED_NOISE = SpeedNoiseSettings()
 
 
 def sixth(values: Array, stride: int = 1) -> Array:
-    """Return the sixth differences of every `stride`-th value, scaled so that white noise keeps its variance.
+    """Return the sixth differences of every `stride`-th value, divided by their noise gain.
 
-    The sixth differences of a polynomial of degree 5 are zero.
+    White noise therefore keeps its variance. The sixth differences of a polynomial of degree 5 are zero.
     """
     return np.diff(values[::stride], ORDER, axis=0) / math.sqrt(math.comb(2 * ORDER, ORDER))
 
 
 def tamed_rms(values: Array, wildest: float = 8.0) -> float:
-    """Return the root mean square of values after clipping them at `wildest` robust standard deviations."""
+    """Return the root mean square of values clipped at `wildest` robust standard deviations."""
     most = wildest * spread(values)
     return float(np.sqrt(np.mean(np.minimum(np.abs(values), most) ** 2)))
 
 
 def spread(values: Array) -> float:
-    """Estimate the standard deviation of zero-mean normal values robustly, from their median absolute value."""
+    """Estimate the standard deviation of zero-mean normal values from their median absolute value."""
     return float(NORMAL_MAD * np.median(np.abs(values)))
 
 
 def stride_ratio(values: Array, floor: float) -> float:
-    """Return the noise of every third sample, divided by the noise of neighbouring samples.
+    """Return the noise of every third sample, divided by the noise of neighbours.
 
     The ratio is 1 for white noise and larger for smoothed readings. `floor` is a lower limit of the noise of
     neighbours, rad. The limit is needed because the reading of a coarse encoder repeats between counts while the rod is
@@ -105,7 +105,7 @@ def noise_by_speed(
 
 
 def _line(speed2: Array, residual: Array, floor: float, level: Callable[[Array], float]) -> tuple[float, float]:
-    """Fit a line to the variance of `residual` over `speed2`; return its slope and the standard error of the slope.
+    """Fit a line to the variance of `residual` over `speed2`; return slope and standard error.
 
     The variance is computed in bins of speed by the function `level`.
     """

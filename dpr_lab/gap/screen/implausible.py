@@ -87,7 +87,7 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
 
 
 def _catches_up(joints: Array, travelled: Array, held: Flags) -> Flags:
-    """Return a (n,) mask of the rows after which the next new reading makes up for the missing motion.
+    """Return a (n,) mask of the rows after which a reading makes up for missing motion.
 
     The missing motion is the motion since the last new reading before the row.
     """
@@ -99,7 +99,7 @@ def _catches_up(joints: Array, travelled: Array, held: Flags) -> Flags:
 
 
 def _before(step: Array) -> Array:
-    """Return the (n, 2) last non-zero change before each reading, or zero if no change precedes the reading."""
+    """Return the (n, 2) last non-zero change before each reading, or zero."""
     moves = np.where(np.nan_to_num(step) != 0.0, np.arange(len(step))[:, None], 0)
     last = np.maximum.accumulate(np.roll(moves, 1, axis=0) * (np.arange(len(step)) > 0)[:, None], axis=0)
     return np.nan_to_num(np.take_along_axis(step, last, axis=0))

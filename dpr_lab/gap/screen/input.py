@@ -1,4 +1,4 @@
-"""Test the sign and unit of an arm's input, and the sign, zero and scale of angles."""
+"""Tests of the sign and unit of an arm's input, and of its angles."""
 
 from dataclasses import dataclass, replace
 
@@ -92,7 +92,7 @@ def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
 
 
 def _gain(fitted: Fit) -> float:
-    """Return the fitted torque per unit of the input, divided by the value of the rig file."""
+    """Return the fitted torque per unit of input, relative to the value of the rig file."""
     return 1.0 + float(fitted.estimate.params[param_index(DRIVE_GAIN.name, DRIVE_GAIN.amplitudes[0].name)])
 
 
@@ -133,7 +133,7 @@ def _refuse_other_angles(recordings: Recordings, start: Array, as_read: Fit) -> 
 
 
 def _moving(recordings: Recordings) -> list[Run]:
-    """Return those swings of the recordings whose arm moved."""
+    """Return the swings in which the arm moved."""
     return [record.run.swing for record in recordings.records if record.setup.arm_moves]
 
 

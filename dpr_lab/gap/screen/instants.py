@@ -135,7 +135,7 @@ def even_instants(t: Array, joints: Array) -> Array | None:
 
 
 def _likelihood_ratio(on_stamps: Array, on_even: Array, counts: Flags) -> float:
-    """Return the log-likelihood ratio of evenly spaced sampling instants to the time stamps, nats.
+    """Return the log-likelihood ratio of even sampling instants to the time stamps, nats.
 
     Args:
         on_stamps: (w, m) absolute finite differences of each window and joint on the time stamps
@@ -152,11 +152,12 @@ def _likelihood_ratio(on_stamps: Array, on_even: Array, counts: Flags) -> float:
 
 
 def _even_clock(t: Array) -> tuple[float, Array, Flags]:
-    """Return an even clock near the stamps: its period, s, its (n,) times, s, and a (n,) mask.
+    """Fit an even clock to the stamps; return its period, its times, and a mask.
 
-    The mask is true in parts without a lost sample. Stamps may come in bursts, so the period is a mean over many
-    samples. A lost sample moves the clock by a period. If no samples are lost and the clock is steady, a straight line
-    through all stamps has the least noise.
+    The period is in s, as are the (n,) times. The (n,) mask is true in parts without a lost sample. Stamps may come in
+    bursts, so the period is a mean over many samples. A lost sample moves the clock by a period. If no samples are lost
+    and
+    the clock is steady, a straight line through all stamps has the least noise.
     """
     index, drift = np.arange(len(t)), min(INSTANTS.drift, len(t) // 4)
     period = float(np.median(t[drift:] - t[:-drift])) / drift
@@ -272,7 +273,7 @@ def _differences(values: Array, weights: Array) -> Array:
 
 
 def _to_samples(values: Array, samples: int) -> Array:
-    """Return the (samples,) sum of the (windows, 7) values over all windows that contain a sample."""
+    """Sum (windows, 7) values over all windows that contain each sample."""
     total = np.zeros(samples)
     for position in range(ORDER + 1):
         total[position : samples - ORDER + position] += values[:, position]
@@ -280,13 +281,13 @@ def _to_samples(values: Array, samples: int) -> Array:
 
 
 def _speed(t: Array, angle: Array, reach: int) -> Array:
-    """Estimate the (n,) speed from distant neighbours, so that one wrong instant has little influence."""
+    """Estimate the (n,) speed from distant neighbours, which limits the influence of a wrong instant."""
     speed = np.gradient(angle, t)
     speed[reach:-reach] = (angle[2 * reach :] - angle[: -2 * reach]) / (t[2 * reach :] - t[: -2 * reach])
     return speed
 
 
 def _median_of_neighbours(values: Array, half: int) -> Array:
-    """Return the (n,) running median: the median of each value and of `half` neighbours on either side."""
+    """Return the (n,) median of each value and `half` neighbours on either side."""
     padded = np.pad(values, half, mode="reflect", reflect_type="odd")
     return np.median(sliding_window_view(padded, 2 * half + 1), axis=1)

@@ -109,7 +109,7 @@ def local_faults(
 
 
 def _significance(even: Array, half: int, noise: tuple[float, float], period: float) -> Array:
-    """Return the (n,) significance of a step or an outlier at each sample, in standard deviations.
+    """Return the (n,) significance of a step or outlier, in standard deviations.
 
     A swing that is too fast for the polynomial leaves a residual. Only deviations above this residual are significant.
     The significance is 0 at the ends.
@@ -126,7 +126,7 @@ def _significance(even: Array, half: int, noise: tuple[float, float], period: fl
 
 @cache
 def _filters(half: int, degree: int) -> tuple[Array, Array]:
-    """Return the weights of two estimators: of a step before the middle sample, and of an outlier at this sample.
+    """Return the filters that estimate a step before the middle sample, or an outlier there.
 
     Both estimates have unit variance for unit white noise.
     """
@@ -140,7 +140,7 @@ def _filters(half: int, degree: int) -> tuple[Array, Array]:
 
 
 def _highest(values: Array, half: int) -> Array:
-    """Return the (n,) running maximum: the maximum of each value and of `half` neighbours on either side.
+    """Return the (n,) maximum of each value and `half` neighbours on either side.
 
     The values must be positive.
     """
@@ -152,7 +152,7 @@ def _highest(values: Array, half: int) -> Array:
 
 
 def _peaks(z: Array, half: int) -> Integers:
-    """Return the indices of local maxima that are significant and far above the values around them."""
+    """Return the indices of significant local maxima far above their surroundings."""
     highest = np.flatnonzero((z > LOCAL_FAULTS.stands_out) & (z >= _highest(z, half)))
     return highest[z[highest] > LOCAL_FAULTS.above_surroundings * _usual(z, highest, half, LOCAL_FAULTS.usual)]
 
@@ -173,7 +173,7 @@ def _usual(z: Array, centres: Integers, half: int, share: float) -> Array:
 
 
 def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tuple[int, float | None]:
-    """Decide which fault is most likely among a few samples: an outlier at one of them, or a step.
+    """Decide whether one of a few samples is an outlier, or a step.
 
     Args:
         t: (n,) times, s
@@ -201,10 +201,10 @@ def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tu
 
 
 def _spline(t: Array, y: Array, instants: Array) -> Array:
-    """Evaluate the cubic spline through readings at some times; the ends have not-a-knot conditions.
+    """Evaluate the cubic spline through readings at some times.
 
-    The slopes s of the spline at the readings make the curvature continuous. With spacings h and difference quotients
-    d,
+    The ends have not-a-knot conditions. The slopes s of the spline at the readings make the curvature continuous. With
+    spacings h and difference quotients d,
 
         s_i = 1.5 (w d_i-1 + (1 - w) d_i) - 0.5 (w s_i-1 + (1 - w) s_i+1),    w = h_i / (h_i-1 + h_i)
 

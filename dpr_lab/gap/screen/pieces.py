@@ -26,12 +26,15 @@ PIECES = PieceSettings()
 
 
 def whole(name: str) -> str:
-    """Return the name of the run from which a piece was cut, or the name of an uncut run."""
+    """Return the name of the run from which a piece was cut.
+
+    An uncut run keeps its name.
+    """
     return re.sub(r" \d+-\d+ s$", "", name)
 
 
 def are_pieces(names: Iterable[str]) -> bool:
-    """Return whether a list of names contains at least one name, and only names of pieces."""
+    """Return whether a list contains only names of pieces, and at least one."""
     names = list(names)
     return bool(names) and all(whole(name) != name for name in names)
 

@@ -1,4 +1,4 @@
-"""Detect the quantisation of readings: the size of a count, and whether rounding errors are independent."""
+"""Quantisation of readings: size of a count, and independence of rounding errors."""
 
 from dataclasses import dataclass
 
@@ -63,9 +63,9 @@ def has_dither(run: Run, rig: Rig, count: Array, still: Flags) -> Flags:
 
 
 def changing(readings: Array, still: Flags) -> Flags:
-    """Return an (m,) mask of the joints in which most readings (n, m) differ from the previous reading.
+    """Return an (m,) mask of the joints whose readings mostly differ from the previous one.
 
-    Readings that stay on their step are not counted.
+    The readings have the shape (n, m). Readings that stay on their step are not counted.
     """
     changes = np.where(still[1:], np.nan, np.abs(np.diff(readings, axis=0)))
     moves = np.isfinite(changes).any(axis=0)

@@ -120,7 +120,7 @@ def queued_rows(t: Array, joints: Array) -> QueuedRows | None:
 
 
 def _difference(t: Array, joints: Array, rows: Flags, series: slice) -> float:
-    """Return the median deviation of a series of rows from a polynomial through its neighbours, s."""
+    """Return the median deviation, s, of a series of rows from a polynomial through its neighbours."""
     length = series.stop - series.start
     around = np.arange(
         max(0, series.start - int(QUEUE.span * length)), min(len(t), series.stop + int(QUEUE.span * length))

@@ -122,12 +122,12 @@ class Record:
 
     @property
     def _rounded(self) -> bool:
-        """Whether neighbouring readings have few distinct differences, as for an encoder of fixed step."""
+        """Whether differences of neighbouring readings take few values, as for a coarse encoder."""
         changes = np.round(np.diff(self.screened.joints[:, np.isfinite(self.screened.noise)], axis=0), 7)
         return any(len(np.unique(joint)) < THINNING.distinct * len(joint) for joint in changes.T)
 
     def with_noise(self, factor: Array, correlation: float) -> "Record":
-        """Return a copy whose noise of joints 1 and 2 has another size and autocorrelation.
+        """Return a copy with another size and autocorrelation of the noise of joints 1 and 2.
 
         Args:
             factor: (2,) factors of the standard deviations
@@ -136,7 +136,10 @@ class Record:
         return replace(self, sigma=self.sigma * factor, noise_correlation=correlation)
 
     def with_shutter(self, shutter: Shutter, constants: RigConstants) -> "Record":
-        """Correct the record for a rolling shutter; the correction replaces any previous one."""
+        """Correct the record for a rolling shutter.
+
+        The correction replaces any previous one.
+        """
         shown = self.joints if self.shown is None else self.shown
         joints = shutter.corrected(self.t, shown, constants, alone=self.setup.alone)
         return replace(self, joints=joints, shown=shown)
@@ -209,9 +212,10 @@ def record(run: Run, rig: Rig) -> Record:
 
 
 def without_gap(run: Run, t: Array) -> Flags:
-    """Return the (n - 1,) mask of the intervals between times t, s, without missing readings.
+    """Return the (n - 1,) mask of the intervals without missing readings.
 
-    If the rows of a run are at the edges of counts, they follow the motion, so that a long interval is not a gap.
+    The intervals lie between the times t, s. If the rows of a run are at the edges of counts, they follow the motion,
+    so that a long interval is not a gap.
     """
     intervals = np.diff(t)
     if run.at_edges or not len(intervals):
@@ -260,7 +264,7 @@ def _fastest(screened: Screened, quantile: float) -> float:
 
 
 def _block_rate(screened: Screened, fastest: float, rate_hz: float) -> float | None:
-    """Return the lowest rate of blocks, Hz, at which the bias of a block mean is below its noise.
+    """Return the lowest block rate, Hz, at which the bias of a mean is below its noise.
 
     The rate is `RATE_HZ` times a power of two. It is None if the readings must not be averaged.
     """
@@ -274,7 +278,7 @@ def _block_rate(screened: Screened, fastest: float, rate_hz: float) -> float | N
 
 
 def _as_read(screened: Screened) -> tuple[Array, Array, Array]:
-    """Return the times, the readings and their standard deviations without averaging.
+    """Return times, readings and standard deviations without averaging.
 
     A reading that is not trusted is nan.
     """
@@ -284,9 +288,10 @@ def _as_read(screened: Screened) -> tuple[Array, Array, Array]:
 
 
 def _blocks(screened: Screened, rate_hz: float, least_kept: float) -> tuple[Array, Array, Array]:
-    """Average times and readings over blocks of 1 / `rate_hz`; return the means and their standard deviations.
+    """Average times and readings over blocks; return the means and their standard deviations.
 
-    If the rounding errors are not independent (no dither), the standard deviations are larger.
+    A block takes 1 / `rate_hz`. If the rounding errors are not independent (no dither), the standard deviations are
+    larger.
     """
     number = np.floor(screened.t * rate_hz + 1e-6).astype(np.int64)
     edges = np.flatnonzero(np.diff(number, prepend=number[0] - 1))
@@ -311,10 +316,13 @@ def _blocks(screened: Screened, rate_hz: float, least_kept: float) -> tuple[Arra
 
 
 def _curvature(t: Array, values: Array, rate_hz: float) -> Array:
-    """Estimate the (n, m) second derivative at a given rate, from the parabola through seven neighbours.
+    """Estimate the (n, m) second derivative at a given rate from parabolas.
 
-    At the ends of a uniform segment the nearest value is repeated. Segments that are too short have the value zero.
-    Three neighbours would suffice for the swing, but would correlate the noise of neighbouring averages.
+    Each parabola is fitted to seven neighbours. At the ends of a uniform segment the nearest value is repeated.
+    Segments
+    that are too short have the value zero. Three neighbours would suffice for the swing, but would correlate the noise
+    of
+    neighbouring averages.
 
     Source: Savitzky & Golay (1964), Smoothing and differentiation of data, Anal. Chem. 36, 1627-1639.
     """

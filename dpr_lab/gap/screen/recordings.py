@@ -114,7 +114,7 @@ class Recordings:
 
     @property
     def masses_weighed(self) -> bool:
-        """Whether all masses are measured. Load-dependent friction then determines the scale of all torques."""
+        """Whether all masses are measured, so that load-dependent friction determines the torque scale."""
         return all(self.rig.parameters[name].measured is not None for name in MASSES)
 
     @property
@@ -150,7 +150,7 @@ class Recordings:
 
     @property
     def always(self) -> tuple[str, ...]:
-        """Effects that are free in every fit: uncertain rig constants, and the arm with its drive."""
+        """Effects that are free in every fit: uncertain rig constants, arm and drive."""
         unsure = [name for name, effect in EFFECTS.items() if effect.corrects in self.rig.unsure]
         arm = [FREE_ARM.name] if self.arm_moves else []
         gain = [DRIVE_GAIN.name] if self.driven_arm and not drive_gain(self.rig).known else []
@@ -205,9 +205,9 @@ class Recordings:
         return replace(self, records=tuple(records), shutter=shutter)
 
     def with_camera(self, angle_rad: float) -> "Recordings":
-        """Return the recordings with the slow rotation of the picture as a part of their noise, if it is positive.
+        """Add a slow rotation of the picture to the noise of the recordings.
 
-        The noise applies to all recordings. If any of them is no film, the recordings do not change.
+        The recordings do not change if the angle is zero, or if any of them is no film.
         """
         if not angle_rad or not self.may_be_films:
             return self
@@ -229,7 +229,7 @@ class Recordings:
         return replace(self, records=tuple(records), torques_earlier=share)
 
     def _widened(self, values: Array) -> Array:
-        """Pad (n, axes) values of a clamped arm with zeros if the arm of another run moves."""
+        """Pad the (n, axes) values of a clamped arm with zeros if another run's arm moves."""
         missing = (3 if self.arm_moves else 2) - values.shape[1]
         return np.pad(values, ((0, 0), (0, missing))) if missing else values
 
@@ -270,7 +270,7 @@ class Recordings:
         return problem, initial
 
     def without(self, problem: Problem, off: Flags) -> "Recordings":
-        """Return the recordings without the readings that a mask (samples, 2) marks as faulty."""
+        """Return the recordings without the readings that a (samples, 2) mask marks as faulty."""
         if not off.any():
             return self
         run = problem.segments.run[problem.owner]
@@ -317,7 +317,7 @@ def _initial_states(record: Record, slices: Sequence[slice], relative2: bool) ->
 
 
 def _with_arm(record: Record, slices: Sequence[slice], relative2: bool) -> Array:
-    """Return (segments, 6) initial states; theta0 and omega0 of the arm are the last two components.
+    """Return (segments, 6) initial states; theta0 and omega0 of the arm come last.
 
     A clamped arm rests at its mean angle.
     """

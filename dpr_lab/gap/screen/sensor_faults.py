@@ -209,7 +209,7 @@ def with_arm(screened: Screened, rig: Rig) -> Screened:
 
 
 def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
-    """Replace stamps that jitter about an even clock by even times; return the run and the finding."""
+    """Replace jittering stamps by even times; return the run and the finding."""
     if (even := even_instants(run.t, _read_joints(run, rig))) is None:
         return run, []
     even -= min(even[run.t >= 0.0].min(), 0.0)  # no reading of the swing may come before the release
@@ -222,7 +222,7 @@ def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
 
 
 def _queued(run: Run, rig: Rig) -> tuple[Flags, list[Finding]]:
-    """Detect readings that waited in the queue of a saturated link; return their (n,) mask and the finding."""
+    """Detect readings that waited in a queue; return their (n,) mask and the finding."""
     swing, waited = run.t >= 0.0, np.zeros(len(run.t), dtype=np.bool_)
     queue = queued_rows(run.t[swing], _read_joints(run, rig)[swing])
     if queue is None:
@@ -268,7 +268,7 @@ def _read_joints(run: Run, rig: Rig) -> Array:
 
 
 def _without_joint2(screened: Screened) -> Screened:
-    """Remove joint 2 from the screened swing of a single rod, because encoder 2 has no readings."""
+    """Remove joint 2 from the swing of a single rod, which has no readings there."""
     return replace(
         screened,
         keep=np.repeat(screened.keep[:, :1], 2, axis=1),
@@ -279,13 +279,13 @@ def _without_joint2(screened: Screened) -> Screened:
 
 
 def _steps(run: str, axis: str, t: Array, steps: Sequence[tuple[int, float]], count: float) -> list[Finding]:
-    """Create a finding for each step of a reading; `count` is the size of a count, rad."""
+    """Create a finding for each step; `count` is the size of a count, rad."""
     sizes = [(float(t[i]), size, f"the reading steps by {size / count:+.1f} counts") for i, size in steps]
     return [Finding(MISSED_COUNTS.name, run, axis, at_s, evidence, step=size) for at_s, size, evidence in sizes]
 
 
 def _events(finding: Finding, instants: list[float]) -> list[Finding]:
-    """Create a finding for each instant; if there are many instants, create one finding for all of them."""
+    """Create a finding for each instant, or a single one for many instants."""
     if len(instants) > SCREEN.shown:
         return [replace(finding, at_s=instants[0], count=len(instants))]
     return [replace(finding, at_s=s) for s in instants]
@@ -325,7 +325,7 @@ def _levels(run: Run, rig: Rig, std: Array, dithered: Flags) -> list[Finding]:
 
 
 def jitter_of(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, list[Finding]]:
-    """Estimate the timing error, s, from noise that increases with speed; return it with the finding."""
+    """Estimate the timing error, s, from noise that increases with speed; return its finding too."""
     jitter, significance = noise_by_speed(t, joints, std, 1.0 / run.rate_hz)
     if significance < SCREEN.significance:
         return 0.0, []
@@ -336,7 +336,7 @@ def jitter_of(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, lis
 
 
 def _colour(run: Run, rig: Rig, joints: Array, floor: Array) -> tuple[Array, list[Finding]]:
-    """Compare the noise at wide and narrow spacings; return the (2,) factor of the noise and the findings.
+    """Compare the noise at wide and narrow spacings; return a (2,) factor and findings.
 
     The factor is the noise at wide spacings divided by that at narrow spacings. Without a significant difference, the
     factor is 1.

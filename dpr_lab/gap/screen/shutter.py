@@ -64,5 +64,5 @@ class Shutter:
 
 
 def _end(theta: Array, length: float) -> Array:
-    """Return the (n, 2) position of the end of a rod relative to its joint, x to the right and y upwards, m."""
+    """Return the (n, 2) end of a rod, x to the right and y upwards from its joint, m."""
     return length * np.column_stack([-np.sin(theta), np.cos(theta)])

@@ -66,7 +66,10 @@ def equivalent_length(whole: Array, setup: Setup, rig: Rig) -> float:
 
 
 def _contradiction(record: Record, rig: Rig, ratios: Array) -> str:
-    """Return a sentence if the time stamps of a recording of one rod contradict gravity; otherwise an empty text."""
+    """State that the time stamps of a single-rod recording contradict gravity.
+
+    The text is empty if they do not.
+    """
     setup = record.run.setup
     swings = are_pieces([record.run.name]) or shows_a_period(record.run.swing.theta[:, 1:])
     if not (setup.alone and setup.free and swings) or record.encoder0_moves:

@@ -8,8 +8,8 @@ contains both parts. Within a segment its covariance is
 
 the sum of a first-order autoregressive error and a smooth error of the motion. The standard deviations s and v, the
 correlation rho and the correlation time l are free. The spectrum of the first term decreases with the square of the
-frequency, that of the second much faster. This difference separates the two terms. The maximum likelihood estimate of
-rho is used.
+frequency, that of the second much faster. This difference separates the two terms. The estimate of rho has the maximum
+likelihood.
 
 Source: Rasmussen & Williams (2006), Gaussian Processes for Machine Learning, sections 4.2.1 and 5.4.1.
 """
@@ -92,14 +92,14 @@ def tracking_noise(recordings: Recordings, problem: Problem, bare: Fit) -> Track
 
 
 def _rough_part(correlation: float) -> float:
-    """Return the standard deviation of sixth differences of first-order autoregressive errors of unit variance."""
+    """Return the standard deviation of sixth differences of autoregressive errors of unit variance."""
     unit = sixth(np.eye(ORDER + 1))[0]
     lags = np.arange(len(unit))
     return float(np.sqrt(unit @ np.power(correlation, np.abs(lags[:, None] - lags)) @ unit))
 
 
 def _windows(problem: Problem, bare: Fit) -> tuple[Array, Array] | None:
-    """Return the (n,) times of a window, s, and (2, n, windows) residuals divided by their noise.
+    """Return the (n,) times of a window, s, and (2, n, windows) residuals in units of noise.
 
     The result is None if there are too few windows.
     """

@@ -84,7 +84,10 @@ class FreeRuns:
 
     @property
     def errors(self) -> dict[str, FreeRunError]:
-        """Errors by run after the readings used for the initial state; shorter runs are omitted."""
+        """Errors by run, after the readings that determine the initial state.
+
+        Shorter runs are omitted.
+        """
         error, t = self.problem.measured - self.predicted, self.problem.t
         by_run = {}
         for record, samples in zip(self.items, self.rows, strict=True):
@@ -97,7 +100,7 @@ class FreeRuns:
 
     @property
     def errors_rad(self) -> dict[str, float]:
-        """Rms error by run, rad; runs that cannot be simulated to their end are omitted."""
+        """Rms error by run, rad, without runs that cannot be simulated to their end."""
         rms = {name: error.rms_rad for name, error in self.errors.items()}
         return {name: value for name, value in rms.items() if np.isfinite(value)}
 
@@ -130,7 +133,10 @@ def free_runs(recordings: Recordings, estimate: Estimate, length_s: float = FREE
 
 
 def _own_start(recordings: Recordings, record: Record, estimate: Estimate) -> Estimate:
-    """Fit the initial state of one recording to its first readings; return the estimate for this recording alone."""
+    """Fit the initial state of one recording to its first readings.
+
+    The result is the estimate for this recording alone.
+    """
     estimate = estimate.changed(params=without_events(estimate.params))
     head = record.t - record.t[0] < FREE_RUN.settle_s
     head[:MIN_SAMPLES] = True
@@ -142,7 +148,7 @@ def _own_start(recordings: Recordings, record: Record, estimate: Estimate) -> Es
 
 
 def own_zeros(recordings: Recordings, estimate: Estimate, iterations: int) -> Array:
-    """Fit the (runs, 2) encoder zeros to whole runs if encoders are zeroed before each run.
+    """Fit (runs, 2) encoder zeros to whole runs if they are set before each run.
 
     Otherwise the result is an array of shape (0, 2).
     """

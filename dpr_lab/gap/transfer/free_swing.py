@@ -1,4 +1,4 @@
-"""Predict a recording from its first readings, with the sensitivity to all uncertain inputs.
+"""Prediction of a recording from its first readings, with sensitivities to uncertain inputs.
 
 Let J0 and J be the Jacobians of the readings r with respect to the initial state and to the fitted values, and W the
 inverse of the noise. The initial state is fitted to the first readings h. A change dr of the readings also changes this
@@ -57,7 +57,7 @@ class FreeSwing:
 
     @property
     def _normal(self) -> tuple[Array, Array]:
-        """(4, 4) normal matrix of the initial state, and (rows, 4) weighted Jacobian of the readings."""
+        """(4, 4) normal matrix of the initial state, and (rows, 4) weighted Jacobian."""
         A = (self.weight[:, :, None] * self.by_start)[self.head].reshape(-1, self.by_start.shape[2])
         slow = np.diag(slow_starts(self.setup, A.shape[1]))
         return A.T @ A + slow.T @ slow, A
@@ -75,7 +75,7 @@ class FreeSwing:
 
 
 def _inverse(normal: Array) -> Array:
-    """Invert a (4, 4) normal matrix; if it is numerically singular, return the pseudoinverse."""
+    """Invert a (4, 4) normal matrix, or return its pseudoinverse if it is singular."""
     scale = 1 / np.sqrt(np.maximum(np.diag(normal), np.finfo(np.float64).tiny))
     return scale[:, None] * np.linalg.pinv(normal * np.outer(scale, scale), hermitian=True) * scale
 
@@ -140,7 +140,7 @@ def expected_errors(swings: FreeSwings, noise: float) -> dict[str, FreeRunError]
 
 
 def horizon(swing: FreeSwing, error_rad: float = 0.1) -> float | None:
-    """Return the time at which the uncertainty of the initial state causes a given error, s.
+    """Return the time, s, at which the uncertain initial state causes a given error.
 
     The result is None if this time exceeds the duration of the run.
     """

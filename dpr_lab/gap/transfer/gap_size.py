@@ -1,4 +1,4 @@
-"""Gap above the noise before and after correction, in rad, in N m, and by segment length."""
+"""Gap above the noise before and after correction: rad, N m, and by segment length."""
 
 from collections.abc import Mapping
 
@@ -96,7 +96,7 @@ def gap_rad(problem: Problem, model: Hypothesis) -> dict[str, float]:
 
 
 def _above_noise(problem: Problem, fitted: Fit, level: float) -> dict[str, float]:
-    """Return the rms residual of a fit above a given level of the noise, rad, by axis."""
+    """Return the rms residual of a fit above a noise level, rad, by axis."""
     residual = bounded_residual(problem, fitted)
     lost = 1 - (problem.segments.starts.sum() + len(fitted.free)) / np.count_nonzero(problem.read)
     above = _mean(residual**2, problem) / lost - level
@@ -144,7 +144,7 @@ def by_horizon(
 
 
 def _at_other_length(problem: Problem, initial: Array, working: Problem, model: Hypothesis) -> dict[str, float]:
-    """Return the rms residual of a model above the noise, rad, by axis, for segments of another length."""
+    """Return the rms residual above the noise, rad, by axis, for another segment length."""
     states = carried(working.segments, model.estimate.initial, problem.segments, initial)
     fitted = fit(problem, model.estimate.changed(initial=states), (), settings=TWO_DIGITS)
     return _above_noise(problem, fitted, residual_statistics(problem, fitted).level)

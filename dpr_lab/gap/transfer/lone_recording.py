@@ -73,7 +73,7 @@ def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) ->
 
 
 def alone(name: str, remainder: float, others: float) -> LoneRecording | None:
-    """Return the recording if its remainder far exceeds the remainders of the others; otherwise None.
+    """Return the recording if its remainder far exceeds all others, otherwise None.
 
     Args:
         name: name of the recording
@@ -84,7 +84,10 @@ def alone(name: str, remainder: float, others: float) -> LoneRecording | None:
 
 
 def _refitted(fit: Fit, chosen: Flags) -> Array:
-    """Fit the model to the chosen segments by one Gauss-Newton step; return the (segments,) chi2 of all segments."""
+    """Refit the model to the chosen segments; return the (segments,) chi2 of all segments.
+
+    The refit is one Gauss-Newton step.
+    """
     A = scaled_columns(fit, fit.inside)
     X, e = A[chosen].reshape(-1, A.shape[2]), fit.linear.e[chosen].ravel()
     step = np.linalg.solve(X.T @ X + np.eye(A.shape[2]), X.T @ e)

@@ -80,7 +80,7 @@ class OutOfSample:
 
 
 def left_out(recordings: Recordings, problem: Problem) -> OutOfSample:
-    """Predict each run from the others, or each quarter of a single run from the others."""
+    """Predict each run, or each quarter of a single run, from the others."""
     fold = folds(problem)
     predicted = _out_of_sample(recordings, problem, lambda model: left_out_chi2(model.fit, fold))
     return replace(predicted, whole_runs=len(recordings.records) > 1)
@@ -140,7 +140,10 @@ def share(above: Array) -> float:
 
 
 def _shares(above: Array) -> Array:
-    """Return the (...) relative reductions of the gap, from (2, ..., segments) chi2 above the noise."""
+    """Return the (...) relative reductions of the gap.
+
+    `above` contains the (2, ..., segments) chi2 above the noise.
+    """
     before, after = np.maximum(above.sum(axis=-1), 0.0)
     remaining_share = np.sqrt(after / np.where(before > 0, before, 1.0))
     return np.where(before > 0, np.maximum(1 - remaining_share, -1.0), 0.0)

@@ -206,7 +206,10 @@ class _Varying:
 
 @dataclass(frozen=True, slots=True)
 class _Parts:
-    """Linearised fit by segments: residuals, columns of the model, and columns of free torques and encoder errors."""
+    """Linearised fit by segments: residuals, model columns, and columns of free functions.
+
+    The free functions are torques and encoder errors.
+    """
 
     X: Array
     """(segments, m, k) whitened columns."""
@@ -226,7 +229,7 @@ class _Parts:
 
     @classmethod
     def of(cls, problem: Problem, fit: Fit, fold: Integers, followed: Flags) -> Self:
-        """Take residuals and columns of the model alone, for segments that can be simulated."""
+        """Copy residuals and model columns of the segments that can be simulated."""
         inside = [fit.free[i] for i in fit.inside]
         A = np.where(followed[:, None, None], scaled_columns(fit, fit.inside), 0.0)
         e = np.where(followed[:, None], fit.linear.e, 0.0)
@@ -273,7 +276,7 @@ class _Parts:
         return best
 
     def varying(self) -> list[_Varying]:
-        """Return the parameters that differ between recordings beyond chance, most significant first."""
+        """Return the parameters that significantly differ between recordings, most significant first."""
         chosen: list[_Varying] = []
         while len(chosen) < REPEATABILITY.varying:
             others = [i for i in self.candidates if i not in [parameter.column for parameter in chosen]]
@@ -288,12 +291,15 @@ class _Parts:
         return chosen
 
     def _local(self, column: int) -> Array:
-        """Split the column of a parameter into one column for each recording, (segments, m, recordings)."""
+        """Split the column of a parameter into (segments, m, recordings), one for each recording."""
         of_recording = self.fold[:, None, None] == np.arange(int(self.fold.max()) + 1)
         return np.where(of_recording, self.X[:, :, [column]], 0.0)
 
     def _scatter(self, column: int, common: Array, normal: Array) -> _Varying:
-        """Fit one parameter to each recording; the columns `common` (rows, k) are common to all recordings."""
+        """Fit one parameter to each recording, with common columns for all recordings.
+
+        `common` has the shape (rows, k).
+        """
         stacked = np.concatenate([self._local(column), self.e[:, :, None]], axis=2)
         flat = stacked.reshape(len(common), -1)
         projected = (flat - common @ np.linalg.solve(normal, common.T @ flat)).reshape(stacked.shape)
@@ -313,7 +319,7 @@ class _Parts:
 
 
 def _without(part: Fold, removed: Sequence[int]) -> Fold:
-    """Return the normal equations of a recording after some columns are fitted to this recording alone."""
+    """Return the normal equations of a recording after some columns are fitted to it alone."""
     if not removed:
         return part
     H, gradient = part.H, part.gradient

@@ -113,7 +113,7 @@ def judged(outcome: Transfer, posteriors: Sequence[EffectPosterior]) -> tuple[Ef
 
 @dataclass(frozen=True, slots=True)
 class _Test:
-    """Test of models on data that were not fitted: excess chi2, and closed share of the gap."""
+    """Test on data that were not fitted: excess chi2, and closed share of the gap."""
 
     data: OutOfSample
     level: float
@@ -183,7 +183,7 @@ def _failed(test: _Test, selection: Selection, pairs: Mapping[str, Array], close
 
 
 def _helps(test: OutOfSample, chi2: Array) -> bool:
-    """Return whether an effect reduces chi2 significantly in total and increases it significantly in no run.
+    """Return whether an effect significantly reduces chi2 in total and increases it in no run.
 
     Args:
         test: data that were not fitted
@@ -201,7 +201,7 @@ def _helps(test: OutOfSample, chi2: Array) -> bool:
 
 
 def _blocks(test: OutOfSample, reductions: Array, rows: Rows = slice(None)) -> Array:
-    """Sum reductions over groups of neighbouring segments of one run, because their residuals are correlated."""
+    """Sum reductions over groups of neighbouring segments, whose residuals are correlated."""
     return np.add.reduceat(reductions[rows], block_starts(test.run[rows], test.block))
 
 
@@ -225,18 +225,18 @@ def _signed_rank(blocks: Array) -> float:
 
 
 def _of_fitted(closed: Interval, selection: Selection) -> float:
-    """Return the closed share of the held-out gap, divided by the closed share of the fitted gap."""
+    """Return the closed share of the held-out gap, relative to that of the fitted gap."""
     fitted = _share_of_fitted(selection.bare, selection.chosen)
     return float(np.clip(closed.value / max(fitted, TRANSFER.least_fitted), 0.0, 1.0))
 
 
 def _share_of_fitted(smaller: Hypothesis, chosen: Hypothesis) -> float:
-    """Return the gap reduction by the chosen set in the fitted recordings, as a share of the smaller set's gap."""
+    """Return by which share the chosen set reduces the smaller set's gap."""
     return share(np.array([[smaller.residuals.excess], [chosen.residuals.excess]]))
 
 
 def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[Closing]:
-    """Yield the remaining gap and the closed share of each set, from the bare model to the selected set.
+    """Yield the remaining gap and closed share of each set, from bare to selected.
 
     `ends` contains the chi2 above the noise of these two sets.
     """

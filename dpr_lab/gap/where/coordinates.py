@@ -1,4 +1,4 @@
-"""Free torques and encoder errors as sums of hat functions of angle, speed, time or load."""
+"""Free torques and encoder errors: sums of hat functions of one coordinate."""
 
 import math
 from dataclasses import dataclass
@@ -70,7 +70,7 @@ def free_functions(
 
 
 def hats(x: Array, knots: Array) -> Array:
-    """Evaluate (n, k) hat functions with maxima at the knots; they sum to one."""
+    """Evaluate (n, k) hat functions, which have their maxima at the knots and sum to one."""
     position = np.clip(np.interp(x, knots, np.arange(len(knots))), 0, len(knots) - 1 - 1e-9)
     lower = position.astype(int)
     weights = np.zeros((len(x), len(knots)))
@@ -88,7 +88,10 @@ def angle_hats(angle: Array) -> tuple[Array, Array]:
 
 
 def speed_hats(speed: Array) -> tuple[Array, Array]:
-    """Return the (n, k) hat functions over the speed, denser at low speed, and their knots."""
+    """Return the (n, k) hat functions over the speed and their knots.
+
+    The knots are denser at low speed.
+    """
     top = max(float(np.quantile(np.abs(speed), 0.99)), 1e-3)
     roots = np.linspace(-1, 1, BINS)
     knots = np.sign(roots) * roots**2 * top
@@ -102,7 +105,10 @@ def time_hats(t: Array) -> tuple[Array, Array]:
 
 
 def load_hats(force: Array) -> tuple[Array, Array]:
-    """Return the (n, k) hat functions over the joint force, from its 1 % to its 99 % quantile, and their knots."""
+    """Return the (n, k) hat functions over the joint force and their knots.
+
+    The knots lie between the 1 % and 99 % quantiles.
+    """
     knots = np.quantile(force, np.linspace(0.01, 0.99, BINS // 2))
     return hats(force, knots), knots
 
@@ -151,7 +157,7 @@ def under_torque(problem: Problem, reference: Trajectory, joint: int, torque: Ar
 
 
 def under_error(problem: Problem, joint: int, error: Array) -> Array:
-    """Return the (segments, m, k) whitened change of the readings by encoder errors of a joint.
+    """Return the (segments, m, k) whitened change of the readings by encoder errors.
 
     Args:
         problem: segments of the readings

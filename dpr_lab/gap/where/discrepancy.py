@@ -69,7 +69,7 @@ class Discrepancy:
 
     @property
     def sentence(self) -> str:
-        """Sentence on the size and location of the discrepancy, for the joint of the larger torque."""
+        """Sentence on the size and location of the larger torque of the discrepancy."""
         joint = int(np.argmax(self.torque_Nm))
         text = f"{1e3 * self.torque_Nm[joint]:.2g} mN m rms in joint {ALL_AXES[joint][-1]}"
         if self.slow[joint] > DISCREPANCY.mostly:

@@ -1,9 +1,9 @@
-"""Locate the gap before effects are named: maps of torque and encoder error by least squares.
+"""Residual maps of torque and encoder error, which locate the gap before effects are named.
 
-Each map is a sum of hat functions of one coordinate, for example the speed of joint 1. The hat functions are the torque
-of a joint or the error of an encoder. The ratios and initial states are projected out of the influence of a map on the
-readings, as for any effect. No torque is computed from differentiated angles. The share of the excess chi2 that a map
-explains is the largest share of the gap that this location can cause.
+Each map is a least-squares sum of hat functions of one coordinate, for example the speed of joint 1. The hat functions
+are the torque of a joint or the error of an encoder. The ratios and initial states are projected out of the influence
+of a map on the readings, as for any effect. No torque is computed from differentiated angles. The share of the excess
+chi2 that a map explains is the largest share of the gap that this location can cause.
 """
 
 from collections.abc import Iterator, Sequence
@@ -55,7 +55,7 @@ def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:
 
 
 def _maps(problem: Problem) -> Iterator[tuple[int, Kind, Coordinate]]:
-    """Yield the possible maps, each with the index of its joint (0, 1, 2 for joints 1, 2, 0).
+    """Yield the possible maps, with the index 0, 1, 2 for joints 1, 2, 0.
 
     Three kinds of maps are omitted. The load on an arm's joint is unknown, so friction of this joint by load is
     omitted. If no outer rod rotates in joint 2, all its maps are omitted. Torques do not move a prescribed joint 1, so
@@ -86,7 +86,7 @@ def where_sentence(places: tuple[Where, ...]) -> str:
 
 
 def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, free: FreeFunctions) -> Where:
-    """Fit the residual map of one kind for one joint, together with the ratios and the initial states."""
+    """Fit the residual map of a joint together with ratios and initial states."""
     linear, fitted = bare.fit.linear, len(bare.fit.free)
     projected = linear.projected(free.readings(problem, reference))
     space = ColumnSpace.of(np.concatenate([linear.A, projected], axis=2), linear.e)

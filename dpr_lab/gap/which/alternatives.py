@@ -15,7 +15,10 @@ from dpr_lab.gap.which.substitutes import imaged, simpler_forms
 
 
 def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Fit the alternatives of each effect, then propose the best fitted set with at most as many effects."""
+    """Fit the alternatives of each effect, then propose the best fitted set.
+
+    This set has at most as many effects as the current one.
+    """
     fits = fit_alternatives(sets, sets.predictive(current))
     known = current.key & sets.expected
     others = [
@@ -52,7 +55,7 @@ BETTER_ALTERNATIVE = Move(
 
 
 def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets in which an indistinguishable effect of more plausible size replaces one effect."""
+    """Propose sets in which an indistinguishable effect of more plausible size replaces one."""
     chosen = sets.predictive(current)
     margin = indifference(sets.bare, chosen)
     for name in sets.unexpected(chosen):
@@ -107,7 +110,10 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
 
 
 def _indistinguishable(test: ScoreTest, name: str) -> Iterator[Score]:
-    """Yield the scores of effects that have the same signature as the effect `name` and are not forms of it."""
+    """Yield the scores of effects with the same signature as the effect `name`.
+
+    Other forms of this effect are left out.
+    """
     if (current_score := test.of(name)) is None:
         return
     for score in test.ranking:

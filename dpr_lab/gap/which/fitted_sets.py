@@ -33,7 +33,7 @@ Arguments = tuple[Hypothesis] | tuple[Hypothesis, ScoreTest, Score] | tuple[Hypo
 
 @dataclass(frozen=True, slots=True)
 class FittedSets:
-    """Sets of effects from which a move can choose, and the functions that fit further sets."""
+    """Sets of effects from which a move can choose, with functions that fit further sets."""
 
     recordings: Recordings
     problem: Problem
@@ -73,32 +73,32 @@ class FittedSets:
         return replace(self, bare=bare, _fits={}, _tests={}, _refitted_from=set(), _short=[], results={})
 
     def keep(self, model: Hypothesis) -> Hypothesis:
-        """Store a fit if it is the best of its set, and return the best fit of this set."""
+        """Store a fit if it is the best of its set; return the best fit."""
         best = self._fits.get(model.key)
         if best is None or model.fit.chi2 <= best.fit.chi2:
             self._fits[model.key] = best = model
         return best
 
     def once(self, arguments: Arguments, result: Callable[[], Hypothesis]) -> Hypothesis:
-        """Return the fit for some arguments, and compute it if no move has requested it before."""
+        """Return the fit for some arguments, which is computed at the first request."""
         if arguments not in self.results:
             self.results[arguments] = result()
         return self.results[arguments]
 
     def possible(self, model: Hypothesis) -> bool:
-        """Return whether a rig can have the effect sizes and the gravity torque of a set."""
+        """Return whether a rig can have the sizes and the gravity torque of a set."""
         return not (self.oversized(model) or rises(self.problem, model))
 
     def oversized(self, model: Hypothesis) -> tuple[str, ...]:
-        """Return those effects of a set whose sizes are physically impossible or typical of another cause."""
+        """Return the effects of a set with impossible sizes or sizes of another cause."""
         return (*significantly_oversized(model, self.problem.limits), *self.imitating(model))
 
     def imitating(self, model: Hypothesis) -> tuple[str, ...]:
-        """Return those effects of a set whose sizes are typical of another cause."""
+        """Return the effects of a set whose sizes are typical of another cause."""
         return (*off_axis(self.problem, model), *springs_like_scale(self.problem, self.library, model))
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
-        """Return whether all sizes of a set are possible, or some sizes of the other set are impossible too."""
+        """Return whether all sizes of a set are possible, or the other set's are impossible too."""
         return self.possible(model) or not self.possible(other)
 
     def unexpected(self, model: Hypothesis) -> list[str]:
@@ -106,7 +106,7 @@ class FittedSets:
         return [name for name in model.effects if name not in self.expected]
 
     def described(self, model: Hypothesis) -> Hypothesis:
-        """Return the bare model plus the effects of a set that correct the rig file or time stamps.
+        """Return the bare model plus the effects that correct the rig file or time stamps.
 
         The other effects explain parts of the gap that remains with this model. An error of the description may cause a
         gap a thousand times as large, and is not a property of the rig.
@@ -117,13 +117,13 @@ class FittedSets:
         return reduce(self.without, (name for name in model.effects if name not in corrections), model)
 
     def best_known(self, model: Hypothesis) -> Score | None:
-        """Return the largest positive score of the known effects that a set lacks, or None if there is none."""
+        """Return the largest positive score of a known effect that a set lacks, or None."""
         missing = self.expected - model.key
         test = self._tested(model, missing) if missing else self.test(model)
         return next((score for score in test.ranking if score.effect.name in missing and score.gain > 0), None)
 
     def test(self, model: Hypothesis) -> ScoreTest:
-        """Return the score test of all effects that are not in the set of a model."""
+        """Return the score test of all effects that are not in a set."""
         return self._tested(model, self.library.keys() - model.key)
 
     def score(self, model: Hypothesis, effect: str) -> Score | None:
@@ -201,7 +201,7 @@ class FittedSets:
         return self._short[0]
 
     def without_substitute(self, model: Hypothesis, effect: str) -> Hypothesis:
-        """Return the set without one effect, and without a curve that would imitate the removed effect."""
+        """Return the set without one effect, and without a curve that would imitate it."""
         smaller = self.without(model, effect)
         curve = substitute_curve(model, smaller)
         return smaller if curve is None else self.without(smaller, curve)
@@ -235,7 +235,7 @@ class FittedSets:
         return self.keep(smaller)
 
     def _stuck(self, smaller: Hypothesis, model: Hypothesis) -> bool:
-        """Return whether the fit of a smaller set remained in a local minimum because of a few segments.
+        """Return whether a few segments kept the fit of a smaller set in a local minimum.
 
         The fit of a larger set shows this: it reduces the chi2 of such a segment to less than half.
         """
@@ -245,7 +245,7 @@ class FittedSets:
         return bool(((previous > EFFORT.outstanding) & (current < 0.5 * previous)).any())
 
     def grown(self, model: Hypothesis, effect: str) -> Hypothesis | None:
-        """Fit a set with one additional effect, without storing the fit; None if the effect has no score."""
+        """Fit a set with one more effect without storing the fit; None without a score."""
         score = self.score(model, effect)
         return None if score is None else self._best_shape(model, score)
 

@@ -72,7 +72,7 @@ def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: st
 
 
 def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, name: str, tested: Effect) -> Array:
-    """Return the (segments, m, k) whitened change of the readings by other forms of an effect.
+    """Return the (segments, m, k) whitened change of the readings by other forms.
 
     Forms that contain the tested effect are left out.
     """
@@ -106,7 +106,10 @@ def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, nam
 
 
 def _free(effect: Effect, tested: Effect, angle: Array, speed: Array, t: Array) -> Array:
-    """Return (n, k) hat functions over the angle, and over time and speed if the effect may depend on them."""
+    """Return (n, k) hat functions over the angle, and over time and speed if possible.
+
+    Forms by time or speed are omitted for effects that cannot depend on them.
+    """
     of_pose = not effect.dissipative and effect.stage in ("torque", "encoder")
     hats = [angle_hats(angle)[0]]
     if not _are_losses_of_speed(effect, tested):

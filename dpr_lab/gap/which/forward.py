@@ -92,7 +92,7 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
 
 
 def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
-    """Return whether the residual would far exceed the noise of readings and torques, whichever effects are added.
+    """Return whether no effect can reduce the residual to the noise of readings and torques.
 
     As far as the effects are linear, all candidates of the score test together reduce chi2 at least as much as any few
     of them.
@@ -112,7 +112,7 @@ def _with_one_more(
     *,
     last: bool,
 ) -> dict[frozenset[str], Hypothesis]:
-    """Extend a set by one promising effect at a time; return the level with these extended sets.
+    """Extend a set by one promising effect at a time; return the extended level.
 
     Once only noise remains, only equally promising effects are fitted. Far from the noise, a candidate is not fitted if
     even twice its predicted reduction would leave its set too poor to be extended or accepted (`_deciding_excess`).
@@ -138,7 +138,7 @@ def _with_one_more(
 
 
 def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
-    """Return the scores of the effects with the largest predicted reduction, and of their simpler forms.
+    """Return the scores of the most promising effects and of their simpler forms.
 
     Of a group of nearly indistinguishable effects, only one is returned.
     """
@@ -162,7 +162,7 @@ def _nearly_equal(score: Score, other: Score) -> bool:
 
 
 def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothesis], last: bool) -> float:
-    """Return the maximum excess with which a further set of a level can be extended or accepted."""
+    """Return the excess below which a further set can be extended or accepted."""
     sound = [model for model in _ranked(sets, best, level) if not any(_doubts(sets, best, level, model))]
     ahead = [*sound[:1], *_runners_up(sets, sound[0], sound[1:])] if sound else []
     if last:
@@ -173,7 +173,7 @@ def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothe
 
 
 def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
-    """Add those two losses of one joint that hide each other and together explain most.
+    """Add the two losses of a joint that hide each other and together explain most.
 
     If there are no such losses, the result is None.
 
@@ -218,7 +218,7 @@ def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) ->
 
 
 def _doubts(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], model: Hypothesis) -> tuple[bool, bool]:
-    """Return whether a set contains an impossible size, and whether it contains an effect that adds too little."""
+    """Return whether a set has an impossible size, and whether an effect adds too little."""
     little = follows_remainder(sets.bare, model, best) or any(
         follows_swing(sets.bare, model, other) or follows_decay(sets.bare, model, other) for other in models
     )
@@ -226,7 +226,7 @@ def _doubts(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], mo
 
 
 def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
-    """Return the next best sets if their excess is close to that of the best set.
+    """Return the next best sets whose excess is close to that of the best.
 
     Other functional forms of the best set are left out.
     """
@@ -235,7 +235,7 @@ def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) ->
 
 
 def _are_forms(sets: FittedSets, model: Hypothesis, other: Hypothesis) -> bool:
-    """Return whether two sets differ only in one effect, which has a simpler form in one of them."""
+    """Return whether two sets differ in one effect that is a simpler form of the other."""
     only_first, only_second = model.key - other.key, other.key - model.key
     if len(only_first) != 1 or len(only_second) != 1:
         return False

@@ -1,4 +1,7 @@
-"""Repeated fits that leave local minima. A few segments, long segments or a wrong order cause such minima."""
+"""Repeated fits that leave local minima.
+
+A few segments, long segments or a wrong order cause such minima.
+"""
 
 from dpr_lab.arrays import Array
 from dpr_lab.effects import param_index
@@ -12,7 +15,7 @@ from dpr_lab.gap.which.fitted_sets import FittedSets
 
 
 def escaped(sets: FittedSets, model: Hypothesis) -> Hypothesis:
-    """Fit a set again in order to leave a local minimum; the result is not fitted again."""
+    """Refit a set to leave a local minimum; the result is not fitted again."""
     best = sets.keep(sets.once((model,), lambda: _escaped(sets, model)))
     sets.results[best,] = best
     return best
@@ -32,13 +35,16 @@ def _escaped(sets: FittedSets, model: Hypothesis) -> Hypothesis:
 
 
 def carried_over(sets: FittedSets, short: Hypothesis) -> Hypothesis:
-    """Fit a set to the working segments, starting from its fit to short segments."""
+    """Fit a set to the working segments, starting from its fit to short ones."""
     long = _lengthened(sets, short.fit, sets.bare.estimate.initial, iterations=2 * EFFORT.fine)
     return escaped(sets, hypothesis(sets.problem, short.effects, long))
 
 
 def _lengthened(sets: FittedSets, near: Fit, initial: Array, iterations: int) -> Fit:
-    """Continue a fit to short segments with longer ones; missing initial states are taken from `initial`."""
+    """Continue a fit to short segments with longer ones.
+
+    Missing initial states are taken from `initial`.
+    """
     short = sets.on_short().problem.segments
     initial_states = carried(short, near.estimate.initial, sets.problem.segments, initial)
     start = near.estimate.changed(initial=initial_states)

@@ -30,7 +30,10 @@ from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 
 def _with_known_effects(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the bare model plus the significant known effects of the rig, added in order of size."""
+    """Propose the bare model plus the significant known effects of the rig.
+
+    The effects are added in order of size.
+    """
     model = sets.bare
     while score := sets.best_known(model):
         model = sets.with_one(model, score)

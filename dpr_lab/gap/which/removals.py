@@ -123,7 +123,7 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
 
 
 def _between(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
-    """Return whether the search would replace the smaller set by a richer form that explains less.
+    """Return whether the search would replace the smaller set by a worse richer form.
 
     The richer form explains less than the larger set. It replaces two effects of the larger set, one of which is
     missing in the smaller set: a simpler form of the richer form, and a second effect. The set with the richer form has
@@ -144,7 +144,7 @@ def _between(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
 
 
 def _returns(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
-    """Return whether a search would replace the smaller set by a worse set that again contains the removed effect.
+    """Return whether a search would return from the smaller set to the removed effect.
 
     In this case the best fitted set of at most the smaller size contains the removed effect, has more parameters than
     the larger set, and explains less.
@@ -175,7 +175,7 @@ OWN_SHARE = Move(
 
 
 def _without_misleading(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the set without misleading effects, and sets in which other effects replace the misleading ones.
+    """Propose the set without misleading effects, and sets with their replacements.
 
     A replacement must predict held-out runs better.
     """

@@ -39,7 +39,7 @@ RICHER_FORM = Move(
 
 
 def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    """Accept a replacement that explains as much as the current set, within the indifference margin.
+    """Accept a replacement that explains as much, within the indifference margin.
 
     Above the noise floor a richer form may compensate for an effect outside the set. It must then explain more.
     """
@@ -64,10 +64,11 @@ SIMPLER_FORM = Move(
 
 
 def _of_possible_size(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    """Accept a simpler form if only the richer form has an impossible size, because that form follows another cause.
+    """Accept a simpler form if only the richer one has an impossible size.
 
-    The excess may not increase so much that the simpler form is no explanation either. At the noise floor, the residual
-    of the simpler form must also be consistent with noise.
+    The richer form then follows another cause. The excess may not increase so much that the simpler form is no
+    explanation
+    either. At the noise floor, the residual of the simpler form must also be consistent with noise.
     """
     model = proposal.model
     explains = model.at_noise_floor or not current.at_noise_floor
@@ -87,10 +88,13 @@ POSSIBLE_SIZE = Move(
 
 
 def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets in which a simpler form and another effect replace an effect, without more parameters in total.
+    """Propose sets in which a simpler form and another effect replace an effect.
 
-    The additional parameters of a richer form may imitate a second cause. For example, unequal friction in the two
-    directions imitates a zero offset, and a zero that drifts imitates a constant zero error and an error of the scale.
+    The set may not have more parameters in total. The additional parameters of a richer form may imitate a second
+    cause.
+    For example, unequal friction in the two directions imitates a zero offset, and a zero that drifts imitates a
+    constant
+    zero error and an error of the scale.
     """
     for simpler in simpler_forms(sets, current):
         room, replaced = len(current.fit.free) - len(simpler.fit.free), current.key - simpler.key
@@ -101,9 +105,10 @@ def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 
 
 def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets in which effects with fewer parameters in total replace a curve, or join it.
+    """Propose sets in which several simple effects replace or join a curve.
 
-    On a small arc a curve of many parameters imitates a tilt, friction and drag together, and is selected first.
+    The set must have fewer parameters in total. On a small arc a curve of many parameters imitates a tilt, friction and
+    drag together, and is selected first.
     """
     for name in sets.unexpected(current):
         if name not in current.curves:
@@ -116,7 +121,7 @@ def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal
 
 
 def _grown_to(sets: FittedSets, current: Hypothesis, model: Hypothesis, curve: str, widest: int) -> Iterator[Proposal]:
-    """Propose sets that extend a set without the curve by the best further effects, one at a time.
+    """Extend a set without the curve by the best effects, one at a time.
 
     Each added effect has at most `widest` parameters. The extended set has fewer parameters than the current one.
     """

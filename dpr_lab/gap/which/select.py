@@ -58,10 +58,10 @@ def refined(state: SearchState) -> Selection:
 
 
 def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | None:
-    """Return a better fit of the bare model if its first fit was a local minimum; otherwise None.
+    """Return a better fit of the bare model if its first fit was a local minimum.
 
-    The better fit starts from the result of the selected set. An effect that merely leads the fit out of such a minimum
-    is not a cause.
+    Otherwise the result is None. The better fit starts from the result of the selected set. An effect that merely leads
+    the fit out of such a minimum is not a cause.
     """
     chosen, first = selection.chosen, selection.bare
     if not chosen.effects or not first.far_from_noise:
@@ -85,7 +85,9 @@ def _one_search(state: SearchState) -> Selection:
 
 
 def short_segments(short: SearchState) -> Move:
-    """Create the move that refines the set that was selected with short segments, and fits it to full segments.
+    """Create the move that fits the set selected with short segments to full segments.
+
+    The set is refined first.
 
     Args:
         short: state of the search in short segments after forward selection
@@ -129,7 +131,7 @@ def _revised(state: SearchState) -> SearchState:
 
 
 def _selection(state: SearchState, misleading: tuple[str, ...]) -> Selection:
-    """Return the result of the search: the selected set, and sets without or with a substitute of each effect."""
+    """Return the result of the search, with sets that lack or replace each effect."""
     sets, chosen = state.sets.copied(), state.current
     fits = fit_alternatives(sets, chosen)
     without = {name: sets.without(chosen, name) for name in chosen.effects}
@@ -155,7 +157,10 @@ def _selection(state: SearchState, misleading: tuple[str, ...]) -> Selection:
 
 
 def _own_shares(sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypothesis]) -> dict[str, float]:
-    """Return the own share of each secondary effect, unless it is the only effect or every rig has it."""
+    """Return the own shares of secondary effects.
+
+    The only effect of a set and effects that every rig has are omitted.
+    """
     limit = chosen.bounded_excess + THRESHOLDS.secondary * sets.bare.residuals.excess
     shares: dict[str, float] = {}
     for name, smaller in without.items():

@@ -51,7 +51,7 @@ def errors(model: Hypothesis) -> Array:
 
 
 def significantly_oversized(model: Hypothesis, limits: Array | None) -> tuple[str, ...]:
-    """Return the effects of a set that have impossible sizes, within the errors of the fit.
+    """Return the effects with impossible sizes, within the errors of the fit.
 
     A size is impossible if it is at a limit, or if it is not possible together with the other sizes of its effect.
 

@@ -22,7 +22,7 @@ def simpler_forms(sets: FittedSets, current: Hypothesis) -> Iterator[Hypothesis]
 
 
 def replaced(sets: FittedSets, model: Hypothesis, effect: str, other: str) -> Hypothesis | None:
-    """Return the set with one effect replaced by another, or None if the other has no score.
+    """Replace one effect of a set by another; return None without a score.
 
     The fit starts without either effect. If this fit fails, it is repeated from a fit with both effects. In the
     repeated fit, the new effect gradually takes over the share of the replaced effect.
@@ -40,7 +40,7 @@ def replaced(sets: FittedSets, model: Hypothesis, effect: str, other: str) -> Hy
 
 
 def _handed_over(sets: FittedSets, model: Hypothesis, effect: str, other: str) -> Hypothesis:
-    """Replace one effect by another in a fit; the amplitudes of the replaced effect are the initial values.
+    """Replace one effect by another, with the replaced amplitudes as initial values.
 
     Rods that hardly move stick even at the smallest Coulomb friction. Its derivative at zero is then no search
     direction.
@@ -55,7 +55,7 @@ def _handed_over(sets: FittedSets, model: Hypothesis, effect: str, other: str) -
 
 
 def imaged(sets: FittedSets, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
-    """Return the set with one effect replaced by another, from the linear prediction at `model`.
+    """Replace one effect by another, starting from the linear prediction at `model`.
 
     From this estimate, two indistinguishable effects fit equally well. A fit that starts without both effects may
     end in a local minimum in which another effect has a wrong shape. `score` is the score of the new effect.
