@@ -25,7 +25,7 @@ from typing import IO, Any
 
 
 def spawn_context() -> SpawnContext:
-    """Return the multiprocessing context for child processes; it also works while a Textual screen is shown.
+    """Return the multiprocessing context, also while a Textual screen is shown.
 
     Textual replaces stderr by an object without a file descriptor. Every spawned process needs the resource tracker,
     which requires a file descriptor. The tracker is therefore started with the real stderr.
@@ -113,7 +113,7 @@ class ChildProgram:
 
     @property
     def last_words(self) -> str:
-        """Last line that the program wrote to stderr, or an empty text if there is none."""
+        """Last line of the program on stderr, or an empty text."""
         if not self._log.closed:
             self._log.seek(0)
             lines = [line.strip() for line in self._log.read().decode(errors="replace").split("\n")]

@@ -41,7 +41,7 @@ def all_printable(value: Any) -> Any:
 
 
 def known_name(name: str, known: Iterable[str], worded: Callable[[str], str] = str) -> str | None:
-    """Find the known name to which a text refers, or None if there is no match.
+    """Find the known name to which a text refers, or None.
 
     The text may be the name, its description, or both in the form `description [name]`.
 
@@ -102,7 +102,7 @@ def unknown_name(
 
 
 def _similarity(given: str, known: str, words: str) -> float:
-    """Return the similarity of a text to a name or its description, from 0 to 1.
+    """Return the similarity of a text to a name or its description, 0 to 1.
 
     The similarity is 1 if the name or its description starts with the text.
     """
@@ -123,7 +123,7 @@ class DprError(Exception):
 
 
 class ConfigError(DprError):
-    """Raised if a configuration file is missing or malformed, or a value is out of range."""
+    """Raised if a configuration file is missing, malformed, or contains a wrong value."""
 
     exit_code = 3
     keys: Sequence[str] = ()
@@ -137,7 +137,7 @@ class LinkError(DprError):
 
 
 class LinkUrlError(LinkError):
-    """Raised if a link URL has an unknown kind, option or port, or a value out of range."""
+    """Raised if a link URL has an unknown kind, option or port, or a wrong value."""
 
     exit_code = 2
 

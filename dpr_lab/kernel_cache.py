@@ -27,7 +27,7 @@ PRUNE_AFTER_S = 7 * 86400.0  # another process may still write to the cache fold
 
 
 def source_hash(package: Path, sources: Iterable[str] = KERNEL_SOURCES) -> str:
-    """Compute the hash of the names and contents of all kernel sources in the folder `package`."""
+    """Hash the names and contents of all kernel sources in the folder `package`."""
     digest = hashlib.sha256()
     for source in sources:
         path = package / source
@@ -53,7 +53,7 @@ class ForeignFolder(OSError):
 
 
 def open_cache(root: Path, name: str) -> Path | None:
-    """Create the folder `name` in `root`, accessible by this user only, and mark it as used.
+    """Create the folder `name` in `root` for this user only, and mark it as used.
 
     Numba loads kernels with `pickle`, which executes the content of a file. Files that another user could have written
     are therefore not loaded. A folder of this user that others could write to is emptied, and its access is restricted.
@@ -119,7 +119,7 @@ def choose_cache(roots: Iterable[Path], name: str) -> tuple[Path | None, str]:
 
 
 def cache_name(package: Path) -> str:
-    """Return the name of the cache folder: the hash of all kernel sources, including those of plugins."""
+    """Return the name of the cache folder: a hash of all kernel sources, with plugins."""
     added = fingerprint("effects")
     name = source_hash(package)
     return f"{name}-{hashlib.sha256(added.encode()).hexdigest()[:16]}" if added else name

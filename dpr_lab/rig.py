@@ -207,7 +207,7 @@ class Rig(Shown, RigTable):
         return self.rig.g
 
     def read_from(self, path: Path) -> "Rig":
-        """Return a copy of the rig that stores the path and the hash of its file."""
+        """Return a copy that stores the path and the hash of its file."""
         rig = self.model_copy()
         rig._path, rig._sha256 = path, sha256_of(path)
         return rig
@@ -241,7 +241,7 @@ class Rig(Shown, RigTable):
 
     @property
     def searched(self) -> Flags:
-        """Mask (9,) of the parameters that the search varies: those without a measured value."""
+        """Mask (9,) of the parameters without a measured value, which the search varies."""
         return np.array([p.measured is None for p in self._ordered()])
 
     @property
@@ -252,12 +252,15 @@ class Rig(Shown, RigTable):
 
     @property
     def radians_per_count(self) -> Array:
-        """Angle (3,) of one count of each encoder, rad; negative for an encoder that counts backwards."""
+        """Signed angle (3,) per count, rad; negative for an encoder that counts backwards."""
         return 2 * np.pi * np.array(self.encoders.direction) / np.array(self.encoders.counts_per_rev)
 
     @property
     def reading_std(self) -> Array:
-        """Standard deviation (3,) of the readings, rad; the variance is noise_counts^2 + 1/12 (rounding), counts^2."""
+        """Standard deviation (3,) of the readings, rad.
+
+        Its variance in counts^2 is noise_counts^2 + 1/12 (rounding).
+        """
         return np.abs(self.radians_per_count) * np.sqrt(self.encoders.noise_counts**2 + 1 / 12)
 
     def theta(self, counts: ArrayLike) -> Array:
@@ -282,7 +285,7 @@ class Rig(Shown, RigTable):
         return theta if self.rods.number == 2 else theta[..., [0, 1, 1]]
 
     def positions(self, theta: ArrayLike) -> Array:
-        """Convert absolute angles to the readings of ideal encoders, without rounding: the inverse of `theta`.
+        """Convert absolute angles to unrounded readings of ideal encoders, the inverse of `theta`.
 
         Args:
             theta: (..., 3) absolute angles, rad
@@ -299,7 +302,7 @@ class Rig(Shown, RigTable):
 
 
 def load_rig(name: str | Path) -> Rig:
-    """Read a rig file by its path, or a built-in rig file by its bare name.
+    """Read a rig file by its path, or a built-in one by its name.
 
     Args:
         name: path such as `my/rig.toml`, or name of a built-in rig file such as `paper`

@@ -113,7 +113,10 @@ class Encoders(RigTable):
 
 
 class Pose(RigTable):
-    """Pose of the rods before a release: absolute angles, 0 = upright, pi = hanging, rad."""
+    """Pose of the rods before a release, as absolute angles.
+
+    0 = upright, pi = hanging, rad.
+    """
 
     theta0: Angle = 0.0
     """Angle of the arm, rad."""
@@ -131,7 +134,10 @@ class Pose(RigTable):
 
 
 class AddedMass(RigTable):
-    """Known point mass attached to a rod; an additional release with this mass determines the scale of all masses."""
+    """Known point mass on a rod.
+
+    An additional release with this mass determines the scale of all masses.
+    """
 
     rod: Literal["inner", "outer"]
     """Rod to which the mass is attached."""
@@ -176,7 +182,7 @@ class Rods(RigTable):
 
     @property
     def placed(self) -> int:
-        """Number of angles to set at a pose: only theta1 for a single rod or a clamped elbow."""
+        """Number of angles to set at a pose: one for a single rod or a clamped elbow."""
         return 2 if self.mounting == "both" else 1
 
     @property

@@ -162,7 +162,7 @@ class Run(Shown):
         return Setup(self.mounting, self.added_mass, round(self.elbow, 1), drives, self.arm, self.inner)
 
     def between_rows(self, torques: Torques) -> Torques:
-        """Interpolate torques between rows, continuously if `continuous`, otherwise held."""
+        """Interpolate torques between rows continuously, or hold each row."""
         return torques.as_samples() if self.continuous and len(torques.t) > 1 else torques
 
     @property
@@ -181,7 +181,7 @@ class Run(Shown):
         return float(self.t[-1]) if len(self.t) else 0.0
 
     def between(self, start: float, stop: float) -> Run:
-        """Return the part of the run with start <= t < stop, s, without a shift of the times."""
+        """Return the part with start <= t < stop, s; the times are not shifted."""
         return self.only((self.t >= start) & (self.t < stop))
 
     @property
@@ -212,7 +212,7 @@ class Run(Shown):
         return hashlib.sha256(_bytes(self.t) + _bytes(self.theta)).hexdigest()
 
     def only(self, keep: Flags) -> Run:
-        """Return a copy of the run with only the samples for which `keep` (n,) is true."""
+        """Return a copy with only the samples of the mask `keep` (n,)."""
         counts = None if self.counts is None else self.counts[keep]
         torques = None if self.torques is None else self.torques[keep]
         commanded = None if self.commanded is None else self.commanded[keep]
@@ -231,7 +231,7 @@ class Run(Shown):
 
 
 def as_runs(runs: Run | Iterable[Run]) -> tuple[Run, ...]:
-    """Return the runs as a tuple; also accept a single run, but no file names."""
+    """Return one or several runs as a tuple; refuse file names."""
     given: tuple[Any, ...] = (runs,) if isinstance(runs, Run | str | Path) else tuple(runs)
     for run in given:
         if isinstance(run, str | Path):
@@ -263,7 +263,7 @@ def torque_kinds(runs: Iterable[Run]) -> tuple[str, ...]:
 
 
 def _flat(value: Any) -> Iterator[Any]:
-    """Yield the numbers, texts and arrays within a value, including those in dataclasses, tuples and mappings."""
+    """Yield the numbers, texts and arrays within nested dataclasses, tuples and mappings."""
     if is_dataclass(value) and not isinstance(value, type):
         value = {member.name: getattr(value, member.name) for member in fields(value)}
     if isinstance(value, Mapping):
@@ -337,7 +337,7 @@ def clock_rates(clock: Mapping[str, float], sigmas: float = 5.0) -> dict[str, tu
 
 
 def clock_error(clock: Mapping[str, float]) -> tuple[float, str]:
-    """Return a lower bound of the absolute clock rate error, ppm, and a text about it.
+    """Return a lower bound of the absolute clock rate error, ppm, and its description.
 
     The bound is the estimated error minus its uncertainty, at least zero. It is computed by both methods of
     `clock_rates`, and the larger value is used.

@@ -1,4 +1,4 @@
-"""Known conditions of a run: the mounting of the rods, and known inputs (torques and prescribed motions)."""
+"""Known conditions of a run: mounting, known torques and prescribed motions."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Torques:
 
     @property
     def arm_knots(self) -> tuple[Array, Array]:
-        """(n + 2,) times, s, and the time integral of the arm torque up to each time, N m s.
+        """Times (n + 2,), s, and integrals of the arm torque up to them, N m s.
 
         Empty without a torque on the arm.
         """
@@ -49,14 +49,14 @@ class Torques:
 
     @property
     def knots(self) -> tuple[Array, Array]:
-        """(n + 2,) times, s, and (n + 2, 2) time integrals of the generalised torques, N m s.
+        """Times (n + 2,), s, and integrals (n + 2, 2) of the generalised torques, N m s.
 
         The columns belong to theta1 and theta2. The integrals are linear between times.
         """
         return _knots(self)
 
     def earlier(self, share: float) -> Torques:
-        """Shift each torque to an earlier time, by a share (0 to 1) of the preceding interval.
+        """Shift each torque to an earlier time by a share of the preceding interval.
 
         With a share of 1/2, each torque is held in the interval around its instant, which is suitable for samples of a
         continuous signal.
@@ -193,7 +193,7 @@ class Setup:
 
     @property
     def alone(self) -> bool:
-        """Whether a single rod was mounted, so that the readings of joint 2 have no meaning."""
+        """Whether a single rod was mounted, so that joint 2 has no readings."""
         return self.mounting in ("inner", "outer")
 
     @property
@@ -208,7 +208,10 @@ class Setup:
 
     @property
     def held(self) -> bool:
-        """Whether all parts on joint 1 turn as one body: one rod, or two rods with a clamped elbow."""
+        """Whether all parts on joint 1 turn as one body.
+
+        This is the case for one rod, and for two rods with a clamped elbow.
+        """
         return self.mounting != "both"
 
     @property

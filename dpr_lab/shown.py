@@ -31,7 +31,7 @@ class Shown(ABC):
         """Return the heading, one line."""
 
     def _rows(self) -> Sequence[Row]:
-        """Return the rows of the table, which is empty by default; the first row contains the column names."""
+        """Return the rows of the table, first the column names; empty by default."""
         return []
 
     def __repr__(self) -> str:
@@ -57,12 +57,12 @@ def listed(names: Sequence[str]) -> str:
 
 
 def counted(number: int, noun: str) -> str:
-    """Format a number with its noun in the singular or plural, for example `1 run` or `2 runs`."""
+    """Format a number with its noun, for example `1 run` or `2 runs`."""
     return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def percent(share: float, digits: int = 0) -> str:
-    """Format a fraction as a percentage, for example `98 %`, or `97.6 %` with one decimal."""
+    """Format a fraction as a percentage, for example `98 %` or `97.6 %`."""
     return f"{round(100 * share, digits) + 0.0:.{digits}f} %"  # -0.0 + 0.0 is 0.0
 
 
@@ -110,7 +110,7 @@ def _sign_methods(value: Any) -> None:
 
 
 def _explain_fields(cls: Any) -> None:
-    """Store the docstrings of the fields as descriptions of the slots, so that `help` prints them."""
+    """Store the docstrings of the fields as slot descriptions, which `help` prints."""
     cls.__slots__ = {**dict.fromkeys(cls.__slots__), **field_docs(cls)}
 
 

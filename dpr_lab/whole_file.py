@@ -65,7 +65,7 @@ def not_json(error: Exception, what: str, file: str, writer: str) -> str:
 
 
 def in_folder(path: Path, name: str) -> Path:
-    """Return the path of a result; `path` is its file, or the folder that contains the file `name`."""
+    """Return the path of a result, given its file or the folder of the file `name`."""
     return path / name if path.is_dir() else path
 
 
@@ -146,7 +146,7 @@ def _move_all(fresh: Path, out: Path, record: str) -> None:
 
 
 def _remove_all_but(fresh: Path, record: str) -> None:
-    """Remove the files and folders of a temporary folder except `record`; remove the folder if it is then empty."""
+    """Remove all of a temporary folder except `record`, and the folder if empty."""
     with suppress(OSError):
         for entry in [entry for entry in fresh.iterdir() if entry.name != record]:
             shutil.rmtree(entry) if entry.is_dir() else entry.unlink()

@@ -89,7 +89,7 @@ class Arrivals:
 
 
 def _quickest(delay: Array, block: Integers) -> Integers:
-    """Return the index of the read with the shortest delay in each block that contains reads."""
+    """Return the index of the read with the shortest delay in each non-empty block."""
     order = np.lexsort((delay, block))
     return order[np.flatnonzero(np.diff(block[order], prepend=-1))]
 

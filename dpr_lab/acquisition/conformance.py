@@ -1,4 +1,4 @@
-"""Conformance test of a device: the exchanges in `traces.json` over its port, and a timing test.
+"""Conformance test of a device: exchanges of `traces.json`, and a timing test.
 
 The test opens and closes the latch many times, so the rods must be removed.
 """
@@ -243,7 +243,7 @@ def _names(messages: Sequence[Message]) -> str:
 
 
 def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) -> Iterator[Conformity]:
-    """Run the timing test and yield its results: rates of samples and STATUS messages by the host's clock."""
+    """Measure the rates of samples and STATUS messages by the host's clock; yield the results."""
     peer.ask(Hello(token=1))
     peer.ask(Hold(token=2))
     peer.ask(Stream(token=3, rate_hz=settings.rate_hz))

@@ -200,10 +200,12 @@ class Device:
         self._command(Stop())
 
     def poll(self, timeout: float) -> list[Batch]:
-        """Return all messages since the last call; wait at most `timeout` s for the first one.
+        """Return all messages since the last call.
 
-        No message is discarded between calls, so call the method regularly while the device streams. Messages that
-        arrived before the link was lost are returned first; the next call raises an exception.
+        If there are none, wait at most `timeout` s. No message is discarded between calls, so call the method regularly
+        while
+        the device streams. Messages that arrived before the link was lost are returned first; the next call raises an
+        exception.
         """
         with unbroken(), self._lock:
             self._changed.wait_for(lambda: self._batches or self._failure, timeout)
@@ -239,7 +241,7 @@ class Device:
         return self.info.simulated_time and self._software
 
     def clock(self) -> tuple[ClockFit | None, str]:
-        """Return the clock fit of the last stream, or None and the reason why there is none."""
+        """Return the clock fit of the last stream, or the reason why it is missing."""
         if self.simulated_time:
             return None, ""
         with self._lock:

@@ -9,7 +9,9 @@ from firmware_protocol.messages import NakCode, Status, explain
 
 
 def translated(url: str, error: RemoteProtocolError, status: Status | None) -> DprError:
-    """Translate the error of a command; a refusal after a fault names the fault.
+    """Translate the error of a command.
+
+    If the device refused it after a fault, the message names the fault.
 
     Args:
         url: link of the device

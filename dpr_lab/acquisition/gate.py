@@ -226,7 +226,10 @@ def _gap(judged: JudgedRun) -> Check | None:
 
 
 def _jitter(judged: JudgedRun) -> Check | None:
-    """Check the regularity of the sampling by the device's clock; arrival times have no influence."""
+    """Check the regularity of the sampling by the device's clock alone.
+
+    Arrival times have no influence.
+    """
     limit = judged.limits.jitter_periods
     periods = judged.run.t * judged.run.rate_hz
     if not len(periods):
@@ -251,7 +254,10 @@ def _clock(judged: JudgedRun) -> Check | None:
 
 
 def _clock_fit(judged: JudgedRun) -> Check | None:
-    """Check that both estimates of the clock rate, from PING and arrival times, are consistent."""
+    """Check that both estimates of the clock rate are consistent.
+
+    The estimates come from PING and from arrival times.
+    """
     word, limits = judged.word, judged.limits
     if word is None or not word.real_time:
         return None

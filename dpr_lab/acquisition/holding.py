@@ -1,4 +1,4 @@
-"""Steps between pose and release: hold the rods, guide the operator, wait for rest, ask for permission."""
+"""Steps between pose and release: hold, guide to the pose, wait for rest, permission."""
 
 import time
 from collections import deque
@@ -79,7 +79,7 @@ class RestWindow:
 
     @property
     def lost_before(self) -> Mapping[str, int]:
-        """Number of samples, by cause, that the device lost before the oldest batch; empty without a batch."""
+        """Number of samples lost before the oldest batch, by cause; empty without a batch."""
         return self.batches[0].lost_before if self.batches else {}
 
     def add(self, batches: Iterable[Batch]) -> None:
@@ -97,7 +97,7 @@ class RestWindow:
         return now - max((batch.host_time for batch in self.batches if batch.rows), default=-np.inf)
 
     def motion(self, rig: Rig) -> tuple[Array, Array] | None:
-        """Return the times (n,), s, and angles (n, 3), rad, or None until the window is full."""
+        """Return times (n,), s, and angles (n, 3), rad; None until the window is full."""
         ticks, counts = arrays([row for batch in self.batches for row in batch.rows])
         if len(ticks) < 2 or ticks[-1] - ticks[0] < 0.9 * self._ticks:
             return None
@@ -109,7 +109,7 @@ def _last_tick(batch: Batch) -> int:
 
 
 def raise_faults(url: str, batches: Iterable[Batch]) -> None:
-    """Raise an exception for a message that ends a capture: a fault, or an expired lease."""
+    """Raise an exception if a message reports a fault or an expired lease."""
     for batch in batches:
         for message in batch.messages:
             _raise_for(url, message)
@@ -231,7 +231,7 @@ def _not_placed(pose: Pose, reading: PoseReading | None, timeout: float, rig: Ri
 
 
 class HeldPose:
-    """State in which the rods are held between pose and release, while the device streams."""
+    """State between pose and release, in which the rods are held and the device streams."""
 
     def __init__(
         self, device: Device, rig: Rig, pose: Pose, rate_hz: int, on_reading: OnReading, settings: CaptureSettings
@@ -268,7 +268,7 @@ class HeldPose:
             raise SafetyStop(f"the release was permitted, but {restless}; nothing was released, the rods stay held")
 
     def _look(self, timeout: float) -> str:
-        """Process new samples and return the reason why the rods may not be released, or an empty text."""
+        """Process new samples; return the reason against a release, or an empty text."""
         batches = self._device.poll(timeout)
         raise_faults(self._device.url, batches)
         _raise_if_open(self._device.url, batches)

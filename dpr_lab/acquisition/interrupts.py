@@ -1,4 +1,4 @@
-"""Delay of Ctrl-C and SIGTERM until the end of a step that must not be interrupted."""
+"""Delay of Ctrl-C and SIGTERM during a step that must not be interrupted."""
 
 import signal
 import threading

@@ -51,7 +51,7 @@ class PingClock:
             self._exchanges.append(exchange)
 
     def fit(self, rate_hz: float) -> tuple[ClockFit | None, str]:
-        """Fit the host time as a function of the stream's ticks; return the fit, or None and the reason."""
+        """Fit the host time over the ticks; return the fit, or None and the reason."""
         exchanges = list(self._exchanges)
         if len(exchanges) < FEWEST:
             answers = f"{len(exchanges)} of {self._sent} PING commands were answered"

@@ -1,4 +1,4 @@
-"""Write samples to the run file during the recording, and spool them for the final quality checks."""
+"""Recording of samples to the run file, and their spool for the quality checks."""
 
 import time
 from collections.abc import Iterable, Mapping
@@ -148,7 +148,7 @@ class Recording:
         return time.monotonic() >= self._clock_at
 
     def note_clock(self, fit: ClockFit | None, missing: str = "", next_in_s: float = 5.0) -> None:
-        """Write the clock fit `fit`; if there is no fit, store the reason `missing`.
+        """Write a clock fit; without a fit, store the reason `missing`.
 
         A finished file is not changed. The next fit is due after `next_in_s`.
         """
@@ -185,7 +185,7 @@ class Recording:
         return DeviceWord(self._in_real_time, self._no_clock_fit, self._statuses, self._latched)
 
     def since(self, first: int) -> tuple[Array, Array]:
-        """Return the times since the release (n,), s, and angles (n, 3), rad, from sample `first` on."""
+        """Return times since the release (n,), s, and angles (n, 3), rad, from sample `first` on."""
         ticks, counts = self.samples.newest(len(self.samples) - first)
         return (ticks - (self.release_tick or 0)) / self.rate_hz, self.rig.mounted_theta(counts)
 
@@ -271,7 +271,10 @@ class Recording:
         return (note,) if lost else ()
 
     def _motor_notes(self) -> tuple[str, ...]:
-        """Return a note if the device drives an arm that is described as free; otherwise return an empty tuple."""
+        """Note that the device drives an arm that is described as free.
+
+        The result is empty if it does not.
+        """
         if not self._motor or self.release_tick is None:
             return ()
         ticks, inputs = np.array(self._motor, dtype=np.float64).T
@@ -285,7 +288,7 @@ class Recording:
         )
 
     def abort(self, reason: str) -> None:
-        """Close the file as an incomplete run with a reason; a finished file is not changed."""
+        """Close the file as an incomplete run with a reason, unless it is finished."""
         if self._finished:
             return
         has_samples = len(self.samples) > 0

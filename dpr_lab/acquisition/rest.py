@@ -62,7 +62,7 @@ def pose_error(theta: Array, pose: Pose) -> Array:
 
 
 def elbow_error(theta: Array, pose: Pose) -> float:
-    """Return the deviation of theta2 - theta1 from its value in a pose, in [-pi, pi), rad.
+    """Return the deviation of theta2 - theta1 from a pose, in [-pi, pi), rad.
 
     `theta` contains (3,) absolute angles.
     """

@@ -1,4 +1,4 @@
-"""Record a swing: release the rods, record, stop the device, and check the recording."""
+"""Recording of a swing: release, record, stop the device, and check."""
 
 import time
 from collections.abc import Callable, Mapping

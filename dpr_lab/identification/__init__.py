@@ -1,1 +1,1 @@
-"""Identify rig parameters from runs, with the source of each value, and compare models with runs."""
+"""Identification of rig parameters with their sources, and comparison of models with runs."""

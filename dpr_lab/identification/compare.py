@@ -82,7 +82,10 @@ class Comparison(Shown):
 
     @property
     def free_run_error(self) -> Array:
-        """Error of the free run, (n, 2): `measured` - `free_run`, rad; Figure 3 of the publication."""
+        """Error of the free run, (n, 2): `measured` - `free_run`, rad.
+
+        Figure 3 of the publication shows it.
+        """
         return self.measured - self.free_run
 
     @property
@@ -105,7 +108,10 @@ class FreeRun:
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """Run whose segments are fitted with a model; a free run can start at each segment."""
+    """Run whose segments are fitted with a model.
+
+    A free run can start at each segment.
+    """
 
     preprocessed: PreprocessedRun
     """Run with its velocities and its noise."""
@@ -127,7 +133,7 @@ class Followed:
 
 
 def compare_run(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Comparison:
-    """Compare a run with a model in segments and in a free run from its start.
+    """Compare a run with a model in segments and in a free run.
 
     Args:
         run: the measurement
@@ -231,11 +237,11 @@ def _continued(problem: Problem, estimate: Estimate) -> Array:
 
 
 def free_run_from(followed: Followed, at_s: float) -> FreeRun:
-    """Simulate a free run from the beginning of the segment that contains a given instant.
+    """Simulate a free run from the beginning of the segment that contains a time.
 
     Args:
         followed: the run and the initial states fitted to its segments
-        at_s: the instant, s since the release
+        at_s: the time, s since the release
     """
     laid_out = followed.bare.problem.segments
     index = max(int(np.searchsorted(laid_out.t[laid_out.offsets[:-1]], at_s, side="right")) - 1, 0)

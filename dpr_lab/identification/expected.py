@@ -72,7 +72,7 @@ def ratio_information(base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases
 def expected_releases(
     base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases: Releases = RELEASES
 ) -> tuple[Problem, Estimate]:
-    """Simulate releases without noise, and return their fitting problem with the true parameters.
+    """Return the fitting problem of noise-free simulated releases, with the true parameters.
 
     The releases are cut into segments. The standard deviation of a reading is `Rig.reading_std`.
     """

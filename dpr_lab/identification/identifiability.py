@@ -1,4 +1,4 @@
-"""Analyse which parameters free swings identify, and recommend bench measurements for the others.
+"""Identifiable parameters of free swings, and bench measurements for the others.
 
 Information is represented by whitened rows: sensitivities to relative changes of the nine parameters. The rows of the
 recordings are F dratios/dZ Z, where F^T F is the information of the ratios and Z the parameters. The row of a measured
@@ -29,7 +29,7 @@ from dpr_lab.shown import Row, Shown
 
 @dataclass(frozen=True, slots=True)
 class AdviceSettings:
-    """Thresholds from which a measured value counts as useful or a measurement is recommended."""
+    """Thresholds of useful measured values and of recommended measurements."""
 
     helps: float = 1.1
     """Minimum factor by which the standard deviation of a parameter increases without a useful measured value."""
@@ -176,7 +176,7 @@ def identifiability(
     lengths: bool = True,
     visible: Sequence[int] | None = None,
 ) -> Identifiability:
-    """Analyse which parameters of a rig are identifiable from recordings and measured values.
+    """Analyse which parameters recordings and measured values identify.
 
     Args:
         information: (5, 5) Fisher information of the ratios, or (6, 6) with b, from a fit or from
@@ -210,7 +210,7 @@ def identifiability(
 
 
 def summary(analysis: Identifiability) -> dict[str, Any]:
-    """Summarise the analysis for the JSON file of an identification: rank, free directions and recommendations."""
+    """Summarise the analysis for `model.json`: rank, free directions and recommendations."""
     return {
         "rank": analysis.rank,
         "null_space": [dict(direction) for direction in analysis.null_space],
@@ -229,7 +229,7 @@ def _bound_rows(rig: Rig, Z: Array) -> Array:
 
 
 def already_made(instrument: Instrument, rig: Rig) -> bool:
-    """Check whether the rig file already contains this measurement with at least the same accuracy."""
+    """Check whether the rig file contains this measurement at the same or a better accuracy."""
     if len(instrument.parameters) != 1:
         return False
     std = rig.parameters[instrument.parameters[0]].std

@@ -196,7 +196,10 @@ def _identifiable(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig:
 
 
 def _misread(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> list[str]:
-    """Return a note if the model fits poorly and another interpretation of the columns fits better."""
+    """Note that another interpretation of the columns fits better than a poor fit.
+
+    The list is empty if no interpretation does.
+    """
     look = second_look(runs, rig) if ratio_fit.chi2_per_dof > SETTINGS.doubted else None
     return [look.sentence] if look and look.sentence else []
 

@@ -1,4 +1,4 @@
-"""Identify a rig with any mode of the arm, and analyse which parameters its recordings determine."""
+"""Identification of a rig with any mode of the arm, and of its identifiable parameters."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def polish(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
 def identifiability(
     runs: Run | Sequence[Run], rig: Rig, tell: Callable[[str], object] | None = None
 ) -> Identifiability | ArmIdentifiability:
-    """Analyse which parameters of a rig its recordings determine, and recommend bench measurements.
+    """Analyse which parameters of a rig its recordings determine; recommend bench measurements.
 
     Example: `dpr.identifiability(runs, rig).null_space`, or `dpr.identifiability([], rig)` before any recording.
 

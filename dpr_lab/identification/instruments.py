@@ -25,7 +25,7 @@ class BenchReading:
 
 
 class Measurement(Protocol):
-    """Interface of a bench measurement that can be recommended; implementations are hashable."""
+    """Interface of a recommended bench measurement; implementations are hashable."""
 
     @property
     def name(self) -> str:
@@ -73,9 +73,9 @@ def _one_parameter(instrument: Instrument, Z: Array, rig: Rig) -> Array:
 
 
 def _rod_alone(instrument: Instrument, Z: Array, rig: Rig) -> Array:
-    """Return the derivative of the reading h = J / (m l) + l of one rod.
+    """Return the derivative of h = J / (m l) + l of one rod.
 
-    h is measured by timing small swings of the rod, whose period is T = 2 pi sqrt(h / g).
+    h follows from the period T = 2 pi sqrt(h / g) of small swings of the rod.
     """
     columns = [PARAMETERS.index(name) for name in instrument.parameters]
     centroid, m, J = Z[columns]

@@ -98,8 +98,8 @@ def _fitted(ratio_fit: RatioFit, pieces: list[_Piece]) -> RatioFit:
 def _lengthened(ratio_fit: RatioFit, tolerance: float) -> list[_Piece] | None:
     """Return the segments of the next level, or None if no segment changes.
 
-    The first segment of each pair is extended by the part of the second segment that the free run of the first one
-    predicts.
+    The free run of the first segment of each pair predicts a part of the second. The first segment is extended by this
+    part.
     """
     run = ratio_fit.problem.segments.run
     pieces: list[_Piece] = []
@@ -142,7 +142,7 @@ def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece]
 
 
 def _step_for(ratio_fit: RatioFit, index: int, piece: _Piece) -> float | None:
-    """Find the longest step, s, whose error is below the noise; return None if no step is short enough.
+    """Find the longest step, s, whose error is below the noise, or return None.
 
     The error is estimated by halving the step.
     """
@@ -159,7 +159,7 @@ def _step_for(ratio_fit: RatioFit, index: int, piece: _Piece) -> float | None:
 
 
 def _followed(ratio_fit: RatioFit, index: int, tolerance: float) -> int:
-    """Count the samples of the next segment that the free run of a segment predicts within the tolerance, rad."""
+    """Count the samples of the next segment that a free run predicts within the tolerance, rad."""
     begin, border, end = ratio_fit.problem.segments.offsets[index : index + 3]
     layout = ratio_fit.problem.segments
     # known torques are given for each sample, so a driven free run needs all samples

@@ -1,4 +1,4 @@
-"""Define the result of an identification, which is stored in `model.json`."""
+"""Result of an identification, which is stored in `model.json`."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -143,7 +143,7 @@ class RunUsed(ModelPart):
 
     @classmethod
     def of(cls, run: Run, **figures: Any) -> "RunUsed":
-        """Create the entry of a run; `figures` contains the values of the other fields by name."""
+        """Create the entry of a run; `figures` contains the other fields by name."""
         return cls(file=str(run.file or run.name), sha256=run.sha256, pose=run.pose, **figures)
 
 
@@ -176,7 +176,7 @@ class Identifiable(ModelPart):
 
 
 class FitSummary(ModelPart):
-    """Quality of the fit to all runs, which are cut into segments with free initial states."""
+    """Quality of the fit to all segments, with free initial states."""
 
     rms_rad: Annotated[dict[str, Number], AfterValidator(by_name(RODS))]
     """Rms residual of `theta1` and `theta2`, rad."""
@@ -216,7 +216,7 @@ class SearchRecord(ModelPart):
 
 
 class FittedModel(Shown, ModelPart):
-    """Common part of the models with a clamped and with a moving arm: runs and file."""
+    """Common part of models with a clamped and with a moving arm."""
 
     if TYPE_CHECKING:
         runs: list[RunUsed]
@@ -235,7 +235,7 @@ class FittedModel(Shown, ModelPart):
 
 
 class Model(FittedModel):
-    """Identified model: five ratios with intervals, nine parameters with sources, and the history of the search."""
+    """Identified model: five ratios with intervals, and nine parameters with sources."""
 
     rig: RigFacts
     """Rig of the model."""
@@ -291,7 +291,7 @@ class Model(FittedModel):
 
     @property
     def all_ratios(self) -> "dict[str, EstimatedValue]":
-        """The five ratios of the fit; for a single rod, undetermined ratios come from the rig file."""
+        """The five ratios of the fit; the rig file supplies undetermined ones of a single rod."""
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     def with_ratios(self, values: Sequence[float]) -> "Model":
@@ -326,7 +326,7 @@ class Model(FittedModel):
 
     @property
     def ratio_values(self) -> Array:
-        """Array (5,) of the ratios a/b, d/b, e1/b, c1/b, c2/b, in this order."""
+        """(5,) ratios a/b, d/b, e1/b, c1/b, c2/b, defined in docs/theory.md."""
         return np.array([estimate.value for estimate in self.all_ratios.values()])
 
     @property
@@ -363,7 +363,7 @@ class Model(FittedModel):
 
 
 def load_model(path: Path | str) -> Model:
-    """Read a model that `identify` or `diagnose --out` has written, from its file or from its folder.
+    """Read a model from the file or the folder that `identify` or `diagnose --out` has written.
 
     Raises:
         RunError: the file is missing, not JSON, or not a model; the message names the key.

@@ -58,9 +58,7 @@ class ObjectiveChoice:
 def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
     """Build the objective of short segments: the mean squared whitened error of the angles.
 
-    The segments start from smoothed states.
-
-    The objective is about 1 if only noise remains.
+    The segments start from smoothed states. The objective is about 1 if only noise remains.
 
     Args:
         runs: runs with states and noise
@@ -135,7 +133,7 @@ OBJECTIVES = {
 
 
 def objective_words(name: str) -> str:
-    """Return description and name of an objective, for example `short segments, insensitive to chaos [segments]`.
+    """Return description and name, for example `short segments, insensitive to chaos [segments]`.
 
     An unknown name is returned unchanged.
     """
@@ -159,7 +157,7 @@ def _rows(candidates: Array, run: Run, rig: Rig) -> Array:
 
 
 def _as_one(bases: Array, elbow: float, L1: float, g: float) -> tuple[Array, Array]:
-    """Replace two rods with a clamped elbow by one rod that moves in the same way.
+    """Replace two rods with a clamped elbow by one equivalent rod.
 
     The inertia of this rod is A = a + b + 2 d cos(delta), where delta is the angle of the elbow. Its gravity moment E
     and its phase lead phi follow from E exp(i phi) = e1 + e2 exp(i delta). Its angle is theta1 + phi. The result

@@ -15,7 +15,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class PreprocessedRun:
-    """A run from its release on, with the noise and the states that a fit needs."""
+    """A run from its release on, with noise and states."""
 
     run: Run
     noise: NoiseFloor
@@ -24,7 +24,9 @@ class PreprocessedRun:
 
 
 def preprocess(run: Run, rig: Rig, every: int = 1) -> PreprocessedRun:
-    """Estimate the noise and the velocities of a run by a Kalman filter and RTS smoother.
+    """Estimate the noise and the velocities of a run.
+
+    A Kalman filter and an RTS smoother estimate the velocities.
 
     Args:
         run: the recording

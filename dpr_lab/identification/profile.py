@@ -36,9 +36,7 @@ SETTINGS = ProfileSettings()
 def profile90(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: int) -> tuple[float, float]:
     """Compute the 90 % profile likelihood interval of one unknown.
 
-    The lower end of a friction ratio is at least zero.
-
-    The interval of an unknown at its bound of zero is one-sided.
+    The lower end of a friction ratio is at least zero. The interval of an unknown at its bound of zero is one-sided.
 
     Args:
         ratio_fit: maximum of the likelihood

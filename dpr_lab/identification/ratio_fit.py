@@ -115,7 +115,7 @@ class RatioFit:
 
     @property
     def prior_information(self) -> Array:
-        """Information (k, k) of the rig file on the unknowns; zeros if there is no prior."""
+        """Information (k, k) of the rig file on the unknowns, zero without a prior."""
         of_ratios = [i for i, parameter in enumerate(self.fit.free) if parameter.block == "ratios"]
         rows = self.fit.prior[:, of_ratios]
         return rows.T @ rows
@@ -136,7 +136,7 @@ class RatioFit:
 
 
 def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: float = 5e-3) -> tuple[Problem, Array]:
-    """Cut runs into segments, and return the problem and the smoothed initial states (segments, 4).
+    """Cut runs into segments; return the problem and smoothed initial states (segments, 4).
 
     Args:
         runs: runs to fit
@@ -212,7 +212,7 @@ def short_fit(
     settings: GaussNewton = TO_THE_MINIMUM,
     worst: float = np.inf,
 ) -> RatioFit:
-    """Fit the ratios to segments of a quarter of a second, then of half a second.
+    """Fit the ratios to segments of 0.25 s, then of 0.5 s.
 
     Longer segments have fewer initial states, so their chi-square is not smaller. A fit of the short segments with a
     reduced chi-square above `worst` is therefore returned without the second fit.
@@ -274,7 +274,7 @@ def information(problem: Problem, estimate: Estimate) -> Array:
 
 
 def _without_zeros(linear: Linearisation, free: Sequence[FreeParameter]) -> Array:
-    """Return derivatives (segments, m, k) with respect to the free ratios, with encoder zeros projected out."""
+    """Return derivatives (segments, m, k) by the ratios, with encoder zeros projected out."""
     of_zeros = np.array([parameter.block == "zeros" for parameter in free], dtype=np.bool_)
     if not of_zeros.any():
         return linear.A

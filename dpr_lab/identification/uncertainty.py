@@ -71,7 +71,10 @@ class RatioUncertainty:
 
     @property
     def cramer_rao_std(self) -> Array:
-        """Cramér-Rao bound (n,) of the standard deviation with the prior, with zero for unknowns fixed at zero."""
+        """Cramér-Rao bounds (n,) of the standard deviations, with the prior.
+
+        A bound is zero for an unknown that is fixed at zero.
+        """
         std, free = np.zeros(len(self.values)), self.values > 0
         std[free] = [self.cramer_rao_with(place) for place in np.flatnonzero(free).tolist()]
         return std
@@ -189,7 +192,7 @@ def _covariance(ratio_fit: RatioFit, H: Array, scores: Array, free: Flags) -> tu
 
 
 def _prior_gradient(ratio_fit: RatioFit) -> Array:
-    """Return the gradient (n,) of the rig file's prior at the fit, in the unit of the gradient of chi2."""
+    """Return the gradient (n,) of the rig file's prior, in the unit of chi2."""
     fit = ratio_fit.fit
     prior = RigPrior.at(ratio_fit.problem, fit.estimate, fit.free, fit.linear)
     gradient = prior.A.T @ prior.e
@@ -197,7 +200,7 @@ def _prior_gradient(ratio_fit: RatioFit) -> Array:
 
 
 def _by_unseen(ratio_fit: RatioFit, A: Array, bread: Array, free: Flags) -> Array:
-    """Return the covariance (free, free) due to the prior uncertainty of the ratios that the runs do not determine.
+    """Return the covariance (free, free) that undetermined ratios cause by their prior.
 
     Source: consider covariance, S. F. Schmidt (1966), as in `dpr_lab.fitting.covariance`.
     """
@@ -229,7 +232,7 @@ def _block_scores(problem: Problem, scores: Array) -> Array:
 
 
 def _halves_apart(ratio_fit: RatioFit) -> Array:
-    """Compute how much the Gauss-Newton steps from the first and the second halves of the runs differ.
+    """Compare the Gauss-Newton steps from the first and second halves of the runs.
 
     A segment that contains the middle of its run is divided there, and each part has its own initial state.
 

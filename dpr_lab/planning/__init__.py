@@ -1,1 +1,1 @@
-"""Experiment planning: the next releases to record, their expected information, and when to stop recording."""
+"""Experiment planning: next releases, their expected information, and when to stop."""

@@ -27,7 +27,7 @@ def arm_states(rig: Rig, limits: PlanLimits) -> tuple[ArmState, ...]:
 
 
 def allowed_rods(rig: Rig, limits: PlanLimits) -> tuple[Mounting, ...]:
-    """Return the permitted mountings of the rods; the current mounting comes first if it is permitted.
+    """Return the permitted mountings of the rods, with the current one first.
 
     If a key is missing in the limits file, its value is that of the rig file.
     """

@@ -1,4 +1,4 @@
-"""Generate candidate releases: evenly spread start poses, neighbouring poses, and all permitted mountings."""
+"""Candidate releases: evenly spread start poses, neighbouring poses, all permitted mountings."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -105,7 +105,7 @@ def bent(release: CandidateRelease) -> CandidateRelease:
 
 
 def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> float:
-    """Return the fraction of its value that a release keeps if the releases `made` precede it.
+    """Return the fraction of its value that a release keeps after the releases `made`.
 
     The fraction is 1 if no release in `made` is similar.
     """

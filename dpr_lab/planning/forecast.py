@@ -1,4 +1,6 @@
-"""Forecast the probability that further releases decide the causes by the rule of `dpr_lab.planning.stopping`.
+"""Forecast of the probability that further releases decide the causes.
+
+`dpr_lab.planning.stopping` contains the rule of this decision.
 
 If cause t is true, further releases increase its log odds against each other cause j by a normally distributed amount
 of mean d^2 / 2 and variance d^2 (`dpr_lab.planning.worth.criteria`). The true cause is drawn from its posterior, and
@@ -164,13 +166,13 @@ class TestedEffects(NamedTuple):
 
     @property
     def odds(self) -> Array:
-        """Odds (1 + effects,) that no effect is present, and that each effect alone is present."""
+        """Odds (1 + effects,) of no effect, and of each effect alone."""
         z, limits = self.z[self.largest], self.limits[self.largest]
         log_odds = np.append(0.0, np.log(FORECAST.at_limit) + 0.5 * (z**2 - limits**2))
         return np.exp(log_odds - log_odds.max())
 
     def settled(self, z: Array, excess: Array, readings: float) -> Flags:
-        """Return the (draws,) mask of draws that exclude every effect, or decide which effect is present.
+        """Return the (draws,) mask of draws that exclude every effect or decide on one.
 
         Args:
             z: (draws, n) estimates of the amplitudes, in standard deviations
@@ -233,7 +235,7 @@ def decision_probability(
 
 
 def _decided(p: Array, d2: Array, alike: Flags) -> float:
-    """Return the fraction of random draws in which the cause of one named effect is decided.
+    """Return the fraction of random draws that decide the cause of a named effect.
 
     The pairs of causes in `alike` count as one cause.
     """
@@ -253,7 +255,7 @@ def _decided(p: Array, d2: Array, alike: Flags) -> float:
 
 
 def settled_probabilities(paths: Sequence[Sequence[OpenAmplitudes]], readings: Sequence[float]) -> list[float]:
-    """Return the probability that it is decided for every small effect whether it is present.
+    """Return the probability that further releases settle the presence of every small effect.
 
     The result has one probability for each number of further releases.
 
@@ -270,7 +272,7 @@ def settled_probabilities(paths: Sequence[Sequence[OpenAmplitudes]], readings: S
 
 
 def _settled(path: Sequence[OpenAmplitudes], readings: Sequence[float], rng: np.random.Generator) -> Array:
-    """Return the probabilities of `settled_probabilities`, (releases,), for one sequence of placement errors."""
+    """Return the (releases,) probabilities of `settled_probabilities` for one path."""
     draws, first = FORECAST.tests, path[0].before
     tests = [TestedEffects.of(amplitudes, number) for number, amplitudes in enumerate(path, 1)]
     present_test, std = tests[0], np.diag(first) ** -0.5

@@ -109,16 +109,17 @@ def informed(
 
 
 def _batches(releases: Sequence[CandidateRelease]) -> Iterator[list[CandidateRelease]]:
-    """Group releases into batches of equal duration, in which all arms are held or all move."""
+    """Group releases into batches of equal duration whose arms are all held or all move."""
     for _, group in groupby(releases, key=lambda release: (release.duration_s, release.mounted.arm_held)):
         members = list(group)
         yield from (members[i : i + SWING.batch] for i in range(0, len(members), SWING.batch))
 
 
 def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
-    """Simulate releases with effects; return states (releases, n, 4), rad and rad/s, from the release on.
+    """Simulate releases with effects; return their states (releases, n, 4).
 
-    The states are sampled at the rate `path_hz`. If the arm moves, a state has 6 components.
+    The states begin at the release, in rad and rad/s. They are sampled at the rate `path_hz`. If the arm moves, a state
+    has 6 components.
     """
     t = np.arange(round(batch[0].duration_s * SWING.path_hz) + 1) / SWING.path_hz
     read = t > PAD  # readings before this would start their segment before the release

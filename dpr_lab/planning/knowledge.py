@@ -161,13 +161,16 @@ def _made(run: Run) -> CandidateRelease:
 
 
 def _always(rig: Rig, acting: Acting) -> frozenset[str]:
-    """Return the effects of every model: the moving arm, and an unknown gain of its drive."""
+    """Return the effects of every model: a moving arm and an unknown gain of its drive."""
     gain = acting.arm_motor and not drive_gain(rig).known
     return frozenset([FREE_ARM.name] * acting.arm_moves + [DRIVE_GAIN.name] * gain)
 
 
 def _with_arm(effects: Mapping[str, Mapping[str, float]], rig: Rig, acting: Acting) -> Array:
-    """Return the (SIZE,) parameters of effects; a moving arm without an estimate has the parameters of the rig file."""
+    """Return the (SIZE,) parameters of effects.
+
+    A moving arm without an estimate has the parameters of the rig file.
+    """
     inertia, viscous = arm_start(rig)
     arm = {FREE_ARM.name: {"inertia_kgm2": inertia, "viscous_Nms": viscous}} if acting.arm_moves else {}
     return effect_params({**arm, **effects})
@@ -221,12 +224,15 @@ def _can_act(effect: Effect, rig: Rig, acting: Acting) -> bool:
 
 
 def _noise_of(rig: Rig) -> Array:
-    """Return the (3,) noise densities of the encoders of joints 1, 2 and 0 from the rig file, rad/sqrt(Hz)."""
+    """Return the (3,) noise densities of encoders 1, 2 and 0, rad/sqrt(Hz).
+
+    They follow from the rig file.
+    """
     return np.asarray(rig.reading_std[[1, 2, 0]] / np.sqrt(rig.link.rate_hz), dtype=np.float64)
 
 
 def _noise_in(recordings: Recordings) -> Array:
-    """Estimate the (3,) noise densities of the encoders from the recordings, in the order of `_noise_of`.
+    """Estimate the (3,) noise densities of the encoders, in the order of `_noise_of`.
 
     If the arm was held, its value comes from the rig file.
     """
@@ -244,7 +250,7 @@ def _places(model: PresentModel) -> dict[str, tuple[int, ...]]:
 
 
 def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str], hidden: Sequence[int]) -> Array:
-    """Return the (k, k) information that the prior contains about the ratios, b, p/b and the amplitudes.
+    """Return the (k, k) prior information about ratios, b, p/b and amplitudes.
 
     The limits of the amplitudes define their part of the prior. Ratios that no release determines are fixed.
     """

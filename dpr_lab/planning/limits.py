@@ -79,7 +79,10 @@ class ReachablePoses(RigTable):
         return self
 
     def reachable(self, theta: Array) -> Flags:
-        """Return the (n,) mask of reachable poses among (n, 2) angles; full turns do not count."""
+        """Return the (n,) mask of reachable poses among (n, 2) angles.
+
+        Full turns do not count.
+        """
         inside = _within(theta[:, 0], self.theta1_rad) & _within(theta[:, 1], self.theta2_rad)
         if self.elbow_rad is not None:
             inside &= _within(theta[:, 1] - theta[:, 0], self.elbow_rad)
@@ -207,7 +210,7 @@ def load_plan_limits(path: Path, rig: Rig) -> PlanLimits:
 
 
 def refuse_impossible_plan(path: Path, limits: PlanLimits, rig: Rig) -> None:
-    """Check that the limits of a plan fit the rig and permit at least one release.
+    """Check that the limits of a plan fit the rig and permit a release.
 
     Raises:
         ConfigError: a limit does not fit the rig, or the limits permit no release; the message names the limit.

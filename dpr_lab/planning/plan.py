@@ -1,4 +1,4 @@
-"""Plan recordings: the next releases, their expected information, and when to stop recording."""
+"""Plan of recordings: next releases, their expected information, and when to stop."""
 
 import time
 from collections.abc import Sequence

@@ -56,7 +56,7 @@ class CandidateRelease:
 
     @property
     def start(self) -> Array:
-        """(4,) state at the release: theta1 and theta2, rad, and their speeds, which are zero, rad/s.
+        """(4,) state at the release: theta1 and theta2, rad, and zero speeds, rad/s.
 
         If the arm moves, the state has 6 components; angle and speed of the arm are zero.
         """

@@ -1,4 +1,7 @@
-"""Greedy choice of releases: each has the largest value per minute, given the previous ones."""
+"""Greedy choice of releases with the largest value per minute.
+
+The value of a release depends on the previous ones.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -84,7 +87,7 @@ class Planner:
     """Candidate releases with input signals of drives."""
 
     def sequence(self, count: int, budget_min: float | None) -> list[SequenceStep]:
-        """Choose a sequence of releases; each release is the best one given the previous releases.
+        """Choose a sequence of releases, each the best one after the previous ones.
 
         Args:
             count: maximum number of releases
@@ -104,7 +107,7 @@ class Planner:
         return steps
 
     def _longer(self, steps: Sequence[SequenceStep], left: float) -> list[SequenceStep]:
-        """Use the remaining minutes of a budget, in which no further release fits, to extend the releases.
+        """Extend the releases by the minutes in which no further release fits.
 
         The last releases are extended first. A longer recording does not require placing the rods again, and it
         increases the accuracy of the ratios.
@@ -162,13 +165,13 @@ class Planner:
         return max((self._final(step, now) for step in ranked[: SEARCH.finalists]), key=_rate)
 
     def _final(self, step: SequenceStep, now: SequenceSoFar) -> SequenceStep:
-        """Set the best duration of a release, and correct the value of the release by a nonlinear simulation."""
+        """Set the best duration of a release, and correct its value by a nonlinear simulation."""
         averaged = self._averaged(step, now)
         share = self.objective.simulated(averaged.release, averaged.information)
         return averaged if share is None else replace(averaged, worth=averaged.worth * min(share, 1.0), simulated=share)
 
     def _ranked(self, pool: Sequence[Informed], now: SequenceSoFar) -> list[SequenceStep]:
-        """Return the releases that fit into the remaining time, in the order of decreasing value per minute."""
+        """Return the releases that fit into the remaining time, by decreasing value per minute."""
         F, f = now.information, self.objective.known.inflation
         before = self.objective.worth(F)
         steps = [
@@ -186,7 +189,7 @@ class Planner:
         return sorted(steps, key=_rate, reverse=True)
 
     def _averaged(self, step: SequenceStep, now: SequenceSoFar) -> SequenceStep:
-        """Set the best duration of a release, and average its information over random placement errors."""
+        """Set the best duration of a release, and average its information over placement errors."""
         release, times = step.release, self.limits.recording
         if release.torques is not None:
             return step

@@ -62,7 +62,7 @@ SIGNALS = SignalSettings()
 
 
 def multisine(t: Array, lowest_hz: float, highest_hz: float) -> Array:
-    """Return the (n,) sum of the harmonics between two frequencies, scaled to a peak of one."""
+    """Return the (n,) sum of harmonics between two frequencies, with a peak of one."""
     length = t[-1] + t[1]
     last = max(1, int(highest_hz * length))
     harmonics = np.arange(min(max(1, round(lowest_hz * length)), last), last + 1)
@@ -129,7 +129,7 @@ def _instants(limits: PlanLimits, rate_hz: int) -> Array:
 
 
 def _shaped(t: Array, highest_hz: float) -> Iterator[tuple[SignalKind, Array]]:
-    """Yield a signal of each kind; its highest frequency is at most a quarter of the sampling rate."""
+    """Yield a signal of each kind, up to a quarter of the sampling rate."""
     highest_hz = min(highest_hz, 0.25 / t[1])
     for kind, shape in SHAPES.items():
         yield kind, shape(t, min(SIGNALS.lowest_hz, highest_hz), highest_hz)
@@ -144,7 +144,7 @@ def _driven(torques: Torques, kind: SignalKind, arm: ArmState, rig: Rig) -> Cand
 def _kept(
     signals: Iterable[CandidateRelease], model: PresentModel, limits: PlanLimits, rig: Rig, table: str, size: str
 ) -> list[CandidateRelease]:
-    """Reduce the amplitudes of releases until they respect the limits of speed and angle; return these releases.
+    """Return releases whose amplitudes are reduced to the limits of speed and angle.
 
     Raises:
         ConfigError: no amplitude respects the limits; the message names the table and the key of the limit.
@@ -160,9 +160,9 @@ def _kept(
 
 
 def _within(release: CandidateRelease, model: PresentModel, limits: PlanLimits, rig: Rig) -> CandidateRelease | None:
-    """Return the release with the largest amplitude that stays within the limits of speed and angle.
+    """Return the release with the largest amplitude within the limits of speed and angle.
 
-    The result is None if no amplitude does.
+    The result is None if no amplitude is within the limits.
     """
     share, torques = 1.0, release.torques
     assert torques is not None

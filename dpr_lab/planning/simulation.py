@@ -1,4 +1,4 @@
-"""Check a planned release by simulating one cause and fitting another, without linearisation.
+"""Nonlinear check of a planned release: one cause is simulated and another is fitted.
 
 The linearised distance of two causes is valid only near the estimate. The best releases are therefore simulated with
 the more probable cause. The other cause is fitted to the simulated readings by Gauss-Newton steps. The information F of
@@ -71,7 +71,7 @@ def simulated_distance(
 
 
 def _with(known: Knowledge, pairs: OpenPairs, cause: int, initial: Array) -> Estimate:
-    """Return the estimate of the current model in which one cause, at its estimated size, replaces the named effect."""
+    """Return the current estimate with one cause, at its estimated size, as the named effect."""
     about = pairs.about
     vector = known.model.estimate.vector.copy()
     if pairs.names[cause] != about:

@@ -88,7 +88,7 @@ def decided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> bool:
 
 
 def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
-    """Return the question that the recordings leave open, as a clause, or an empty text if there is none.
+    """Return the open question as a clause, or an empty text.
 
     Args:
         diagnosis: diagnosis of the runs recorded so far
@@ -123,7 +123,7 @@ def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
 
 
 def reservation(diagnosis: Diagnosis) -> str:
-    """Compose a sentence that lists the effects that are not excluded although the causes are decided.
+    """List the effects that are not excluded although the causes are decided.
 
     The text is empty if all other effects are excluded, or if the causes are not decided.
     """

@@ -84,7 +84,7 @@ def _reasons(objective: Objective, after: Array) -> list[Reason]:
 
 
 def _gained(objective: Objective, step: SequenceStep, F: Array) -> list[Array]:
-    """Return the d^2 between the causes that a release and the previous ones add, reduced by the simulated share."""
+    """Return the d^2 that all releases so far add, reduced by the simulated share."""
     share = 1.0 if step.simulated is None else min(step.simulated, 1.0)
     return [share * d2 for d2 in objective.gained(F)]
 
@@ -127,9 +127,9 @@ def _planned(
 def _forecast(
     objective: Objective, steps: Sequence[SequenceStep], gained: Sequence[Sequence[Array]], alike: Sequence[Flags]
 ) -> list[float | None]:
-    """Return the probability that the releases up to each one decide the causes; None before any recording.
+    """Return the probability that the first releases decide the causes, for each number.
 
-    The pairs of causes in `alike` count as one cause.
+    It is None before any recording. The pairs of causes in `alike` count as one cause.
     """
     diagnosis, pairs = objective.known.diagnosis, objective.pairs
     if diagnosis is None or not steps:
@@ -189,13 +189,16 @@ def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
 
 
 def inseparable_pairs(objective: Objective, steps: Sequence[SequenceStep]) -> list[Flags]:
-    """Return, for each named effect, the (n, n) pairs of causes that even repeated planned releases do not separate."""
+    """Return the (n, n) pairs of causes that even repeated releases do not separate.
+
+    The list has one mask for each named effect.
+    """
     F = objective.known.information + FORECAST.repeats * np.mean([step.information for step in steps], axis=0)
     return [np.maximum(d2, d2.T) < FORECAST.separable for d2 in objective.gained(F)]
 
 
 def inseparable(objective: Objective, alike: Sequence[Flags]) -> list[Inseparable]:
-    """Return the pairs of causes that the planned releases do not separate, each with its bench checks.
+    """Return the pairs of causes that the releases do not separate, with their bench checks.
 
     Args:
         objective: the objective

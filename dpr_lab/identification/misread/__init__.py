@@ -1,1 +1,4 @@
-"""Detect wrong descriptions of recordings (zero, unit, sign, order), and name the correction."""
+"""Detection of wrong descriptions of recordings (zero, unit, sign, order).
+
+The messages name the correction.
+"""

@@ -1,4 +1,4 @@
-"""Energy balance test: are the angles and times of a table a free swing of the rig?
+"""Energy balance of a table, which tests whether it describes a free swing.
 
 The energy of the rods is a function of the base parameters a, b, d, e1 (docs/theory.md):
 
@@ -97,7 +97,7 @@ def mounted_base(rig: Rig, Z: ArrayLike) -> Array:
 
 
 def periods(rig: Rig) -> tuple[float, float]:
-    """Compute the periods of the two small oscillations about the hanging position, longer first, s.
+    """Compute the periods of both small oscillations about the hanging position, longer first, s.
 
     The values of the rig file are used. For one degree of freedom, both periods are equal. A clamped elbow is assumed
     to be straight.
@@ -222,7 +222,10 @@ def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = 
 
 
 def _balances(t: Array, rods: Array, torques: Array | None, rig: Rig) -> list[Array]:
-    """Return the terms of the balance with short and with long windows; omit a motion that is too small."""
+    """Return the terms of the balance with short and with long windows.
+
+    A motion that is too small is omitted.
+    """
     balances = (_terms_of_table(t, rods, torques, rig, motion) for motion in (ENERGY.motion, ENERGY.smooth))
     return [terms for terms in balances if terms is not None]
 
@@ -230,7 +233,7 @@ def _balances(t: Array, rods: Array, torques: Array | None, rig: Rig) -> list[Ar
 def _terms_of_table(
     t: Array, rods: Array, torques: Array | None, rig: Rig, motion: LocalMotionSettings | None = None
 ) -> Array | None:
-    """Return the (m, k) balance terms of a table, or None if the motion is too small."""
+    """Return the (m, k) balance terms of a table, or None without enough motion."""
     moving = local_motion(t, rods, periods(rig)[1], motion or ENERGY.motion)
     return None if moving is None else _terms(moving, torques, rig)
 
@@ -299,7 +302,7 @@ def _integral(t: Array, power: Array) -> Array:
 
 
 def _time_scale(kinetic: Array, potential: Array, losses: Array) -> float:
-    """Find the time scale factor s at which the total energy is conserved, apart from a trend and friction.
+    """Find the time scale factor s at which the total energy is conserved.
 
     With this factor, K / s^2 + V + x L + trend is constant, where x are unknown coefficients. The trend and the
     frictional losses L are projected out of K and V; then K and V are compared. The result is nan if K and V are hardly

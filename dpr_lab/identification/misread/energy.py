@@ -99,7 +99,7 @@ def energy_remedy(runs: Sequence[Run], rig: Rig) -> str:
 
 
 def _arm_measured(run: Run) -> bool:
-    """Return whether the readings of the arm come from an encoder; a constant column contains no reading."""
+    """Return whether an encoder measured the arm; a constant column contains no reading."""
     return run.arm_read is not False and float(np.ptp(run.theta[:, 0])) > 0.0
 
 

@@ -1,4 +1,4 @@
-"""Torque balance test: does the arm's motion explain the acceleration of the last rod?
+"""Torque balance of the last rod, which tests the description of a moving arm.
 
 The last rod is the outer rod, or the only rod. th is the angle of this rod, w its speed and al its acceleration. q is
 the angle of the arm. If there are two rods, th1, w1 and al1 belong to the inner rod; otherwise, these terms are
@@ -141,7 +141,7 @@ def angles_are_right(runs: Iterable[Run], rig: Rig) -> bool:
 
 
 def wrong_unit(residual: float, converted: float) -> bool:
-    """Check whether the residual is large in the stated unit of angles but small in the other one."""
+    """Check whether the residual is large only in the stated unit of angles."""
     return residual > ARM_BALANCE.broken and ARM_BALANCE.better * converted < residual
 
 

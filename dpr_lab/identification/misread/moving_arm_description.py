@@ -20,7 +20,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class DescriptionLimits:
-    """Thresholds from which another description of the recordings is the likely cause of a misfit."""
+    """Thresholds from which another description probably causes a misfit."""
 
     doubted: float = 20.0
     """Minimum reduced chi-square for which other signs, zeros and scales are tested."""
@@ -82,7 +82,7 @@ def wrong_sign(rig: Rig, before: float, after: float, *, of_rods: bool) -> str:
 
 
 def wrong_input(kind: str, gain: float) -> str:
-    """Return a message if the sign or unit of the input of a drive is incorrect.
+    """Return a message if the sign or unit of the input of a drive is wrong.
 
     The text is empty if both can be correct.
 

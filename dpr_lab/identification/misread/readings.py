@@ -1,4 +1,4 @@
-"""Define other interpretations of a recording: of its angles, encoder counts, times, torques and arm."""
+"""Other interpretations of a recording: angles, encoder counts, times, torques and arm."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -53,7 +53,10 @@ def readings(rig: Rig) -> tuple[Misreading, ...]:
 
 
 def other_zeros(runs: Sequence[Run], rig: Rig) -> Iterator[Misreading]:
-    """Find interpretations with other zeros of the rods, from the energy balance of each free swing."""
+    """Find interpretations with other zeros of the rods by the energy balance.
+
+    Each free swing gives one interpretation.
+    """
     tried: list[Array] = []
     for run in (run.swing for run in runs):
         if run.arm is not None or run.torques is not None or run.setup.held or run.mounting != "both":
@@ -162,7 +165,7 @@ _ANGLES = (
 
 
 def _scaled(rig: Rig) -> Iterator[Misreading]:
-    """Generate interpretations in which the angles from the hanging position are multiples of the readings.
+    """Generate interpretations in which the angles from hanging are multiples of the readings.
 
     The factors correspond to a half, twice and four times the stated counts. They apply to both joints, to one joint,
     or to one rod.

@@ -80,7 +80,7 @@ _NO_GRAVITY = (
 
 
 def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError | None]:
-    """Fit the recordings in the given interpretation, or return the error if the fit is not possible."""
+    """Fit the recordings as described, or return the error."""
     try:
         return fitted(runs, rig), None
     except RunError as error:

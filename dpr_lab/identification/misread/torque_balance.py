@@ -1,4 +1,4 @@
-"""Torque balance test: do the accelerations in a table agree with the rods of the rig?
+"""Torque balance of a table, which tests whether its accelerations agree with the rods.
 
 The base parameters are a, b, d and e1 (docs/theory.md). c1 and c2 are viscous coefficients, f1 and f2 torques of
 Coulomb friction. th, w and al are the angle, speed and acceleration of a rod, and delta = th1 - th2. s is the sign,
@@ -74,7 +74,7 @@ class TorqueBalance:
         return best_zeros(self._thinned().residual, self.rig, nearest=nearest)
 
     def inertias(self) -> tuple[float, Array]:
-        """Fit the equations with a free L1, and return the residual and the fitted inertias.
+        """Fit the equations with a free L1; return the residual and the inertias.
 
         The inertias are relative to gravity torques, in the order of the function `inertias`.
         """
@@ -147,7 +147,10 @@ class TorqueBalance:
         return np.concatenate([inner, outer]) if self.rig.rods.mounting == "both" else inner + outer
 
     def _nominal(self) -> list[float]:
-        """Return the base parameters of the rig file, then the largest gravity torque e2 on the outer rod, N m."""
+        """Return the base parameters of the rig file, then the largest gravity torque e2 on the outer rod.
+
+        The unit of e2 is N m.
+        """
         base = mounted_base(self.rig, self.rig.nominal).tolist()
         return [*base, base[2] * self.rig.g / self.rig.L1]
 
@@ -157,7 +160,7 @@ class TorqueBalance:
         return max(float(np.hypot(std1, std2)), float(np.finfo(float).tiny))
 
     def _gravity_of_outer(self, rods: Array) -> Array:
-        """Return the column of the gravity torque on the outer rod, which is a part of the column of d."""
+        """Return the column of the gravity torque on the outer rod, a part of the column of d."""
         _, _, _, e1, _, _, e2 = self._nominal()
         torque = -e2 * np.sin(rods[:, 1])
         return self._of_joints(np.zeros_like(torque), torque) / self._size(rods, e1, e2)

@@ -1,4 +1,4 @@
-"""Fit other interpretations of recordings, and compare them with the fit of the given interpretation."""
+"""Fits of other interpretations of recordings, compared with the fit of the given one."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -87,7 +87,7 @@ SETTINGS = MisreadSettings()
 
 @dataclass(frozen=True, slots=True)
 class BetterReading:
-    """Another interpretation that explains the recordings better than the given interpretation."""
+    """Another interpretation that explains the recordings better."""
 
     reading: Misreading
     share: float
@@ -113,7 +113,7 @@ class SecondLook:
 
     @property
     def sentence(self) -> str:
-        """Probable mistake and the option that corrects it; empty without evidence against the description."""
+        """Probable mistake and its correction; empty without evidence against the description."""
         if self.tried:
             causes = ", or ".join(dict.fromkeys(trial.reading.cause for trial in self.tried))
             return (
@@ -167,7 +167,10 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
 
 
 def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
-    """Return the reduced chi-square of a fit in the given interpretation; infinite if a run begins without motion."""
+    """Return the reduced chi-square of a fit as described.
+
+    It is infinite if a run begins without motion.
+    """
     try:
         ratio_fit = fitted(runs, rig, quick=quick)
     except RunError:
@@ -203,7 +206,7 @@ def better_readings(
 def _explaining(
     tried: Iterable[Misreading], runs: Sequence[Run], rig: Rig, chi2_per_dof: float, limit: float
 ) -> Iterator[tuple[Misreading, RatioFit]]:
-    """Fit the interpretations `tried`, and yield those that explain the runs far better, each with its fit.
+    """Yield the interpretations `tried` that explain the runs far better, with their fits.
 
     See `better_readings` for the other arguments.
     """
@@ -235,9 +238,7 @@ def _noise_of_swing(run: Run, rig: Rig) -> float:
 
 
 def impossible(ratios: Array, rig: Rig) -> str:
-    """Explain why no positive masses can have the given ratios (5,).
-
-    Return an empty text if the ratios are possible.
+    """Explain why no positive masses can have the ratios (5,), or return an empty text.
 
     The mass m2 of the outer rod has its centre of mass at the distance l2, and the mass M >= m2 hangs on the elbow.
     Therefore d = m2 l2 L1 > 0, b >= m2 l2^2, a >= M L1^2 and e1 >= M L1 g. It follows that a/b >= (d/b)^2 and e1/b >=
@@ -256,10 +257,11 @@ def impossible(ratios: Array, rig: Rig) -> str:
 
 
 def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
-    """Explain why the rig cannot have the fitted inertia b, kg m^2; return an empty text if it can.
+    """Explain why the rig cannot have the fitted inertia b, or return an empty text.
 
-    An incorrect unit of known torques changes only b, so the residual does not show it. Without known torques, the
-    motion does not determine b, and only the sign of b can contradict the rig.
+    The unit of b is kg m^2. An incorrect unit of known torques changes only b, so the residual does not show it.
+    Without
+    known torques, the motion does not determine b, and only the sign of b can contradict the rig.
     """
     nominal = float(unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))[SCALE])
     known = any(run.torques is not None or run.arm_input is not None for run in runs)
@@ -274,7 +276,7 @@ def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
 
 
 def impossible_fit(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> str:
-    """Explain why the rig cannot have the ratios or inertia b of a fit; return an empty text if it can."""
+    """Explain why the rig cannot have the fitted ratios or b, or return an empty text."""
     unknown = ratio_fit.fit.estimate.ratios
     if all(run.mounting == "inner" for run in runs):
         weight = float(unknown[RATIOS.index("e1/b")] - unknown[ON_ELBOW] * rig.g / rig.L1) / alone_share(unknown)
@@ -330,7 +332,10 @@ def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> boo
 
 
 def _ending_early(limit: float) -> GaussNewton:
-    """Return the settings of a fit that stops once it is unlikely to reach the reduced chi-square `limit`."""
+    """Return the settings of a fit that stops if it will hardly reach `limit`.
+
+    `limit` is a reduced chi-square.
+    """
     return replace(GAUSS_NEWTON, preliminary=SETTINGS.small_reduction, far=SETTINGS.out_of_reach * limit)
 
 
@@ -376,9 +381,10 @@ def _preprocessed(runs: Sequence[Run], rig: Rig, seconds: float, thinned: bool =
 
 
 def _slowness(run: Run, rig: Rig) -> float:
-    """Return the ratio of the observed period of theta1 to the period of a point mass at L1, at most 8.
+    """Return the ratio of the observed period to that of a point mass at L1, at most 8.
 
-    A ratio above 1 indicates slow motion. Ratios up to the threshold `slow` are returned as 1. The observed half period
+    The period is that of theta1. A ratio above 1 indicates slow motion. Ratios up to the threshold `slow` are returned
+    as 1. The observed half period
     is the mean time between two passages through the middle of the range. A motion within a tenth of the range around
     its middle is not a passage.
     """

@@ -97,7 +97,10 @@ def _unconverged(recordings: Sequence[ArmRecording]) -> str:
 
 
 def _mirrored_fit(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig) -> str:
-    """Return a message if the recordings fit much better with the opposite sign of theta0; otherwise an empty text."""
+    """Return a message if the opposite sign of theta0 fits much better.
+
+    Otherwise the text is empty.
+    """
     other = fit_moving_arm([_reversed(recording) for recording in recordings], rig)
     if not DESCRIPTION.better * other.misfit < fit.misfit:
         return ""
@@ -106,7 +109,7 @@ def _mirrored_fit(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig) -> 
 
 
 def _other_angles(recordings: Sequence[ArmRecording], rig: Rig) -> str:
-    """Return a message if the recordings fit much better with another zero or scale of the angles.
+    """Return a message if another zero or scale of the angles fits much better.
 
     Otherwise return an empty text.
     """
@@ -147,7 +150,7 @@ def _reversed(recording: ArmRecording) -> ArmRecording:
 
 
 def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
-    """Return messages about an incorrect sign or unit of the input; empty if both can be correct."""
+    """Return messages about a wrong sign or unit of the input; empty if both can be right."""
     unknowns, motor = fit.problem.unknowns, rig.motor
     if "gain" not in unknowns.free or motor is None:
         return []
@@ -181,12 +184,12 @@ def stop_sentence(run: Run, rig: Rig) -> str:
 
 
 def _without_stop(first: float) -> str:
-    """Advise how to record without the contact; `first` is the first instant of the contact, s."""
+    """Advise how to record without the contact, which begins at `first`, s."""
     return f"Record smaller motions, or import the part before it (--duration-s {max(first - 0.01, 0.0):.2f})"
 
 
 def _stays(t: Array, theta0: Array, contact: int, angle: float, reach: float) -> bool:
-    """Check whether the arm stays within `reach`, rad, of an angle after the sample of a contact."""
+    """Check whether the arm stays within `reach`, rad, of an angle after a contact."""
     after = (t >= t[contact]) & (t < t[contact] + DOUBTS.held_s)
     return bool(t[-1] - t[contact] > DOUBTS.held_s and (np.abs(theta0[after] - angle) < reach).all())
 

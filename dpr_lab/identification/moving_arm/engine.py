@@ -75,6 +75,6 @@ def swing_of(unknown: Array, params: Array, mounted: str, driven: bool, rig: Rig
 
 
 def _on_elbow(rig: Rig) -> float:
-    """Return the inertia p = (m2 + mb) L1^2 that follows from the rig file, kg m^2."""
+    """Return the inertia p = (m2 + mb) L1^2 of the rig file, kg m^2."""
     m2, mb = (float(rig.nominal[PARAMETERS.index(name)]) for name in ("m2", "mb"))
     return (m2 + mb) * rig.L1**2

@@ -93,7 +93,7 @@ class ArmFit:
     def misfit(self) -> float:
         """Reduced chi-square with weights from the noise of the readings.
 
-        The last fit may instead weight each joint by its residuals.
+        The fit itself may weight each joint by its residuals.
         """
         return self.at_noise or self.chi2_per_dof
 
@@ -111,7 +111,7 @@ class ArmFit:
 
 
 def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFitSettings = ARM_FIT) -> ArmFit:
-    """Fit segments of 0.25 s, then merge segments as long as the model follows the readings.
+    """Fit segments of 0.25 s, then merge them while the model follows the readings.
 
     Raises:
         IdentificationError: the values of the rig file cannot be simulated.
@@ -146,7 +146,9 @@ def _length_and_misfit(fit: ArmFit) -> tuple[float, float]:
 
 
 def _short_fit(problem: ArmProblem, initial: Array, settings: ArmFitSettings) -> ArmFit:
-    """Fit the first segments from the values of the rig file, or from a global search if this fails.
+    """Fit the first segments from the rig file, or from a global search.
+
+    The search is used if the fit from the rig file fails.
 
     Raises:
         IdentificationError: the simulation fails for both initial values.
@@ -170,7 +172,7 @@ def _short_fit(problem: ArmProblem, initial: Array, settings: ArmFitSettings) ->
 
 
 def _spread(problem: ArmProblem, most: int) -> list[int]:
-    """Select about `most` segments at equal distances, and the first segment of each recording.
+    """Select about `most` evenly spaced segments, and the first segment of each recording.
 
     The result contains the sorted indices of the segments.
     """
@@ -214,11 +216,12 @@ def fit_segments(
 
 
 def covariance_of(fit: ArmFit) -> Array:
-    """Estimate the covariance (free, free) of the unknowns; undetermined directions have very large variances.
+    """Estimate the covariance (free, free) of the unknowns.
 
-    If the residual exceeds the noise, each variance is at least the variance for residuals that are clustered by
-    segment (White 1980). This clustered variance alone would be far too small for few segments, because the gradients
-    sum to zero at the minimum.
+    Undetermined directions have very large variances. If the residual exceeds the noise, each variance is at least the
+    variance for residuals that are clustered by segment (White 1980). This clustered variance alone would be far too
+    small
+    for few segments, because the gradients sum to zero at the minimum.
     """
     scale = np.where(np.diag(fit.information) > 0, np.sqrt(np.diag(fit.information)), 1.0)
     values, vectors = np.linalg.eigh(fit.information / np.outer(scale, scale))

@@ -1,4 +1,4 @@
-"""Analyse which parameters a rig with a free or driven arm identifies.
+"""Identifiable parameters of a rig with a free or driven arm.
 
 Bench measurements are recommended for parameters that are not identifiable.
 
@@ -217,7 +217,7 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
 
 
 def _physical(rig: Rig, unknowns: Unknowns) -> tuple[dict[str, float], Array]:
-    """Return the parameters of rods, arm and motor from the rig file, SI, and the sensitivities of the unknowns.
+    """Return the parameters of the rig file, SI, and the sensitivities of the unknowns.
 
     The sensitivities (free, n) are d ln(unknown) / d ln(parameter). Missing motor constants are replaced by those of a
     small motor whose back-EMF is as large as the friction.
@@ -255,13 +255,13 @@ def _physical(rig: Rig, unknowns: Unknowns) -> tuple[dict[str, float], Array]:
 
 
 def _of_rig_file(rig: Rig, names: Iterable[str]) -> dict[str, Parameter | None]:
-    """Return the entry of the rig file for each parameter, or None if the entry is missing."""
+    """Return the entry of the rig file for each parameter, or None."""
     tables = {**rig.parameters, **dict(rig.arm), **(dict(rig.motor) if rig.motor else {})}
     return {name: tables.get(name) for name in names}
 
 
 def _std(parameter: Parameter | None) -> float:
-    """Return the standard uncertainty of a measured parameter, or 0 if the parameter was not measured."""
+    """Return the standard uncertainty of a measured parameter, or 0 without a measurement."""
     return parameter.std or 0.0 if parameter is not None and parameter.measured is not None else 0.0
 
 
@@ -292,7 +292,7 @@ def _bound_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[str, 
 def _answers(
     sizes: Mapping[str, float], parameters: Mapping[str, Parameter | None], rig: Rig
 ) -> dict[Measurement, Array]:
-    """Compute the whitened readings (k, n) of each measurement that the rig file does not contain.
+    """Compute the whitened readings (k, n) of measurements that the rig file lacks.
 
     The n columns belong to relative changes of the parameters.
     """
@@ -315,7 +315,7 @@ def _answers(
 
 
 def _of_one_rod(instrument: Instrument) -> Instrument:
-    """Adapt a measurement to a rig with a single rod, which does not carry the encoder of joint 2."""
+    """Adapt a measurement to a single rod, which does not carry the encoder of joint 2."""
     quantity = replace(instrument.quantity, name=instrument.quantity.name.replace(JOINT2_ENCODER, ""))
     return replace(instrument, how=instrument.how.replace(JOINT2_ENCODER, ""), quantity=quantity)
 
@@ -358,7 +358,10 @@ def _simulated(rig: Rig) -> ArmFit:
 
 
 def _program(t: Array, p: Array, mode: int) -> Array:
-    """Compute an input (n,) of three sines; each sine turns a rigid rig by `Excitation.turn_rad`."""
+    """Compute an input (n,) of three sines.
+
+    Each sine turns a rigid rig by `Excitation.turn_rad`.
+    """
     inertia = 1.0 if mode == DRIVEN else p[SWING_PARAMETERS.index("A")]
     gain = 1.0 if mode == DRIVEN else p[SWING_PARAMETERS.index("gain")]
     sines = [rate**2 * np.sin(rate * t + k) for k, rate in enumerate(EXCITATION.rates)]

@@ -1,4 +1,4 @@
-"""Identify a rig with a free or driven arm, and compare runs with the identified model."""
+"""Identification of a rig with a moving arm, and comparison of runs with the model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -68,7 +68,7 @@ class _Tested:
     rig: Rig
 
     def model(self, delay_s: float, continuous: bool) -> _InputModel:
-        """Repeat the fit with an input that acts with a delay, and that is held or changes continuously.
+        """Repeat the fit with a delayed input that is held or continuous.
 
         Raises:
             IdentificationError: the segments cannot be fitted with this input.
@@ -147,7 +147,7 @@ def _tried(tested: _Tested, run: Run, interval: float) -> tuple[_InputModel, _In
 
 
 def _preference(model: _InputModel) -> float:
-    """Compute the criterion for choosing an input model: its reduced chi-square times a penalty for its complexity.
+    """Return the reduced chi-square of an input model times a complexity penalty.
 
     A delay is penalised, and a continuous signal with a delay is penalised twice.
     """

@@ -30,7 +30,7 @@ KIND = "moving_arm"
 
 
 class ArmFitSummary(ModelPart):
-    """Quality of the fit to the runs, which are cut into segments with free initial states."""
+    """Quality of the fit to all segments, with free initial states."""
 
     rms_rad: dict[str, Number]
     """Rms residual of the encoder readings of each joint, rad."""
@@ -49,7 +49,7 @@ class ArmFitSummary(ModelPart):
 
 
 class MovingArmModel(FittedModel):
-    """Identified rig with a moving arm; it contains only values that the recordings determine."""
+    """Identified rig with a moving arm; only determined values are contained."""
 
     kind: Literal["moving_arm"] = KIND
     """Identifier of this kind of model file."""
@@ -118,7 +118,7 @@ class MovingArmModel(FittedModel):
 
 
 def load_moving_arm_model(path: Path) -> MovingArmModel | None:
-    """Read a model from its file or folder, or return None if it is no such model.
+    """Read a model from its file or folder; return None for other content.
 
     Raises:
         RunError: the file cannot be read, or is damaged; the message names the key.

@@ -1,4 +1,7 @@
-"""Scale of absolute sizes of rods, arm and motor, from a known torque or the rig file."""
+"""Scale of absolute sizes of rods, arm and motor.
+
+A known torque or the rig file determines it.
+"""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -107,7 +110,7 @@ def estimated(value: float, std: float, fixed_by: Literal["data", "bound"] = "da
 
 
 def absolute_name(parameter: str, kind: str) -> str:
-    """Return the name of an absolute value; for a gain it depends on the kind of input."""
+    """Return the name of an absolute value, which for a gain depends on the input."""
     if parameter != "gain":
         return parameter
     return {"voltage": "kt gear/R", "current": "kt gear"}.get(kind, "gain")

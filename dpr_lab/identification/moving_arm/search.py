@@ -65,7 +65,7 @@ def searched_start(problem: ArmProblem, initial: Array, seed: int = 0) -> Array 
 
 
 def _range(name: str, problem: ArmProblem, rng: np.random.Generator) -> tuple[float, float]:
-    """Return the lower and the upper end of the search range of an unknown, in units of the scale."""
+    """Return the search range (lower, upper) of an unknown, in units of the scale."""
     unknowns, rig = problem.unknowns, problem.rig
     low, high = rig.bounds
     drawn = np.array([rod_inertias(rng.uniform(low, high), rig) for _ in range(ARM_SEARCH.draws)])

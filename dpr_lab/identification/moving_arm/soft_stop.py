@@ -72,7 +72,7 @@ class SoftStop:
 
 @dataclass(frozen=True, slots=True)
 class _Trial:
-    """A trial stop at one limit angle, with its regressor in the equation of the arm."""
+    """A trial stop at one limit angle, with its regressor."""
 
     end: str
     angle: float
@@ -151,7 +151,7 @@ def _pairs(trials: tuple[list[_Trial], list[_Trial]]) -> list[tuple[_Trial, ...]
 
 
 def _smooth_reduction(angle: Array, basis: Array, rest: Array) -> float:
-    """Compute the factor by which a smooth torque of the arm reduces the residual `rest` (k,).
+    """Compute by which factor a smooth torque of the arm reduces the residual `rest` (k,).
 
     The torque is K2 q^2 + K3 q^3, where q (k,) is the angle of the arm.
     """
@@ -164,7 +164,10 @@ def _smooth_reduction(angle: Array, basis: Array, rest: Array) -> float:
 
 
 def _reduction(stops: tuple[_Trial, ...], rest: Array) -> float:
-    """Compute the factor by which stops reduce the residual `rest` (k,); 1 if a stop would push outwards."""
+    """Compute by which factor stops reduce the residual `rest` (k,).
+
+    The factor is 1 if a stop would push outwards.
+    """
     if not stops:
         return 1.0
     columns = np.column_stack([stop.column for stop in stops])

@@ -99,7 +99,7 @@ def mode_number(mode: ArmMode, kind: str) -> int:
 
 
 def best(parameter: Parameter | None, otherwise: float) -> float:
-    """Return the measured value of a parameter, otherwise its nominal value.
+    """Return the measured value of a parameter, or its nominal value.
 
     The result is `otherwise` if the rig file does not contain the parameter.
     """
@@ -119,7 +119,7 @@ def rod_inertias(Z: Array, rig: Rig) -> Array:
 
 
 def arm_start(rig: Rig) -> tuple[float, float]:
-    """Return initial values of the arm: total inertia, kg m^2, and viscous friction, N m s/rad."""
+    """Return the initial total inertia, kg m^2, and viscous friction, N m s/rad, of the arm."""
     masses = MASSES if rig.rods.mounted == "both" else ("m1",)
     carried = sum(rig.nominal[PARAMETERS.index(name)] for name in masses) * rig.L0**2
     total = best(rig.arm.A, 2.0 * carried)
@@ -158,7 +158,7 @@ def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
 
 
 def nominal_gain(rig: Rig) -> float:
-    """Return the torque per unit of the input according to the rig file, or zero if unknown."""
+    """Return the torque per unit of input in the rig file, or zero if unknown."""
     motor = rig.motor
     if motor is None:
         return 0.0

@@ -137,13 +137,13 @@ def _of_std(value: ParameterValue) -> Interval90 | None:
 
 
 def _interval(median: float, log_std: float, lower: float, upper: float, value: float) -> Interval90:
-    """Return a lognormal 90 % interval, clipped to the bounds and extended to contain the value in use."""
+    """Return a lognormal 90 % interval within the bounds that contains the value in use."""
     low, high = lognormal90(median, log_std)
     return float(min(max(low, lower), value)), float(max(min(high, upper), value))
 
 
 def _edges(rig: Rig) -> Array:
-    """Return the bounds (2, 9) of the parameters, extended to the 90 % interval of a measured value."""
+    """Return the bounds (2, 9) of the parameters, extended to measured 90 % intervals."""
     reach = NORMAL_Q90 * np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS]) * ~rig.searched
     return rig.bounds + np.outer([-1.0, 1.0], reach)
 

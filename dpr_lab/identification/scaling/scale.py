@@ -80,11 +80,11 @@ class Scale(BaseModel):
         return value / self.b**power
 
     def ratio90(self, interval: Interval90, power: int = 1) -> Interval90:
-        """Compute the 90 % interval of a ratio from the interval of the size at this b."""
+        """Convert the 90 % interval of a size to that of its ratio."""
         return self.ratio(interval[0], power), self.ratio(interval[1], power)
 
     def factors90(self, power: int) -> tuple[float, float]:
-        """Return the factors by which a size changes at both ends of the interval of b.
+        """Return the factors by which a size changes at the ends of the interval of b.
 
         If the recordings determine b, it is fitted together with the size, and the fit of the size already contains
         errors of b. Only errors of constants that are not fitted then remain.

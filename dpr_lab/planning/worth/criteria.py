@@ -134,7 +134,7 @@ class OpenPairs:
         )
 
     def sized_distance(self, F: Array, truth: int, other: int) -> float:
-        """Return D^2 between two causes at their expected sizes, without the uncertainty of the sizes."""
+        """Return D^2 between two causes at their expected sizes, which count as exact."""
         no_spread = tuple(np.zeros_like(spread) for spread in self.spreads)
         return float(replace(self, spreads=no_spread).distances(F)[truth, other])
 
@@ -198,7 +198,7 @@ def _with_hidden(name: str, about: str, columns: Sequence[int], known: Knowledge
 
 
 def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
-    """Compute the expected information, bits, about each pair of the most probable cause and another cause."""
+    """Compute the expected bits about the most probable cause and each other cause."""
     if len(pairs.names) < 2:
         return {}
     best = int(np.argmax(pairs.probabilities))
@@ -214,7 +214,7 @@ def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
 
 @cache
 def _even_bits() -> tuple[Array, Array]:
-    """Return a lookup table of the expected bits at even odds: values of d, and the bits at each value."""
+    """Return a table of d and the expected bits at even odds."""
     separations = np.concatenate([np.linspace(0.0, 4.0, 41), np.linspace(4.5, 20.0, 32)])
     return separations, np.array([expected_bits([0.5, 0.5], d) for d in separations.tolist()])
 
@@ -294,7 +294,7 @@ def open_bits(known: Knowledge, F: Array) -> float:
 
 
 def ratio_bits(known: Knowledge, F: Array) -> float:
-    """Return the negative log2 of the volume of the covariance of the five ratios, in bits.
+    """Return the negative log2 volume of the covariance of the ratios, in bits.
 
     The value is defined up to a constant.
     """

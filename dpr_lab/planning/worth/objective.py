@@ -57,11 +57,11 @@ class Objective:
         return cls(known, pairs, before, ratio_bits(known, known.information), limits or Limits())
 
     def gained(self, F: Array) -> list[Array]:
-        """Return, for each named effect, the (n, n) d^2 by which additional information separates its causes."""
+        """Return the (n, n) d^2 that additional information adds between causes, per named effect."""
         return [pair.gained(before, F) for pair, before in zip(self.pairs, self.before, strict=True)]
 
     def simulated(self, release: CandidateRelease, information: Array) -> float | None:
-        """Return the simulated Delta D^2 of the least decided pair of causes, divided by the linearised Delta D^2.
+        """Return the simulated Delta D^2 of the least decided causes, relative to the linearised one.
 
         The result is None if there is no such pair.
         """
@@ -81,11 +81,11 @@ class Objective:
         return None if nonlinear is None else nonlinear / linear
 
     def bits(self, F: Array) -> dict[tuple[str, str], float]:
-        """Return, for each undecided pair of causes, the bits that recordings with the Fisher information F provide."""
+        """Return the bits that the Fisher information F provides for each undecided pair."""
         return self.bits_of(self.gained(F))
 
     def bits_of(self, gained: list[Array]) -> dict[tuple[str, str], float]:
-        """Return the expected bits about each undecided pair of causes, from the d^2 that `gained` returns."""
+        """Return the expected bits about each undecided pair, given the result of `gained`."""
         of_each = (cause_bits(open_pair, d2) for open_pair, d2 in zip(self.pairs, gained, strict=True))
         return {pair: bits for open_pair in of_each for pair, bits in open_pair.items()}
 
