@@ -113,9 +113,9 @@ class Encoders(RigTable):
 
 
 class Pose(RigTable):
-    """Pose of the rods before a release, as absolute angles.
+    """Pose of the rods before a release.
 
-    0 = upright, pi = hanging, rad.
+    Angles are absolute, rad, with 0 = upright and pi = hanging.
     """
 
     theta0: Angle = 0.0

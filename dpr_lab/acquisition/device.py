@@ -203,9 +203,8 @@ class Device:
         """Return all messages since the last call.
 
         If there are none, wait at most `timeout` s. No message is discarded between calls, so call the method regularly
-        while
-        the device streams. Messages that arrived before the link was lost are returned first; the next call raises an
-        exception.
+        while the device streams. Messages that arrived before the link was lost are returned first; the next call
+        raises an exception.
         """
         with unbroken(), self._lock:
             self._changed.wait_for(lambda: self._batches or self._failure, timeout)

@@ -17,9 +17,9 @@ less often: 24 of 40 menu releases decided the causes, and 26 of all 36 planned 
 causes, `confirmed` is (n + 1/2) / (N + 1), the posterior mean for the Jeffreys prior.
 
 If the selected effects leave a remainder above the noise, its cause is not known, although the search tested every
-effect of the library. A further release then decides only if it reveals this cause. `revealed` replaces `confirmed`
-in this case, and was estimated in the same way. Chance alone gives a similar value. A remainder of significance s after
-n releases has a significance of mean s sqrt((n + 1) / n) and variance 1 / n after the next one. At the limit s = 4 of
+effect of the library. A further release then decides only if it reveals this cause. `revealed` replaces `confirmed` in
+this case, and was estimated in the same way. Chance alone gives a similar value. A remainder of significance s after n
+releases has a significance of mean s sqrt((n + 1) / n) and variance 1 / n after the next one. At the limit s = 4 of
 noise, the remainder therefore disappears with the probability 0.05, 0.10 or 0.14 for n = 1, 2 or 3. A larger remainder
 disappears less often.
 

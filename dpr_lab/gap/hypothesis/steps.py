@@ -1,9 +1,9 @@
 """Detection of lasting steps of an encoder reading.
 
-Steps are detected by the screening or in the residuals. A step must be visible in the readings themselves, not only
-in the residual of a fit. A residual can also change like a step if the zero of an encoder differs between recordings,
-or if friction holds a rod away from the vertical. In these cases, however, the readings before and after the instant
-lie on one smooth curve.
+Steps are detected by the screening or in the residuals. A step must be visible in the readings themselves, not only in
+the residual of a fit. A residual can also change like a step if the zero of an encoder differs between recordings, or
+if friction holds a rod away from the vertical. In these cases, however, the readings before and after the instant lie
+on one smooth curve.
 """
 
 from collections.abc import Sequence

@@ -156,8 +156,7 @@ def _even_clock(t: Array) -> tuple[float, Array, Flags]:
 
     The period is in s, as are the (n,) times. The (n,) mask is true in parts without a lost sample. Stamps may come in
     bursts, so the period is a mean over many samples. A lost sample moves the clock by a period. If no samples are lost
-    and
-    the clock is steady, a straight line through all stamps has the least noise.
+    and the clock is steady, a straight line through all stamps has the least noise.
     """
     index, drift = np.arange(len(t)), min(INSTANTS.drift, len(t) // 4)
     period = float(np.median(t[drift:] - t[:-drift])) / drift

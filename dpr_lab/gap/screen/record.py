@@ -319,10 +319,8 @@ def _curvature(t: Array, values: Array, rate_hz: float) -> Array:
     """Estimate the (n, m) second derivative at a given rate from parabolas.
 
     Each parabola is fitted to seven neighbours. At the ends of a uniform segment the nearest value is repeated.
-    Segments
-    that are too short have the value zero. Three neighbours would suffice for the swing, but would correlate the noise
-    of
-    neighbouring averages.
+    Segments that are too short have the value zero. Three neighbours would suffice for the swing, but would correlate
+    the noise of neighbouring averages.
 
     Source: Savitzky & Golay (1964), Smoothing and differentiation of data, Anal. Chem. 36, 1627-1639.
     """

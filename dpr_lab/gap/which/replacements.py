@@ -67,8 +67,7 @@ def _of_possible_size(sets: FittedSets, current: Hypothesis, proposal: Proposal)
     """Accept a simpler form if only the richer one has an impossible size.
 
     The richer form then follows another cause. The excess may not increase so much that the simpler form is no
-    explanation
-    either. At the noise floor, the residual of the simpler form must also be consistent with noise.
+    explanation either. At the noise floor, the residual of the simpler form must also be consistent with noise.
     """
     model = proposal.model
     explains = model.at_noise_floor or not current.at_noise_floor
@@ -91,10 +90,8 @@ def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose sets in which a simpler form and another effect replace an effect.
 
     The set may not have more parameters in total. The additional parameters of a richer form may imitate a second
-    cause.
-    For example, unequal friction in the two directions imitates a zero offset, and a zero that drifts imitates a
-    constant
-    zero error and an error of the scale.
+    cause. For example, unequal friction in the two directions imitates a zero offset, and a zero that drifts imitates a
+    constant zero error and an error of the scale.
     """
     for simpler in simpler_forms(sets, current):
         room, replaced = len(current.fit.free) - len(simpler.fit.free), current.key - simpler.key

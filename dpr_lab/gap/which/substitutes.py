@@ -57,8 +57,8 @@ def _handed_over(sets: FittedSets, model: Hypothesis, effect: str, other: str) -
 def imaged(sets: FittedSets, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
     """Replace one effect by another, starting from the linear prediction at `model`.
 
-    From this estimate, two indistinguishable effects fit equally well. A fit that starts without both effects may
-    end in a local minimum in which another effect has a wrong shape. `score` is the score of the new effect.
+    From this estimate, two indistinguishable effects fit equally well. A fit that starts without both effects may end
+    in a local minimum in which another effect has a wrong shape. `score` is the score of the new effect.
     """
     return sets.keep(sets.once((model, effect, score), lambda: _at_image(sets, model, effect, score)))
 

@@ -167,10 +167,7 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
 
 
 def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
-    """Return the reduced chi-square of a fit as described.
-
-    It is infinite if a run begins without motion.
-    """
+    """Return the reduced chi-square of a fit as described, or inf without motion."""
     try:
         ratio_fit = fitted(runs, rig, quick=quick)
     except RunError:
@@ -260,8 +257,7 @@ def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
     """Explain why the rig cannot have the fitted inertia b, or return an empty text.
 
     The unit of b is kg m^2. An incorrect unit of known torques changes only b, so the residual does not show it.
-    Without
-    known torques, the motion does not determine b, and only the sign of b can contradict the rig.
+    Without known torques, the motion does not determine b, and only the sign of b can contradict the rig.
     """
     nominal = float(unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))[SCALE])
     known = any(run.torques is not None or run.arm_input is not None for run in runs)
@@ -332,10 +328,7 @@ def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> boo
 
 
 def _ending_early(limit: float) -> GaussNewton:
-    """Return the settings of a fit that stops if it will hardly reach `limit`.
-
-    `limit` is a reduced chi-square.
-    """
+    """Return the settings of a fit that stops if it will hardly reach `limit`, a reduced chi-square."""
     return replace(GAUSS_NEWTON, preliminary=SETTINGS.small_reduction, far=SETTINGS.out_of_reach * limit)
 
 
@@ -384,9 +377,8 @@ def _slowness(run: Run, rig: Rig) -> float:
     """Return the ratio of the observed period to that of a point mass at L1, at most 8.
 
     The period is that of theta1. A ratio above 1 indicates slow motion. Ratios up to the threshold `slow` are returned
-    as 1. The observed half period
-    is the mean time between two passages through the middle of the range. A motion within a tenth of the range around
-    its middle is not a passage.
+    as 1. The observed half period is the mean time between two passages through the middle of the range. A motion
+    within a tenth of the range around its middle is not a passage.
     """
     angle, t = run.swing.theta[:, 1], run.swing.t
     away = (angle - 0.5 * (angle.max() + angle.min())) / max(float(np.ptp(angle)), 1e-12)

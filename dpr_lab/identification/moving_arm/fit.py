@@ -220,8 +220,7 @@ def covariance_of(fit: ArmFit) -> Array:
 
     Undetermined directions have very large variances. If the residual exceeds the noise, each variance is at least the
     variance for residuals that are clustered by segment (White 1980). This clustered variance alone would be far too
-    small
-    for few segments, because the gradients sum to zero at the minimum.
+    small for few segments, because the gradients sum to zero at the minimum.
     """
     scale = np.where(np.diag(fit.information) > 0, np.sqrt(np.diag(fit.information)), 1.0)
     values, vectors = np.linalg.eigh(fit.information / np.outer(scale, scale))
