@@ -1,4 +1,7 @@
-"""Compile numerical kernels by Numba, with a disk cache that is never outdated (`dpr_lab.kernel_cache`)."""
+"""Compilation of numerical kernels by Numba, with a disk cache that is never outdated.
+
+`dpr_lab.kernel_cache` describes the cache.
+"""
 
 import os
 from collections.abc import Callable
@@ -39,7 +42,10 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class _Compiling(event.Listener):
-    """Numba listener that reports the start of each compilation; loading a kernel from the cache is not reported."""
+    """Numba listener that reports the start of each compilation.
+
+    Loading a kernel from the cache is not reported.
+    """
 
     def on_start(self, event: event.Event) -> None:
         """Handle the start of a compiler pass."""
@@ -60,12 +66,12 @@ def njit(function: Function) -> Function: ...
 @overload
 def njit(*, parallel: bool = False, allocates: bool = True) -> Callable[[Function], Function]: ...
 def njit(function: Callable[..., Any] | None = None, *, allocates: bool = True, **options: Any) -> Any:
-    """Compile a kernel that Python calls: `numba.njit` with cache and strict IEEE arithmetic, without the GIL.
+    """Compile a kernel that Python calls, without the GIL and with a disk cache.
 
-    Division by zero gives inf or nan. Sums are neither reassociated nor contracted, so that a result has the same bits
-    for any batch size and any number of threads. With `allocates=False`, for kernels that neither allocate arrays nor
-    return views, reference counting is omitted; it can take half of the time of a loop over samples. With the
-    environment variable NUMBA_DISABLE_JIT=1 the kernel is the Python function.
+    The arithmetic is strict IEEE. Division by zero gives inf or nan. Sums are neither reassociated nor contracted, so
+    that a result has the same bits for any batch size and any number of threads. With `allocates=False`, for kernels
+    that neither allocate arrays nor return views, reference counting is omitted; it can take half of the time of a loop
+    over samples. With the environment variable NUMBA_DISABLE_JIT=1 the kernel is the Python function.
     """
     if function is None:
         return partial(njit, allocates=allocates, **options)
@@ -76,7 +82,7 @@ def njit(function: Callable[..., Any] | None = None, *, allocates: bool = True, 
 
 
 def subroutine(function: Function) -> Function:
-    """Decorate a function that kernels call; it is compiled as part of each of these kernels.
+    """Decorate a function that is compiled as part of each kernel that calls it.
 
     A call from Python executes the Python function. No compiled wrapper for calls from Python is generated, which
     halves the compilation time.
@@ -113,7 +119,10 @@ def behind_pointer(function: Callable[..., None], *examples: Any) -> Any:
 
 
 class _Pointer(CFunc):
-    """Kernel that other kernels receive; its type is created once, because each call of a kernel needs it."""
+    """Kernel that other kernels receive; its type is created only once.
+
+    Each call of a kernel needs the type.
+    """
 
 
 @typeof_impl.register(_Pointer)
@@ -129,11 +138,11 @@ class KernelCache(caching.FunctionCache):
         self._allocates = allocates
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Load a kernel from the cache; return None if its file is damaged, so that it is recompiled.
+        """Load a kernel from the cache; return None if its file is damaged.
 
-        Before it loads a kernel, Numba by default imports everything that a compilation requires, which takes longer
-        than loading all kernels of a diagnosis. Here only the reference counting is imported, for machine code that
-        allocates arrays. All other imports are made when a kernel is compiled.
+        A damaged kernel is recompiled. Before it loads a kernel, Numba by default imports everything that a compilation
+        requires, which takes longer than loading all kernels of a diagnosis. Here only the reference counting is
+        imported, for machine code that allocates arrays. All other imports are made when a kernel is compiled.
         """
         try:
             if self._allocates:
@@ -158,7 +167,7 @@ def _cached(kernel: Any, allocates: bool) -> Any:
 
 
 def _cache_of(function: Callable[..., Any], allocates: bool) -> KernelCache | None:
-    """Create the cache of one kernel for this version; return None if its folder is not writable."""
+    """Create the cache of one kernel, or return None if its folder is not writable."""
     if CACHE is None:
         return None
     # Numba reads the folder when it creates a cache; the kernels of other libraries keep their folder.

@@ -1,6 +1,7 @@
-"""Equation of motion of an arm about the vertical with two rods in the plane perpendicular to it.
+"""Equation of motion of an arm about the vertical with two rods.
 
-With s = sin, c = cos, r = L0 / g, A = J0 + (m1 + m2 + mb) L0^2 and phi = theta0, the mass matrix M(theta) is
+The rods swing in the plane perpendicular to the arm. With s = sin, c = cos, r = L0 / g, A = J0 + (m1 + m2 + mb) L0^2
+and phi = theta0, the mass matrix M(theta) is
 
     M00 = A + a s1^2 + b s2^2 + 2 d s1 s2        M01 = r e1 c1        M02 = r e2 c2
     M11 = a        M12 = d cos(t1 - t2)          M22 = b
@@ -150,7 +151,7 @@ def reduced_rods(
 def arm_accelerations(
     motion: Motion, base: BaseParameters, terms: Terms, arm: ArmModel, mode: int, drive: float
 ) -> tuple[float, float, float]:
-    """Return the angular accelerations (alpha0, alpha1, alpha2) of arm and rods, rad/s^2, if all joints slide.
+    """Return the accelerations (alpha0, alpha1, alpha2), rad/s^2, if all joints slide.
 
     Args:
         motion: angles and speeds

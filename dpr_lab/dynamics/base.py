@@ -160,7 +160,7 @@ def base_of_run(whole: ArrayLike, setup: Setup, L1: float, g: float) -> Array:
 
 
 def base_slopes(setup: Setup, L1: float, g: float) -> Array:
-    """Return the (6, 7) derivative of a run's base parameters with respect to those of the rig."""
+    """Return the (6, 7) derivative of a run's base parameters by those of the rig."""
     unit = np.eye(len(WHOLE))
     if not setup.alone:
         return unit[: len(BASE)]
@@ -188,7 +188,7 @@ def base_from_ratios(ratios: ArrayLike) -> Array:
 
 
 def rows(base: ArrayLike, L1: float, g: float) -> Array:
-    """Compute the input of the batch kernel: b, d, e1, e2, c1 and c2 of each candidate, divided by a.
+    """Divide b, d, e1, e2, c1 and c2 of each candidate by a, for the batch kernel.
 
     Args:
         base: (..., 6) base parameters, at any scale

@@ -1,4 +1,4 @@
-"""Coulomb friction of joints: a joint at rest is held up to a limit torque, then slides.
+"""Coulomb friction of joints, which holds a joint at rest up to a limit torque.
 
 Let u = (omega1, omega2 - omega1) be the speeds of the joints, tau the torques on them, A their mass matrix, and F_j the
 friction limit of joint j. Then
@@ -55,7 +55,7 @@ def pushes(rods: ReducedRods, direction1: float, direction2: float) -> tuple[flo
 
 @subroutine
 def _beyond(push: float, forward: float, backward: float) -> float:
-    """Return the direction in which a joint at rest yields to a torque, or 0 if friction holds the joint."""
+    """Return the direction in which a resting joint yields, or 0 if friction holds it."""
     return 1.0 if push > forward else (-1.0 if push < -backward else 0.0)
 
 
@@ -63,7 +63,9 @@ def _beyond(push: float, forward: float, backward: float) -> float:
 def slides(
     rods: ReducedRods, directions: tuple[float, float], forward: tuple[float, float], backward: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the sliding direction of both joints: 1, -1, or 0 if the joint stays at rest.
+    """Return the sliding direction of both joints, or 0 for a joint that stays at rest.
+
+    A direction is 1 or -1.
 
     Args:
         rods: reduced equations with all torques except the friction of joints at rest
@@ -100,7 +102,7 @@ def slides(
 
 @subroutine
 def _rubbed(terms: Terms, before: tuple[float, float], after: tuple[float, float], limits: Limits) -> Terms:
-    """Add to the terms the sliding friction of the rod joints that have just started to slide."""
+    """Add the sliding friction of joints that have just started to slide."""
     _, forward, backward = limits
     torque1, torque2 = terms.torque1, terms.torque2
     if before[0] == 0.0 and after[0] != 0.0:

@@ -21,7 +21,7 @@ from dpr_lab.kernels import njit
 
 @njit
 def read_at(t: float, model: RigModel) -> tuple[float, float]:
-    """Return the sampling times of joints 1 and 2, s, for the device time t, s."""
+    """Return the sampling times of joints 1 and 2, s, at the device time t, s."""
     shift1, shift2 = reading_shifts(t, model.params, model.active)
     return t + shift1, t + shift2
 
@@ -51,15 +51,16 @@ def apply_encoder_errors(angles: Array, t: Array, run: int, model: RigModel) -> 
 
 
 def with_encoder_errors(angles: Array, params: ArrayLike, constants: RigConstants, segments: Segments) -> Array:
-    """Apply n sets of encoder errors to the same angles; return the (n, N, axes) readings, rad.
-
-    No integration is needed.
+    """Apply n sets of encoder errors to the same angles, without integration.
 
     Args:
         angles: (N, axes) joint 1 absolute, joint 2 as read by its encoder, and the arm if it moves, rad
         params: (n, SIZE) effects; only encoder errors are used
         constants: constants of the rig
         segments: times of the readings
+
+    Returns:
+        (n, N, axes) readings, rad
     """
     rows = np.array(params, dtype=np.float64, order="C")
     read = np.empty((len(rows), len(segments.t), angles.shape[1]))
@@ -92,7 +93,7 @@ def _fill_errors(
 
 @njit
 def held_along(angles: Array, hold: Array, model: RigModel) -> Array:
-    """Compute the angles at the encoders of the rods, which follow their joints with backlash.
+    """Compute the encoder angles of the rods, which follow their joints with backlash.
 
     Args:
         angles: (n, 2) joint 1 absolute and joint 2 as read by its encoder, rad

@@ -26,7 +26,7 @@ def coupled(
     c1: float,
     c2: float,
 ) -> tuple[float, float, float]:
-    """Compute the coupling inertia d cos(theta1 - theta2), and the right-hand sides of equation (1).
+    """Compute coupling inertia d cos(theta1 - theta2) and right-hand sides of equation (1).
 
     The torques tau1 and tau2 are not included.
     """
@@ -41,7 +41,7 @@ def coupled(
 
 @subroutine
 def solved(a: float, b: float, coupling: float, torque1: float, torque2: float) -> tuple[float, float]:
-    """Solve for the accelerations of both rods, rad/s^2, with the mass matrix [[a, coupling], [coupling, b]]."""
+    """Solve for both accelerations, rad/s^2, with the mass matrix [[a, coupling], [coupling, b]]."""
     scale = 1.0 / (a * b - coupling * coupling)
     return (b * torque1 - coupling * torque2) * scale, (a * torque2 - coupling * torque1) * scale
 

@@ -64,7 +64,10 @@ class JointMotion(NamedTuple):
 
 @subroutine
 def of_joints(values: Three) -> Three:
-    """Convert speeds or accelerations of theta0, theta1, theta2 to those of joints 1, 2 and 0."""
+    """Convert values of theta0, theta1, theta2 to those of joints 1, 2 and 0.
+
+    The values are speeds or accelerations.
+    """
     return values[1], values[2] - values[1], values[0]
 
 

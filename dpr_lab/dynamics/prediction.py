@@ -1,4 +1,4 @@
-"""Predict encoder readings along segments with free initial states and all effects, for the fits.
+"""Prediction of encoder readings along segments with free initial states and all effects.
 
 A segment starts `PAD` before its first sample, so that a reading with a clock error is not before the start. The first
 segment of a run starts at the release if the release is near (`segment_start`). The segment is integrated by classical
@@ -41,7 +41,9 @@ def predict(
     internal: ArrayLike | None = None,
     arm: bool = False,
 ) -> Array:
-    """Predict the readings of one candidate; see `predict_batch` for the arguments, without the first axis.
+    """Predict the readings of one candidate.
+
+    See `predict_batch` for the arguments, without the first axis.
 
     Returns:
         (N, 2) theta1 and the angle of joint 2 as read by its encoder, rad; with `arm` a third column, theta0
@@ -107,7 +109,7 @@ def _predicted(
     internal: ArrayLike | None,
     columns: int,
 ) -> tuple[Array, Array]:
-    """Return the predicted readings, (n, N, columns), and internal states at the starts of the segments, (n, S, k)."""
+    """Return predicted readings (n, N, columns) and internal states (n, S, k) at segment starts."""
     bases, params, initial = (np.asarray(values, dtype=np.float64) for values in (bases, params, initial))
     n, count, runs = len(bases), len(segments), len(segments.setups)
     params = _shaped(params, (n, SIZE) if params.ndim == 2 else (n, runs, SIZE), "params").reshape(n, -1, SIZE)
@@ -144,7 +146,7 @@ def _arrays(segments: Segments, constants: RigConstants) -> SegmentArrays:
 
 
 def _shaped(values: Array, shape: tuple[int, ...], name: str) -> Array:
-    """Broadcast values to a shape; the result is writable and contiguous, as the compiled kernel requires."""
+    """Broadcast values to a shape; the compiled kernel needs a contiguous copy."""
     shaped = np.empty(shape)
     try:
         shaped[:] = values

@@ -11,7 +11,7 @@ UNKNOWN = RigConstants._make([math.nan] * len(RigConstants._fields))._replace(re
 
 
 def rig_constants(rig: Rig) -> RigConstants:
-    """Return lengths, gravity, best known masses and encoders of a rig without an attached mass.
+    """Return lengths, gravity, best known masses and encoders without an attached mass.
 
     An unknown length of a rod is assumed to be twice the distance of its centre of mass.
     """

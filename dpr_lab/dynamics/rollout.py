@@ -172,7 +172,7 @@ def _costs(
 
 @subroutine
 def _load(lanes: Array, rows: Array, first: int, start: Array) -> None:
-    """Load the candidates from index `first` on into the lanes; spare lanes repeat the last candidate."""
+    """Load candidates from index `first` on; spare lanes repeat the last one."""
     for k in range(LANES):
         candidate = min(first + k, len(rows) - 1)
         for row in range(6):
@@ -286,7 +286,7 @@ def _stage1(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage2(lanes: Array, h: float) -> None:
-    """Compute stage 2: the accelerations q in the middle of the step, with the speed that follows from p.
+    """Compute stage 2: the accelerations q in the middle of the step, after p.
 
     The sines are then nudged to the angles of stage 3.
     """
@@ -305,9 +305,9 @@ def _stage2(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage3(lanes: Array, h: float) -> None:
-    """Compute stage 3: the accelerations r in the middle of the step, with the speed that follows from q.
+    """Compute stage 3: the accelerations r in the middle of the step, after q.
 
-    The initial sines are then rotated by a whole step with this speed.
+    The speed follows from q. The initial sines are then rotated by a whole step with this speed.
     """
     half, sixth = 0.5 * h, h * h / 6.0
     for k in range(LANES):
@@ -326,7 +326,7 @@ def _stage3(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage4(lanes: Array, h: float) -> None:
-    """Compute stage 4: the accelerations z at the end of the step, with the speed that follows from r.
+    """Compute stage 4: the accelerations z at the end of the step, after r.
 
     The new state is then set.
     """
@@ -347,7 +347,7 @@ def _stage4(lanes: Array, h: float) -> None:
 
 @subroutine
 def _remember(lanes: Array) -> None:
-    """Copy the state at the start of the step, for lanes that must repeat the step."""
+    """Copy the state at the start of the step, for a possible repetition."""
     for k in range(LANES):
         lanes[OLD_THETA1 + k], lanes[OLD_THETA2 + k] = lanes[THETA1 + k], lanes[THETA2 + k]
         lanes[OLD_OMEGA1 + k], lanes[OLD_OMEGA2 + k] = lanes[OMEGA1 + k], lanes[OMEGA2 + k]
@@ -355,7 +355,7 @@ def _remember(lanes: Array) -> None:
 
 @subroutine
 def _repeat_exactly(lanes: Array, h: float) -> None:
-    """Repeat the last step with exact sines in those lanes whose rotation was too large for the series."""
+    """Repeat the last step with exact sines where the rotation was too large."""
     for k in range(LANES):
         if lanes[TURNED + k] > GUARD:
             theta1, theta2, omega1, omega2 = _exact_step(lanes, k, h)

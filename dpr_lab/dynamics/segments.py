@@ -91,7 +91,7 @@ class Segments:
 
     @property
     def chains(self) -> Integers:
-        """(runs + 1,) index of the first segment of each run, then the number of segments."""
+        """(runs + 1,) first segment of each run, then the number of segments."""
         return np.concatenate([[0], np.flatnonzero(np.diff(self.run)) + 1, [len(self)]]).astype(np.int64)
 
     def samples_of(self, indices: Integers) -> Integers:
@@ -166,7 +166,7 @@ def segments(
 
 
 def initial_states(states: ArrayLike, segments: Segments) -> Array:
-    """Convert initial states to an (S, 4) array of theta1, theta2, omega1, omega2, rad and rad/s.
+    """Convert initial states to (segments, 4) theta1, theta2, omega1, omega2, rad and rad/s.
 
     Raises:
         ValueError: the array has another shape.

@@ -63,7 +63,7 @@ def sensitivities(
 def driven(
     values: Array, rig: RigConstants, segments: Segments, initial: ArrayLike, outputs: int
 ) -> tuple[Array, Array, Array]:
-    """Simulate segments as `sensitivities` does, with the known torques and arm motions of the runs.
+    """Simulate segments as `sensitivities` does, with known torques and arm motions.
 
     Args:
         values: (S, 6) ratios of each segment, and 1 / b, by which torques are multiplied
@@ -111,7 +111,7 @@ def _integrated(
     count: Integers,
     outputs: int,
 ) -> tuple[Array, Array, Array]:
-    """Return the states, their derivatives, and their derivatives with respect to the torque factor 1 / b.
+    """Return the states and their derivatives, also by the torque factor 1 / b.
 
     The shapes are (samples, 4), (samples, `outputs`, 9) and (samples, `outputs`).
     """
@@ -168,9 +168,9 @@ def _runge_kutta(
     held: bool,
     push: Array,
 ) -> None:
-    """Advance the state by one step in place, and its derivative if `rows` is not empty.
+    """Advance the state and its derivative by one step in place.
 
-    `held` states whether joint 2 is fixed.
+    The derivative is not computed if `rows` is empty. `held` states whether joint 2 is fixed.
     """
     theta1, theta2, omega1, omega2 = x
     e2 = ratios[1] * gravity
@@ -234,7 +234,7 @@ def _differentiate(
     held: bool,
     push: Array,
 ) -> None:
-    """Add dk = f_x S + f_p of one stage to the weighted sum, and advance S to the next stage.
+    """Add dk = f_x S + f_p of a stage to the sum, and advance S.
 
     M alpha = f implies M dalpha = df - dM alpha for each column. If joint 2 is fixed, the sum of the two rows of this
     equation is used.

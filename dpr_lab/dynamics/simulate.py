@@ -142,7 +142,7 @@ def integrate(
     max_step: float = MAX_STEP,
     drive: ArrayLike = 0.0,
 ) -> Array:
-    """Simulate a swing from a complete state; a swing can be continued by several calls.
+    """Simulate a swing from a complete state, so that several calls can continue it.
 
     Args:
         model: rig with its effects

@@ -1,4 +1,4 @@
-"""One Runge-Kutta step of the rig with all its effects: the right-hand side of the simulator."""
+"""Runge-Kutta step of the rig with all effects: the right-hand side of the simulator."""
 
 import math
 from typing import NamedTuple
@@ -170,9 +170,9 @@ def _stage(
     drive: float,
     directions: Three,
 ) -> SteppedStage:
-    """Return one stage of a step in which joint 1, joint 2 and the arm slide in given directions.
+    """Return one stage of a step in which the joints slide in given directions.
 
-    The direction 0 is that of a joint at rest.
+    The directions are those of joint 1, joint 2 and the arm, and 0 at rest.
     """
     motion = motion_of(
         t,
@@ -233,7 +233,7 @@ def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: floa
 
 @subroutine
 def _directions(x: RigState, model: RigModel, mode: int) -> Three:
-    """Return the directions of joint 1, joint 2 and the arm, which are the signs of their speeds.
+    """Return the directions of joint 1, joint 2 and the arm: the signs of their speeds.
 
     The directions are nan if the model has no Coulomb friction.
     """
@@ -244,7 +244,7 @@ def _directions(x: RigState, model: RigModel, mode: int) -> Three:
 
 @subroutine
 def _margins(stage: SteppedStage, model: RigModel, directions: Three) -> Three:
-    """Return the margins (friction limit minus torque) of the joints at rest, N m, with inf for all other joints."""
+    """Return the margins (friction limit minus torque) of resting joints, N m; inf otherwise."""
     motion, rods = stage.motion, stage.rods
     push1, push2 = pushes(rods, directions[0], directions[1])
     limit1, limit2 = dry_limits(motion, push1, push2, model.params, model.active)
@@ -306,7 +306,7 @@ def _runge_kutta(
 
 @subroutine
 def _stopped(x: RigState, joint: int, directions: Three, later: float, alphas: Three) -> RigState:
-    """Return the state x at the instant at which a joint stops.
+    """Return the state x at the time at which a joint stops.
 
     The angles are corrected by the time `later`, s, and the speed of the joint that stops is zero.
     """
@@ -327,7 +327,7 @@ def _joint_motion(x: RigState, tried: TriedStep, directions: Three) -> JointMoti
 def advanced(
     t: float, x: RigState, h: float, events: int, model: RigModel, mode: int, drive: float
 ) -> tuple[RigState, float, bool]:
-    """Advance the state by a step of length h, or to the first event of Coulomb friction in it.
+    """Advance the state by a step of length h, or to the first friction event.
 
     Args:
         t: time since the release, s
@@ -365,7 +365,7 @@ def advanced(
 
 @subroutine
 def stepped(t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float) -> RigState:
-    """Advance the state by a step of length h, divided at the events of Coulomb friction."""
+    """Advance the state by a step of length h, divided at events of Coulomb friction."""
     now, events, whole = t, 0, False
     while not whole:
         x, passed, whole = advanced(now, x, t + h - now if events else h, events, model, mode, drive)

@@ -76,9 +76,10 @@ def effect_torques_along(motion: KnownMotion, base: Array, constants: RigConstan
 
 
 def arm_torques_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
-    """Compute the torques of a slightly compliant arm; see `effect_torques_along` for arguments and result.
+    """Compute the torques of a slightly compliant arm.
 
-    The rods drive the arm, A alpha0 + c0 omega0 + k0 theta0 = F, and its acceleration acts on the rods:
+    See `effect_torques_along` for arguments and result. The rods drive the arm, A alpha0 + c0 omega0 + k0 theta0 = F,
+    and its acceleration acts on the rods:
 
         F = r sum_i e_i (sin(theta_i) omega_i^2 - cos(theta_i) alpha_i),    tau_i = -r e_i cos(theta_i) alpha0,
 
@@ -148,7 +149,7 @@ def _put(
     base: BaseParameters,
     rig: RigConstants,
 ) -> None:
-    """Set lane k to the state of the rods at the time t of a trajectory, with a held arm."""
+    """Set lane k to the rods at the time t of a trajectory, with a held arm."""
     w.a[k], w.b[k], w.d[k], w.e1[k], w.e2[k] = base.a, base.b, base.d, base.e1, base.e2
     w.L1[k], w.L2[k], w.stage_t[k] = rig.L1, rig.L2, t
     w.m1[k], w.m2[k], w.mb[k] = rig.m1, rig.m2, rig.mb
@@ -193,9 +194,9 @@ def _c(values: Array) -> Array:
 
 
 def arm_effects_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
-    """Compute the torques of effects at a free or driven arm, as `effect_torques_along` does.
+    """Compute the torques of effects at a free or driven arm.
 
-    The motion contains theta0 as third axis.
+    Arguments are those of `effect_torques_along`; the motion contains theta0 as third axis.
 
     Returns:
         (n, 3, k) generalised torques on theta1, theta2, theta0, N m

@@ -15,7 +15,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def _between(start: float, slope: float, low: float, high: float) -> tuple[float, float]:
-    """Return the integrals of v |v| and s v |v| over low <= s <= high by two Gauss points.
+    """Integrate v |v| and s v |v| over low <= s <= high by two Gauss points.
 
     The sign of v = start + slope s must be constant.
     """
@@ -28,7 +28,7 @@ def _between(start: float, slope: float, low: float, high: float) -> tuple[float
 
 @inlined
 def moments(start: float, slope: float, length: float) -> tuple[float, float]:
-    """Return the integrals of v |v| and s v |v| over 0 <= s <= length, with v = start + slope s.
+    """Integrate v |v| and s v |v| over 0 <= s <= length, with v = start + slope s.
 
     The result is exact: v |v| is quadratic on both sides of a sign change of v, and two Gauss points integrate cubics
     exactly.
@@ -55,7 +55,7 @@ def outer(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float)
 
 @inlined
 def both(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float) -> Terms:
-    """Return the drag torques of both rods, N m; the rods have the same width."""
+    """Return the drag torques of both rods, which have the same width, N m."""
     carried = outer(motion, constants, coefficient_kg_per_m2)
     drag1 = coefficient_kg_per_m2 * constants.L1**4 / 4.0 * motion.omega1 * abs(motion.omega1)
     return torques(carried.torque1 - drag1, carried.torque2)

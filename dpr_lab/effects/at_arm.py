@@ -1,4 +1,4 @@
-"""Derive effects at the joint of the arm from effects at the joints of the rods."""
+"""Effects at the joint of the arm, derived from effects at rod joints."""
 
 from dataclasses import replace
 from typing import Any
@@ -16,7 +16,7 @@ ARM_STAGES: dict[StageName, StageName] = {
 
 
 def at_arm(effect: Effect, *, bench_check: str, symptom: str = "", equation: str = "", **fields: Any) -> Effect:
-    """Derive the effect at joint 0, the arm, from the effect at a joint of the rods.
+    """Derive the effect at joint 0, the arm, from that at a rod joint.
 
     Args:
         effect: effect at joint 1 or 2

@@ -1,4 +1,4 @@
-"""Tilt of the arm's axis: gravity in the plane of the rods depends on the arm angle."""
+"""Tilt of the arm's axis, which makes gravity torques depend on the arm angle."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.elementary import sincos
@@ -10,7 +10,7 @@ from dpr_lab.kernels import inlined
 def leaning(
     motion: Motion, base: BaseParameters, along_rad: float, across_rad: float, along_Nm: float, across_Nm: float
 ) -> tuple[float, float, float]:
-    """Return the torques on theta0, theta1 and theta2, N m, to first order in the tilt.
+    """Return the torques on theta0, theta1 and theta2 to first order in the tilt, N m.
 
         tau0 = K_t - (e1 sin(theta1) + e2 sin(theta2)) p_r,    tau_i = e_i cos(theta_i) p_t
 

@@ -8,7 +8,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def tilted(motion: Motion, base: BaseParameters, tilt_rad: float) -> Terms:
-    """Return the change of the gravity torques e1 sin(theta1) and e2 sin(theta2) by the tilt, N m."""
+    """Return the change of both gravity torques e_i sin(theta_i) by the tilt, N m."""
     lean, cosine = sincos(tilt_rad)
     rise = cosine - 1.0
     torque1 = base.e1 * (motion.sin1 * rise + motion.cos1 * lean)

@@ -17,7 +17,10 @@ def shaken(
     sin_m_per_s2: float,
     frequency_hz: float,
 ) -> Terms:
-    """Return the torques -(e_i / g) cos(theta_i) u(t) of a base acceleration u, m/s^2, in N m."""
+    """Return the torques -(e_i / g) cos(theta_i) u(t) of a base acceleration u, N m.
+
+    The unit of u is m/s^2.
+    """
     phase = 2.0 * math.pi * frequency_hz * motion.t
     sine, cosine = sincos(phase)
     shake = (cos_m_per_s2 * cosine + sin_m_per_s2 * sine) / constants.g

@@ -1,4 +1,4 @@
-"""Offset of the centre of mass from the axis of a rod, for example of a bent rod.
+"""Offset of the centre of mass from a rod's axis, for example of a bent rod.
 
 The centre of mass lies at l (sin t, cos t) + y (cos t, -sin t) from its pivot, where t is the angle of the rod. For the
 outer rod, with p = m2 L1 y and the difference angle D = t1 - t2, the kinetic energy increases by p sin(D) w1 w2 and (m2
@@ -12,19 +12,16 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def inner(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
-    """Return the gravity torque m1 g y cos(theta1) and the additional inertia m1 y^2 of the inner rod.
-
-    Here y is the offset of the centre of mass.
-    """
+    """Return the gravity torque m1 g y cos(theta1) and inertia m1 y^2 of the offset y."""
     moment = constants.m1 * offset_m
     return Terms(moment * offset_m, 0.0, 0.0, moment * constants.g * motion.cos1, 0.0)
 
 
 @inlined
 def outer(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
-    """Return the gravity torque, the coupling inertia and the centrifugal torques of the outer rod.
+    """Return the terms of the offset of the outer rod's centre of mass.
 
-    The offset of the centre of mass from the axis of the rod causes them.
+    They are a gravity torque, a coupling inertia and centrifugal torques.
     """
     moment = constants.m2 * offset_m
     sin12 = motion.sin1 * motion.cos2 - motion.cos1 * motion.sin2

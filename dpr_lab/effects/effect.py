@@ -114,7 +114,7 @@ class EffectParameter:
 
     @property
     def ratio_unit(self) -> str:
-        """Unit of the ratio of this parameter to b^k, or an empty text if k is 0."""
+        """Unit of the ratio of this parameter to b^k; empty if k is 0."""
         if not self.scale_power:
             return ""
         return _RATIO_UNITS.get(self.unit, f"{self.unit} / (kg m^2)" + ("" if self.scale_power == 1 else "^-1"))

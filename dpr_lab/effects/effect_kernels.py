@@ -104,7 +104,10 @@ def contributions(stage: str) -> list[Contribution]:
 
 
 class _ScalarNotation(dict[str, str]):
-    """Notation of the scalar version: a name is an argument or a local variable; `params_3` stands for `params[3]`."""
+    """Scalar notation: a name is an argument or a local variable.
+
+    `params_3` stands for `params[3]`.
+    """
 
     def __missing__(self, name: str) -> str:
         array, _, index = name.rpartition("_")

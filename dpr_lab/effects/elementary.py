@@ -15,7 +15,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def _expm1_parts(x: float) -> tuple[float, float]:
-    """Return the parts 2^n and e^r - 1 of the exponential of x, for |x| <= 700.
+    """Return 2^n and e^r - 1 of the exponential of x, for |x| <= 700.
 
     n and r follow from x = n ln(2) + r with an integer n.
     """

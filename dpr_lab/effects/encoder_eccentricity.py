@@ -23,7 +23,7 @@ def eccentric(
     cos6_rad: float,
     sin6_rad: float,
 ) -> float:
-    """Return the reading error, rad: the sum over k of A_k cos(k q) + B_k sin(k q)."""
+    """Return the reading error, rad: sum over k of A_k cos(k q) + B_k sin(k q)."""
     sin, cos = sincos(encoder.angle)
     cos_k, sin_k, error = 1.0, 0.0, 0.0
     for A, B in (

@@ -1,4 +1,4 @@
-"""Encoder scale error: wrong counts per turn, for example because of a belt or a gear."""
+"""Encoder scale error: wrong counts per turn, for example due to a belt."""
 
 from dpr_lab.effects.at_arm import at_arm
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, pair

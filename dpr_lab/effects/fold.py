@@ -1,4 +1,4 @@
-"""Generate source code that evaluates all effects of a stage for any set of active effects."""
+"""Generated source code that evaluates the effects of a stage."""
 
 import inspect
 import linecache
@@ -30,7 +30,7 @@ def arguments(kernel: Callable[..., Any]) -> tuple[str, ...]:
 def call(kernel: str, wanted: Iterable[str], *offered: Mapping[str, str]) -> str:
     """Return the source of a kernel call.
 
-    Each argument is looked up by its name in the mappings `offered`, in their order; the first expression is used.
+    Each argument is looked up by its name in the mappings `offered`; the first match is used.
     """
     values = [next(expressions[name] for expressions in offered if name in expressions) for name in wanted]
     return f"{kernel}({', '.join(values)})"

@@ -1,4 +1,4 @@
-"""Free-form friction curve: friction torque that increases with speed, piecewise linearly between fixed speeds.
+"""Free-form friction curve: friction torque that increases piecewise linearly with speed.
 
 The friction at rest may differ between the two directions, as for a skewed seal or a preloaded bearing.
 """

@@ -28,7 +28,7 @@ def dahl(joint: Joint, presliding: float, torque_Nm: float, length_rad: float) -
 
 @inlined
 def sliding(speed: float) -> float:
-    """Return the presliding state of a joint that has slid for a long time; it has the sign of the speed."""
+    """Return the presliding state after long sliding, with the sign of the speed."""
     return tanh(speed / SMOOTHING)
 
 

@@ -1,4 +1,4 @@
-"""Arguments and results of effect kernels: tuples of numbers, passed in registers by compiled code."""
+"""Arguments and results of effect kernels: tuples of numbers, which compiled code passes in registers."""
 
 import math
 from typing import NamedTuple
@@ -166,7 +166,7 @@ def joint2(motion: Motion) -> Joint:
 
 @inlined
 def yielding(joint: Joint, push: float) -> Joint:
-    """Return the motion of a joint at rest as if it slid in the direction of the torque `push`, N m."""
+    """Return a resting joint as if it slid in the direction of the torque `push`, N m."""
     return Joint(joint.t, joint.angle, 0.0, joint.displacement, joint.force, math.copysign(1.0, push))
 
 

@@ -1,4 +1,4 @@
-"""Reference values of a rig for the sizes of effects, and the limit for each unit."""
+"""Reference values of a rig for the sizes of effects, and limits by unit."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -25,7 +25,7 @@ class RigScales(NamedTuple):
 
 
 def scales(base: BaseParameters, constants: RigConstants, joint: int) -> RigScales:
-    """Return the reference values at joint 0 or 1 of the rods, or at the arm (-1).
+    """Return the reference values at joint 0 or 1 of the rods, or the arm (-1).
 
     The reference gravity torque of the arm is ten times that of joint 1.
     """

@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def rotor1(inertia_kgm2: float) -> Terms:
-    """Return the contribution of an inertia J that rotates with joint 1, at the speed omega1."""
+    """Return the terms of an inertia J that rotates with joint 1, at omega1."""
     return Terms(inertia_kgm2, 0.0, 0.0, 0.0, 0.0)
 
 

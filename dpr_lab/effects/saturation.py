@@ -6,7 +6,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def clipped(torque: float, share: float, limit_Nm: float) -> float:
-    """Return acting minus known torque, N m: minus a fraction of the excess over the limit."""
+    """Return acting minus known torque, N m: a fraction of the excess over the limit.
+
+    The sign is opposite to that of the excess.
+    """
     return share * (min(max(torque, -limit_Nm), limit_Nm) - torque)
 
 

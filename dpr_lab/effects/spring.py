@@ -1,4 +1,4 @@
-"""Cable spring: elastic torque of a cable or hose across a joint, with any rest angle."""
+"""Cable spring: elastic torque of a cable across a joint, with any rest angle."""
 
 import math
 

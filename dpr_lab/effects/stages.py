@@ -70,7 +70,7 @@ class Stage:
 
 
 def _joint_torque(joint: int, arguments: Collection[str] = ()) -> tuple[str, ...]:
-    """Return the statements that add a torque x of one joint to the torques on both rods.
+    """Return the statements that add a torque x of one joint to both rods.
 
     A torque of joint 1 acts on the inner rod. A torque of joint 2 acts on the outer rod, with its reaction on the inner
     rod.
@@ -108,7 +108,7 @@ _TERMS = Stage(
 
 
 def _held_arm() -> Stage:
-    """Return the stage at which an effect replaces the inertia, friction and stiffness of the arm."""
+    """Return the stage of effects that replace inertia, friction and stiffness of the arm."""
     return Stage(
         arguments="constants, arm",
         quantities={"constants": "{constants}"},
@@ -119,7 +119,7 @@ def _held_arm() -> Stage:
 
 
 def _play(joint: int) -> Stage:
-    """Return the stage of the backlash of a joint's encoder, which returns the angle that the encoder holds."""
+    """Return the stage of an encoder's backlash, whose result is the held angle."""
     angle, hold = f"angle{joint}", f"hold{joint}"
     return Stage(
         arguments=f"{angle}, {hold}",

@@ -9,9 +9,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def stribeck(joint: Joint, torque_Nm: float, extra_at_rest_Nm: float, speed_rad_per_s: float) -> float:
-    """Return the friction torque -(F + S exp(-(u / u_s)^2)) sgn(u) on the following rod, N m.
+    """Return the friction torque -(F + S exp(-(u / u_s)^2)) sgn(u), N m.
 
-    F is `torque_Nm`, S is `extra_at_rest_Nm`, u_s is `speed_rad_per_s`, and u is the speed of the joint.
+    It acts on the following rod. F is `torque_Nm`, S is `extra_at_rest_Nm`, u_s is `speed_rad_per_s`, and u is the
+    speed of the joint.
     """
     ratio = joint.speed / speed_rad_per_s
     return -(torque_Nm + extra_at_rest_Nm * exp(-ratio * ratio)) * joint.direction

@@ -9,7 +9,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def rescaled(torque: float, excess: float) -> float:
-    """Return the difference between acting and known torque, N m: `excess` times the known torque."""
+    """Return acting minus known torque, N m: `excess` times the known torque."""
     return excess * torque
 
 

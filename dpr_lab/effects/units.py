@@ -36,7 +36,7 @@ _SPELLINGS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "°": "d
 
 
 def split_quantity(text: str) -> tuple[float, str]:
-    """Split a text into number and unit, for example `6.1mN m` into 6.1 and `mN m`.
+    """Split a text such as `6.1mN m` into number and unit, 6.1 and `mN m`.
 
     Raises:
         ValueError: the text does not start with a number.
@@ -50,7 +50,7 @@ def split_quantity(text: str) -> tuple[float, str]:
 
 
 def read_quantity(text: str, unit: str, example: str) -> float:
-    """Convert a number with unit, for example `6.1 mN m` or `6.1mN*m`, to the library's unit.
+    """Convert a text such as `6.1 mN m` or `6.1mN*m` to the library's unit.
 
     Args:
         text: number and unit

@@ -12,11 +12,11 @@ SAME_INTERVAL = 1e-8
 
 @njit
 def fill_chain(interval: float, f: Array, q: Array) -> None:
-    """Compute the exact transition matrix f and process noise q over an interval h, in place.
+    """Compute the transition matrix f and process noise q over an interval h, in place.
 
         f_ij = h^(j-i) / (j-i)!,    q_ij = h^(l+r+1) / (l! r! (l+r+1)),    l = CHAIN-1-i,  r = CHAIN-1-j
 
-    The white noise has unit strength.
+    Both are exact. The white noise has unit strength.
 
     Args:
         interval: h

@@ -1,4 +1,4 @@
-"""Detect tables with one row per encoder count, whose angles are exact at the count edges.
+"""Tables with one row per encoder count, whose angles are exact.
 
 An encoder counts at the edge between two counts n and n + 1. The row is sent with the new count. At this instant the
 rod is at the lower end of count n + 1 if it moves up, and at the upper end of count n if it moves down:

@@ -222,7 +222,7 @@ def _held_intervals(motion: RodMotion, band: float) -> list[tuple[int, int]]:
 
 
 def _highest(values: NDArray[Any], width: int) -> NDArray[Any]:
-    """Return the (n - width + 1, ...) maxima over windows of `width` rows of `values`, (n, ...).
+    """Return the (n - width + 1, ...) maxima over windows of `width` rows.
 
     The maxima are combined recursively from those over windows of half the width.
     """
@@ -265,10 +265,10 @@ def _turns(motion: RodMotion, first: int, stop: int) -> bool:
 
 
 def _fall(t: Array, rods: Array) -> int:
-    """Return the first sample of a fall from rest, if a fall describes the readings better than one parabola.
+    """Return the first sample of a fall from rest, or 0.
 
-    Otherwise the result is 0. In the model of a fall, the rods rest until t0 and have moved by alpha (t - t0)^2 / 2 at
-    a later time t.
+    The result is 0 unless a fall describes the readings better than one parabola. In the model of a fall, the rods rest
+    until t0 and have moved by alpha (t - t0)^2 / 2 at a later time t.
     """
     tried = range(HELD.fewest, len(t) - HELD.fewest)
     if not tried:
@@ -280,7 +280,7 @@ def _fall(t: Array, rods: Array) -> int:
 
 
 def _restarts(motion: RodMotion, stop: int, band: float) -> bool:
-    """Return whether rods that hang at rest swing again later, which is impossible for a decaying swing."""
+    """Return whether rods that hang at rest swing again, impossible for a decaying swing."""
     later = motion.rods[stop:]
     return bool(len(later)) and float(np.ptp(later, axis=0).max()) > HELD.restart * band
 
@@ -317,9 +317,9 @@ def _swings(motion: RodMotion, first: int, stop: int, band: float) -> bool:
 
 
 def _short_rest(motion: RodMotion, band: float) -> int:
-    """Return the number of samples of a rest at the beginning that is shorter than a held interval.
+    """Return the number of samples of a short rest at the beginning, or 0.
 
-    The number is 0 if there is no such rest. Rods that are released at t0 fall by alpha (t - t0)^2 / 2. If they have
+    The rest is shorter than a held interval. Rods that are released at t0 fall by alpha (t - t0)^2 / 2. If they have
     fallen by d at t1 and by 4 d at t2, then t0 = 2 t1 - t2.
     """
     t, n = motion.t, len(motion.t)

@@ -54,7 +54,10 @@ def _predict(
     Q: Array,
     work: Array,
 ) -> None:
-    """Advance the state, x = f x, and its covariance, P = f P f^T + Q, in place; f is upper triangular."""
+    """Advance state and covariance in place: x = f x, P = f P f^T + Q.
+
+    f is upper triangular.
+    """
     for i in range(CHAIN):
         ahead = 0.0
         for m in range(i, CHAIN):

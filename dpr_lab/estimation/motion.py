@@ -101,5 +101,5 @@ def _refuse_still(name: str, run: Run, rods: Array) -> None:
 
 
 def _ranges(values: Array) -> Array:
-    """Return the range of each column; the fraction `tail` of the values at either end is left out."""
+    """Return the range of each column without the fraction `tail` at either end."""
     return np.ptp(np.quantile(values, [SETTINGS.tail, 1 - SETTINGS.tail], axis=0), axis=0)

@@ -76,7 +76,7 @@ class NoiseFloor:
 
     @property
     def whitening(self) -> Array:
-        """(2, 2) whitening matrix W, 1/rad: W times an error of (theta1, theta2) has unit variance.
+        """(2, 2) matrix W, 1/rad, that whitens an error of (theta1, theta2).
 
         W^T W is the inverse covariance.
         """
@@ -114,7 +114,10 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
 
 
 def _film_std(film: FilmNoise, joints: JointAngles) -> Array:
-    """Return the (2,) standard deviation of the joint angles of a video, rad; both are equal for a single rod."""
+    """Return the (2,) standard deviations of the joint angles of a video, rad.
+
+    Both are equal for a single rod.
+    """
     rods = np.asarray(film.std) * np.ones(2)
     to_joints = np.linalg.inv(joints.to_rods_matrix)
     return np.sqrt(to_joints**2 @ rods**2)
@@ -162,12 +165,12 @@ def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Arra
 
 
 def _still_window(run: Run) -> int:
-    """Return the minimum number of samples within one step for which rounding errors are not independent."""
+    """Return the number of samples within one step from which rounding errors are dependent."""
     return max(2, round(NOISE.still_s * run.rate_hz))
 
 
 def _still(readings: Array, steps: Array, window: int) -> Flags:
-    """Return an (n - window + 1, m) mask: whether `window` successive readings stay within one step.
+    """Return an (n - window + 1, m) mask of windows that stay within one step.
 
     The readings have the shape (n, m).
     """
@@ -181,7 +184,7 @@ def _still(readings: Array, steps: Array, window: int) -> Flags:
 
 
 def _rounding(run: Run, readings: Array, counts: Array, std: Array, still: bool) -> Array:
-    """Return the (m,) standard deviation of the rounding of the readings (n, m) of a swing, rad.
+    """Return the (m,) standard deviations of the rounding of readings (n, m), rad.
 
     A table of angles may come from other encoders than those of the rig file. It counts as rounded only if its own
     readings show a step, or if it has no noise at all.
@@ -272,11 +275,11 @@ def difference_weights(windows: Array, period: float) -> Array:
 
 
 def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> Array:
-    """Return the (2,) autocorrelation of the noise of joints 1 and 2 at a lag of `apart` samples.
+    """Return the (2,) autocorrelation of the noise at a lag of `apart` samples.
 
-    The value is 0 if it is not significant. For white noise the estimate is 0 +- 1 / sqrt(n). A tracker or a filter
-    causes a larger value. For a video the value is the autocorrelation of the lengths of the rods, modelled as a
-    process of first order.
+    The values belong to joints 1 and 2. A value is 0 if it is not significant. For white noise the estimate is 0 +- 1 /
+    sqrt(n). A tracker or a filter causes a larger value. For a video the value is the autocorrelation of the lengths of
+    the rods, modelled as a process of first order.
     """
     if run.film_noise is not None:
         return np.full(2, run.film_noise.correlation**apart)

@@ -53,9 +53,9 @@ SETTINGS = RepeatSettings()
 
 
 def new_readings(t: Array, columns: Sequence[Array]) -> tuple[NDArray[np.intp], str]:
-    """Return the indices of rows with a new reading, and a note about the other rows.
+    """Return the indices of rows with a new reading, and a note.
 
-    The note is empty if all rows have a new reading.
+    The note describes the other rows, and is empty if there are none.
 
     Args:
         t: (n,) increasing times, s

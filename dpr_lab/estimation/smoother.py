@@ -78,7 +78,7 @@ def smooth_chains(
 
 @subroutine
 def _set_interval(interval: float, before: float, f: Array, q: Array) -> float:
-    """Recompute f and q if the interval has changed, and return the interval for which they are valid."""
+    """Recompute f and q if the interval has changed; return their interval."""
     if abs(interval - before) <= SAME_INTERVAL * before:
         return before
     fill_chain(interval, f, q)
@@ -96,7 +96,7 @@ def _predict(
     P_ahead: Array,
     G: Array,
 ) -> None:
-    """Compute x_ahead = F x, P_ahead = F P F^T + Q and G = F P, stored in the last three arguments."""
+    """Compute x_ahead = F x, P_ahead = F P F^T + Q and G = F P in place."""
     for i in range(STATES):
         x_ahead[i] = 0.0
         for m in range(i % CHAIN, CHAIN):
@@ -115,7 +115,7 @@ def _predict(
 
 @subroutine
 def _multiply(f: Array, A: Array, product: Array) -> None:
-    """Compute the product F A, where F is block diagonal with two equal, upper triangular blocks f."""
+    """Compute F A, where F has two equal, upper triangular blocks f."""
     for i in range(STATES):
         first = i - i % CHAIN
         for j in range(STATES):
@@ -127,7 +127,7 @@ def _multiply(f: Array, A: Array, product: Array) -> None:
 
 @subroutine
 def _update(x: Array, P: Array, theta: Array, noise: Array) -> float:
-    """Update the state with a reading, in place; return the normalised innovation squared of the reading."""
+    """Update the state in place; return the normalised innovation squared of the reading."""
     s11, s12, s22 = P[0, 0] + noise[0, 0], P[0, CHAIN] + noise[0, 1], P[CHAIN, CHAIN] + noise[1, 1]
     scale = 1.0 / (s11 * s22 - s12 * s12)
     i11, i12, i22 = s22 * scale, -s12 * scale, s11 * scale
@@ -177,7 +177,10 @@ def _smooth(
     P_moved: Array,
     work: Array,
 ) -> None:
-    """Compute x + C^T x_moved and P + C^T P_moved C in place; C is the transposed smoother gain."""
+    """Compute x + C^T x_moved and P + C^T P_moved C in place.
+
+    C is the transposed smoother gain.
+    """
     for i in range(STATES):
         for j in range(STATES):
             x[j] += C[i, j] * x_moved[i]

@@ -8,7 +8,7 @@ from dpr_lab.run import Run, clock_error
 
 
 def refuse_other_rigs(runs: Iterable[Run], rig_name: str) -> None:
-    """Check that every run belongs to the rig with this name. A run without the name of a rig is accepted.
+    """Check that every run belongs to the rig with this name, if known.
 
     Raises:
         RunError: a run belongs to another rig.
@@ -18,7 +18,7 @@ def refuse_other_rigs(runs: Iterable[Run], rig_name: str) -> None:
 
 
 def refuse_other_rig(place: Path | str, recorded: str, given: str) -> None:
-    """Check that the name of a recorded rig, if it is known, is the name of the given rig.
+    """Check that a recorded rig, if it is known, is the given one.
 
     Raises:
         RunError: the names differ; the message starts with `place`, the file or the name of the run.

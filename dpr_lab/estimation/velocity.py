@@ -74,7 +74,7 @@ class Smoothed:
 
 
 def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smoothed:
-    """Estimate angles and velocities of the swing by a forward and a backward pass (Rauch-Tung-Striebel).
+    """Estimate angles and velocities of the swing by Rauch-Tung-Striebel smoothing.
 
     Args:
         run: the run; only t >= 0 is used, because the release is not a smooth motion
@@ -99,7 +99,7 @@ def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smooth
 
 
 def tuned_snap(run: Run, noise: NoiseFloor) -> Array:
-    """Estimate the strength of the process noise of each rod by maximum likelihood, in sections.
+    """Estimate the process noise of each rod by maximum likelihood, in sections.
 
     The likelihood of each section is computed for a grid of memories, and its maximum is refined by a parabola. The
     logarithm of the strength is interpolated between the centres of sections. The measurement noise of each rod is its
@@ -138,7 +138,7 @@ def tuned_snap(run: Run, noise: NoiseFloor) -> Array:
 
 
 def _swing(run: Run) -> tuple[Array, Array, float]:
-    """Return the times, s, the angles of the rods, rad, and the median sampling interval, s.
+    """Return the times, s, rod angles, rad, and median sampling interval, s, of a swing.
 
     All values start at the release.
     """

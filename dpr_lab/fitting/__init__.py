@@ -1,1 +1,1 @@
-"""Fit models to segments with free initial states (multiple shooting) by the Gauss-Newton method."""
+"""Multiple shooting: Gauss-Newton fits of models to segments with free initial states."""

@@ -1,4 +1,4 @@
-"""Covariance of fitted values due to noise and to errors of values that a fit treats as exact."""
+"""Covariance of fitted values due to noise and to values that count as exact."""
 
 from collections.abc import Sequence
 
@@ -48,7 +48,10 @@ def shifted(fit: Fit, change: Array) -> Array:
 
 
 def _inner(fit: Fit, inflation: float) -> Array:
-    """Return the (inside, inside) covariance, divided by the inflation, of the values that are inside their bounds."""
+    """Return the covariance of the values inside their bounds, divided by the inflation.
+
+    Its shape is (inside, inside).
+    """
     space = ColumnSpace.of(fit.linear.A[:, :, fit.inside], fit.linear.e)
     rows = inflation**0.5 * fit.prior[:, fit.inside]
     return space.with_prior(rows, np.zeros(len(rows))).covariance()

@@ -42,7 +42,7 @@ def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
 
 
 def partition(run: Run, length: float) -> list[slice]:
-    """Cut a run from the release on into segments of about equal length; gaps are allowed.
+    """Cut a run from the release on into about equal segments, which may contain gaps.
 
     Args:
         run: the run from the release on

@@ -166,14 +166,14 @@ def _rows(torques: Torques) -> Torques:
 
 
 def _at(values: Array, place: Array) -> Array:
-    """Return the linear interpolation of values (n, ...) on a grid at positions (m,) in grid points."""
+    """Interpolate values (n, ...) linearly at positions (m,) in grid points."""
     lower = np.minimum(place.astype(np.int64), len(values) - 2)
     share = (place - lower).reshape(-1, *[1] * (values.ndim - 1))
     return (1 - share) * values[lower] + share * values[lower + 1]
 
 
 def _push_of_arm(reference: Trajectory, problem: Problem) -> Array:
-    """Return the (n, 4) change of the initial state that is equivalent to a unit acceleration of the arm."""
+    """Return the (n, 4) initial-state change equivalent to a unit acceleration of the arm."""
     rig = problem.model.constants
     d, e1 = reference.bases[reference.motion.run][:, 2], reference.bases[reference.motion.run][:, 3]
     levers = -rig.L0 / rig.g * np.stack([e1, d * rig.g / rig.L1], axis=1) * np.cos(reference.motion.theta)
@@ -181,17 +181,19 @@ def _push_of_arm(reference: Trajectory, problem: Problem) -> Array:
 
 
 def _push_of_inner(reference: Trajectory, problem: Problem) -> Array:
-    """Return the (n, 4) change of the initial state that is equivalent to a unit acceleration of the inner rod."""
+    """Return the (n, 4) initial-state change equivalent to a unit acceleration of the inner rod."""
     return PRESCRIBED.inertia * reference.into[:, :, 0]
 
 
 def _derivatives(push: Array, reference: Trajectory) -> tuple[Array, Array]:
-    """Return the first and second time derivative, (n, 4) each, of the equivalent initial-state change `push`.
+    """Return the first and second time derivative, (n, 4) each, of `push`.
 
-    These derivatives are needed because an error e of a prescribed angle acts through its second derivative.
-    Integrating by parts twice gives two contributions to the readings: -out slope e at the same instant, and out times
-    the integral of bend e afterwards. Here slope and bend are the first and the second derivative, and out is the
-    derivative of the readings with respect to the initial state.
+    `push` is the initial-state change that is equivalent to a push. The derivatives are needed because an error e of a
+    prescribed angle acts through its second derivative. Integrating by parts twice gives two contributions to the
+    readings:
+    -out slope e at the same instant, and out times the integral of bend e afterwards. Here slope and bend are the first
+    and
+    the second derivative, and out is the derivative of the readings with respect to the initial state.
     """
     slope, bend = np.empty_like(push), np.empty_like(push)
     for first, last in pairwise(reference.edges):
@@ -201,7 +203,7 @@ def _derivatives(push: Array, reference: Trajectory) -> tuple[Array, Array]:
 
 
 def _of_motion(motion: ArmMotion | None) -> float:
-    """Return the square root of the intensity of the noise of a prescribed angle, rad s^(1/2).
+    """Return the root intensity of the noise of a prescribed angle, rad s^(1/2).
 
     The value is zero if no motion is prescribed.
     """
@@ -209,7 +211,7 @@ def _of_motion(motion: ArmMotion | None) -> float:
 
 
 def _spread(setup: Setup, most_Nm: ArrayLike) -> Array:
-    """Return the (2, 2) square root of the intensity of the torque noise, N m s^(1/2).
+    """Return the (2, 2) root intensity of the torque noise, N m s^(1/2).
 
     The rows are theta1 and theta2, the columns are joints 1 and 2.
     """

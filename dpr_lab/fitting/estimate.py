@@ -88,13 +88,13 @@ class Estimate:
 
     @classmethod
     def of(cls, ratios: Array, params: Array, initial: Array, zeros: Array | None = None) -> "Estimate":
-        """Create an estimate from its blocks; omit `zeros` unless encoders are zeroed before each run.
+        """Create an estimate from its blocks.
 
         Args:
             ratios: (7,) as in the property `ratios`
             params: (SIZE,) as in the property `params`
             initial: (segments, 4) initial states
-            zeros: (runs, 2) as in the property `zeros`
+            zeros: (runs, 2) as in the property `zeros`; None unless encoders are zeroed before each run
 
         Raises:
             ValueError: a block has another length.
@@ -121,7 +121,7 @@ class Estimate:
 
     @property
     def ratios(self) -> Array:
-        """(7,) the five ratios, b and p/b, as in `UNKNOWN_RATIOS`; p/b is nan if not needed."""
+        """(7,) five ratios, b and p/b, as in `UNKNOWN_RATIOS`; p/b may be nan."""
         return self.vector[:EFFECTS_BEGIN]
 
     @property
@@ -131,7 +131,7 @@ class Estimate:
 
     @property
     def zeros(self) -> Array:
-        """(runs, 2) zero offsets of encoders 1 and 2, rad; empty if the zeros are fixed."""
+        """(runs, 2) zero offsets of encoders 1 and 2, rad; empty if fixed."""
         return self.vector[ZEROS_BEGIN:].reshape(-1, 2)
 
     @property
@@ -192,7 +192,7 @@ def with_scale(ratios: Array, b: float) -> Array:
 
 
 def whole_of(ratios: Array) -> Array:
-    """Convert (..., 7) ratios, b and p/b to the (..., 7) base parameters of the rig, SI.
+    """Convert (..., 7) ratios, b and p/b to (..., 7) base parameters, SI.
 
     If p/b is nan, p is nan.
     """
@@ -202,7 +202,7 @@ def whole_of(ratios: Array) -> Array:
 
 
 def alone_share(ratios: Array) -> float:
-    """Return the inertia of the inner rod alone about joint 1, divided by the rig's b.
+    """Return the inertia of the inner rod alone about joint 1, relative to b.
 
     Args:
         ratios: (7,) ratios, b and p/b

@@ -192,7 +192,7 @@ def fit(
 
 @dataclass(frozen=True, slots=True)
 class RigPrior:
-    """Prior of the rig file as a term |e - A step|^2 of the cost of a step."""
+    """Prior of the rig file as a term |e - A step|^2 of the cost."""
 
     problem: Problem
     estimate: Estimate
@@ -211,7 +211,7 @@ class RigPrior:
     def at(
         cls, problem: Problem, estimate: Estimate, free: tuple[FreeParameter, ...], linear: Linearisation
     ) -> "RigPrior":
-        """Return the prior for steps from an estimate, weighted by the residual at this estimate."""
+        """Return the prior for steps from an estimate, weighted by its residual."""
         if problem.prior is None or not free:
             return cls(problem, estimate, free, np.zeros((0, len(free))), np.zeros(0), 1.0)
         A, e = problem.prior.rows(estimate, free)
@@ -230,7 +230,7 @@ class RigPrior:
 
 
 def _amplitude_changed(end: Iteration, free: Sequence[FreeParameter], settings: GaussNewton) -> bool:
-    """Return whether an amplitude changed so much that the derivative of its effect's shape is outdated."""
+    """Return whether the change of an amplitude made a shape derivative outdated."""
     shaped = {parameter.effect for parameter in free if not parameter.amplitude}
     amplitudes = [parameter for parameter in free if parameter.amplitude and parameter.effect in shaped]
     pairs = [(parameter.read(end.linearised_at), parameter.read(end.estimate)) for parameter in amplitudes]
@@ -300,7 +300,7 @@ def iterate(
 
 
 def _end(problem: Problem, chi2: float, reduction: float, tolerance: float, settings: GaussNewton) -> StopReason | None:
-    """Return the reason to stop after a successful step that reduces the cost by a small amount.
+    """Return the reason to stop after a step that reduces the cost slightly.
 
     The result is None if the iteration must continue. If the residual is far above the noise, a preliminary fit stops
     already at a larger reduction, because the model error exceeds any small reduction. The values of chi2 are not
@@ -330,7 +330,7 @@ def _linearised(problem: Problem, free: tuple[FreeParameter, ...], state: Iterat
 
 
 def _step(state: Iteration, free: tuple[FreeParameter, ...], prior: RigPrior) -> Array:
-    """Return the (free,) damped step within the bounds; the step of an absorbed amplitude is zero."""
+    """Return the (free,) damped step within bounds, zero for absorbed amplitudes."""
     if not free:
         return np.zeros(0)
     space = ColumnSpace.of(*state.linear.flat)

@@ -1,4 +1,4 @@
-"""Prior of the rig file: normal for the ratios and b, with limits for the sizes of effects.
+"""Prior of the rig file: normal ratios and b, with limits for effects.
 
 The nine parameters have their best known values as means. The standard deviation of each is that of a uniform
 distribution between its bounds, or the standard uncertainty of a measured value. A lower limit keeps the prior weak.
@@ -78,7 +78,7 @@ class Prior:
     """(SIZE,) maximum sizes of the amplitudes of effects."""
 
     def rows(self, estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array]:
-        """Return the rows A (n, free) and e (n,) of the prior term |e - A step|^2 of the cost."""
+        """Return A (n, free) and e (n,) of the prior term |e - A step|^2."""
         A, e = np.zeros((len(free), len(free))), np.zeros(len(free))
         of_ratios = [i for i, parameter in enumerate(free) if parameter.block == "ratios"]
         if of_ratios:
@@ -136,7 +136,10 @@ class Prior:
 
 @lru_cache(maxsize=8)  # cached, because every step of a fit uses it
 def _root(prior: Prior, places: tuple[int, ...]) -> Array:
-    """Return a root W of the inverse covariance of some unknowns, (n, n): W^T W is the inverse covariance."""
+    """Return a root W (n, n) of the inverse covariance of some unknowns.
+
+    W^T W is the inverse covariance.
+    """
     root = np.linalg.inv(np.linalg.cholesky(prior.covariance[np.ix_(places, places)]))
     return np.asarray(root, dtype=np.float64)
 
@@ -171,7 +174,7 @@ def parameter_std(rig: Rig) -> Array:
 
 
 def unknown_jacobian(Z: Array, rig: Rig) -> Array:
-    """Return the (7, 9) derivative of ratios, b and p/b with respect to the nine parameters."""
+    """Return the (7, 9) derivative of ratios, b and p/b by the nine parameters."""
     b = base_jacobian(Z, rig.L1, rig.g)[_B]
     p = rig.L1**2 * np.eye(len(PARAMETERS))[PARAMETERS.index("m2")]
     *_, scale, on_elbow = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))

@@ -1,4 +1,4 @@
-"""Fit problem: the encoder readings of segments, their weights, and the model that predicts them."""
+"""Fit problem: encoder readings of segments, their weights, and the model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class OutputModel(Protocol):
-    """Model of the encoder readings along segments, with its derivatives with respect to the unknowns."""
+    """Model that predicts encoder readings along segments, and their derivatives."""
 
     @property
     def constants(self) -> RigConstants:
@@ -218,7 +218,7 @@ class Problem:
         return slopes
 
     def chi2_by_segment(self, predicted: Array) -> Array:
-        """Return the (segments,) sum of squared whitened residuals, with inf for a segment whose simulation fails."""
+        """Return the (segments,) sum of squared whitened residuals; inf after a failed simulation."""
         with np.errstate(over="ignore", invalid="ignore"):
             if self.disturbance is not None or self.camera_rad:
                 return np.nan_to_num(np.sum(self.whitened(self.measured - predicted) ** 2, axis=1), nan=np.inf)
@@ -237,5 +237,5 @@ class Problem:
         return float(self.chi2_by_segment(self.predict(estimate)).sum())
 
     def weighted(self, factor: Array) -> "Problem":
-        """Return a copy of the problem with every weight multiplied by `factor` (samples, 1 or 2)."""
+        """Return a copy with every weight multiplied by `factor` (samples, 1 or 2)."""
         return replace(self, weight=self.weight * factor)

@@ -51,20 +51,20 @@ class ColumnSpace:
         return ColumnSpace(self.scale[columns], self.H[columns][:, columns], self.gradient[columns])
 
     def with_prior(self, A: Array, e: Array) -> "ColumnSpace":
-        """Add prior rows (n, k) A and (n,) e, and scale all columns to unit norm again."""
+        """Add prior rows A (n, k) and e (n,), and scale all columns to unit norm."""
         H = self.H / self.scale[:, None] / self.scale + A.T @ A
         scale = 1 / np.maximum(np.sqrt(np.diag(H)), TINY)
         return ColumnSpace(scale, H * scale[:, None] * scale, (self.gradient / self.scale + A.T @ e) * scale)
 
     def given(self, held: Indices, columns: Indices) -> "ColumnSpace":
-        """Return the problem of `columns` after the columns `held` are projected out, in the same scales."""
+        """Return the problem of `columns` after `held` is projected out, in the same scales."""
         across = self.H[held][:, columns]
         out = np.linalg.solve(_ridged(self.H[held][:, held]), np.column_stack([across, self.gradient[held]]))
         H = self.H[columns][:, columns] - across.T @ out[:, :-1]
         return ColumnSpace(self.scale[columns], H, self.gradient[columns] - across.T @ out[:, -1])
 
     def gains_given(self, across: Array, within: Array, gradient: Array, positive: bool) -> Array:
-        """Return the (sets,) additional reduction of |e|^2 by each of many small sets of columns.
+        """Return the (sets,) additional reduction of |e|^2 by each small set of columns.
 
         Each set is fitted together with the columns of this space.
         """
@@ -117,11 +117,11 @@ class ColumnSpace:
         return remaining
 
     def covariance(self) -> Array:
-        """Return the (k, k) covariance of the solution if the noise is white with unit variance."""
+        """Return the (k, k) covariance of the solution for white noise of unit variance."""
         return np.linalg.inv(_ridged(self.H)) * self.scale[:, None] * self.scale
 
     def cosine(self, direction: Array, columns: Indices, others: Indices) -> float:
-        """Return the cosine of the angle between A_c x and the span of the columns `others`.
+        """Return the cosine between A_c x and the span of the columns `others`.
 
         A_c are the columns `columns`, and x is `direction`.
         """

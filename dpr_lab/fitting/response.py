@@ -81,7 +81,7 @@ class Trajectory:
     """(segments + 1,) index of the first sample of each segment, then the number of samples."""
 
     def response(self, problem: Problem, torque: Array) -> Array:
-        """Return the (segments, m, k) whitened response of the readings to torques (n, 2, k), N m."""
+        """Return the (segments, m, k) whitened response to torques (n, 2, k), N m."""
         torque, count = np.ascontiguousarray(torque), torque.shape[2]
         changes = np.empty((len(self.first) - 1, int(np.diff(self.first).max()), problem.axes, count))
         grid = _Grid(self.motion.t, self.into, self.out, self.at, self.edges, self.first)
@@ -91,7 +91,10 @@ class Trajectory:
         return problem.decorrelated(changes)
 
     def torques(self, stage: StageName, constants: RigConstants, params: Array) -> Array:
-        """Return the (n, 2, k) torques of effects (k, SIZE), N m, for a stage in `TRAJECTORY_TORQUES`."""
+        """Return the (n, 2, k) torques of effects (k, SIZE), N m, at one stage.
+
+        The stage is one of `TRAJECTORY_TORQUES`.
+        """
         kinds = {setup: self.of_setup(setup) for setup in self.setups}
         if len(kinds) == 1:
             return self._torques(stage, constants, params, self.setups[0], slice(None))
@@ -118,14 +121,14 @@ class Trajectory:
 
     @property
     def joint_angle(self) -> Array:
-        """(n, 2) angles of joints 1 and 2, rad, 0 = hanging; with a moving arm also theta0."""
+        """(n, 2) angles of joints 1 and 2 from hanging, rad; then theta0 if the arm moves."""
         theta = self.motion.theta
         joints = [theta[:, 0] - np.pi, theta[:, 1] - theta[:, 0], *theta[:, 2:].T]
         return np.stack(joints, axis=1)
 
     @property
     def joint_speed(self) -> Array:
-        """(n, 2) speeds of joints 1 and 2, rad/s; with a moving arm also that of the arm."""
+        """(n, 2) speeds of joints 1 and 2, rad/s; then that of a moving arm."""
         omega = self.motion.omega
         return np.stack([omega[:, 0], omega[:, 1] - omega[:, 0], *omega[:, 2:].T], axis=1)
 
@@ -188,7 +191,7 @@ def trajectory(
 
 
 def _followed(bases: Array, rig: RigConstants, grid: Segments, estimate: Estimate) -> FollowedSwing:
-    """Return the simulated swings of two rods on an arm that is clamped or has a prescribed motion."""
+    """Simulate two rods on an arm that is clamped or has a prescribed motion."""
     states, slopes = follow(estimate.ratios, grid, estimate.initial, rig, outputs=4)
     phi = slopes[:, :, len(RATIOS) :]
     lost = ~(np.isfinite(phi).all(axis=(1, 2)) & (np.abs(states) < FOLLOW.wildest).all(axis=1))
@@ -209,7 +212,7 @@ def _grid(first: float, last: float, spacing: float) -> Array:
 
 
 def _prescribed_torques(bases: Array, rig: RigConstants, states: Array, arm: Array) -> Array:
-    """Return the (n, 2) torques on theta1 and theta2 that a prescribed motion of the arm causes, N m.
+    """Return the (n, 2) torques of a prescribed arm motion on theta1 and theta2, N m.
 
     `arm` (n, 2) contains the acceleration and the squared speed of the arm. The equation is (54) of docs/theory.md.
     """
@@ -220,7 +223,7 @@ def _prescribed_torques(bases: Array, rig: RigConstants, states: Array, arm: Arr
 
 
 def _accelerations(bases: Array, held: Flags, L1: float, g: float, states: Array, drive: Array) -> tuple[Array, Array]:
-    """Return the (n, 2, 2) inverse mass matrices and the (n, 2) accelerations of equation (1).
+    """Return inverse mass matrices (n, 2, 2) and accelerations (n, 2) of equation (1).
 
     If `held` is true, joint 2 is fixed.
     """
@@ -235,11 +238,12 @@ def _accelerations(bases: Array, held: Flags, L1: float, g: float, states: Array
 
 @njit(allocates=False)
 def _response(grid: _Grid, weight: Array, torque: Array, sums: Array, response: Array) -> None:
-    """Integrate the response by the trapezoidal rule from the start of each segment, and weight it at the samples.
+    """Integrate the response by the trapezoidal rule, and weight it at the samples.
 
-    This function is `_response_with_arm` for the four states of two rods, unrolled, because a diagnosis integrates
-    thousands of torques. The inner loop runs over torques. The result is written to `response`, (segments, m, k), where
-    short segments end in zeros; `sums` (2, 4, k) is a work array.
+    The integration begins at the start of each segment. This function is `_response_with_arm` for the four states of
+    two rods, unrolled, because a diagnosis integrates thousands of torques. The inner loop runs over torques. The
+    result is written to `response`, (segments, m, k), where short segments end in zeros; `sums` (2, 4, k) is a work
+    array.
     """
     t, into, out, positions, edges, first = grid
     count, before, total = torque.shape[2], sums[0], sums[1]
@@ -281,7 +285,7 @@ def _response(grid: _Grid, weight: Array, torque: Array, sums: Array, response: 
 
 @njit(allocates=False)
 def _response_with_arm(grid: _Grid, weight: Array, torque: Array, sums: Array, response: Array) -> None:
-    """Compute the same result as `_response` for any number of states and axes; `sums` is (2, states, k)."""
+    """Compute `_response` for any number of states and axes; `sums` is (2, states, k)."""
     t, into, out, positions, edges, first = grid
     states, axes, count, before, total = into.shape[1], into.shape[2], torque.shape[2], sums[0], sums[1]
     for s in range(len(first) - 1):

@@ -68,14 +68,14 @@ class RodsAlone:
         return slopes
 
     def _ratios(self, segments: Segments, estimate: Estimate) -> tuple[Array, Array]:
-        """Return the ratios and 1 / b of each segment, (segments, 6), and their derivatives (segments, 6, 7)."""
+        """Return ratios and 1 / b (segments, 6), and their derivatives (segments, 6, 7)."""
         by_run = [pushed_by(estimate.ratios, setup, self.constants.L1, self.constants.g) for setup in segments.setups]
         values, slopes = zip(*by_run, strict=True)
         return np.array(values)[segments.run], np.array(slopes)[segments.run]
 
 
 def by_start(slopes: Array, setup: Setup) -> Array:
-    """Adapt derivatives (..., 4) with respect to an initial state to rods that turn as one body."""
+    """Adapt derivatives (..., 4) by an initial state to rods that turn as one body."""
     if setup.held:
         slopes = slopes.copy()
         slopes[..., 2] += slopes[..., 3]
@@ -114,7 +114,7 @@ def ratios_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Ar
 
 
 def _whole_slopes(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
-    """Return the (6, 7) derivative of a run's base parameters with respect to the unknown ratios, b and p/b."""
+    """Return the (6, 7) derivative of a run's base parameters by ratios, b and p/b."""
     b, slopes = unknown[SCALE], np.zeros((len(WHOLE), len(WHOLE)))
     slopes[_OTHERS, : len(RATIOS)], slopes[_P, ON_ELBOW] = b * np.eye(len(RATIOS)), b
     slopes[:, SCALE] = whole_of(unknown) / b

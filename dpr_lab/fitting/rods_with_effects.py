@@ -109,7 +109,10 @@ class RodsWithEffects:
     def _differences(
         self, segments: Segments, estimate: Estimate, free: Sequence[FreeParameter]
     ) -> tuple[Array, Array]:
-        """Compute forward differences (samples, 2, free + 4) and readings (samples, 2) with the steps of `segments`."""
+        """Compute forward differences (samples, 2, free + 4) and readings (samples, 2).
+
+        The steps are those of `segments`.
+        """
         ratios, params, initial = _varied(estimate, free)
         states, axes = segments.states, 3 if segments.arm_moves else 2
         of_encoders = np.array(
@@ -145,17 +148,17 @@ def _inexact(segments: Segments, reading: Array, predicted: Array) -> Flags:
 
 
 def resolved(segments: Segments, params: Array) -> Segments:
-    """Return a copy of the segments with steps that are short enough for every active effect."""
+    """Return a copy with steps that are short enough for every active effect."""
     named = named_params(params, among=STEP_LIMITS)
     limits = [STEP_LIMITS[name](values) for name, values in named.items()]
     return replace(segments, step=np.minimum(segments.step, min(limits))) if limits else segments
 
 
 def _varied(estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array, Array]:
-    """Create the estimates for forward differences: ratios (n, 7), effects (n, SIZE), states (n, segments, states).
+    """Create the estimates for forward differences: ratios, effects, and states.
 
-    In each row, one free parameter or one component of the initial states is incremented. The last row is the estimate
-    itself, so n = free + states + 1.
+    The shapes are (n, 7), (n, SIZE) and (n, segments, states). In each row, one free parameter or one component of the
+    initial states is incremented. The last row is the estimate itself, so n = free + states + 1.
     """
     states = estimate.initial.shape[1]
     rows = len(free) + states + 1

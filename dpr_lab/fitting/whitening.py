@@ -38,9 +38,9 @@ class Disturbance:
 
 
 def padded(values: Array, weight: Array, offsets: Integers) -> Array:
-    """Weight values and arrange them by segment: (samples, axes, k) become (segments, longest, axes, k).
+    """Weight values (samples, axes, k), and arrange them by segment.
 
-    The weights have the shape (samples, axes).
+    The result has the shape (segments, longest, axes, k), the weights have the shape (samples, axes).
     """
     blocks = np.zeros((len(offsets) - 1, int(np.diff(offsets).max()), weight.shape[1], values.shape[2]))
     _weigh(values, weight, offsets, blocks)
@@ -99,7 +99,7 @@ def innovations(columns: Array, weight: Array, offsets: Integers, walk: Array, o
 
 
 def turned_picture(t: Array, turned: Array, weight: Array, offsets: Integers) -> tuple[Array, Array]:
-    """Return the weighted error of the readings by a picture that turns slowly, for a unit angle.
+    """Return the weighted errors by a slowly turning picture, for a unit angle.
 
     Args:
         t: (samples,) times, s

@@ -1,6 +1,6 @@
-"""Known torques and arm motions in the lanes, averaged over each step so that impulses are exact.
+"""Known torques and arm motions in the lanes, averaged over each step.
 
-An arm with the motion theta0(t) exerts these torques on the rods, docs/theory.md (15):
+Impulses are therefore exact. An arm with the motion theta0(t) exerts these torques on the rods, docs/theory.md (15):
 
     tau_i = omega0^2 lever_i - (L0 / g) e_i cos(theta_i) alpha0
 
@@ -137,9 +137,9 @@ def set_torques(w: LaneWorkspace, drive: Drive, run: Integers, knot: Integers) -
 
 @subroutine
 def _arm_speed(knots: Knots, first: int, last: int, t: float) -> float:
-    """Return the speed of the arm at time t from its values at the knots `first` to `last`, rad/s.
+    """Return the speed of the arm at time t, rad/s, by interpolation.
 
-    The speed is constant before the first and after the last of these knots.
+    The speed is linear between the knots `first` to `last`, and constant outside of them.
     """
     i, beyond = first, last + 1
     while i < beyond:  # bisection, because numpy's function in a kernel would import all of scipy.linalg

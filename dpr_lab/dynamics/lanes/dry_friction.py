@@ -1,11 +1,10 @@
-"""Coulomb friction in the lanes: each lane divides its step at the events of its joints.
+"""Coulomb friction in the lanes, which divide their steps at events of their joints.
 
 `dpr_lab.dynamics.dry_friction` describes the friction law, `dpr_lab.dynamics.events` the scheme. All lanes advance
 together, so a trial step with an event is undone and repeated in the next step of all lanes:
 
     t                       te            until
     |------------ 1 ----------------------|    trial step; `settle` finds an event in it
-    |                                          2  `_take_back`: state of the start, length 0; `ahead` = te - t
     |---------- 3 ----------|                  next step, of length `ahead`; `_end_cut` sets a joint that stops to rest
                             |----- 4 -----|    rest of the step, with new directions
 
@@ -43,7 +42,7 @@ from dpr_lab.kernels import inlined, subroutine
 
 @subroutine
 def begin_dry(w: LaneWorkspace, required: Requirements) -> bool:
-    """Set length and joint directions of the next step; return whether any joint is at rest."""
+    """Set length and joint directions of the next step; return whether a joint rests."""
     for k in range(LANES):
         fresh = w.t[k] >= w.until[k]
         w.until[k] = w.t[k] + w.step[k] if fresh else w.until[k]
@@ -66,7 +65,10 @@ def begin_dry(w: LaneWorkspace, required: Requirements) -> bool:
 
 @subroutine
 def accelerate_held(w: LaneWorkspace, rig: RigConstants, arm: bool) -> None:
-    """Set the accelerations of a stage with resting joints held, and the torques that hold them."""
+    """Set the accelerations of a stage with resting joints held.
+
+    The torques that hold these joints are also set.
+    """
     if not arm:
         for k in range(LANES):
             _hold(w, k, reduced_rods(motion_at(w, k), base_at(w, k), terms_at(w, k), HELD_ARM, CLAMPED, 0.0))
@@ -79,7 +81,7 @@ def accelerate_held(w: LaneWorkspace, rig: RigConstants, arm: bool) -> None:
 
 @inlined
 def _hold(w: LaneWorkspace, k: int, rods: ReducedRods) -> None:
-    """Set the accelerations of lane k with resting joints held, and the torques that hold the joints of the rods."""
+    """Set the accelerations and holding torques of lane k with resting joints held."""
     w.alpha0[k], w.alpha1[k], w.alpha2[k] = held(rods, w.direction1[k], w.direction2[k])
     w.push1[k], w.push2[k] = pushes(rods, w.direction1[k], w.direction2[k])
 
@@ -167,7 +169,7 @@ def let_go(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Require
 
 @subroutine
 def settle(w: LaneWorkspace, required: Requirements, resting: bool) -> None:
-    """Finish a step: accept it, or undo it if a joint stops or starts to slide within it."""
+    """Accept a step, or undo it if a joint stops or starts to slide."""
     count = 0
     for k in range(LANES):
         omega1, omega2 = w.omega1[k], w.omega2[k]
@@ -199,7 +201,7 @@ def _alphas(w: LaneWorkspace, k: int) -> Three:
 
 @subroutine
 def _end_cut(w: LaneWorkspace, k: int) -> None:
-    """If a joint stops at the end of the step of lane k, set this joint to rest."""
+    """Set a joint to rest if it stops at the end of the step of lane k."""
     joint = int(w.cut[k]) - 1
     if joint > 0:
         speed, acceleration = of_joints(_omegas(w, k))[joint - 1], of_joints(_alphas(w, k))[joint - 1]
@@ -220,7 +222,7 @@ def _stop(w: LaneWorkspace, k: int, joint: int, later: float) -> None:
 
 @subroutine
 def _look_for_event(w: LaneWorkspace, k: int, required: Requirements, resting: bool) -> None:
-    """Undo the step of lane k if it contains an event; the next step then ends there."""
+    """Undo the step of lane k if it contains an event, where the next step ends."""
     never = math.inf
     first0, last0 = (w.first0[k], w.last0[k]) if required.dry0 else (never, never)
     first, last = (w.first1[k], w.first2[k], first0), (never, never, never)
@@ -243,7 +245,7 @@ def _look_for_event(w: LaneWorkspace, k: int, required: Requirements, resting: b
 
 @subroutine
 def _take_back(w: LaneWorkspace, k: int, required: Requirements) -> None:
-    """Return lane k to the state at the start of its step, as if the step had length 0."""
+    """Return lane k to the start of its step, as if its length were 0."""
     w.t[k], w.h[k] = w.old_t[k], 0.0
     w.theta1[k], w.theta2[k] = w.old_theta1[k], w.old_theta2[k]
     w.omega1[k], w.omega2[k] = w.old_omega1[k], w.old_omega2[k]

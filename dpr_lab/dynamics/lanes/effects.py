@@ -27,7 +27,7 @@ from dpr_lab.kernels import subroutine
 
 
 class _LaneNotation(dict[str, str]):
-    """Notation of the lane version: a name is lane k of a row of the workspace.
+    """Lane notation: a name is lane k of a workspace row.
 
     `params_3` is lane k of row 3 of `params`.
     """

@@ -25,7 +25,7 @@ from dpr_lab.kernels import subroutine
 
 @subroutine
 def begin_gear(w: LaneWorkspace) -> None:
-    """Set the inertia and friction of the arm for the step, and store the state of the motor."""
+    """Set inertia and friction of the arm for the step; store the state of the motor."""
     for k in range(LANES):
         w.old_hold0[k], w.old_motor_speed0[k], w.old_loose0[k] = w.hold0[k], w.motor_speed0[k], w.loose0[k]
         w.inertia[k] = w.geared_inertia[k] - w.loose0[k] * w.motor_inertia0[k]
@@ -75,7 +75,7 @@ def follow(w: LaneWorkspace, active: Flags, until: float) -> None:
 
 @subroutine
 def balance_gear(w: LaneWorkspace) -> None:
-    """Compute the impulse that the gear has still to transmit at the end of a step.
+    """Compute the impulse that the gear still transmits after a step.
 
     Before the release, the motor moves with the arm.
     """

@@ -6,7 +6,7 @@ from dpr_lab.kernels import subroutine
 
 @subroutine
 def cubic(u: float, h: float, y0: float, v0: float, y1: float, v1: float) -> float:
-    """Return the value at the fraction u of a step of length h, by cubic interpolation.
+    """Interpolate at the fraction u of a step of length h by a cubic polynomial.
 
     The polynomial has the values y0, y1 and the derivatives v0, v1 at the ends of the step.
     """
@@ -22,7 +22,7 @@ def angle1(w: LaneWorkspace, k: int, u: float) -> float:
 
 @subroutine
 def angle2(w: LaneWorkspace, k: int, u: float, relative2: float) -> float:
-    """Return the angle of joint 2, as its encoder reads it, at the fraction u of the step of lane k, rad."""
+    """Return the angle of encoder 2 at the fraction u of the step of lane k, rad."""
     theta2 = cubic(u, w.h[k], w.old_theta2[k], w.old_omega2[k], w.theta2[k], w.omega2[k])
     return theta2 - relative2 * angle1(w, k, u)
 

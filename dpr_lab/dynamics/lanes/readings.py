@@ -66,7 +66,7 @@ def _piece(tracks: Tracks, track: int, turn: int) -> Piece:
 
 @subroutine
 def _load_block(first: int, last: int, tracks: Tracks, block: LaneBlock, buffers: Buffers) -> int:
-    """Load a block of tracks into the lanes; return the largest number of segments of a track.
+    """Load a block of tracks into the lanes; return the largest number of segments.
 
     Spare lanes are loaded with the last track.
     """
@@ -82,7 +82,7 @@ def _load_block(first: int, last: int, tracks: Tracks, block: LaneBlock, buffers
 
 @subroutine
 def _begin_round(first: int, last: int, turn: int, tracks: Tracks, block: LaneBlock, buffers: Buffers) -> None:
-    """Start segment number `turn` of each track of a block; a lane whose track has no more segments is idle."""
+    """Start segment number `turn` of each track; a lane without such a segment is idle."""
     w = buffers.w
     for k in range(LANES):
         buffers.samples.size[k], w.due1[k], w.due2[k] = 0, np.inf, np.inf
@@ -148,7 +148,7 @@ def _hand_over(
     required: Requirements,
     after: Array,
 ) -> None:
-    """Store the internal states for the next segment if this segment starts in the current step.
+    """Store the internal states for the next segment if it starts in this step.
 
     The backlash of joints 1 and 2 is stored as it is at the end of the step.
     """

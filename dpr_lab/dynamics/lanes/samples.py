@@ -45,7 +45,7 @@ def _read_arm(w: LaneWorkspace) -> None:
 
 @subroutine
 def shares(w: LaneWorkspace, due: Row, until: float) -> bool:
-    """Fill the row `share` with the time of the next reading, as a fraction of the step.
+    """Fill the row `share` with the time of the next reading, relative to the step.
 
     Returns:
         whether any lane has a reading up to the fraction `until`
@@ -60,7 +60,7 @@ def shares(w: LaneWorkspace, due: Row, until: float) -> bool:
 
 @subroutine
 def _after_reading(due: Row, k: int, t: Array, j: int, count: int) -> int:
-    """Return the index of the sample after j, and set its instant as the next due time of lane k."""
+    """Return the index after j, and set its sampling time as the next one of lane k."""
     due[k] = t[k, j + 1] if j + 1 < count else np.inf
     return j + 1
 
@@ -104,7 +104,7 @@ def read_joint1(w: LaneWorkspace, arm: bool, samples: LaneSamples) -> None:
 
 @subroutine
 def read_play1(w: LaneWorkspace, arm: bool, geared: bool, parts: int, active: Flags, samples: LaneSamples) -> None:
-    """Read joint 1 and the arm, through backlash, for the samples in the step.
+    """Read joint 1 and the arm through backlash for the samples in the step.
 
     Args:
         w: workspace of the lanes
@@ -162,7 +162,7 @@ def read_joint2(w: LaneWorkspace, until: float, relative2: float, samples: LaneS
 
 @subroutine
 def read_play2(w: LaneWorkspace, relative2: float, active: Flags, samples: LaneSamples) -> None:
-    """Read joint 2 through its encoder backlash, which is updated every quarter of the step."""
+    """Read joint 2 through its backlash, which is updated every quarter of the step."""
     for quarter in range(1, 5):
         until = 0.25 * quarter
         while shares(w, w.due2, until):

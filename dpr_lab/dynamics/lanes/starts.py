@@ -1,4 +1,4 @@
-"""Load tracks and segments into the lanes: constants, sampling instants, initial states and internal states."""
+"""Tracks and segments in the lanes: constants, sampling times, initial and internal states."""
 
 import numpy as np
 
@@ -31,7 +31,7 @@ PAD = 0.02
 
 @subroutine
 def load_track(w: LaneWorkspace, k: int, c: int, r: int, block: LaneBlock) -> None:
-    """Set the constant data of lane k for a track of candidate c in run r."""
+    """Set the constants of lane k for candidate c in run r."""
     parts, base, rig = block.segments.parts, block.candidates.bases, block.rig
     w.L1[k], w.L2[k] = parts[r, 0], parts[r, 1]
     w.m1[k], w.m2[k], w.mb[k] = parts[r, 2], parts[r, 3], parts[r, 4]
@@ -70,7 +70,7 @@ def params_row(r: int, block: LaneBlock) -> int:
 
 @njit
 def segment_start(first: float, near: float = 0.04) -> float:
-    """Return the start of a segment whose first reading is at the time `first`, s since the release.
+    """Return the start of a segment whose first reading is at `first`, s since the release.
 
     A start less than `near` seconds after the release is moved to the release, where all internal states are known.
     """
@@ -109,7 +109,7 @@ def begin_segment(k: int, piece: Piece, block: LaneBlock, buffers: Buffers) -> N
 
 @subroutine
 def _leave_idle(k: int, samples: LaneSamples, after: Array) -> None:
-    """Set the readings and internal states of lane k to NaN, because its segment cannot be integrated."""
+    """Set readings and internal states of lane k to NaN, because integration is impossible."""
     for n in range(samples.size[k] * samples.columns):
         samples.out[samples.first[k] + n] = np.nan
     for n in range(len(after)):
@@ -118,7 +118,7 @@ def _leave_idle(k: int, samples: LaneSamples, after: Array) -> None:
 
 @subroutine
 def _set_samples(k: int, piece: Piece, block: LaneBlock, samples: LaneSamples) -> float:
-    """Set the times at which lane k reads a segment; return the first sampling instant of the next segment, s."""
+    """Set the sampling times of lane k; return the first one of the next segment, s."""
     t, required, (c, s) = block.segments.t, block.required, piece
     i, j = block.segments.offsets[s], block.segments.offsets[s + 1]
     count, until = j - i, t[min(j, len(t) - 1)]
@@ -164,7 +164,7 @@ def _set_state(w: LaneWorkspace, k: int, initial: Array, internal: Array, relati
 
 @subroutine
 def _set_motor(w: LaneWorkspace, k: int, params: Array, active: Flags) -> None:
-    """Set the initial state of the motor of lane k, within the backlash of the arm's gear."""
+    """Set the initial state of the motor of lane k within the backlash of the gear."""
     arm, motor = (w.theta0[k], w.omega0[k]), (w.hold0[k], w.motor_speed0[k])
     w.hold0[k], w.motor_speed0[k], w.motor_inertia0[k], w.loose0[k] = geared_motor0(
         *arm, *motor, 0.0, 0.0, w.geared_inertia[k], w.geared_friction[k], params, active

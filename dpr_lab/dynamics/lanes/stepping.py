@@ -203,7 +203,7 @@ def _accelerate(
 
 @subroutine
 def _add_arm(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requirements) -> None:
-    """Compute all torques on the arm, and the torques that the same effects exert on the rods."""
+    """Compute all torques on the arm, and the torques of the same effects on the rods."""
     for k in range(LANES):
         w.torque0[k] = w.drive0[k]
     if required.drive0:
@@ -278,7 +278,7 @@ def _accumulate_arm(w: LaneWorkspace, weight: float, more: bool) -> None:
 
 @subroutine
 def _finish(w: LaneWorkspace) -> None:
-    """Set the state at the end of the step, and the displacements of the joints in the step."""
+    """Set the state at the end of the step, and the joint displacements."""
     for k in range(LANES):
         h, sixth = w.h[k], w.h[k] / 6.0
         turn1, turn2 = w.turn1[k], w.turn2[k]
@@ -308,7 +308,7 @@ def _move_internal(w: LaneWorkspace, active: Flags) -> None:
 
 @subroutine
 def _reset_held(w: LaneWorkspace) -> None:
-    """Set the internal states of lanes before the release to those of a rig at rest."""
+    """Set the internal states before the release to those of a rig at rest."""
     for k in range(LANES):
         if waits(w, k):
             for i, at_release in enumerate(_AT_RELEASE):

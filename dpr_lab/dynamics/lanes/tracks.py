@@ -90,10 +90,9 @@ def _parts(
     first: Integers,
     last: Integers,
 ) -> Integers:
-    """Return (4, tracks) kind, candidate, first segment and last segment of each track of the marked candidates.
+    """Return kind, candidate, first and last segment (4, tracks) of the marked candidates.
 
-    Tracks of one segment have neighbouring candidates in neighbouring lanes. These lanes therefore have the same
-    times.
+    Tracks of one segment have neighbouring candidates in neighbouring lanes. These lanes therefore have the same times.
     """
     columns = run[first] if which.shape[1] > 1 else np.zeros(len(first), dtype=np.int64)
     segment, candidate = np.nonzero(which[:, columns].T)

@@ -206,7 +206,7 @@ def base_at(w: LaneWorkspace, k: int) -> BaseParameters:
 
 @inlined
 def constants_at(w: LaneWorkspace, k: int, rig: RigConstants) -> RigConstants:
-    """Return the rig constants of lane k, with the lengths and masses of the mounted parts."""
+    """Return the rig constants of lane k, with those of the mounted parts."""
     return RigConstants(
         rig.L0, w.L1[k], w.L2[k], rig.g, w.m1[k], w.m2[k], w.mb[k],
         rig.counts_per_rev1, rig.counts_per_rev2, rig.relative2, rig.counts_per_rev0,
@@ -234,7 +234,7 @@ def motion_at(w: LaneWorkspace, k: int) -> Motion:
 
 @inlined
 def joint0_at(w: LaneWorkspace, k: int) -> Joint:
-    """Return the joint of the arm of lane k, as `joint0` does for a motion; its force is zero."""
+    """Return the arm's joint of lane k, as `joint0` does, with zero force."""
     return Joint(
         w.stage_t[k], w.stage_theta0[k], w.stage_omega0[k], w.displacement0[k], 0.0,
         w.direction0[k],

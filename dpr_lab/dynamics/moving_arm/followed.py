@@ -111,7 +111,7 @@ def _shifts() -> Array:
 
 
 def _mean_torque(t: Array, torques: Torques | None) -> Array:
-    """Return the (n,) mean known torque on the arm from each instant to the next, N m."""
+    """Return the (n,) mean torque on the arm from each instant to the next, N m."""
     if torques is None or torques.on_arm is None:
         return np.zeros(len(t))
     until = np.interp(t, *torques.arm_knots)

@@ -58,7 +58,7 @@ def arm_of_gear(t: float, x: GearedState, model: RigModel, drive: float) -> tupl
 
 @subroutine
 def stepped_with_gear(t: float, x: GearedState, h: float, model: RigModel, mode: int, drive: float) -> GearedState:
-    """Advance the state by one step of length h, s, with the motor torque `drive`, N m.
+    """Advance the state by a step of length h, s, with the motor torque `drive`, N m.
 
     The effects of the drive act on the motor. `model.required` must therefore not include them.
     """
