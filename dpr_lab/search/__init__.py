@@ -45,7 +45,7 @@ class _Choice(BaseModel):
 
 
 def load_search(name: str | Path) -> SearchSettings:
-    """Read a search file, given by its path or by the name of a built-in file.
+    """Read a search file by its path or built-in name.
 
     Returns:
         the settings, for the call `ALGORITHMS[settings.algorithm].run(objective, bounds, settings, rng)`

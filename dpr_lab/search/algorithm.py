@@ -1,4 +1,4 @@
-"""Interface and main loop of the search algorithms, with the stopping rule that all of them share."""
+"""Interface, main loop and common stopping rule of the search algorithms."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass

@@ -59,7 +59,7 @@ def cma_es(problem: SearchProblem, settings: CmaEsSettings, rng: np.random.Gener
 
 
 def _search(problem: SearchProblem, size: int, sigma: float, rng: np.random.Generator) -> Iterator[Population]:
-    """Yield the samples of one search, as populations, until a stopping criterion of the strategy is met.
+    """Yield the populations of one search until a stopping criterion is met.
 
     The strategy works in the unit cube.
     """

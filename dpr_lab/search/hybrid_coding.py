@@ -10,7 +10,7 @@ STEPS = np.arange(11) / 10
 
 
 def fresh(size: int, box: Bounds, rng: np.random.Generator) -> Array:
-    """Return new chromosomes; each gene is drawn from a grid of eleven values over its range.
+    """Return new chromosomes with genes from a grid of eleven values.
 
         x_i = L_i + beta (U_i - L_i),   beta uniform on {0, 0.1, ..., 1}
 

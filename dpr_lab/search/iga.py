@@ -61,7 +61,7 @@ def _converged(population: Population, settings: IgaSettings) -> bool:
 def _refreshed(
     problem: SearchProblem, population: Population, settings: IgaSettings, rng: np.random.Generator
 ) -> Population:
-    """Replace the near-duplicates in the population by new chromosomes, as in step (4) of the algorithm."""
+    """Replace near-duplicates by new chromosomes, step (4) of the algorithm."""
     lower, upper = problem.box
     alike = near_duplicates(population.genes, settings.similarity * (upper - lower))
     best, count = population.genes[0], int(alike.sum())
@@ -72,7 +72,7 @@ def _refreshed(
 def _offspring(
     problem: SearchProblem, population: Population, levels: Levels, settings: IgaSettings, rng: np.random.Generator
 ) -> Population:
-    """Create all M Pc / 2 offspring of a generation by steps (5) to (7), in no particular order."""
+    """Create all M Pc / 2 offspring of a generation, steps (5) to (7), unsorted."""
     pairs = max(1, round(settings.population * settings.crossover_rate / 2))
     parents = pair(population.genes, _fitness(population, settings), pairs, problem.box, rng)  # step (5)
     crossed = cross(*parents, rng)

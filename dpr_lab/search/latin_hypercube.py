@@ -7,7 +7,7 @@ from dpr_lab.search.problem import SearchProblem
 
 
 def latin_hypercube(problem: SearchProblem, size: int, rng: np.random.Generator) -> Population:
-    """Draw a population by Latin hypercube sampling; return it with the best individual first.
+    """Draw a population by Latin hypercube sampling, the best individual first.
 
     The range of each gene is divided into `size` equal intervals. Each interval contains exactly one individual.
 

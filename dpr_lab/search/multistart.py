@@ -57,7 +57,7 @@ def multistart(problem: SearchProblem, settings: MultistartSettings, rng: np.ran
 
 
 def _descended(problem: SearchProblem, start: Array, start_cost: float, settings: MultistartSettings) -> Population:
-    """Return a population of one individual: the end of the local search that begins at `start`.
+    """Return the end of a local search from `start`, as a population of one.
 
     If the cost of `start` is infinite, the individual is `start` itself.
     """
@@ -68,7 +68,10 @@ def _descended(problem: SearchProblem, start: Array, start_cost: float, settings
     lower, upper = problem.box
 
     def value_and_slope(share: Array) -> tuple[float, Array]:
-        """Return the cost and gradient from one batch, which contains the point and a neighbour along each gene."""
+        """Return cost and gradient from one batch.
+
+        The batch contains the point and a neighbour along each gene.
+        """
         inward = np.where(share < 0.5, settings.difference, -settings.difference)
         batch = np.vstack([share, share + np.diag(inward)])
         costs = _smooth_cost(problem.errors(np.clip(lower + batch * (upper - lower), lower, upper)), settings)

@@ -39,7 +39,7 @@ Source: Plackett & Burman (1946), Biometrika 33(4) 305-325, for L12; Sylvester's
 
 
 def array_for(name: str, genes: int) -> Levels:
-    """Return the (runs, genes) levels: the first columns of a named array, one for each gene.
+    """Return the (runs, genes) levels of a named array, one column per gene.
 
     Raises:
         ConfigError: the array has fewer columns than there are genes to search for.
@@ -81,7 +81,7 @@ def experiment(x: Array, y: Array, levels: Levels, costs: Callable[[Array], Arra
 
 
 def better_levels(tried: Array, levels: Levels) -> Levels:
-    """Find the level of each gene at which the mean cost of the trials is lower.
+    """Return the level of each gene with the lower mean cost of trials.
 
     The combination of these levels is optimal if the cost is a sum over genes.
 

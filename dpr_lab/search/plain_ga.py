@@ -1,4 +1,7 @@
-"""Traditional genetic algorithm, for comparison: tournament, single-point crossover, Gaussian mutation, elitism."""
+"""Traditional genetic algorithm, for comparison with the improved one.
+
+It uses tournaments, single-point crossover, Gaussian mutation and elitism.
+"""
 
 from collections.abc import Iterator
 from typing import Annotated, Literal

@@ -1,4 +1,4 @@
-"""Extend `mcap.writer.Writer` by an index on disk and by a call that writes many messages."""
+"""Extension of `mcap.writer.Writer`: index on disk, and calls that write many messages."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -52,7 +52,7 @@ class ChunkIndices:
 
 
 class RowIndex(MessageIndex):
-    """Message index (n, 2) of one chunk: log time, ns, and byte offset of each message."""
+    """Message index (n, 2) of one chunk: log time, ns, and byte offset."""
 
     def __init__(self, channel: int, entries: Integers) -> None:
         super().__init__(channel, [])
@@ -68,7 +68,7 @@ class RowIndex(MessageIndex):
 
 
 def write_rows(writer: Writer, channel: int, log_ns: Integers, records: NDArray[np.uint8]) -> None:
-    """Write message records (n, width) as one chunk; the log times (n,), ns, increase."""
+    """Write message records (n, width) with increasing log times (n,), ns, as one chunk."""
     writer.flush()
     chunk: Any = getattr(writer, "_Writer__chunk_builder")  # noqa: B009
     statistics: Any = getattr(writer, "_Writer__statistics")  # noqa: B009
@@ -85,7 +85,7 @@ def write_rows(writer: Writer, channel: int, log_ns: Integers, records: NDArray[
 
 
 def keep_on_disk(writer: Writer, folder: Path) -> ChunkIndices:
-    """Replace the chunk index that a new writer collects in memory by an index on disk.
+    """Replace the chunk index of a new writer by one on disk.
 
     The index in memory would take 0.6 kB per chunk.
     """

@@ -29,7 +29,7 @@ def import_csv(
     out: Path | str | None = None,
     on_progress: OnImport | None = None,
 ) -> Run:
-    """Read a table as a run, and write it as a run file if `out` is given.
+    """Read a table as a run; write a run file if `out` is given.
 
     The release is the row in which the rods begin to move, or the first row. It has the time t = 0. Rows at rest before
     the release have negative times.

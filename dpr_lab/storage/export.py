@@ -37,7 +37,7 @@ CONVENTION = "t = 0 at the release; absolute angles, 0 = upright, pi = hanging"
 
 
 def export(run: Run, path: Path | str) -> Path:
-    """Write a run to a file in the format that the suffix of the file states.
+    """Write a run in the format that the suffix of the file states.
 
     The folder is created if it is missing.
 
@@ -136,7 +136,7 @@ def write_hdf5(run: Run, path: Path) -> None:
 
 
 def write_netcdf(run: Run, path: Path) -> None:
-    """Write NetCDF 4; `xarray.open_dataset` returns one variable per column over the coordinate `t_s`.
+    """Write NetCDF 4; `xarray.open_dataset` returns one variable per column over `t_s`.
 
     The file is created in memory, as for HDF5.
     """

@@ -72,7 +72,7 @@ class RunInfo:
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """Result of the integrity check of a run file; `faults` contains all reasons for a failure."""
+    """Result of the integrity check of a run file; `faults` contains all reasons."""
 
     ok: bool
     faults: list[str]
@@ -81,7 +81,7 @@ class Verification:
 
 
 def unchanged(interrupted: str) -> str:
-    """State that a file is unchanged, and that its recording is complete or why it ended early."""
+    """State that a file is unchanged, and whether its recording is complete."""
     return f"unchanged; {interrupted}" if interrupted else "complete and unchanged"
 
 
@@ -141,7 +141,7 @@ def info(path: Path | str) -> RunInfo:
 
 
 def _input(stored: Scan) -> str:
-    """Return kind and quantity of the input of a driven arm, or an empty text for other arms."""
+    """Return kind and quantity of the input of a driven arm; empty otherwise."""
     motor = stored.metadata.rig.motor
     if arm_mode(stored) != "driven" or motor is None:
         return ""
@@ -163,7 +163,7 @@ def holds_both_torques(path: Path) -> bool:
 
 
 def verify(path: Path | str) -> Verification:
-    """Verify a run file: its hash, its CRCs, and the number and order of its samples.
+    """Verify hash and CRCs of a run file, and number and order of its samples.
 
     Raises:
         RunError: there is no such file.
@@ -211,7 +211,7 @@ def recover(path: Path | str, out: Path | str) -> int:
 
 
 def _interruption(stored: Scan, samples: Samples) -> str:
-    """Return where and why a recording ended early; empty if the file contains all samples of the recording."""
+    """State where and why a recording ended early; empty for a complete file."""
     if earlier := stored.metadata.extra.get(INTERRUPTED):
         return earlier
     if stored.stopped or stored.summary is None:

@@ -63,7 +63,7 @@ class RunMetadata:
 
     @property
     def recorded_utc(self) -> str:
-        """Time of the recording: ISO 8601 date, or date and time, or an empty text if unknown."""
+        """Time of the recording, an ISO 8601 date with or without time; empty if unknown."""
         return self.created_utc if self.source == "device" else self.extra.get("recorded_at", "")
 
     @property
@@ -195,7 +195,10 @@ def numbers(values: Mapping[str, Any]) -> dict[str, float]:
 
 
 def plain(value: Any) -> Any:
-    """Convert a value to JSON types: NumPy scalars become numbers, non-finite numbers become null."""
+    """Convert a value to JSON types.
+
+    NumPy scalars become numbers, and non-finite numbers become null.
+    """
     if isinstance(value, Mapping):
         return {str(key): plain(element) for key, element in value.items()}
     if isinstance(value, list | tuple):

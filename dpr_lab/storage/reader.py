@@ -103,7 +103,10 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
 
 
 def of_a_table(metadata: RunMetadata) -> dict[str, Any]:
-    """Return the fields of a `Run` that only imported tables set, such as `keep_rest` and `film_noise`."""
+    """Return the fields of a `Run` that only imported tables set.
+
+    Examples are `keep_rest` and `film_noise`.
+    """
     if metadata.time_source != "table":
         return {}
     options, columns, film = (_object(metadata.extra.get(key, "")) for key in ("options", "columns", "film_noise"))
@@ -133,7 +136,7 @@ def _object(text: str) -> dict[str, Any]:
 
 
 def released(run: Run) -> Run:
-    """Return the part of an imported run from the start to the end of the swing.
+    """Return the swing of an imported run, from its start to its end.
 
     If this part cannot be determined, the whole run is returned. `refuse_held` then raises an error with the reason.
     """
@@ -179,7 +182,7 @@ def arm_mode(stored: Scan) -> ArmMode:
 
 
 def inner_mode(stored: Scan) -> InnerMode:
-    """Return the mode of the inner rod that the run states, otherwise that of its rig.
+    """Return the mode of the inner rod from the run, otherwise from its rig.
 
     Raises:
         RunError: the mode is unknown.
@@ -212,7 +215,7 @@ def _delay(stored: Scan) -> float:
 
 
 def clock_of(stored: Scan) -> dict[str, float]:
-    """Return the clock fit at the end of a run, otherwise the last one during the recording.
+    """Return the final clock fit of a run, otherwise the last one during the recording.
 
     The result is empty if there is no fit.
     """
@@ -305,7 +308,7 @@ def _what_happened(stored: Scan) -> list[str]:
 
 
 def _degraded(stored: Scan) -> list[str]:
-    """Return a note if the quality gate marked the recording as degraded; otherwise an empty list."""
+    """Return a note if the quality gate marked the recording as degraded."""
     gate = stored.summary.gate if stored.summary is not None else ""
     return [f"the quality gate marked this recording as {gate}"] if gate.startswith("degraded") else []
 

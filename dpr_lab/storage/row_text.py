@@ -78,7 +78,7 @@ def sample_texts(
     counts: Integers | None,
     torques: Array,
 ) -> Bytes | None:
-    """Return the (n, w) JSON texts of samples, or None if a number has no fixed width.
+    """Return (n, w) JSON texts of samples, or None without a fixed width.
 
     Args:
         tick: (n,)
@@ -118,7 +118,7 @@ def _decimals(values: Integers | Array) -> Bytes | None:
 
 
 def _fixed(scaled: Integers, decimals: int) -> Bytes:
-    """Convert integers (n,) to texts (n, w) with a decimal point before the last `decimals` digits."""
+    """Convert integers (n,) to texts (n, w) with `decimals` digits after the point."""
     size = np.abs(scaled)
     digits = max(len(str(size.max())), decimals + 1)
     quads = [_QUADS[size // 10**power % 10_000] for power in reversed(range(0, digits, 4))]
@@ -151,9 +151,10 @@ _SAMPLE = re.compile(
 
 
 def sample_columns(texts: Bytes) -> list[Array | Integers | None] | None:
-    """Parse the texts (n, w) of `sample_texts` to columns (n,): tick, t, counts, theta and torques.
+    """Parse the texts (n, w) of `sample_texts` to columns (n,).
 
-    A column is None if the texts do not contain it. The result is None if the texts are not from `sample_texts`.
+    The columns are tick, t, counts, theta and torques. A column is None if the texts do not contain it. The result is
+    None if the texts are not from `sample_texts`.
     """
     match = _SAMPLE.fullmatch(texts[0].tobytes())
     if match is None:
@@ -170,14 +171,14 @@ def sample_columns(texts: Bytes) -> list[Array | Integers | None] | None:
 
 
 def _with_blanks(row: Bytes, start: int, stop: int) -> tuple[int, int]:
-    """Return the position of a number including its leading blanks; (-1, -1) if the number is missing."""
+    """Return the position of a number with its leading blanks, (-1, -1) if missing."""
     while start > 0 and row[start - 1] == _BLANK:
         start -= 1
     return start, stop
 
 
 def _numbers(texts: Bytes) -> Array | Integers | None:
-    """Parse texts (n, w) as numbers (n,) if the decimal point is at the same position in all texts.
+    """Parse texts (n, w) as numbers (n,), with the decimal point at one position.
 
     The result is None for other texts.
     """

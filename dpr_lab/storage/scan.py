@@ -96,7 +96,7 @@ class Scan:
 
     @property
     def release_tick(self) -> int | None:
-        """Tick of the release from the end record, otherwise from the event of the release.
+        """Tick of the release from the end record, otherwise from its event.
 
         Raises:
             RunError: an event does not have the layout of a run.
@@ -109,7 +109,7 @@ class Scan:
 
     @property
     def newest_clock(self) -> dict[str, Any]:
-        """Last clock fit written during the recording, or an empty mapping if there is none.
+        """Last clock fit during the recording, or an empty mapping.
 
         Raises:
             RunError: the message of the clock fit does not have the layout of a run file.
@@ -196,7 +196,7 @@ def scan(path: Path) -> Scan:
 
 
 def stored_messages(path: Path) -> Generator[Stored]:
-    """Yield the messages of a run file in file order, up to its end or to the first damage."""
+    """Yield the messages of a run file up to its end or the first damage."""
     topics: dict[int, str] = {}
     room = _Room()
     with mapped(path) as file:
@@ -210,9 +210,9 @@ def stored_messages(path: Path) -> Generator[Stored]:
 
 
 def _ending(path: Path, collected: _Collected) -> tuple[RunSummary | None, str, int | None]:
-    """Return the end record of the run, the reason for an early end, and the number of samples.
+    """Return the end record of the run, the reason for an early end, and the sample count.
 
-    The number of samples is that of the end record.
+    The count is that of the end record.
     """
     end = collected.records.get(END)
     if end is None:
@@ -247,7 +247,10 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
 
 
 def _until_hole(file: BinaryIO) -> int:
-    """Return the number of bytes before the first hole of a file, or its whole size."""
+    """Return the number of bytes before the first hole of a file.
+
+    Without a hole, this is the size of the file.
+    """
     if not hasattr(os, "SEEK_HOLE"):
         return os.fstat(file.fileno()).st_size
     try:
@@ -272,7 +275,7 @@ def _reader(file: mmap.mmap) -> StreamReader:
 
 
 def _collect(file: mmap.mmap, collected: _Collected) -> str:
-    """Collect the records of a file in order; return a description of the damage at its end.
+    """Collect the records of a file; describe the damage at its end.
 
     The description is empty if the file is complete.
     """
@@ -286,7 +289,7 @@ def _collect(file: mmap.mmap, collected: _Collected) -> str:
 
 
 def _reason(error: Exception) -> str:
-    """Return the reason for the damage, in brackets, if this package or a checksum detected it.
+    """Return the reason for damage that this package or a checksum detected, in brackets.
 
     Messages of libraries are omitted.
     """
@@ -339,7 +342,7 @@ def _expanded(chunk: Chunk, room: _Room) -> bytes:
 
 
 def _take_rows(content: bytes, collected: _Collected) -> bool:
-    """Collect the samples of a chunk in which all rows have the same width; return False for other chunks."""
+    """Collect a chunk of samples of equal width; return False for other chunks."""
     rows = message_texts(content)
     if rows is None or collected.topics.get(rows[0]) != SAMPLES:
         return False

@@ -31,7 +31,7 @@ _PART = re.compile(r".+\.mcap\.\d+\.part")
 
 @contextmanager
 def whole_run(path: Path | str, metadata: RunMetadata) -> Iterator[RunWriter]:
-    """Provide a context with a writer for a run whose content is already in another file.
+    """Provide a writer for a run whose content is already in another file.
 
     The writer writes to `NAME.mcap.PROCESS.part` in the same folder. The file is renamed at the end. Unfinished files
     of killed processes are removed.
@@ -57,7 +57,7 @@ def whole_run(path: Path | str, metadata: RunMetadata) -> Iterator[RunWriter]:
 
 
 def _publish(part: Path, path: Path) -> None:
-    """Give a complete file its final name, which must not exist, and write its hash file."""
+    """Give a complete file its new final name, and write its hash file."""
     try:
         write_sidecar(path, part)
         try:

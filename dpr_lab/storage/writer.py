@@ -185,7 +185,7 @@ class RunWriter:
         self._add_json(STATUS, self._since_start(host_time_ns), status, host_time_ns)
 
     def clock(self, host_time_ns: int, fit: Mapping[str, float]) -> None:
-        """Append a fit of device time to host time; `fit` contains values by name with unit."""
+        """Append a fit of device time to host time, with values by name."""
         self._add_json(CLOCK, self._since_start(host_time_ns), fit, host_time_ns)
 
     def copy(self, messages: Iterable[Stored]) -> None:
@@ -210,7 +210,7 @@ class RunWriter:
         self._close(self._with_dropped(summary).to_record(self.samples_written))
 
     def abort(self, reason: str, summary: RunSummary | None = None) -> None:
-        """Close the file as an incomplete run, and store the reason; the recorded data remain readable."""
+        """Close the file as an incomplete run with a reason; recorded data remain readable."""
         summary = self._with_dropped(summary or RunSummary())
         self._close(summary.to_record(self.samples_written, reason or "no reason given"))
 

@@ -32,7 +32,7 @@ from dpr_lab.whole_file import regular
 
 @dataclass(frozen=True, slots=True)
 class Reader:
-    """A file format: its first bytes, and the function that reads a file of this format."""
+    """A file format: its first bytes, and the function that reads it."""
 
     kind: str
     begins: tuple[bytes, ...]

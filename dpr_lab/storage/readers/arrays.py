@@ -45,7 +45,7 @@ def refuse_large(path: Path, values: int) -> None:
 
 
 def refuse_swollen(path: Path, size: int) -> None:
-    """Refuse a compressed file of numbers that is too large, or whose unpacked size exceeds `most_unpacked`.
+    """Refuse a compressed file of numbers that is too large when unpacked.
 
     Args:
         path: the file

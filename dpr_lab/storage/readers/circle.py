@@ -72,7 +72,10 @@ def most_of_a_circle(points: Array) -> tuple[Array, Flags] | None:
 
 
 def _nearest(points: Array, centre: Array) -> Array:
-    """Return the centre (2,) of the circle with the least squared distances from points, starting from a centre."""
+    """Return the centre (2,) of the circle with the least squared distances from points.
+
+    The search starts from a given centre.
+    """
     from scipy.optimize import least_squares
 
     if len(points) < 3:
@@ -113,7 +116,7 @@ def _distances(points: Array, centre: Array) -> tuple[Array, float]:
 
 
 def _centre(points: Array) -> Array | None:
-    """Return the centre (2,) of the least-squares circle through points, or None if the points lie on a line."""
+    """Return the centre (2,) of the least-squares circle, or None for points on a line."""
     if len(points) < 3:
         return None
     centred = points - points.mean(axis=0)

@@ -1,4 +1,4 @@
-"""Find the coordinates of points in the names of columns, and the plane of a swing in space."""
+"""Coordinates of points by the names of columns, and the plane of a swing in space."""
 
 import re
 from collections.abc import Sequence
@@ -49,13 +49,13 @@ def coordinate(name: str) -> tuple[str, str]:
 
 
 def only_coordinate(name: str) -> tuple[str, str]:
-    """Return the point and the axis of a column whose name is only an axis, as `coordinate` does."""
+    """Return point and axis of a column whose name is only an axis."""
     match = _ALONE.fullmatch(name)
     return ("point", match[1].lower()) if match else OTHER
 
 
 def in_plane(columns: Sequence[tuple[str, str]], values: Sequence[Array]) -> tuple[list[tuple[str, str]], str, str]:
-    """Replace three coordinates of points by the two in whose plane one of the points swings on a circle.
+    """Replace three coordinates by the two in whose plane a point swings on a circle.
 
     The axis with the largest range is horizontal. The other axis of the plane is the one for which the distances to the
     centre of the circle scatter least.

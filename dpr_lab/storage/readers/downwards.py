@@ -19,7 +19,7 @@ SETTINGS = DirectionSettings()
 
 
 def points_downwards(rods: list[Array]) -> bool:
-    """Check, from the motion of the points, whether the y axis of the table points downwards.
+    """Check by the motion of the points whether the y axis points downwards.
 
     Falling points become faster. If y points upwards, the increments of squared speed and of height of the rods' ends
     are therefore negatively correlated over intervals in which friction is negligible. This is also true for rods that
@@ -35,7 +35,7 @@ def points_downwards(rods: list[Array]) -> bool:
 
 
 def _falling(points: Array, lag: int) -> float:
-    """Compute the correlation between the increments of squared speed and the increments of height.
+    """Correlate the increments of squared speed with the increments of height.
 
     All increments are taken over `lag` frames.
     """

@@ -82,7 +82,7 @@ def _parts(path: Path, content: bytes) -> Iterator[bytes]:
 
 
 def _arrays(path: Path, within: str, held: Mapping[str, Any]) -> Iterator[tuple[str, NDArray]]:
-    """Yield the names and values of all arrays in a struct, including those in nested structs."""
+    """Yield the names and values of all arrays in a struct and in nested structs."""
     from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
     for key, value in held.items():
@@ -101,7 +101,7 @@ def _arrays(path: Path, within: str, held: Mapping[str, Any]) -> Iterator[tuple[
 
 
 def _class_of(opaque: Any) -> str:
-    """Return the MATLAB class of an object, which is the last text in the header of the object.
+    """Return the MATLAB class of an object, the last text in its header.
 
     Before scipy 1.18, the texts of the header are bytes.
     """

@@ -112,7 +112,7 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
 
 
 def _with_names(table: Table) -> Table:
-    """Name the columns of a table without header if they contain the ends of rods of constant length.
+    """Name unnamed columns that contain the ends of rods of constant length.
 
     The names are t, x1, y1, x2, ... Angles and speeds of rods are not mistaken for points, because they do not have a
     constant distance.
@@ -135,7 +135,7 @@ def _with_names(table: Table) -> Table:
 
 
 def _points(table: Table, despite_angles: bool = False) -> tuple[str, list[_Point], str]:
-    """Return the kind of the table, the points that the table contains, and a note, which may be empty.
+    """Return the kind of a table, its points, and a possibly empty note.
 
     Points of a table that also contains angles are omitted, unless `despite_angles` is true.
     """
@@ -338,13 +338,13 @@ def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Po
 
 
 def _by_number(points: list[_Point]) -> list[_Point]:
-    """Sort points by the number at the end of their names, if all names have one."""
+    """Sort points by the number at the end of their names, if possible."""
     numbered = all(re.search(r"\d$", point.name) for point in points)
     return sorted(points, key=lambda point: int(re.findall(r"\d+", point.name)[-1])) if numbered else points
 
 
 def _moved(point: _Point) -> float:
-    """Return the extent of the motion of a point, between the 5 % and 95 % quantiles of its coordinates."""
+    """Return the extent of a point's motion, from 5 % and 95 % quantiles."""
     valid = point.at[np.isfinite(point.at).all(axis=1)]
     return float(np.hypot(*np.ptp(np.quantile(valid, [0.05, 0.95], axis=0), axis=0))) if len(valid) else 0.0
 
@@ -372,7 +372,7 @@ def _pivot_of(table: Table, end: _Point) -> _Point:
 
 
 def _direction(rod: Array) -> Array:
-    """Compute the absolute angle (n,) of a rod, unwrapped, rad; 0 = upright, pi = hanging."""
+    """Compute the unwrapped angle (n,) of a rod, rad; 0 = upright, pi = hanging."""
     swung = np.arctan2(rod[:, 0], -rod[:, 1])
     valid = np.isfinite(swung)
     swung[valid] = np.unwrap(swung[valid])

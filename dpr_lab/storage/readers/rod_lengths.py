@@ -1,4 +1,4 @@
-"""Estimate the noise and the camera tilt of a video from the lengths of its rods.
+"""Noise and camera tilt of a video, estimated from the lengths of its rods.
 
 The true length of a rod is constant. The scatter of the distance between its ends in the picture is therefore the noise
 of a tracked point. This noise, divided by the length, is the noise of the angle in rad. If the camera does not look
@@ -104,7 +104,7 @@ def _autocorrelation(values: Array) -> float:
 
 
 def _by_pose(rods: Sequence[Array], lengths: Array) -> Array:
-    """Compute the part (n,) of the length of the last rod that depends on the directions of the rods.
+    """Compute how (n,) lengths of the last rod depend on the rod directions.
 
     The result is 0 if this part is not significant. Two harmonics of each direction are fitted by least squares. n
     errors with autocorrelation r have the effective number n (1 - r) / (1 + r).

@@ -1,4 +1,4 @@
-"""Find columns of known inputs: joint torques, the input of a driven arm, or a cart position."""
+"""Columns of known inputs: joint torques, input of a driven arm, or cart position."""
 
 import math
 import re
@@ -62,7 +62,7 @@ SETTINGS = CartSettings()
 
 @dataclass(frozen=True, slots=True)
 class KnownInputs:
-    """Columns of the known torques of joints 1 and 2, or of the input of a driven arm."""
+    """Columns of the known torques of both joints, or of a driven arm's input."""
 
     pairs: Pairs
     """Names of two columns for each kind of input: the torques of both joints or, for a driven arm, the input of the
@@ -75,7 +75,7 @@ class KnownInputs:
     """Number of mounted rods."""
 
     def torques(self, columns: Mapping[str, Array], t: Array, rows: NDArray[np.intp]) -> dict[str, Array]:
-        """Convert the columns to inputs (k, 2) of the kept rows (k,), SI, by kind of input.
+        """Convert the columns to inputs (k, 2) of the kept rows (k,), by kind, SI.
 
         `columns` and `t`, s, contain all rows of the table.
         """
@@ -87,7 +87,7 @@ class KnownInputs:
     def refuse_silent(
         self, columns: Mapping[str, Array], rows: NDArray[np.intp], path: object, least: float = 1e-9
     ) -> None:
-        """Check that the input of a driven arm exceeds `least`, SI, in at least one row.
+        """Check that the input of a driven arm exceeds `least`, SI, in some row.
 
         Raises:
             RunError: the input is zero in all rows, or never exceeds `least`.
@@ -201,7 +201,7 @@ def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path:
 
 
 def _columns_of(kind: str, names: Sequence[str]) -> dict[str, re.Match[str]]:
-    """Return the columns whose names denote a kind of input, each with the match of its name."""
+    """Return the columns whose names denote a kind of input, with their matches."""
     return _matching(f"{_KIND}(?:{_NAMES[kind]})0?{_KIND}({'|'.join(_UNITS[kind])})?", names)
 
 
@@ -211,7 +211,10 @@ def _matching(pattern: str, names: Sequence[str]) -> dict[str, re.Match[str]]:
 
 
 def _other_input(names: Sequence[str], motor: MotorTable) -> str:
-    """Advise the user if a table has another kind of input than the rig file; return an empty text otherwise."""
+    """Advise the user if a table has another kind of input than the rig file.
+
+    Otherwise the text is empty.
+    """
     for kind, constant in (("torque", ""), ("current", ", with kt if it is known"), ("voltage", ", with kt and R")):
         columns = _columns_of(kind, names) if kind != motor.input else {}
         for name in columns:
@@ -220,7 +223,7 @@ def _other_input(names: Sequence[str], motor: MotorTable) -> str:
 
 
 def _gain_note(motor: MotorTable) -> list[str]:
-    """Return a note if the rig file lacks a constant that converts the input to a torque.
+    """Note that the rig file lacks a constant that converts the input to a torque.
 
     Otherwise the list is empty.
     """
@@ -235,7 +238,7 @@ def _gain_note(motor: MotorTable) -> list[str]:
 
 
 def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
-    """Return notes about columns with a drive input if the arm is free.
+    """Note unused columns with a drive input if the arm is free.
 
     Otherwise the list is empty.
     """
@@ -248,7 +251,7 @@ def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
 
 
 def cart_note(table: Table, used: Mapping[str, str], rig: Rig, options: ImportOptions) -> list[str]:
-    """Explain how to import the motion of a cart if an unused column contains its position.
+    """Explain how to import a cart if an unused column contains its position.
 
     A cart at the position x is represented by an arm of the length R that turns by theta_0 = -x / R. The pivot of the
     rod then has the acceleration of the cart, because the terms with the squared speed of the arm vanish for a long

@@ -46,7 +46,7 @@ _NEWLINE, _BLANK = ord("\n"), ord(" ")
 
 
 def clean_rows(text: str, width: int, delimiter: str | None, decimal_comma: bool, line_length: int) -> Array | None:
-    """Read a block in which every line is a row of numbers; return None for other blocks.
+    """Read a block of number rows; return None for other blocks.
 
     Each number equals `float` of its field exactly. A missing value is NaN.
 
@@ -105,7 +105,7 @@ def _numbers(fields: list[str]) -> Array | None:
 
 
 def names_no_angle(name: str) -> bool:
-    """Check whether the name of a column states a rate, an acceleration, or the unit of another quantity."""
+    """Check whether a column name states a rate, an acceleration, or a foreign unit."""
     return names_rate(name) or bool(_OTHER_UNIT.match(name))
 
 
@@ -115,7 +115,7 @@ def names_rate(name: str) -> bool:
 
 
 def may_be_angle(name: str) -> bool:
-    """Check whether a column may be proposed as an angle; a column without a name is not proposed."""
+    """Check whether a column may be proposed as an angle; unnamed columns are not."""
     return bool(name) and not (names_no_angle(name) or _INPUT.match(name.lower()))
 
 
@@ -129,7 +129,7 @@ def labels_of(lines: list[str]) -> list[str]:
 
 
 def numbers_of(cells: Sequence[str]) -> list[str]:
-    """Split the vectors in the fields of a row, so that each number has its own field."""
+    """Split the vectors in the fields of a row into a field per number."""
     return [part for cell in cells for part in (cell.strip()[1:].split(NEXT) if NEXT in cell else (cell,))]
 
 
@@ -181,7 +181,7 @@ def _is_number(cell: str) -> bool:
 
 
 def value_of(word: str, decimal_comma: bool) -> float | None:
-    """Parse a number, with or without separators between groups of three digits; return None for other words."""
+    """Parse a number with or without thousands separators; return None for other words."""
     try:
         return float(word.replace(",", ".") if decimal_comma else word)
     except ValueError:

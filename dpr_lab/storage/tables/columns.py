@@ -79,7 +79,7 @@ def is_time(name: str) -> bool:
 
 
 def counter(table: Table) -> str:
-    """Return the name of the column that counts the rows, for example the frames of a video.
+    """Return the name of a column that counts the rows, such as video frames.
 
     The text is empty if there is no such column.
     """
@@ -104,7 +104,7 @@ def numbers(table: Table) -> Array:
 
 
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
-    """Find columns by common names; quantities without exactly one match are omitted.
+    """Find columns by common names; ambiguous quantities are omitted.
 
     Names with a word such as `measured` or `exp`, and names of joints, such as `shoulder`, are used only if no column
     has a plain name. Other letters, such as `alpha1`, are used only if no column has another name of a rod's angle.
@@ -219,7 +219,9 @@ def _clock(table: Table, given: Mapping[str, str]) -> dict[str, str]:
 
 
 def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
-    """Find the only column that varies, apart from the time; return an empty list if several columns vary.
+    """Find the only column that varies, apart from the time.
+
+    The list is empty if several columns vary.
 
     Raises:
         RunError: the only column that varies is one coordinate of a point.
@@ -246,7 +248,7 @@ def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
 
 
 def _without_speed(names: Sequence[str], table: Table, clock: str) -> list[str]:
-    """Return the angle if one of two columns is the speed of the other; otherwise return both names.
+    """Remove the speed if it is one of two columns.
 
     The steps of an angle are proportional to speed times time step, in any unit. The steps of the speed of a swing have
     the opposite sign of the angle.
@@ -362,7 +364,10 @@ def _said_time_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
 
 
 def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, str]:
-    """Assign columns without names by their order: time if present, the arm if there are three others, both rods."""
+    """Assign columns without names by their order.
+
+    The order is the time if present, the arm if there are three others, and both rods.
+    """
     if table.settled or not all(_NO_NAME.fullmatch(name) for name in table.names if name != time):
         return {}
     others = [name for name in table.names if name != time]

@@ -1,4 +1,4 @@
-"""Read the lines of a plain or gzip text file in blocks, to limit the memory."""
+"""Lines of a plain or gzip text file, read in blocks to limit the memory."""
 
 import codecs
 import gzip
@@ -133,7 +133,7 @@ class Content:
 
 
 class _Unpacked(io.RawIOBase):
-    """Unpacked text of a gzip file as a raw stream; the compressed size limits the unpacked size.
+    """Unpacked text of a gzip file as a raw stream of limited size.
 
     Raises:
         RunError: the file is damaged, or expands beyond the limits.

@@ -112,7 +112,7 @@ class InterpretedTable:
 
     @property
     def prescribed(self) -> bool:
-        """Whether the motion of arm or inner rod is prescribed by a drive of unknown torque."""
+        """Whether a drive of unknown torque prescribes the motion of arm or inner rod."""
         return self.arm_moves or self.options.inner == "prescribed"
 
     @property

@@ -183,7 +183,9 @@ class TypedOption:
         return get_origin(self.kind) in (Mapping, tuple)
 
     def read(self, text: str) -> Any:
-        """Convert the text of an option: names, `name=column` pairs, or one number for both rods or for each axis.
+        """Convert the text of an option.
+
+        The text contains names, `name=column` pairs, or one number for both rods or for each axis.
 
         Raises:
             ValueError: the text does not have this form.

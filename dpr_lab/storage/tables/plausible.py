@@ -64,7 +64,7 @@ PLAUSIBLE = Plausible()
 
 
 def check_spacing(path: Path, t: Array) -> None:
-    """Check that the times (n,), s, are not too far apart and the table is not too long.
+    """Check that the times (n,), s, are neither too far apart nor too long.
 
     Raises:
         RunError: a limit is exceeded; the unit of time is then probably wrong.
@@ -139,7 +139,7 @@ def without_wraps(column: Array, options: ImportOptions) -> Array:
 
 
 def turn_of_hanging(angle: Array) -> float:
-    """Return the full turns, rad, between pi and the first angle near which a rod hangs.
+    """Return the full turns, rad, between pi and the first hanging angle.
 
     The result is 0 if the rod also hangs at pi, or never hangs.
 
@@ -151,14 +151,14 @@ def turn_of_hanging(angle: Array) -> float:
 
 
 def wrap_notes(angles: Mapping[str, Array]) -> list[str]:
-    """Return notes about the axes whose angles (n,), rad, the logger has wrapped."""
+    """Note the axes whose angles (n,), rad, the logger has wrapped."""
     return [f"{axis}: wrapped by the logger, unwrapped" for axis, x in angles.items() if unwrapped(x) is not x]
 
 
 def outliers(angles: Array) -> Flags:
-    """Detect outliers: impossibly large angles, and angles that jump away and back within a few rows.
+    """Detect impossibly large angles, and angles that jump away and back.
 
-    The result is a mask (n,) of the outliers.
+    A jump returns within a few rows. The result is a mask (n,) of these outliers.
     """
     wild = np.abs(angles) > PLAUSIBLE.angle
     if not wild.any() and not _jumps(angles):
@@ -190,7 +190,10 @@ def _jumps(angles: Array) -> bool:
 
 
 def _leaps(angles: Array, rows: int) -> Flags:
-    """Return a mask (n,) of angles that jump away and back within the given number of rows, except for wraps."""
+    """Return a mask (n,) of angles that jump away and back within `rows` rows.
+
+    Wraps are not included.
+    """
     # Both ends are extended so that the first and last rows can be outliers too.
     x = np.concatenate([angles[rows : rows + 1], angles, angles[-rows - 1 : -rows]])
     jump_there, back = x[1:-rows] - x[: -rows - 1], x[rows + 1 :] - x[rows:-1]
@@ -209,14 +212,14 @@ def _leaps(angles: Array, rows: int) -> Flags:
 
 
 def gap_notes(t: Array) -> list[str]:
-    """Return a note about gaps between the times (n,), s; the list is empty if there are no gaps."""
+    """Note the gaps between times (n,), s; the list is empty without gaps."""
     steps = np.diff(t)
     gaps = steps[steps > PLAUSIBLE.gap_steps * np.median(steps)]
     return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []
 
 
 def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool) -> list[str]:
-    """Return notes if the angles show impossible motion, or rods that mostly point upwards.
+    """Note impossible motion of the angles, or rods that mostly point upwards.
 
     A single rod without a drive turns back only below the upright pose. Its motion between turning points is therefore
     less than one turn.

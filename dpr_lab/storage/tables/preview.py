@@ -37,7 +37,7 @@ class Preview:
 
     @property
     def joints(self) -> tuple[int, ...]:
-        """Joints with a recorded angle: 0 of an arm that is not clamped, 1, and 2 if both rods are mounted."""
+        """Joints with a recorded angle: 1, 2 if both rods are mounted, 0 of a moving arm."""
         arm = () if self.swing.options.arm in (None, "clamped") else (0,)
         return (*arm, 1, 2) if self.rig.rods.mounted == "both" else (*arm, 1)
 
@@ -81,7 +81,7 @@ class Preview:
         return facts | self._inputs()
 
     def _inputs(self) -> dict[str, str]:
-        """Return the text about the known torques or the input of the arm; empty for a free swing."""
+        """Return the text about known torques or the arm's input; empty otherwise."""
         driven = self.rig.motor if self.swing.options.arm == "driven" else None
         unit = INPUT_UNITS[driven.input] if driven else "N m"
         columns = {kind: [name for name in pair if name != PASSIVE] for kind, pair in self.swing.torque_columns.items()}

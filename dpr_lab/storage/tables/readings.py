@@ -79,7 +79,7 @@ class OtherReading:
 
     @property
     def mend(self) -> tuple[str, ...]:
-        """Command-line options that select this interpretation, or an empty list if the correction is not certain."""
+        """Options that select this interpretation; empty if the correction is uncertain."""
         zeros = {**dict.fromkeys(AXES[1:], 0.0), **self.options.offset}
         scale, offset = dict(self.options.scale), dict(zeros)
         for axis, factor, added in zip(AXES[1:], self.scale, self.offset, strict=True):
@@ -186,12 +186,12 @@ def _as_counts(read: ReadTable) -> OtherReading | None:
 
 
 def _conserves(fit: EnergyFit | None) -> bool:
-    """Check whether the energy residual of a free swing is small enough for a correct interpretation."""
+    """Check whether the energy residual of a free swing indicates a correct interpretation."""
     return fit is not None and fit.residual <= READ.right / READ.alike
 
 
 def _with_other_zeros(read: ReadTable) -> OtherReading | None:
-    """Find other zeros with which the energy of a free swing is conserved; return None if there are none."""
+    """Find other zeros that conserve the energy of a free swing, or return None."""
     rods = read.rods(read.values, read.options)
     added = energy_zeros(read.t, rods, read.rig)
     if added is None or not _conserves(energy_fit(read.t, rods + added, None, read.rig)):
@@ -200,7 +200,7 @@ def _with_other_zeros(read: ReadTable) -> OtherReading | None:
 
 
 def balanced_readings(read: ReadTable) -> list[OtherReading]:
-    """List alternative interpretations with a clearly smaller residual of the torque balance, best first."""
+    """List interpretations with a clearly smaller residual of the torque balance, best first."""
 
     def balance(values: Values, options: ImportOptions) -> TorqueBalance | None:
         return torque_balance(read.t, read.rods(values, options), read.torques, read.rig)
@@ -230,7 +230,7 @@ def balanced_readings(read: ReadTable) -> list[OtherReading]:
 
 
 def _by_energy(read: ReadTable, balancing: tuple[float, float]) -> tuple[float, float]:
-    """Replace the zeros from the torque balance by the zeros from the energy, if both are near each other.
+    """Replace zeros from the torque balance by nearby ones from the energy.
 
     This is done only for a single free rod. Friction that stops the rod or changes its sign shifts the zeros from the
     torque balance. It does not shift the zeros from the energy.

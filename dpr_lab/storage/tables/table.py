@@ -1,4 +1,4 @@
-"""Read a text table of any logger; delimiter, header, comments and decimal sign are detected."""
+"""Text table of any logger; delimiter, header, comments and decimal sign are detected."""
 
 import re
 from array import array
@@ -160,7 +160,7 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
 
 
 def _in_columns(table: Table) -> Table:
-    """Exchange rows and columns of a table that has one quantity in each row; other tables are unchanged."""
+    """Transpose a table with one quantity per row; other tables are unchanged."""
     # drop a column with the names of the rows
     values = np.array([column for column in table.values if not np.isnan(column).all()])
     few = 2 <= len(table.lines) <= LIMITS.rows_as_columns and len(values) > LIMITS.instants * len(table.lines)
@@ -224,7 +224,7 @@ class _Columns:
                 self._values[place].append(self._number(cell.strip(), place, number))
 
     def take_block(self, number: int, text: str, delimiter: str | None) -> bool:
-        """Append a block of lines that contain only numbers; `number` is the number of the first line.
+        """Append a block of number lines; `number` belongs to the first line.
 
         For other lines, nothing is appended and the result is False.
         """
@@ -312,7 +312,10 @@ def _with_unit(name: str, unit: str) -> str:
 
 
 def _otherwise_separated(early: list[list[str]], delimiter: str | None, width: int) -> list[list[str]]:
-    """List possible header rows with one name per column, if the header has another delimiter than the numbers."""
+    """List possible headers whose delimiter differs from that of the numbers.
+
+    Each header has one name per column.
+    """
     lines = [(delimiter or " ").join(row) for row in early]
     lines += [re.sub(r"\s+(?=[(\[])", "", line) for line in lines]  # a blank before a unit separates no names
     split = [line.split(other) for line in lines for other in (*DELIMITERS, None)]
@@ -337,7 +340,7 @@ def _of_numbers(names: Sequence[str], cells: Sequence[str]) -> list[str]:
 
 
 def _ends_with_delimiter(row: list[str], early: list[list[str]]) -> bool:
-    """Return whether a row of numbers ends with a delimiter, but the header above it does not."""
+    """Return whether a row of numbers, but not its header, ends with a delimiter."""
     names = len(row) - 1
     named = any(len(other) == names for other in early)
     wider = any(len(other) > names and other[names].strip() for other in early)
@@ -355,7 +358,7 @@ def _delimiter(lines: list[str]) -> str | None:
 
 
 def _last_comment(comments: Sequence[Line], delimiter: str | None) -> list[list[str]]:
-    """Return the fields of the last comment above the numbers as a list of at most one row."""
+    """Return the fields of the last comment above the numbers, at most one row."""
     return [text.lstrip("#%/ ").split(delimiter) for _, text in list(comments)[-1:]]
 
 

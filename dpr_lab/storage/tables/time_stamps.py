@@ -69,7 +69,7 @@ SETTINGS = StampSettings()
 
 
 def carried_times(t: Array) -> tuple[Array, str]:
-    """Correct rows that are a second or a minute off; return the times and a note.
+    """Correct rows that are a second or a minute off; return times and a note.
 
     A few rows are shifted by one unit if the time decreases without the shift, and if all steps around the rows have
     the usual size with the shift. Other times are not changed.
@@ -126,13 +126,13 @@ def never_falls(column: Array) -> bool:
 
 
 def shares_times(t: Array, readings: Mapping[str, Array]) -> Flags:
-    """Return the (n - 1,) mask of rows with the time of the previous row but other readings."""
+    """Return the (n - 1,) mask of new readings at the time of the previous row."""
     changed = np.logical_or.reduce([column[1:] != column[:-1] for column in readings.values()])
     return np.asarray(changed & (np.diff(t) == 0))
 
 
 def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Replace rounded times by evenly spaced times, and return the times and a note.
+    """Replace rounded times by evenly spaced ones; return times and a note.
 
     Other times are not changed.
 
@@ -159,7 +159,7 @@ def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
 
 
 def spread_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Spread rows with one stamp but different readings evenly over the adjacent gap.
+    """Spread new readings with one stamp evenly over the adjacent gap.
 
     The result contains the times and a note. Rows are not spread if the gap is too short for them, for example after a
     row that was written twice.
@@ -214,7 +214,7 @@ def _rounded(t: Array, resolution: Array) -> Array:
 
 
 def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Move stamps next to a gap to the side that their reading continues; add a note.
+    """Move stamps at a gap to the side that their reading continues; add a note.
 
     The reading next to a gap is predicted from both sides, each by the parabola through the nearest rows.
 
@@ -264,11 +264,9 @@ def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]
 
 
 def _error(t: Array, x: Array, fitted: slice, row: int, instant: float) -> Array:
-    """Predict the readings (columns,) at an instant, and return the absolute errors of the prediction.
+    """Return the (columns,) absolute errors of readings predicted at an instant.
 
-    The prediction is a parabola through other rows.
-
-    The error is infinite if the instant is far from the rows.
+    The prediction is a parabola through other rows. The error is infinite if the instant is far from the rows.
     """
     duration = float(np.ptp(t[fitted]))
     if np.abs(t[fitted] - instant).max() > SETTINGS.far * duration or duration <= 0:

@@ -121,9 +121,9 @@ def _named(name: str) -> re.Match[str] | None:
 
 
 def unnumbered(names: Sequence[str], driving: Pairs, options: ImportOptions) -> list[str]:
-    """Return a note about unused torque columns that do not name their joint.
+    """Note unused torque columns that do not name their joint.
 
-    Otherwise the list is empty. On a moving arm, such a torque belongs to the drive of the arm.
+    The list is empty if there are none. On a moving arm, such a torque belongs to the drive of the arm.
     """
     torques = [name for name in names if (match := _named(name)) and not match[2]]
     if driving or options.arm != "clamped" or options.torque == "none" or not torques:
@@ -183,7 +183,7 @@ class OtherTorques:
 def other_torques(
     torques: Array | None, pair: tuple[str, str], scale: Mapping[str, float], ignored: tuple[str, Array] | None
 ) -> Iterator[OtherTorques]:
-    """Yield other interpretations of the torques: other signs or units, exchanged joints, or ignored torques.
+    """Yield other interpretations of the torques: signs, units, exchanged or ignored torques.
 
     Args:
         torques: (n, 2) as interpreted, N m; None for a free swing
@@ -250,7 +250,7 @@ def coarse_torques(torques: Array, limit: float, words: str) -> str:
 
 
 def set_point(table: Table) -> str:
-    """Name a column that varies and contains the set points of a controller; return an empty text without one."""
+    """Name a varying column with the set points of a controller, or return an empty text."""
     columns = zip(table.names, table.values, strict=True)
     name = next((name for name, column in columns if _SET_POINT.search(name) and varies(column)), "")
     return name and f"column {name} is the set point of a controller, which drives the rods"
@@ -259,7 +259,7 @@ def set_point(table: Table) -> str:
 def idle_torques(
     t: Array, rods: Array, torques: Array | None, pair: tuple[str, str], rig: Rig, limits: tuple[float, float]
 ) -> str:
-    """Return a warning if torques exceed gravity although the rods move as if no torque acted.
+    """Warn about torques above gravity that do not seem to act.
 
     Otherwise return an empty text.
 

@@ -1,4 +1,4 @@
-"""Interpret a table: its columns, units and zeros, and the release; compose the warnings.
+"""Interpretation of a table: columns, units, zeros, release, and warnings.
 
 The rows are not resampled: uneven steps and gaps are kept. Rows without a value and rows with the same time as the
 previous row are removed, counted and reported. Times change only if they wrap, or by
@@ -82,7 +82,7 @@ class Understood:
 
     @property
     def t(self) -> Array:
-        """Times (n,) since the release, s; they are negative in the rest before the release."""
+        """Times (n,) since the release, s, negative in the rest before it."""
         return self.since_first_s - self.since_first_s[self.release]
 
     @property
@@ -206,7 +206,7 @@ def _ignored(
 def _understood(
     read: _Rows, notes: list[str], rig: Rig, kind: str, driving: Mapping[str, tuple[str, str]]
 ) -> Understood:
-    """Convert the kept rows to angles, find the part in which the rods are free, and collect the warnings."""
+    """Convert the kept rows to angles, find the free part, and collect the warnings."""
     path, options, time = read.path, read.options, read.t[read.kept]
     check_spacing(path, time - time[0])
     theta, counts = angles(read.values, options, rig, path)
@@ -258,7 +258,7 @@ def _understood(
 
 
 def _at_edges(read: Understood, rig: Rig) -> Understood:
-    """Correct the angles to the edges between counts if the logger sent a row at each count of an encoder."""
+    """Correct the angles to count edges if the logger sent a row per count."""
     theta = read.theta
     encoders = np.column_stack([theta[:, 0], rig.encoders.joint_angles.of_rods(theta[:, 1:])])
     rows = edge_rows(encoders[:, : 1 + rig.rods.number])
@@ -288,7 +288,7 @@ def _seems_held(motion: RodMotion, whole: FreePart) -> bool:
 
 
 def _cut_notes(t: Array, part: FreePart, fault: str) -> list[str]:
-    """Return notes about removed rows, and about a first row before t = 0 that is treated as the release.
+    """Note removed rows, and a first row before t = 0 that counts as the release.
 
     Rows are removed if the rods are held in them.
     """
@@ -333,12 +333,12 @@ def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> 
 
 
 def _scaled(column: Array, axis: str, options: ImportOptions) -> Array:
-    """Return the readings of a column: unwrapped, multiplied by the scale, then shifted by the offset."""
+    """Return the readings of a column: unwrapped, then scaled, then shifted."""
     return without_wraps(column, options) * options.scale.get(axis, 1.0) + options.offset.get(axis, 0.0)
 
 
 def _recorded(table: Table, readings: dict[str, Array]) -> tuple[dict[str, Array], list[str]]:
-    """Return the axes whose column contains numbers, and a note if the column of the arm is empty.
+    """Return the axes with numbers, and a note if the arm's column is empty.
 
     Both rods are required.
     """

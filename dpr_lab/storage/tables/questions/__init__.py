@@ -1,1 +1,1 @@
-"""Compose warnings about the interpretation of a table; each kind of evidence has its own module."""
+"""Warnings about the interpretation of a table, with a module for each kind of evidence."""

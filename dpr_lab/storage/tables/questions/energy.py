@@ -25,7 +25,7 @@ from dpr_lab.storage.tables.torques import better_torques, other_torques
 
 
 def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list[OtherReading]]:
-    """Warn about units, zeros, signs and order of the columns from the energy of the swing.
+    """Warn about units, zeros, signs and column order from the energy of the swing.
 
     Returns:
         the warnings, and the interpretations in which the energy is conserved better
@@ -86,10 +86,10 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
 
 
 def _nearest(read: ReadTable, residual: float) -> str:
-    """Compose the end of a sentence that names the interpretation with by far the smallest change of energy.
+    """Name the interpretation with by far the smallest change of energy.
 
-    This interpretation is not proposed as a correction, because the energy changes in it as well. The text is empty if
-    there is no such interpretation.
+    The text is the end of a sentence. This interpretation is not proposed as a correction, because the energy changes
+    in it as well. The text is empty if there is no such interpretation.
     """
     turned = _turned(read)
     others = [other for other in read.others() if other.mend and (not turned or other.scale == (1.0, 1.0))] + turned
@@ -104,10 +104,10 @@ def _nearest(read: ReadTable, residual: float) -> str:
 
 
 def _explained_part(table: InterpretedTable) -> str:
-    """Compose the end of a sentence that names the longest part of a free swing whose energy is explained.
+    """Name the longest part of a free swing whose energy is explained.
 
-    A coil, a hand or a motor drives the rods in the other part. A sixteenth of the swing next to that part is excluded,
-    too. The text is empty if no part of at least half the swing is explained.
+    The text is the end of a sentence. A coil, a hand or a motor drives the rods in the other part. A sixteenth of the
+    swing next to that part is excluded, too. The text is empty if no part of at least half the swing is explained.
     """
     rows, before = table.looked_at, table.options.start_s - table.t[0]
     t, rods = table.t[rows], table.theta[rows, 1:]
@@ -124,10 +124,11 @@ def _explained_part(table: InterpretedTable) -> str:
 
 
 def _turned(read: ReadTable) -> list[OtherReading]:
-    """Interpret the hanging position of a free rod as another angle than 0 or half a turn.
+    """Interpret the hanging position of a free rod as an unusual angle.
 
-    The list is empty if there is no such interpretation. If the rod hangs at 90 degrees of the table, the doubled
-    angles also look like an energy-conserving swing about the hanging position.
+    An unusual angle is neither 0 nor half a turn. The list is empty if there is no such interpretation. If the rod
+    hangs at 90 degrees of the table, the doubled angles also look like an energy-conserving swing about the hanging
+    position.
     """
     if read.torques is not None or read.driven or read.rig.rods.mounting == "both" or read.options.unit == "counts":
         return []
@@ -139,7 +140,7 @@ def _turned(read: ReadTable) -> list[OtherReading]:
 
 
 def read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
-    """Create a warning that names the interpretations in which the contradiction `broken` does not occur.
+    """Warn with the interpretations in which the contradiction `broken` does not occur.
 
     If there is only one such interpretation, the warning contains its options as the correction.
     """
@@ -148,9 +149,9 @@ def read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
 
 
 def _torque_question(table: InterpretedTable, fit: EnergyFit, looked_at: slice) -> TableQuestion | None:
-    """Warn about sign, unit, order or absence of the torques if another interpretation conserves the energy.
+    """Warn about torques whose other interpretation conserves the energy.
 
-    The result is None without a better interpretation.
+    Another interpretation has another sign, unit or order, or no torques. The result is None without a better one.
     """
     others = list(other_torques(table.torques, table.torque_columns, table.options.scale, table.ignored))
     others = [replace(other, torques=other.torques[looked_at]) for other in others]

@@ -79,6 +79,6 @@ def _usual(t: Array, theta: Array, whole: Flags, lost: int) -> float:
 
 
 def _residual(t: Array, theta: Array) -> Array:
-    """Fit a polynomial to the rows, and return the largest residual (rods,) of each rod, rad."""
+    """Fit a polynomial to the rows; return the largest residual (rods,), rad."""
     powers = np.vander((t - t.mean()) / np.ptp(t), JOIN.degree + 1)
     return np.abs(theta - powers @ np.linalg.lstsq(powers, theta, rcond=None)[0]).max(axis=0)

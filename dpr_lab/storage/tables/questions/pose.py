@@ -58,7 +58,7 @@ def _readings_in_pose(table: InterpretedTable) -> list[OtherReading]:
 
 
 def _zeros_in_pose(table: InterpretedTable, added: Array) -> list[OtherReading]:
-    """Return at most one interpretation: with its zeros, the swing starts at the named pose.
+    """Return an interpretation whose zeros start the swing at the named pose.
 
     The list is empty if the energy is conserved less well with these zeros.
     """

@@ -37,7 +37,7 @@ PUSH = PushSettings()
 
 
 def questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Check the interpretation of a table, and return the warnings, most serious first.
+    """Return the warnings about the interpretation of a table, most serious first.
 
     Raises:
         RunError: the table cannot be used because of too few rows, constant or identical columns, a wrong unit of time,
@@ -60,7 +60,7 @@ def questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def _refuse_dead(table: InterpretedTable, theta: Array) -> None:
-    """Refuse a table with equal columns, or with a rod or free elbow that does not move."""
+    """Refuse equal columns, and rods or free elbows that do not move."""
     if table.rig.rods.mounted != "both":
         return
     names = [table.columns.get(axis, axis) for axis in ("theta1", "theta2")]
