@@ -219,9 +219,7 @@ def _clock(table: Table, given: Mapping[str, str]) -> dict[str, str]:
 
 
 def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
-    """Find the only column that varies, apart from the time.
-
-    The list is empty if several columns vary.
+    """Find the only column that varies, apart from the time; empty for several.
 
     Raises:
         RunError: the only column that varies is one coordinate of a point.
@@ -364,10 +362,7 @@ def _said_time_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
 
 
 def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, str]:
-    """Assign columns without names by their order.
-
-    The order is the time if present, the arm if there are three others, and both rods.
-    """
+    """Assign unnamed columns by order: time if present, arm if three others, both rods."""
     if table.settled or not all(_NO_NAME.fullmatch(name) for name in table.names if name != time):
         return {}
     others = [name for name in table.names if name != time]
