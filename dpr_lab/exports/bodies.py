@@ -35,7 +35,10 @@ def words_of(effects: Effects) -> dict[str, Words]:
 
 
 def in_words(model: AnyModel, rig: Rig, known: frozenset[str]) -> dict[str, Words]:
-    """Map each effect that a program can express to its elements; `known` are the program's elements."""
+    """Map each effect that a program can express to its elements.
+
+    `known` are the elements of the program.
+    """
     expressed = {name: words for name, words in words_of(model.effects).items() if known.issuperset(words)}
     # In a simulator, tilted gravity acts in all directions; this effect acts only in the plane of the rods.
     if isinstance(model, MovingArmModel):
@@ -98,7 +101,7 @@ def _masses(model: Model) -> tuple[float, float, float]:
 
 
 def notes(model: AnyModel, corrected: Bodies, lost: Mapping[str, str]) -> list[str]:
-    """Describe an exported model: its scale, the omitted effects, and the torque of the arm's drive."""
+    """Describe an exported model: scale, omitted effects, and drive torque."""
     omitted = [f"omitted effects: {json.dumps(dict(lost), ensure_ascii=False)}"] if lost else []
     arm = corrected.arm
     drive = [f"joint0: torque = {arm.gain!r} N m per unit of {arm.input}"] if arm is not None and arm.input else []

@@ -108,7 +108,7 @@ class {name}(Fmi3Slave):
 
 @dataclass(frozen=True, slots=True)
 class UnitPorts:
-    """Inputs and states of a unit, and the name of its class in the Python module."""
+    """Inputs, states and Python class of a unit."""
 
     name: str
     kind: str

@@ -157,7 +157,7 @@ def arm_torques(data, motion):
 
 @dataclass(frozen=True, slots=True)
 class EngineFile:
-    """Simulator file on whose joints a module of passive forces acts; by default, the file of `mjcf`."""
+    """Simulator file for a module of passive forces, by default that of `mjcf`."""
 
     name: str = XML
     joints: tuple[str, str] = ("joint1", "joint2")
@@ -253,7 +253,10 @@ def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float, float]:
 
 
 def _passive_parts(link: Link) -> list[tuple[str, tuple[float, ...]]]:
-    """Return the cogging and presliding of a joint as parts of a motor without a winding, with their numbers."""
+    """Return cogging and presliding of a joint as motor parts with their numbers.
+
+    The motor has no winding.
+    """
     words = link.body.words
     waves = [("cogging", (size, N, phase - N * link.hanging)) for size, N, phase in words.get("cogging", ())]
     if "presliding" not in words:

@@ -240,7 +240,7 @@ def _driven(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
 
 
 class _Chosen(ast.NodeTransformer):
-    """Transformer that keeps the branches of the chosen effects and replaces indices of parameters by names."""
+    """Transformer that keeps the branches of chosen effects and names their parameters."""
 
     def __init__(self, effects: Collection[str]) -> None:
         self.on = [name in effects for name in EFFECTS]

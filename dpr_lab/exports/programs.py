@@ -70,7 +70,7 @@ class Replay:
         return self.error(self.simulated)
 
     def driven(self, t: float, state: object) -> list[float]:
-        """Return the input at time t: torques of joints 1 and 2, N m, or the input of the arm."""
+        """Return the input at time t: torques of both joints, N m, or the arm's input."""
         step = int((t - self.start) / REPLAY.step_s + 1e-6)  # a program may use shorter steps
         return self.torques[min(step, len(self.torques) - 1)].tolist()
 

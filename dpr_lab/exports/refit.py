@@ -95,9 +95,10 @@ def unchanged(model: AnyModel, written: AnyModel) -> set[str]:
 
 
 def _starts(bare: Estimate, model: AnyModel, rig: Rig) -> list[tuple[Array, Array]]:
-    """Return the initial values of the fits: ratios (7,) and effects (SIZE,) of the bare and the corrected model.
+    """Return the initial ratios (7,) and effects (SIZE,) of both fits.
 
-    Both use b of the corrected model, because free swings determine the sizes of effects only relative to b.
+    The fits are those of the bare and the corrected model. Both use b of the corrected model, because free swings
+    determine the sizes of effects only relative to b.
     """
     if not isinstance(model, MovingArmModel):
         of_bare = np.append(bare.ratios[: len(RATIOS)], model.unknowns[len(RATIOS) :])
@@ -151,7 +152,7 @@ def _bare_fit(model: AnyModel, runs: Sequence[Run], rig: Rig) -> tuple[Problem, 
 
 
 def _without(model: AnyModel, lost: frozenset[str], words: frozenset[str]) -> dict[str, dict[str, float]]:
-    """Remove the effects `lost` from the effects of a model, and add simpler effects that replace them."""
+    """Replace the effects `lost` of a model by simpler effects."""
     known = {name: _without_zeros(name, values) for name, values in known_effects(model.effects).items()}
     remaining = {name: values for name, values in known.items() if name not in lost}
     reduced = {name: values for name in sorted(lost) if (values := _reduced(name, known[name], words))}

@@ -20,7 +20,10 @@ from dpr_lab.run import Run
 
 
 def release(run: Run, rig: Rig, model: Model, until: float | None = None) -> Replay:
-    """Fit an initial state and simulate the release up to `until`, by default up to the predictability horizon."""
+    """Fit an initial state and simulate the release up to `until`.
+
+    The default is the predictability horizon.
+    """
     followed = follow(run, rig, model)
     first = float(followed.preprocessed.run.t[0])
     freely = free_run_from(followed, first)

@@ -105,7 +105,7 @@ class Link:
 
     @property
     def axis(self) -> str:
-        """Axis of the hinge in the parent frame: vertical for the arm, horizontal for the rods."""
+        """Axis of the hinge in the parent frame: vertical for the arm, otherwise horizontal."""
         return "0 1 0" if self.joint else "0 0 1"
 
     @property
@@ -147,7 +147,7 @@ class Bodies:
 
 
 def words_of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]:
-    """Return the elements of the effects of one joint (0, 1, or -1 for the arm).
+    """Return the elements of a joint's effects; -1 is the arm.
 
     No two effects may use the same element.
     """

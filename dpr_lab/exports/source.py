@@ -47,7 +47,7 @@ class _Writer:
         self.written: list[str] = []
 
     def write(self, value: Any) -> str:
-        """Write the definitions of a value and of its dependencies, unless already written; return its name."""
+        """Write the definitions of a value and its dependencies once; return its name."""
         key = _identity(value)
         if key not in self.names:
             self.names[key] = self._free_name(value)

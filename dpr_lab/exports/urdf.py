@@ -16,9 +16,10 @@ WORDS = frozenset({"friction", "offset", "added_length", "tilt"})
 
 
 def urdf(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> str:
-    """Generate URDF text with the links `world`, `base`, `arm` (if the arm moves), `inner`, `encoder2` and `outer`.
+    """Generate URDF text with the links of base, arm and rods.
 
-    All joint angles are 0 with the rods upright. The angle of joint 2 is relative to the inner rod.
+    The links are `world`, `base`, `arm` (if the arm moves), `inner`, `encoder2` and `outer`. All joint angles are 0
+    with the rods upright. The angle of joint 2 is relative to the inner rod.
     """
     corrected = bodies(model, rig, in_words(model, rig, WORDS))
     return rendered(

@@ -50,7 +50,7 @@ class AngleUnit:
 
     @property
     def scale(self) -> str:
-        """Angles of the upright and the hanging position as text, for example `0 upright, 180 hanging`."""
+        """Upright and hanging angles as text, for example `0 upright, 180 hanging`."""
         return f"0 upright, {math.pi * self.per_rad:.4g} hanging"
 
 

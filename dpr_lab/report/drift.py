@@ -1,4 +1,4 @@
-"""Create the report of drift between groups of runs: verdict, tables, control charts and HTML page."""
+"""Report of drift between groups of runs: verdict, tables, control charts, HTML page."""
 
 import re
 from collections.abc import Sequence
@@ -84,7 +84,7 @@ def unit_of(name: str) -> str:
 
 
 def _has_size(parameter: ParameterChange) -> bool:
-    """Check whether the mean of the first group exceeds the scatter of a run and a tenth of the change."""
+    """Check whether the first mean exceeds the run scatter and a tenth of the change."""
     return abs(parameter.first) > max(parameter.scatter, 0.1 * abs(parameter.change))
 
 

@@ -1,4 +1,4 @@
-"""Reduce curves for drawing: find extremes of long records, gaps, and the range of the axis."""
+"""Reduction of curves for drawing: extremes of long records, gaps, axis range."""
 
 import numpy as np
 from numpy.typing import NDArray

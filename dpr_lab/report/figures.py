@@ -1,4 +1,4 @@
-"""Draw the figures of an identification: response, error with the noise floor, evolution of the search.
+"""Figures of an identification: response, error with noise floor, search.
 
 The figures correspond to figures 2 to 4 of the publication (docs/theory.md).
 """
@@ -89,11 +89,11 @@ def run_figure(run: Run) -> Figure:
 
 
 def response_figure(comparisons: Compared) -> Figure:
-    """Draw measured and simulated angles of both rods, one row per run (figure 2 of the publication).
+    """Draw measured and simulated angles of both rods, one row per run.
 
-    The free run is a strong line up to the predictability horizon and a faint line beyond it. The axis range is that of
-    the measured angles, so that a diverging free run leaves the panel. With a moving arm, there is one row for each
-    pair of a run and a joint.
+    This is figure 2 of the publication. The free run is a strong line up to the predictability horizon and a faint line
+    beyond it. The axis range is that of the measured angles, so that a diverging free run leaves the panel. With a
+    moving arm, there is one row for each pair of a run and a joint.
     """
     arms, comparisons = _by_kind(comparisons)
     if arms:
@@ -142,7 +142,7 @@ def _by_kind(comparisons: Compared) -> tuple[list[ArmComparison], list[Compariso
 
 
 def _panels(runs: Sequence[ArmComparison]) -> tuple[Figure, list[tuple[Any, ArmComparison, int]]]:
-    """Create a figure with one panel for each pair of a run and a joint that has readings."""
+    """Create a figure with one panel per run and joint with readings."""
     rows = [(run, joint) for run in runs for joint, name in enumerate(JOINTS_READ) if name in run.rms_rad]
     figure = new_figure(0.6 + 1.5 * len(rows))
     panels = figure.subplots(len(rows), squeeze=False)[:, 0]
@@ -343,7 +343,10 @@ def _symmetric_range(axes: Axes, values: Array) -> None:
 
 
 def _angle_range(axes: Axes, values: Array) -> None:
-    """Set an axis range for `values`, rad; if the values span more than π, ticks are at multiples of π/2."""
+    """Set an axis range for `values`, rad.
+
+    If they span more than π, ticks are at multiples of π/2.
+    """
     finite = values[np.isfinite(values)]
     if not len(finite):
         return

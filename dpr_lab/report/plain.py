@@ -18,9 +18,9 @@ class NotFinite(RuntimeWarning):
 
 
 def as_json(result: Mapping[str, Any] | Sequence[Mapping[str, Any]], indent: int | None = 1) -> str:
-    """Format an object or a list of objects as JSON, on one line if `indent` is None.
+    """Format an object or a list of objects as JSON.
 
-    A warning `NotFinite` names the key of each number that is not finite.
+    The text has one line if `indent` is None. A warning `NotFinite` names the key of each number that is not finite.
     """
     return json.dumps(_finite(result, "result"), indent=indent, default=str, allow_nan=False)
 

@@ -25,24 +25,24 @@ def local_time(utc: str) -> str:
 
 
 def recorded(run: Path) -> str:
-    """Return the time of recording from a file name `<utc>_<pose>_<uid8>`, or an empty text for other names."""
+    """Return the recording time from a name `<utc>_<pose>_<uid8>`; otherwise empty."""
     parts = run.stem.split("_")
     when = local_time(parts[0])
     return when if len(parts) > 2 and when != parts[0] else ""
 
 
 def run_pose(run: Path) -> str:
-    """Return the pose of a run from a file name `<utc>_<pose>_<uid8>`; other names are returned unchanged."""
+    """Return the pose from a name `<utc>_<pose>_<uid8>`; other names are unchanged."""
     return "_".join(run.stem.split("_")[1:-1]) if recorded(run) else run.stem
 
 
 def run_name(run: Path) -> str:
-    """Return pose and time of a run from a file name `<utc>_<pose>_<uid8>`; other names are returned unchanged."""
+    """Return pose and time from a name `<utc>_<pose>_<uid8>`; other names are unchanged."""
     return run_label(run.stem)
 
 
 def run_label(stem: str) -> str:
-    """Return pose and time of a run from the name of its file without the extension, as `run_name`."""
+    """Return pose and time of a run, as `run_name`, without a file extension."""
     file = Path(f"{stem}.mcap")
     when = recorded(file)
     return f"{run_pose(file)} ({when})" if when else stem

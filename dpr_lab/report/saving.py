@@ -51,7 +51,7 @@ def save_diagnosis(
     on_loss: Callable[[str], None] = lambda sentence: None,
     acceptance: Acceptance | None = None,
 ) -> dict[str, str]:
-    """Write report, figures, corrected model and exports of a diagnosis, and return their paths by name.
+    """Write report, figures, corrected model and exports; return their paths by name.
 
     Args:
         diagnosis: the diagnosis

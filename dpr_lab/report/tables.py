@@ -81,7 +81,7 @@ PARAMETER_UNITS = {
 
 @dataclass(frozen=True, slots=True)
 class NoiseLike:
-    """Range of the ratio of residual to noise floor in which the residual counts as noise.
+    """Ratios of residual to noise floor at which the residual counts as noise.
 
     The noise floor is also an estimate. Without a rest before the release, it is estimated from few samples.
     """
@@ -160,7 +160,10 @@ def limit_forecast_rows(made: "Plan") -> list[tuple[str, ...]]:
 
 
 def _too_slow(limit: "LimitForecast") -> str:
-    """Return a note if the joint does not reach the speed of a friction limit; otherwise an empty text."""
+    """Note that a joint does not reach the speed of a friction limit.
+
+    Otherwise the text is empty.
+    """
     return "" if limit.reached_rad_per_s is None else f": the joint reaches {limit.reached_rad_per_s:.3g} rad/s"
 
 
@@ -182,7 +185,7 @@ def ratio_std_rows(made: "Plan", release: "PlannedRelease") -> list[tuple[str, .
 
 
 def _undetermined(model: "Model") -> str:
-    """Describe the ratios that the recordings do not determine; return an empty text if they determine all ratios."""
+    """Describe the ratios that the recordings do not determine; empty for none."""
     names = [name for name, ratio in model.ratios.items() if ratio.fixed_by != "data"]
     names += ["the ratios of the outer rod, which is not mounted"] if model.fitted else []
     return f" Not determined by these recordings: {', '.join(names)}." if names else ""
@@ -290,7 +293,7 @@ def run_rows(model: "Model") -> list[list[str]]:
 
 
 def _zeros(fitted: Sequence[float]) -> str:
-    """Format the fitted zero offsets of encoders that are zeroed before each run; empty without offsets."""
+    """Format fitted zero offsets of rezeroed encoders; empty without offsets."""
     return f", zero offsets {' and '.join(f'{1e3 * zero:.3g}' for zero in fitted)} mrad" if fitted else ""
 
 
@@ -355,5 +358,5 @@ def _worst(rms: Sequence[float] | Array, noise: Sequence[float] | Array) -> floa
 
 
 def _noise_ratio(rms: Array, noise: Array) -> Array:
-    """Compute the ratio of residual to noise floor for each axis; NaN if the noise floor is unknown."""
+    """Divide residual by noise floor for each axis; NaN without a noise floor."""
     return np.divide(rms, noise, out=np.full(len(rms), np.nan), where=noise > 0)

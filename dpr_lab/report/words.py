@@ -34,7 +34,7 @@ def named(name: str) -> str:
 
 
 def in_words(text: str) -> str:
-    """Add a description to each effect identifier in a text, unless the identifier already has one.
+    """Add a description to each effect identifier that has none in a text.
 
     An identifier after `--without` is not changed, so that the option can be copied.
     """
@@ -62,7 +62,9 @@ def negative_words(effect: str, name: str, value: float) -> str:
 
 
 def size_words(effect: str, name: str, angles: AngleUnit = RADIANS, *values: float) -> str:
-    """Format a size: `0.80 mN m`, `0.80 mN m (0.70 to 0.90)` with its interval, or `2` for a selected integer.
+    """Format a size with or without its interval, for example `0.80 mN m (0.70 to 0.90)`.
+
+    A selected integer has no interval.
 
     Args:
         effect: name of the effect

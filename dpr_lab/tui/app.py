@@ -241,7 +241,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
             self.notify(news, timeout=NOTICES.news_s)
 
     def on_resize(self, event: events.Resize) -> None:
-        """Adapt the list of steps to the width; show a message if the window is too small."""
+        """Adapt the list of steps to the width, or report that the window is too small."""
         width, height = event.size
         main = self.screen_stack[0]
         small = width < LEAST[0] or height < LEAST[1]
@@ -345,7 +345,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         yield from Palette(self, self.steps, self.services.keys, self.action_go).commands()
 
     def save_picture(self, filename: str | None, path: str | None, time_format: str | None) -> str | None:
-        """Save a screenshot in the folder of the results, and show its path or the error."""
+        """Save a screenshot in the folder of the results; show its path or the error."""
         folder = Path(path) if path else self.workspace.out / "screenshots"
         try:
             folder.mkdir(parents=True, exist_ok=True)

@@ -25,7 +25,7 @@ NARROWEST = 16
 
 
 def keep_units_whole() -> None:
-    """Make Rich and Textual keep a number and its unit, such as `0.80 mN m`, on one line."""
+    """Make Rich and Textual keep number and unit, such as `0.80 mN m`, together."""
     _wrap.re_word = _WORD
 
 

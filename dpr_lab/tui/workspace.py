@@ -138,7 +138,7 @@ def _stamp(path: Path) -> str:
 
 
 def _rig_stamp(rig: str) -> str:
-    """Return a hash of a rig file without its poses, because poses do not affect results.
+    """Return a hash of a rig file without its poses, which affect no results.
 
     If the file cannot be read, return its time stamp instead.
     """

@@ -51,7 +51,7 @@ def fitted_amplitudes(model: Model, runs: Sequence[Run], rig: Rig) -> FittedAmpl
 
 
 def beyond_fitted(fitted: FittedAmplitudes, band: PredictiveBand, model: Model, run: Run, rig: Rig) -> float:
-    """Return the share of a recording in which the swing amplitude is outside the fitted range."""
+    """Return the share of a recording with amplitudes outside the fitted range."""
     begins, angles = amplitudes(model, run, rig)
     return fitted.beyond(
         angles[(begins >= begins[0] + band.delay_s + BANDS.start_s - 1e-9) & (begins < band.horizon_s)]

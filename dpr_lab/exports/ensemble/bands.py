@@ -78,7 +78,7 @@ class PredictiveBand:
 
     @property
     def covered(self) -> float:
-        """Share of the compared readings that lie inside the band, or nan if there are no readings."""
+        """Share of the compared readings inside the band, nan without readings."""
         inside = (self.measured >= self.low) & (self.measured <= self.high)
         return float(inside.sum()) / self.readings if self.readings else float("nan")
 
@@ -179,7 +179,7 @@ def fewest_models() -> int:
 
 
 def _with_torque_noise(run: Run, std_Nm: Array, rng: np.random.Generator) -> Run:
-    """Draw a realisation of the true torques of a run: the measured torques minus random measurement noise."""
+    """Draw the true torques of a run: measured torques minus random noise."""
     assert run.torques is not None
     return replace(run, torques=run.torques - std_Nm * rng.standard_normal(run.torques.shape))
 

@@ -103,9 +103,9 @@ class DescriptionEditor(Editor):
     def _move(
         self, edit: XmlEdit, owner: int, label: str, measure: Callable[[SimulatorModel], Vector], shift: Vector
     ) -> None:
-        """Move an element so that a derived position shifts by a vector (3,) in the world frame, m.
+        """Move an element so that a derived position shifts by (3,), m.
 
-        `measure` returns this position for a changed model.
+        `measure` returns this position for a changed model, in the world frame.
         """
         place = self.place(edit, owner)
 

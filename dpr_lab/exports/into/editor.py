@@ -29,11 +29,14 @@ class Editor(ABC):
 
     @abstractmethod
     def move_joint(self, edit: XmlEdit, joints: tuple[str, str], shift: Vector) -> None:
-        """Shift the second joint relative to the first by a (3,) vector in the world frame, m."""
+        """Shift the second joint relative to the first by a (3,) vector, m.
+
+        The vector is in the world frame.
+        """
 
     @abstractmethod
     def set_body(self, edit: XmlEdit, joint: str, change: BodyChange) -> None:
-        """Move the centre of mass of the body of a joint, and scale the inertia of this body."""
+        """Move the centre of mass of a joint's body, and scale its inertia."""
 
     @abstractmethod
     def set_joint(self, edit: XmlEdit, part: ChainRod | ChainArm, target: Target) -> None:

@@ -32,7 +32,7 @@ CHANGE = ChangeSettings()
 
 @dataclass(frozen=True, slots=True)
 class ModelCause:
-    """A number of the file that differs from the rig, described by the names that the file uses."""
+    """A number of the file that differs from the rig, in the file's names."""
 
     joint: str
     """Name of the joint in the file."""
@@ -116,7 +116,7 @@ def unseen(
 
 
 def _at(joints: Collection[int]) -> Iterator[str]:
-    """Yield the effects of the given joints that the joint attributes of a file can represent."""
+    """Yield the effects of joints that the joint attributes of a file can represent."""
     return (name for name, effect in EFFECTS.items() if _term(name) and set(effect.joints) <= set(joints))
 
 

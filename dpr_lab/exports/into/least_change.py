@@ -139,7 +139,10 @@ def ranked_change(
 
 
 def _base_of(chain: ModelChain, longer: float) -> Array:
-    """Return the base parameters (6,) of the file after its inner rod is extended by `longer`, m."""
+    """Return the base parameters (6,) of the file with a longer inner rod.
+
+    The additional length is `longer`, m.
+    """
     values, length = chain.parameters, (chain.rods[0].length or 0.0) + longer
     return base_parameters([values[name] for name in PARAMETERS], length, chain.gravity)
 
@@ -147,7 +150,7 @@ def _base_of(chain: ModelChain, longer: float) -> Array:
 def _gear_factors(
     effects: Mapping[str, Mapping[str, float]], diagnosis: Diagnosis, runs: Sequence[Run]
 ) -> dict[str, float]:
-    """Return the ratio of acting torque to known torque of each driven joint, at the estimated b.
+    """Return the ratio of acting to known torque of each drive at the estimated b.
 
     The keys are the names of the effects of the drives. The result is empty unless the torques determine the scale.
     """
@@ -160,7 +163,7 @@ def _gear_factors(
 
 
 def _changed_gears(gears: Mapping[str, float], factor: float, diagnosis: Diagnosis) -> dict[str, dict[str, float]]:
-    """Return the errors of the torque constants in the file if all masses change by a common factor.
+    """Return the torque constant errors of the file after scaling all masses.
 
     Negligible errors are omitted.
     """
@@ -169,7 +172,9 @@ def _changed_gears(gears: Mapping[str, float], factor: float, diagnosis: Diagnos
 
 
 def _base(of_file: Array, rotor: Array, model: Model, diagnosis: Diagnosis, gears: Array) -> Array:
-    """Return the base parameters (6,) at one scale: values of the file if compatible, otherwise estimates.
+    """Return base parameters (6,) at one scale, from the file where compatible.
+
+    Otherwise they are estimates.
 
     Args:
         of_file: (6,) base parameters of the file, without rotors
@@ -204,7 +209,7 @@ def _same_gear(diagnosis: Diagnosis) -> float:
 
 
 def with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: float) -> Array:
-    """Adapt base parameters (6,) so that a body keeps its numbers if they change only slightly.
+    """Adapt base parameters (6,) so that slightly changed bodies keep their numbers.
 
     The centre of mass or the inertia of a body keeps its value of the file if the base parameters change it only
     slightly.
@@ -233,7 +238,7 @@ def with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: flo
 
 
 def _with(model: Model, chain: ModelChain, base: Array, effects: Mapping[str, Mapping[str, float]]) -> Model:
-    """Replace the base parameters and effects of the model, and use the masses of the file."""
+    """Replace base parameters and effects of a model; use the file's masses."""
     inner, outer = chain.rods
     known = {"m1": inner.mass, "m2": outer.mass, "mb": chain.elbow_mass, "l1": inner.centroid, "l2": outer.centroid}
     known |= {"J1": inner.inertia, "J2": float(base[1]) - outer.mass * outer.centroid**2}
@@ -275,7 +280,10 @@ def body_rows(chain: ModelChain, base: Array, of_file: Array, number: int, longe
 
 
 def _bodies(chain: ModelChain, base: Array, longer: float) -> list[tuple[float, float]]:
-    """Compute centre of mass, m, and inertia, kg m^2, of each rod from base parameters (6,)."""
+    """Compute centre of mass, m, and inertia, kg m^2, of each rod.
+
+    They follow from base parameters (6,).
+    """
     inner, *outer = chain.rods
     a, b, d, e1 = base[:4]
     length, carried = (inner.length or 0.0) + longer, sum(rod.mass for rod in outer) + chain.elbow_mass

@@ -125,7 +125,10 @@ def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[s
 
 
 def _tolerances(model: MovingArmModel) -> dict[str, float]:
-    """Return, for each determined parameter, the relative difference up to which the number of the file is kept."""
+    """Return the relative difference up to which each number of the file is kept.
+
+    Only determined parameters are included.
+    """
     scale = model.absolute[model.scale]
     tolerances = {model.scale: CHANGE.same}
     if model.input and scale.fixed_by == "data":  # the scale, divided by the known torque per input

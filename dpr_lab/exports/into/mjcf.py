@@ -62,7 +62,7 @@ class MjcfEditor(Editor):
             edit.set(inertial, label, **{form: numbers(change.factor * values)})
 
     def set_joint(self, edit: XmlEdit, part: ChainRod | ChainArm, target: Target) -> None:
-        """Set the quantities of a joint, and the gear of its motor, where they differ from the target."""
+        """Set the quantities of a joint, and its motor's gear, to the target."""
         turn = math.degrees(1.0) if self._compiled.degrees else 1.0
         changed = {
             ATTRIBUTES.get(name, name): numbers([turn * after if name == "rest" else after])
@@ -113,7 +113,7 @@ class MjcfEditor(Editor):
         return index, edit.tags[index].parent
 
     def _set_gear(self, edit: XmlEdit, part: ChainRod | ChainArm, gear: float | None) -> None:
-        """Set the gear of the motor of a joint; the other five numbers of the attribute are kept.
+        """Set the gear of a joint's motor; keep the other numbers of the attribute.
 
         Raises:
             ConfigError: the motor is not in the file itself.

@@ -118,7 +118,7 @@ def _moves(chain: ModelChain, longer: float, of_arm: ArmTarget | None) -> list[t
 def _edited(
     editor: Editor, text: bytes, changes: list[ChangedAttribute], step: Callable[..., None], *arguments: object
 ) -> bytes:
-    """Apply one step of the editor to a text, append its changes to `changes`, and return the new text."""
+    """Apply one step of the editor to a text, and collect its changes."""
     edit = XmlEdit(text, str(editor.path))
     step(edit, *arguments)
     changes += edit.changes

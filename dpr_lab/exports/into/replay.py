@@ -145,7 +145,7 @@ class Simulation:
         )
 
     def angles(self, swing: Replay, gain: Array | float = 1.0) -> Array:
-        """Simulate the (n, 2) angles of the rods, or (n, 3) with the arm, rad, for a replay.
+        """Simulate the (n, 2) rod angles of a replay, or (n, 3) with arm, rad.
 
         `gain` multiplies the known torques. For a moving arm, `gain` is the torque per input of the drive.
         """

@@ -82,7 +82,7 @@ class SdfEditor(DescriptionEditor):
             edit.insert_texts(dynamics, f"{label}, dynamics", **missing)
 
     def elbow_owner(self, joint: int, link: int) -> int:
-        """Return the index of the outer link, whose frame defines the position of the outer joint."""
+        """Return the index of the outer link, whose frame positions the outer joint."""
         return link
 
 

@@ -47,7 +47,7 @@ PATCH = PatchSettings()
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Target values of a rod or arm and its joint in the changed file, in SI units."""
+    """Target values of a rod or arm and its joint in the changed file, SI."""
 
     inertia: float
     """Inertia of a rod about its centre of mass, or of arm and rotor without the rods about the arm's axis, kg m^2."""
@@ -87,7 +87,7 @@ class PatchedModel:
     """Effects that are not in the file but in the module of passive forces."""
 
     def diff(self, original: Path, name: str) -> str:
-        """Return a unified diff of the original and the changed file; `name` is the file name in the diff."""
+        """Return a unified diff of original and changed file, named `name`."""
         contents = original.read_bytes(), self.text
         before, after = (content.decode("utf-8").splitlines(keepends=True) for content in contents)
         return "".join(unified_diff(before, after, str(original), name, n=1))

@@ -1,4 +1,4 @@
-"""Build the corrected model of a diagnosis with a moving arm, and update it from another fit."""
+"""Corrected model of a diagnosis with a moving arm, and its update from another fit."""
 
 from collections.abc import Mapping, Sequence
 from typing import Literal
@@ -120,12 +120,12 @@ def _mounted(rig: Rig) -> Literal["both", "inner"]:
 
 
 def _joint(name: str) -> str:
-    """Return the name that models with a moving arm use for a joint, for example `joint 0` for `joint0`."""
+    """Return the joint name of moving-arm models, for example `joint 0` for `joint0`."""
     return name.replace("joint", "joint ")
 
 
 def _named(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    """Return the effects without the arm itself and without events, because an event happened only once."""
+    """Return the effects without the arm itself and without single events."""
     return {name: dict(values) for name, values in effects.items() if name not in OF_ARM and not EFFECTS[name].event}
 
 

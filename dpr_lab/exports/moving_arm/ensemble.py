@@ -88,7 +88,7 @@ def _of_covariance(model: MovingArmModel, rng: np.random.Generator) -> MovingArm
 def _of_posterior(
     model: MovingArmModel, components: Sequence[PosteriorComponent], rig: Rig, rng: np.random.Generator
 ) -> MovingArmModel:
-    """Draw a model from a posterior: first a set of effects, then the values of ratios and effects."""
+    """Draw a model from a posterior: a set of effects, then its values."""
     weights = np.array([component.probability for component in components])
     component = components[int(rng.choice(len(components), p=weights / weights.sum()))]
     drawn = drawn_values(component, rng)

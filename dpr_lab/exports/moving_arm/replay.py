@@ -61,7 +61,7 @@ class FollowedSegments:
 
 
 def run_problem(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> tuple[Problem, Array]:
-    """Set up the fitting problem of a run in segments, with the constants of a model.
+    """Set up the fitting problem of a run with the constants of a model.
 
     The result contains the problem and the initial states (segments, 6), which are estimated from the readings.
 

@@ -35,7 +35,7 @@ def limit_rows(acceptance: Acceptance) -> list[tuple[str, ...]]:
 
 
 def deciding_sentence(acceptance: Acceptance) -> str:
-    """Compose a sentence that introduces the releases that should show whether the remaining limits are met.
+    """Introduce the releases that should decide the remaining limits.
 
     The sentence is empty if there are no such releases.
     """

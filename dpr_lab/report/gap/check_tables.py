@@ -81,7 +81,7 @@ def check_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def _expected(check: AdvisedCheck) -> str:
-    """Format the expected result of a measurement with its interval; a dash if there is no expected result."""
+    """Format the expected result of a measurement with its interval, or a dash."""
     if check.quantity is None or check.expected is None:
         return NONE
     ends = check.expected.value, *check.expected.interval90

@@ -1,4 +1,4 @@
-"""Draw the figures of a diagnosis: residual maps, gap reduction by effect, gap by segment length."""
+"""Figures of a diagnosis: residual maps, gap reduction, gap by segment length."""
 
 from __future__ import annotations
 

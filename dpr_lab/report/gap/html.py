@@ -92,7 +92,7 @@ def write_gap_report(
 
 
 def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
-    """Yield the blocks below the verdict: budget of the gap, its reproducible part, and the causes."""
+    """Yield the blocks below the verdict: gap budget, reproducible part, causes."""
     if bar := budget_bar(diagnosis):
         yield bar
     if bar := repeatability_bar(diagnosis):

@@ -39,7 +39,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
 
 
 def _check_words(diagnosis: Diagnosis, advice: str) -> str:
-    """Return the checks that belong to a recommendation, for example ` [check 1-47d7, expected information 0.98 bits]`.
+    """Return the checks of a recommendation, for example ` [check 1-47d7, expected information 0.98 bits]`.
 
     The text is empty if there are none. If the causes are decided, the text states so.
     """

@@ -22,7 +22,7 @@ def only_ratios(diagnosis: Diagnosis) -> bool:
 
 
 def assumed(diagnosis: Diagnosis) -> str:
-    """Return the assumption on the scale, for example `assuming b = 0.00534 kg m² (not measured)`.
+    """Return the assumed scale, for example `assuming b = 0.00534 kg m² (not measured)`.
 
     The text is empty if the scale is known.
     """
@@ -30,12 +30,12 @@ def assumed(diagnosis: Diagnosis) -> str:
 
 
 def scale_note(diagnosis: Diagnosis) -> str:
-    """Return the sentence about the scale of absolute sizes, or an empty text for an older version."""
+    """Return the sentence about the scale, or an empty text for an older version."""
     return superscripts(diagnosis.scale.sentence) if diagnosis.scale else ""
 
 
 def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RADIANS, *, brief: bool = False) -> str:
-    """Format the parameters of an effect and their intervals as the text of one table cell.
+    """Format the parameters of an effect with intervals for a table cell.
 
     Ratios come first if only ratios are identified. Parameters that are held at zero come last. If `brief` is true,
     amplitudes whose interval contains zero are listed only by name, unless the intervals of all amplitudes contain
@@ -70,7 +70,7 @@ def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RA
 
 
 def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float]) -> str:
-    """Format the true sizes of an effect, at the b of the diagnosis, as a table cell.
+    """Format the true sizes of an effect at the diagnosed b for a table cell.
 
     Ratios come first if only ratios are identified.
     """
@@ -85,7 +85,7 @@ def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float
 
 
 def _ratios_first(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, str], ratios: Mapping[str, str]) -> list[str]:
-    """Return the texts of ratios, then of the corresponding sizes at the assumed b, then of the remaining sizes.
+    """Return the texts of ratios, their sizes at the assumed b, and other sizes.
 
     Ratios are omitted if the scale is known.
     """
@@ -101,12 +101,15 @@ def _ratios_first(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, str], r
 
 
 def _inertia(diagnosis: Diagnosis) -> str:
-    """Return the symbol of the inertia to which the ratios refer: b, or a for an inner rod alone."""
+    """Return the reference inertia of ratios: b, or a for an inner rod alone."""
     return diagnosis.scale.inertia if diagnosis.scale else "b"
 
 
 def _ratio(unit: str, inertia: str, ratio: float, *interval90: float) -> str:
-    """Format a ratio, for example `/ b = 0.1472 1/s² (0.1467 to 0.1476)`; the interval is optional."""
+    """Format a ratio, for example `/ b = 0.1472 1/s² (0.1467 to 0.1476)`.
+
+    The interval is optional.
+    """
     operator = f"{'·' if unit == 'm^2' else '/'} {inertia}"  # a size in 1/kg decreases as the scale increases
     shown = "" if unit == "1" else superscripts(unit)
     size = with_unit(with_interval(ratio, *interval90) if interval90 else three(ratio), shown)

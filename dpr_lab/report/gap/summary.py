@@ -31,7 +31,7 @@ def held_out_words(diagnosis: Diagnosis) -> str:
 
 
 def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
-    """Split the gap of the bare model into the reduction by each effect and the remainder.
+    """Split the gap of the bare model into reductions by effects and remainder.
 
     The effects are added one after another. The part of an effect is the difference, rad, between the rms residuals
     before and after the effect is added. Each probable cause has its own part, and the terms of improbable causes share
@@ -118,7 +118,7 @@ def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
 
 
 def _varying(parameter: VaryingParameter) -> str:
-    """Describe the spread of a parameter by its smallest and its largest value with their 90 % intervals."""
+    """Describe a varying parameter by its extreme values with 90 % intervals."""
 
     def size(*values: float) -> str:
         return size_words(parameter.effect, parameter.name, RADIANS, *values)

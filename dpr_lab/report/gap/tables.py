@@ -1,4 +1,4 @@
-"""Create the tables of a diagnosis as rows of text, with notes that explain the columns."""
+"""Tables of a diagnosis as rows of text, with notes on the columns."""
 
 import re
 from collections.abc import Iterator
@@ -80,14 +80,20 @@ _COORDINATES = {"time": "time since release (s)", "load": "joint force (N)"}
 
 
 def quantity(place: Where, angles: AngleUnit = RADIANS) -> tuple[str, float]:
-    """Return the axis label for the values of a residual map, and the factor that converts SI values."""
+    """Return axis label and unit factor for the values of a residual map.
+
+    The factor converts SI values.
+    """
     if place.unit == "rad":
         return f"encoder error ({angles.small})", angles.small_per_rad
     return _QUANTITIES.get(place.unit, (place.unit, 1.0))
 
 
 def coordinate(place: Where, angles: AngleUnit = RADIANS) -> tuple[str, float]:
-    """Return the axis label for the coordinate of a residual map, and the factor that converts SI values."""
+    """Return axis label and unit factor for the coordinate of a residual map.
+
+    The factor converts SI values.
+    """
     unit = angles.symbol.strip()
     if place.coordinate in ("angle", "speed"):
         return f"joint {place.coordinate} ({unit}{'/s' if place.coordinate == 'speed' else ''})", angles.per_rad
@@ -100,7 +106,7 @@ def sentence(diagnosis: Diagnosis) -> str:
 
 
 def causes(diagnosis: Diagnosis) -> dict[str, NamedEffect]:
-    """Return the named effects that are probable causes; the keys are the descriptions of their classes."""
+    """Return the probable named effects by the descriptions of their classes."""
     return {
         " or ".join(map(named, effect.members)): effect
         for effect in diagnosis.effects
@@ -140,7 +146,7 @@ def contribution_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A named effect and its alternatives; if no effect is named, the effect that fits best."""
+    """A named effect with its alternatives, or the best effect if none is named."""
 
     name: str
     members: tuple[str, ...]
@@ -209,7 +215,7 @@ def _candidates(diagnosis: Diagnosis) -> Iterator[_Candidate]:
 
 
 def _how_to_distinguish(diagnosis: Diagnosis, candidate: _Candidate, alternative: RivalEffect) -> str:
-    """Return the next step that distinguishes two effects, or the reason why the recordings already do so."""
+    """Return the step that distinguishes two effects, or why none is needed."""
     if step := _next_step(diagnosis, candidate.name, alternative.name):
         return step
     if alternative.probability >= ALTERNATIVE_WORDS.improbable or alternative.cosine < ALTERNATIVE_WORDS.same_shape:
@@ -249,7 +255,7 @@ def step_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[s
 
 
 def steps(diagnosis: Diagnosis) -> list[tuple[str, float]]:
-    """Return label and gap, rad, of each model, from the bare model to the model with all effects."""
+    """Return label and gap, rad, of each model, from none to all effects."""
     return [
         ("bare model", per_reading(diagnosis.gap, "before_rad")),
         *(
@@ -261,7 +267,7 @@ def steps(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 
 
 def per_reading(gap: Gap, of: str) -> float:
-    """Return the root mean square of a quantity of the gap over the joints with readings, rad.
+    """Return the rms of a gap quantity over the joints with readings, rad.
 
     `of` is `floor_rad`, `before_rad` or `after_rad`.
     """
@@ -286,7 +292,7 @@ def place_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
 
 
 def place_map(place: Where, angles: AngleUnit = RADIANS, unknown: float = 1e3) -> tuple[Array, Array, Array]:
-    """Return the knots of a residual map, its values, and the half widths of their 90 % intervals.
+    """Return knots, values and half widths of the 90 % intervals of a residual map.
 
     The result is in displayed units. At a knot outside the recorded range, value and half width are NaN. The standard
     deviation of such a knot exceeds `unknown` times the largest value of the map.
@@ -304,7 +310,7 @@ def horizon_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def map_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
-    """Return the knots of the residual maps that contribute most to the excess, in the columns `MAP_COLUMNS`."""
+    """Return the knots of the `count` most important residual maps, as `MAP_COLUMNS`."""
     return [
         (in_words(place.site), coordinate(place)[0], three(knot), quantity(place)[0], three(value), three(half_width))
         for place in diagnosis.where[:count]

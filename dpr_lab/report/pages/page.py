@@ -174,7 +174,7 @@ def _with_code(text: str) -> Any:
 
 
 def _printable(value: Any) -> Any:
-    """Escape control characters in plain text, and keep a number and its per cent sign on one line.
+    """Escape control characters in plain text; keep numbers and per cent signs together.
 
     Markup is returned unchanged. Jinja2 escapes plain text later.
     """

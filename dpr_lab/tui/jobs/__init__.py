@@ -1,1 +1,1 @@
-"""Long jobs in separate processes: the workflows of the command line, with progress over a pipe."""
+"""Long jobs of the command line in separate processes, with progress over a pipe."""

@@ -31,7 +31,10 @@ class JobControl:
         self.send(JobProgress(value))
 
     def proceed(self) -> bool:
-        """Wait while the job is paused; return False if the job must stop and keep its result."""
+        """Wait while the job is paused; return False if it must stop.
+
+        The job then keeps its result.
+        """
         self._going.wait()
         return not self._stop.is_set()
 

@@ -30,7 +30,10 @@ if TYPE_CHECKING:
 
 
 def identify(control: JobControl, *, request: IdentifyRequest) -> IdentifyResult:
-    """Identify a model. The search can be paused, or stopped with its best result so far."""
+    """Identify a model.
+
+    The search can be paused, or stopped with its best result so far.
+    """
     return identify_runs(request, control.report, control.proceed)
 
 
@@ -104,7 +107,7 @@ def _keep(keep: KeptComparison | None, comparisons: "Sequence[Comparison] | Sequ
 
 @dataclass(frozen=True, slots=True)
 class RunSurveyed:
-    """Metadata of a file in a folder of runs, or the reason why it cannot be read."""
+    """Metadata of a file in a folder of runs, or why it is unreadable."""
 
     path: Path
     info: "RunInfo | None"
@@ -133,14 +136,14 @@ def verify(control: JobControl, *, path: Path) -> str:
 
 
 def recover(control: JobControl, *, path: Path, out: Path) -> str:
-    """Recover a damaged run like `dpr-lab run recover`, and return the number of samples as text."""
+    """Recover a damaged run like `dpr-lab run recover`; return the sample count as text."""
     from dpr_lab.storage.inspect import recover as recover_run
 
     return f"{recover_run(path, out)} samples recovered: {out.name}"
 
 
 def export(control: JobControl, *, path: Path, out: Path) -> str:
-    """Write a run in another format like `dpr-lab run export`, and return the path as text."""
+    """Export a run like `dpr-lab run export`; return the path as text."""
     from dpr_lab.storage.export import export as export_run
     from dpr_lab.storage.reader import load_run
 

@@ -69,7 +69,7 @@ class KeptComparison:
 
 
 def _array(value: Any) -> Any:
-    """Convert the value of a field to an array; a mapping by joint is first converted to JSON text."""
+    """Convert the value of a field to an array, via JSON text for a mapping."""
     return np.array("" if value is None else json.dumps(value) if isinstance(value, dict) else value)
 
 

@@ -27,7 +27,7 @@ class StagePace:
         self._stage, self._since, self._compiled = stage, now, False
 
     def compiling(self, now: float) -> None:
-        """Exclude the compilation of a kernel from the estimate; call this method when the compilation starts."""
+        """Exclude the compilation of a kernel from the estimate, from its start on."""
         self._since, self._compiled = now, True
 
     def left(self, now: float) -> float | None:

@@ -22,7 +22,10 @@ class NoticeApp(App[None]):
         return [*self._notifications]
 
     def notify(self, message: str, *, severity: SeverityLevel = "information", **options: Any) -> None:
-        """Show a plain text. An error stays visible until Escape is pressed or another step is shown."""
+        """Show a plain text.
+
+        An error stays visible until Escape is pressed or another step is shown.
+        """
         options["markup"] = False
         if severity == "error":
             options |= {"timeout": NOTICES.stays_s, "title": self.error_title}

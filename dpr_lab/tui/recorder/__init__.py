@@ -1,1 +1,1 @@
-"""Process that controls the device, so that no samples are lost while the screen is drawn."""
+"""Process that controls the device, so that drawing loses no samples."""

@@ -1,4 +1,4 @@
-"""State of one attempt to record from a pose, updated by the reports of the recorder."""
+"""State of one attempt to record from a pose, updated by recorder reports."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -58,16 +58,16 @@ class Attempt:
 
     @property
     def inputs(self) -> Array:
-        """(n,) input of the arm's drive at the samples of `trace`, in the unit of the rig file.
+        """Input (n,) of the arm's drive at the samples of `trace`.
 
-        The array is empty if the arm has no drive.
+        Its unit is that of the rig file. The array is empty if the arm has no drive.
         """
         inputs = np.concatenate(self._inputs) if self._inputs else np.empty(0)
         return inputs if len(inputs) == len(self.trace[0]) else np.empty(0)
 
     @property
     def obstacle(self) -> str:
-        """Reason why the rods must not be released now, or an empty text if a release is permitted."""
+        """Reason against a release now, or an empty text."""
         if self.phase is Phase.READY:
             return ""
         if self.phase is Phase.SETTLING and self.rest is not None and self.rest.restless:

@@ -1,4 +1,4 @@
-"""State of the device for the screen: its process, and its last report with its age."""
+"""Device for the screen: its process, and its last report with its age."""
 
 import asyncio
 import time
@@ -25,7 +25,7 @@ from dpr_lab.tui.recorder.sighting import Sighting, seen_in
 
 @dataclass(slots=True)
 class DeviceConnection:
-    """Connection to the device: at most one recorder process, its last report, and the current attempt."""
+    """Connection to the device: at most one process, its last report, and current attempt."""
 
     log: Path
     """File for the output of the recorder process."""

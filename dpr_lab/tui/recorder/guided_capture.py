@@ -38,7 +38,7 @@ def lost_since(before: Mapping[str, int], device: Device) -> dict[str, int]:
 
 
 class _GuidedCapture:
-    """Callbacks of a capture, which report its progress to the operator and request the release command."""
+    """Callbacks of a capture, which report progress and request the release command."""
 
     def __init__(self, order: CaptureAttempt, device: Device, inbox: Inbox, outbox: Outbox) -> None:
         self._order, self._device, self._inbox, self._outbox = order, device, inbox, outbox
@@ -65,7 +65,7 @@ class _GuidedCapture:
             self._unsent.clear()
 
     def confirm(self) -> bool | None:
-        """Return True if the rods may be released now, and None while no release command permits it.
+        """Return True if the rods may be released now, otherwise None.
 
         A release command permits the release under three conditions: it is recent, it was sent after the request, and
         it names this attempt and this pose.
@@ -93,7 +93,7 @@ def _thinned(recorded: SwingReading) -> SwingReading:
 
 
 def _joined(readings: Sequence[SwingReading]) -> SwingReading:
-    """Return the newest reading, extended by the points of earlier readings that could not be sent."""
+    """Return the newest reading, extended by the points of unsent earlier readings."""
     t, theta = zip(*(reading.fresh for reading in readings), strict=True)
     inputs = [reading.inputs for reading in readings if reading.inputs is not None]
     fresh = np.concatenate(t), np.concatenate(theta)

@@ -39,7 +39,7 @@ class Inbox:
         return latest
 
     def why_to_end(self, attempt: int) -> str:
-        """Return the reason why an attempt must end, or an empty text if it may continue."""
+        """Return the reason to end an attempt, or an empty text."""
         if self.gone:
             return "the screen has ended"
         return "stopped by the operator" if attempt in self._cancelled else ""

@@ -21,7 +21,10 @@ class Exercise:
 
 @dataclass(frozen=True, slots=True)
 class CaptureAttempt:
-    """Command: guide the rods to a pose and record after a release command for this attempt."""
+    """Command: guide the rods to a pose, and record after a release command.
+
+    The release command names this attempt.
+    """
 
     attempt: int
     pose: str
@@ -109,7 +112,7 @@ class AttemptSeen:
 
 @dataclass(frozen=True, slots=True)
 class GoAheadAsked:
-    """Report: the rods are at rest at the pose, and the attempt waits for the release command."""
+    """Report: the rods rest at the pose, and the attempt waits for release."""
 
     attempt: int
 

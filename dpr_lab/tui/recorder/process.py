@@ -157,7 +157,7 @@ class _IdleWatch:
         self._outbox.add_if_read(self._last)
 
     def _still(self) -> bool:
-        """Return whether the reading of every encoder differs from its last report by no more than the noise."""
+        """Return whether no encoder reading differs from its last report beyond the noise."""
         noise = 1 + SETTINGS.noises * self._rig.encoders.noise_counts
         return all(
             joint in self._last_reported and abs(n - self._last_reported[joint]) <= noise
@@ -166,7 +166,10 @@ class _IdleWatch:
 
 
 def _leave_the_terminal(log: Path) -> None:
-    """Ignore Ctrl-C, which the screen handles, redirect the output to a log, and finish the run file on SIGTERM."""
+    """Detach from the terminal: ignore Ctrl-C, and redirect output to a log.
+
+    The screen handles Ctrl-C. On SIGTERM, the run file is finished.
+    """
     if hasattr(os, "setsid"):
         os.setsid()
     signal.signal(signal.SIGTERM, _interrupt)

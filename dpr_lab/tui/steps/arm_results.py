@@ -26,7 +26,7 @@ VIEWS = ("angle", "segment residual")
 
 
 def start_of_diagnosis(model: Path | None) -> Path | None:
-    """Return the initial model of a diagnosis, or None for the values of the rig file.
+    """Return the initial model of a diagnosis, or None for the rig file.
 
     The diagnosis of a rig with a moving arm starts from the rig file.
     """
@@ -43,7 +43,7 @@ def ratios(model: "MovingArmModel") -> Group:
 
 
 def absolute(model: "MovingArmModel") -> Group:
-    """Draw a table of the absolute values and a sentence about the source of their scale."""
+    """Draw a table of the absolute values, and state the source of their scale."""
     rows = table("Absolute values", moving_arm.ABSOLUTE_COLUMNS, moving_arm.absolute_rows(model))
     note = f"{model.scale_sentence} A is the total inertia about the arm's axis."
     return Group(rows, Text(note, "dim"))

@@ -169,7 +169,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         self._draw()
 
     def _take_planned(self, rig: Rig) -> None:
-        """Select the pose and duration of the release that the operator chose in the step Plan."""
+        """Select pose and duration of the release that the operator chose in Plan."""
         if self.attempt is None and self.workspace.next_pose in rig.poses:
             self._pose, self.workspace.next_pose = self.workspace.next_pose, ""
             self.options = replace(self.options, until_rest=False, duration=self.workspace.next_duration_s)
@@ -293,7 +293,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
             raise DprError(self.worded(BUSY))
 
     def _obstacle(self) -> str:
-        """Return the reason why the rods may not be released now; the text is empty if a release is permitted."""
+        """Return the reason against a release now, or an empty text."""
         if self.attempt is None:
             return self.worded("press {capture.start} to be guided to the pose first")
         if not self.device.fresh(now := time.monotonic()):
@@ -355,7 +355,9 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         self.post_message(self.Done())
 
     def _decided(self, what: str, take: Callable[[Path], None]) -> None:
-        """Pass the run that waits for a decision to the function `take`, which keeps it or sets it aside.
+        """Pass the run that waits for a decision to the function `take`.
+
+        This function keeps the run or sets it aside.
 
         Raises:
             DprError: no recording is finished; the message contains the verb `what`.

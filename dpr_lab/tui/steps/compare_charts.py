@@ -36,7 +36,7 @@ SETTINGS = CompareSettings()
 
 @dataclass(frozen=True, slots=True)
 class ComparedRun:
-    """Content of the charts: one joint of a comparison, its free run, and a second comparison."""
+    """Content of the charts: one joint of a comparison, and a second comparison."""
 
     comparison: "Comparison"
     free_run: "FreeRun"
@@ -47,7 +47,7 @@ class ComparedRun:
 
     @property
     def horizon(self) -> list[Mark]:
-        """Mark at the predictability horizon, or an empty list if it is after the end of the run."""
+        """Mark at the predictability horizon, if it is before the end."""
         horizon_s = self.free_run.horizon_s
         within = horizon_s < float(self.comparison.t[-1])
         return [Mark(horizon_s, f"horizon {horizon_s:.2f} s")] if within else []
@@ -96,7 +96,7 @@ class ComparedRun:
         )
 
     def figures(self, news: str) -> str:
-        """Return the figures of the comparison, followed by `news`; the second comparison has its own line."""
+        """Return the figures of the comparison, then `news` and a second comparison."""
         second = "" if self.second is None else f"\nsecond: {_figures(self.second, self.unit)}"
         return _figures(self.comparison, self.unit) + (f"  {news}" if news else "") + second
 
@@ -105,7 +105,10 @@ class ComparedRun:
 
 
 def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
-    """Return one sentence with the residuals and free-run errors of both rods, as `dpr-lab compare` tabulates them."""
+    """Return one sentence with the residuals and free-run errors of both rods.
+
+    `dpr-lab compare` tabulates the same figures.
+    """
     from dpr_lab.report.tables import COMPARISON_COLUMNS, comparison_rows, to_the_end
 
     row = dict(zip(COMPARISON_COLUMNS, comparison_rows([comparison], unit)[0], strict=True))

@@ -267,7 +267,10 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.put("held-out", named_runs(self.workspace.held_out) or "none")
 
     def _doubt(self, diagnosis: "Diagnosis") -> str:
-        """Return a note if the diagnosis does not belong to the selected runs; otherwise return an empty text."""
+        """Note that the diagnosis does not belong to the selected runs.
+
+        Otherwise the text is empty.
+        """
         from dpr_lab.gap.screen.pieces import whole
 
         closed = diagnosis.gap.closed_held_out

@@ -39,7 +39,7 @@ def which_view(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
 
 
 def _effect(row: Sequence[str]) -> Group:
-    """Draw a named effect with its probability, its indistinguishable effects, and its size with 90 % intervals."""
+    """Draw a named effect with probability, class, and size with 90 % intervals."""
     from dpr_lab.report.gap import tables as gap_tables
 
     name, twins, probability, share, parameters = row
@@ -51,7 +51,7 @@ def _effect(row: Sequence[str]) -> Group:
 
 
 def far_view(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
-    """Draw the gap that remains after each added effect, and the reduction of the gap on held-out data."""
+    """Draw the gap after each added effect, and its reduction on held-out data."""
     from dpr_lab.report.digits import three
     from dpr_lab.report.gap import tables as gap_tables
     from dpr_lab.report.gap.summary import repeatability_parts, repeatability_sentences

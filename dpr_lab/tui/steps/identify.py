@@ -150,7 +150,7 @@ in the folder of the workspace.
         return f"search at most {left:.0f} s more" if left is not None else ""
 
     def progressed(self, value: Any) -> None:
-        """Show progress: a run that was read, a finished generation, or the end of the search."""
+        """Show a run that was read, a finished generation, or the search end."""
         match value:
             case RunRead(notes=notes):
                 for note in notes:
@@ -233,7 +233,10 @@ in the folder of the workspace.
         self.put("seen-text", _identifiability(model))
 
     def _doubt(self, model: "Model | MovingArmModel") -> str:
-        """Return a note if the model was fitted to other runs than the selected ones; otherwise an empty text."""
+        """Note that the model was fitted to other runs than those selected.
+
+        Otherwise the text is empty.
+        """
         used, selected = {Path(run.file).name for run in model.runs}, {run.name for run in self.workspace.runs}
         return "" if used == selected or not selected else " This model was fitted to other runs than those selected."
 
@@ -263,7 +266,7 @@ in the folder of the workspace.
 
 
 def time_left(instants: list[float], generations: int, recent: int = 8) -> float | None:
-    """Return the estimated time of the remaining generations, s, or None if there are no data.
+    """Estimate the time of the remaining generations, s; None without data.
 
     Args:
         instants: end of each generation since the start or the last pause, s

@@ -176,7 +176,7 @@ diagnosed first.
         self.post_message(self.Done())
 
     def _refuse_changed_setup(self, release: "PlannedRelease") -> None:
-        """Refuse a release that was planned for other rods or added masses than those in the current rig file."""
+        """Refuse a release that was planned for other rods or masses than in the rig file."""
         rig = load_rig(self.workspace.rig)
         mounting = "clamped" if release.elbow == "clamped" else release.mounted
         if (mounting, release.added_mass) != (rig.rods.mounting, rig.added_mass):
@@ -190,7 +190,7 @@ diagnosed first.
         return releases[row] if 0 <= row < len(releases) else None
 
     def _diagnosis(self) -> Path | None:
-        """Return the diagnosis of the workspace, or None if it does not belong to the selected runs."""
+        """Return the diagnosis of the selected runs in the workspace, or None."""
         made, now = self.workspace.made_from.get("Diagnose", {}), self.workspace.basis()
         unchanged = all(made.get(kind) == now[kind] for kind in self.RESTS_ON)
         return self.workspace.diagnosis if unchanged else None
@@ -225,7 +225,7 @@ def _row(release: "PlannedRelease", unit: AngleUnit) -> tuple[str, ...]:
 
 
 def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
-    """Draw the details of the selected release, the causes that no release separates, and the assumptions."""
+    """Draw the selected release, the causes that no release separates, and the assumptions."""
     from dpr_lab.report.tables import LIMIT_FORECAST_COLUMNS, limit_forecast_rows, ratio_std_rows
     from dpr_lab.report.words import in_words, named
 

@@ -76,7 +76,7 @@ the selected rig.
         self._named = ""
 
     def compose(self) -> ComposeResult:
-        """Build the list of rigs, a field for a path, and the description of the rig."""
+        """Build the list of rigs, the path field and the description."""
         yield OptionList(id="names")
         hint = "rig file (.toml), or name of a built-in rig; the right arrow completes a path"
         yield Input(placeholder=hint, id="rig_file", suggester=PathSuggester(".toml"))
@@ -120,7 +120,10 @@ the selected rig.
 
     @on(Input.Submitted)
     async def action_read(self) -> None:
-        """Use the rig named in the field. A connected device repeats its handshake with this rig."""
+        """Use the rig named in the field.
+
+        A connected device repeats its handshake with this rig.
+        """
         self.services.require_free()
         name = self.query_one(Input).value.strip()
         if not name:
@@ -205,7 +208,7 @@ def _mounted(rig: Rig) -> tuple[str, ...]:
 
 
 def _setup(rig: Rig) -> Iterator[Content]:
-    """Yield sentences that describe the mounting of the rods, if it differs from two rods that swing freely."""
+    """Describe the mounting of the rods, unless both swing freely."""
     if rig.rods.mounting != "both":
         yield Content("the elbow is clamped" if rig.rods.number == 2 else f"{rig.rods.names[0]} alone, on joint 1")
     if rig.joints.inner == "prescribed":
@@ -215,7 +218,7 @@ def _setup(rig: Rig) -> Iterator[Content]:
 
 
 def _arm(rig: Rig, unit: AngleUnit) -> Iterator[Content]:
-    """Yield lines with the mode and the parameters of a moving arm, and with the constants of its motor."""
+    """Describe the mode and parameters of a moving arm, and its motor."""
     arm, motor = rig.arm, rig.motor
     if arm.mode == "clamped":
         return

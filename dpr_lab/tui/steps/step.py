@@ -74,7 +74,7 @@ class Step(Guarded, Vertical, can_focus=True):
         return False
 
     def outcome(self) -> str:
-        """Return the short result for the list of steps, or an empty text without a result."""
+        """Return the short result for the list of steps, empty without a result."""
         return ""
 
     def stale(self) -> str:
@@ -90,7 +90,7 @@ class Step(Guarded, Vertical, can_focus=True):
         return ""
 
     def report(self) -> Path | None:
-        """Return the path of the report of the step, or None if there is no report."""
+        """Return the path of the report of the step, or None."""
         return None
 
     def missing(self) -> str:

@@ -132,7 +132,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
 
 
 def warnings_of(preview: Preview) -> list[str]:
-    """Return the warnings about a table; the operator must confirm them before the run is written."""
+    """Return the warnings about a table, which the operator must confirm."""
     return [question.sentence for question in preview.questions]
 
 

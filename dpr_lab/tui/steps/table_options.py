@@ -53,7 +53,10 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> _Parser:
-    """Create a parser with an option for every field of `ImportOptions`, and for the mounted rods and joint 2."""
+    """Create a parser with an option for every field of `ImportOptions`.
+
+    Further options state the mounted rods and joint 2.
+    """
     parser = _Parser(add_help=False, allow_abbrev=False, argument_default=argparse.SUPPRESS)
     for option in typed_options():
         flag = f"--{option.name.replace('_', '-')}"
@@ -69,7 +72,7 @@ def _parser() -> _Parser:
 
 
 def _reader(option: TypedOption) -> Callable[[str], Any]:
-    """Create a function that converts the text of an option; the parser reports an invalid text."""
+    """Create a function that converts an option; the parser reports invalid text."""
     if not option.reads_text:
         return option.kind
 

@@ -67,7 +67,7 @@ class Display:
         self._send_soon()
 
     def confirmed(self, column: int, row: int) -> None:
-        """Register a cursor position reported by the terminal, counted from 0, as confirmation of a frame."""
+        """Register a reported cursor position, from 0, as confirmation of a frame."""
         now = time.monotonic()
         for number in [n for n in range(max(self._number - 64, 0), self._number + 1) if self._cell(n) == (column, row)]:
             round_trip = self._pace.confirmed(number, now)

@@ -112,7 +112,7 @@ class CellFrame:
         return "".join(out)
 
     def _put(self, x: int, y: int, strip: Strip) -> int:
-        """Write a strip of text, starting at a cell, and return the column after its end."""
+        """Write a strip of text from a cell on; return the column after it."""
         row = self._wanted[y] if 0 <= y < self.height else None
         for segment in strip:
             if segment.control:

@@ -1,4 +1,4 @@
-"""Time of the next frame: after the previous one is drawn, within the capacity of the line."""
+"""Time of the next frame: after the previous one, within the line capacity."""
 
 from dataclasses import dataclass
 

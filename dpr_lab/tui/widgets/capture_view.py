@@ -155,7 +155,7 @@ class CaptureView(Vertical):
 
 
 def _lengths(rig: Rig) -> Lengths:
-    """Return the lengths that the drawing of the rods uses; a single rod is drawn as the inner one."""
+    """Return the lengths of the drawn rods; a single rod is the inner one."""
     outer = rig.L2 or rig.L1
     if rig.rods.number == 2:
         return Lengths(rig.L0, rig.L1, outer)
@@ -249,7 +249,7 @@ def _judgement(verdict: QualityReport) -> Iterator[Content]:
 
 
 def _placement(state: CaptureState) -> Placement | None:
-    """Return the position to which the operator must turn the rods; return None after all poses are recorded."""
+    """Return the position to set next, or None after all poses are recorded."""
     if state.all_done:
         return None
     if state.attempt is not None:

@@ -56,9 +56,9 @@ def moved(view: tuple[float, float], direction: int) -> tuple[float, float]:
 
 
 def visible(x: Array, y: Array, x_view: tuple[float, float], columns: int) -> tuple[Array, Array]:
-    """Return the visible part of a line, reduced to at most two extreme points in each column.
+    """Return the visible part of a line, with at most two points per column.
 
-    NaN separates the pieces of a broken line.
+    The points of a column are its extremes. NaN separates the pieces of a broken line.
     """
     first, last = np.searchsorted(x, x_view)
     shown = slice(max(int(first) - 1, 0), int(last) + 1)

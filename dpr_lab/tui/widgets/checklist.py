@@ -40,7 +40,7 @@ def _line(pose: str, number: int, repeats: int, current: bool) -> Content:
 
 
 def set_aside(run: Path) -> Path:
-    """Move a run with its hash and note to the set-aside folder; return the new path.
+    """Move a run with hash and note to the set-aside folder; return its path.
 
     Raises:
         RunError: a file cannot be moved.

@@ -165,7 +165,7 @@ class Countdown(ModalScreen[bool]):
             raise SafetyStop(f"the code was not typed within {SIGHT.code_s:g} s") from None
 
     async def _come_into_sight(self) -> None:
-        """Wait until the terminal has drawn the dialog and its round trip time is short enough."""
+        """Wait until the dialog is drawn and the round trip time is short."""
         give_up = time.monotonic() + SIGHT.patience_s
         while (round_trip := await self._drawn()) > SIGHT.round_trip_s:
             if time.monotonic() > give_up:

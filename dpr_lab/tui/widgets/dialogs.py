@@ -1,4 +1,4 @@
-"""Dialogs above a step: help, and a request for confirmation before an action that discards data."""
+"""Dialogs above a step: help, and confirmation before data are discarded."""
 
 from typing import ClassVar
 

@@ -46,7 +46,7 @@ class _Drawing(PlainCanvas):
 
 
 class Pendulum(_Drawing):
-    """View from the end of the arm; the plane of the rods is the plane of the picture.
+    """View from the end of the arm onto the plane of the rods.
 
     The rotation of the arm is shown in perspective. Lines show the rods, and dots show the requested pose.
     """

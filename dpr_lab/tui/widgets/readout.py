@@ -88,7 +88,7 @@ def rest_text(rest: RestReading | None, rig: Rig, unit: AngleUnit) -> Content:
 
 
 def arm_text(rest: RestReading | None, rig: Rig, unit: AngleUnit) -> Content:
-    """State whether a movable arm is at rest within its limits; if not, give the reason."""
+    """State whether a movable arm is at rest within its limits, or why not."""
     if rest is None:
         return Content.styled(f"arm    {UNKNOWN} checked when the rods are at the pose", "dim")
     within = ", within its limits" if rig.arm.limits else ""
@@ -97,7 +97,7 @@ def arm_text(rest: RestReading | None, rig: Rig, unit: AngleUnit) -> Content:
 
 
 def latch_text(latched: bool | None) -> Content:
-    """Return the state of the latch as text; the state is unknown if `latched` is None."""
+    """Return the state of the latch as text; None is unknown."""
     if latched is None:
         return Content.styled(f"latch  {UNKNOWN} UNKNOWN", "bold $warning")
     return Content("latch  ■ CLOSED, the rods are held" if latched else "latch  □ OPEN, the rods are free")
@@ -135,7 +135,7 @@ def old_text(sighting: Sighting, ordered: float | None, now: float, unit: AngleU
 
 
 def lost_text(lost: Mapping[str, int], samples: int | None) -> Content:
-    """Return a text with the number of samples and the number of lost samples, by cause."""
+    """Return the number of samples, and of lost samples by cause, as text."""
     counted = "" if samples is None else f"{samples} samples, "
     causes = ", ".join(f"{n} {cause.replace('_', ' ')}" for cause, n in lost.items() if n)
     text = f"lost   {BAD if causes else GOOD} {counted}{causes or 'none lost'}"

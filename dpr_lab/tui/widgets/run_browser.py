@@ -138,7 +138,10 @@ no samples. The reason is shown below the list.
             job.cancel()
 
     def action_accept(self) -> None:
-        """Return the selected runs, or the run under the cursor; in a field, accept its text and focus the list."""
+        """Return the selected runs, or the run under the cursor.
+
+        In a field, accept its text and focus the list.
+        """
         if self.query_one("#folder").has_focus:
             name = self.query_one("#folder", Input).value.strip()
             self._look_in(Path(name).expanduser() if name else self._folder)
@@ -202,7 +205,7 @@ no samples. The reason is shown below the list.
             self.app.push_screen(FormatScreen(), partial(self._export, path))
 
     def action_recover(self) -> None:
-        """Write the valid part of a damaged run to an undamaged file in the same folder."""
+        """Write the valid part of a damaged run to a new file in its folder."""
         if (path := self._here) is not None:
             out = path.with_name(f"{path.stem}-recovered{path.suffix}")
             self._say(f"recovering {path.name}")
@@ -241,7 +244,7 @@ no samples. The reason is shown below the list.
             self._jobs.append(start_job(self, jobs.survey, paths=[path]))
 
     def _find(self) -> None:
-        """Collect the runs of the folder, the additional runs, and the selected runs of other folders."""
+        """Collect the runs of the folder, additional runs, and selected runs elsewhere."""
         by_path = {
             path.resolve(): path for path in (*sorted(self._folder.rglob("*.mcap")), *self._others, *self._chosen)
         }

@@ -10,7 +10,7 @@ from textual.widget import Widget
 
 
 class Slider(Widget, can_focus=True):
-    """Slider between 0 and a maximum, with a mark at the end of the meaningful range."""
+    """Slider from 0 to a maximum, with a mark at the meaningful end."""
 
     DEFAULT_CSS = """
     Slider { height: 1; }

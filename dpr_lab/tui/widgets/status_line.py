@@ -34,7 +34,7 @@ class StatusLine(Static):
     """Status line, which shows only values that are currently known."""
 
     def show(self, device: DeviceConnection, urgent: str, work: Sequence[str], folder: Path, now: float) -> None:
-        """Draw the line if it has changed; omit the least important parts if space is short.
+        """Draw the line if it has changed, without the least important parts if needed.
 
         Args:
             device: the device
@@ -53,7 +53,7 @@ class StatusLine(Static):
 
 
 def _rests(work: Sequence[str], folder: Path) -> Iterator[list[Content]]:
-    """Yield versions of the text that names the running work and the folder, from the longest to the shortest."""
+    """Yield texts of running work and folder, longest first."""
     shorter = (work, work, [text.partition(",")[0] for text in work], [text.partition(" ")[0] for text in work])
     for k, texts in enumerate(shorter):
         shown = [Content.styled(f"▸ {', '.join(texts)}", "bold $primary")] if texts else []

@@ -1,4 +1,4 @@
-"""Show the decrease of the gap as effects are added one by one, on validation data."""
+"""Decrease of the gap as effects are added, on validation data."""
 
 from itertools import pairwise
 

@@ -16,7 +16,10 @@ RODS = ("inner rod", "outer rod")
 
 
 def metric_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw differences of quantiles for the recording with the largest area metric of the bare model."""
+    """Draw differences of quantiles for the recording with the largest area metric.
+
+    The area metric is that of the bare model.
+    """
     evidence = evidence_of(diagnosis)
     with style.house_style():
         if not evidence.curves:

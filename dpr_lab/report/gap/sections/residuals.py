@@ -63,7 +63,7 @@ def _band(look: ResidualLook) -> float:
 
 
 def residual_words(diagnosis: Diagnosis) -> list[str]:
-    """Describe the autocorrelation at lag 1 and the share of large residuals, by joint and model."""
+    """Describe autocorrelation at lag 1 and large residuals, by joint and model."""
     sentences = []
     for joint, models in evidence_of(diagnosis).residuals.joints.items():
         first_lag = {name: (*whiteness.autocorrelation, 0.0, 0.0)[1] for name, whiteness in models.items()}
@@ -82,7 +82,7 @@ def residual_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def residual_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Return the autocorrelation at six lags and the share of large residuals, by joint and model."""
+    """Return autocorrelation at six lags and large residuals, by joint and model."""
     rows = []
     for joint, models in evidence_of(diagnosis).residuals.joints.items():
         for name, whiteness in models.items():

@@ -12,7 +12,7 @@ from dpr_lab.report.gap.trust_trials import trial_rows, trust_words
 
 
 def trust_figure(diagnosis: Diagnosis) -> Figure | None:
-    """Draw the confusion matrix of hidden and named effects; return None if there are no trials."""
+    """Draw the confusion matrix of hidden and named effects; None without trials."""
     if diagnosis.trust is None or not diagnosis.trust.trials:
         return None
     cells = {(cell.true, cell.named): cell.trials for cell in diagnosis.trust.confusion}
