@@ -29,7 +29,7 @@ from _random_rigs import BOXES, Array, Trial, boxed, draw
 
 from dpr_lab.dynamics.base import base_parameters, ratios
 from dpr_lab.identification.identify import polish
-from dpr_lab.identification.objectives import segment_objective
+from dpr_lab.identification.objectives import OBJECTIVES
 from dpr_lab.rig import Rig
 from dpr_lab.search import ALGORITHMS, load_search
 from dpr_lab.search.settings import SearchSettings
@@ -86,7 +86,7 @@ def searched(search: str, trial: Trial, rig: Rig, evaluations: int, seed: int) -
         return rig.bounds.mean(axis=0), 0
     if search == "random point":
         return rng.uniform(rig.bounds[0], rig.bounds[1]), 0
-    objective = segment_objective(trial.runs, rig)
+    objective = OBJECTIVES["segments"].build(trial.runs, rig)
     for generation in ALGORITHMS[search].run(objective, rig.bounds, settings_of(search), rng):
         if generation.evaluations >= evaluations:
             return generation.best, generation.evaluations
@@ -99,7 +99,7 @@ def outcome(search: str, box: str, trial: Trial, evaluations: int, seed: int) ->
     began = time.perf_counter()
     best, used = searched(search, trial, rig, evaluations, seed)
     search_s = time.perf_counter() - began
-    costs = segment_objective(trial.runs, rig)(np.array([best, trial.Z])).sum(axis=1)
+    costs = OBJECTIVES["segments"].build(trial.runs, rig)(np.array([best, trial.Z])).sum(axis=1)
     result = ratios(base_parameters(best, rig.L1, rig.g))
     began = time.perf_counter()
     fit = polish(best, trial.runs, rig)

@@ -30,7 +30,7 @@ from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.time_scale import with_time_scale
 from dpr_lab.gap.state import Event, Fitted, Request, ScreenedRuns, Selected, Transferred
 from dpr_lab.gap.transfer.free_run import free_runs
-from dpr_lab.gap.transfer.free_swing import expected_errors, free_swings
+from dpr_lab.gap.transfer.free_swing import free_swings
 from dpr_lab.gap.transfer.gap_size import gap
 from dpr_lab.gap.transfer.out_of_sample import held_out_prediction
 from dpr_lab.gap.transfer.repeatability import gap_budget
@@ -199,20 +199,20 @@ def _transferred(selected: Selected) -> Transferred:
     rig, recordings, problem, chosen = fitted.request.rig, fitted.recordings, fitted.problem, selection.chosen
     _begin(fitted.request, "transfer")
     everything = recordings.only([*recordings.records, *fitted.held_out.records])
-    runs_by_model = {name: free_runs(everything, model.estimate) for name, model in selection.models.items()}
-    swings = free_swings(runs_by_model["before"], selection.bare)
-    expected = expected_errors(swings, selection.bare.residuals.independent_noise)
-    transferred = transfer(selected, runs_by_model, expected)
+    swings = {
+        name: free_swings(free_runs(everything, model.estimate), model) for name, model in selection.models.items()
+    }
+    transferred = transfer(selected, swings)
     budget = gap_budget(recordings, everything, problem, selection)
     remainder = discrepancy(problem, chosen)
     return Transferred(
         fitted=fitted,
         selection=selection,
         posteriors=judged(transferred, selected.posteriors),
-        free_runs=runs_by_model,
+        free_swings=swings,
         transfer=transferred,
         description=description(recordings.records, rig, problem, selection, transferred),
         remainder=remainder,
-        gap=gap(selected, transferred, runs_by_model, budget, remainder),
+        gap=gap(selected, transferred, swings, budget, remainder),
         covariance=covariance(problem, chosen, rig, remainder) + second_moments(problem, chosen.fit, chosen.inflation),
     )

@@ -24,7 +24,7 @@ from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.gap_size import Gap, Where
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.transfer.free_run import FreeRuns
+from dpr_lab.gap.transfer.free_swing import FreeSwings
 from dpr_lab.gap.transfer.out_of_sample import OutOfSample
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy
@@ -96,7 +96,7 @@ class Selected:
 class Transferred(Selected):
     """State with the results of the selected set on other recordings, and its uncertainty."""
 
-    free_runs: Mapping[str, FreeRuns]
+    free_swings: Mapping[str, FreeSwings]
     """Free runs along all recordings, by model: `before` and `after` the correction."""
     transfer: Transfer
     description: Description

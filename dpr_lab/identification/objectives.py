@@ -13,7 +13,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array, Integers
 from dpr_lab.dynamics.base import base_of_run, rows, whole_parameters
-from dpr_lab.dynamics.segments import segments
+from dpr_lab.dynamics.segments import Segments, segments
 from dpr_lab.fitting.cut import partition
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -44,90 +44,76 @@ class ObjectiveSettings:
 SETTINGS = ObjectiveSettings()
 
 
+Swings = tuple[Segments, Array, Array, Array | None, int]
+"""Segments, initial states, target angles [and speeds], whitening of the angles, and divisor of the squared error."""
+
+
 @dataclass(frozen=True, slots=True)
 class ObjectiveChoice:
     """An objective and its search settings."""
 
-    build: "Callable[[Sequence[PreprocessedRun], Rig], Objective]"
+    swings: "Callable[[PreprocessedRun, bool], Swings]"
+    """Function of a run, and of whether its elbow is clamped, that returns the swings to simulate."""
     settings: str
     """Name of the built-in search file of the objective."""
     words: str
     """Description of the objective for reports."""
 
+    def build(self, runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
+        """Return a function of (n, 9) candidates that returns (n, runs) errors.
 
-def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
-    """Build the objective of short segments: the mean squared whitened error of the angles.
+        Args:
+            runs: runs with states and noise
+            rig: rig, for L1 and g
+        """
+        from dpr_lab.dynamics.rollout import segment_errors  # compiled, slow to import
 
-    The segments start from smoothed states. The objective is about 1 if only noise remains.
-
-    Args:
-        runs: runs with states and noise
-        rig: rig, for L1 and g
-
-    Returns:
-        function of (n, 9) candidates that returns (n, runs) errors
-    """
-    from dpr_lab.dynamics.rollout import segment_errors  # compiled, slow to import
-
-    parts = []
-    for run, prepared in ((prepared.run, _seen_as_one(prepared, rig)) for prepared in runs):
-        samples = _thinned(prepared.run.t)
-        edges = np.searchsorted(samples, [part.start for part in partition(prepared.run, SETTINGS.segment_s)])
-        groups = [group for group in np.split(samples, edges[1:]) if len(group) > 1]
-        groups = groups[:: -(-len(groups) // SETTINGS.segments)]
-        swings = segments([prepared.run.t[group] for group in groups], step=SETTINGS.step)
-        initial = prepared.states[[group[0] for group in groups]]
-        targets = prepared.run.theta[np.concatenate(groups), 1:]
-        whitening = np.diag(1 / prepared.noise.std_joint) if run.setup.held else prepared.noise.whitening
-        parts.append((run, swings, initial, targets, whitening))
-
-    def errors(candidates: Array) -> Array:
-        columns = [
-            segment_errors(_rows(candidates, run, rig), swings, initial, targets, whitening).sum(axis=1) / targets.size
-            for run, swings, initial, targets, whitening in parts
+        parts = [
+            (prepared.run, *self.swings(_seen_as_one(prepared, rig), prepared.run.setup.held)) for prepared in runs
         ]
-        return np.stack(columns, axis=1)
 
-    return errors
+        def errors(candidates: Array) -> Array:
+            columns = [
+                segment_errors(_rows(candidates, run, rig), *swings).sum(axis=1) / divisor
+                for run, *swings, divisor in parts
+            ]
+            return np.stack(columns, axis=1)
+
+        return errors
 
 
-def paper_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
-    """Build the objective of the publication: E(Z) for each run, docs/theory.md, equation (2).
+def _short_segments(prepared: "PreprocessedRun", held: bool) -> Swings:
+    """Return short segments that start from smoothed states.
 
-    E compares the angles and speeds of one free run from the smoothed first state.
-
-    Args:
-        runs: runs with states
-        rig: rig, for L1 and g
-
-    Returns:
-        function of (n, 9) candidates that returns (n, runs) errors
+    The objective is the mean squared whitened error of the angles. It is about 1 if only noise remains.
     """
-    from dpr_lab.dynamics.rollout import segment_errors  # compiled, slow to import
+    samples = _thinned(prepared.run.t)
+    edges = np.searchsorted(samples, [part.start for part in partition(prepared.run, SETTINGS.segment_s)])
+    groups = [group for group in np.split(samples, edges[1:]) if len(group) > 1]
+    groups = groups[:: -(-len(groups) // SETTINGS.segments)]
+    targets = prepared.run.theta[np.concatenate(groups), 1:]
+    return (
+        segments([prepared.run.t[group] for group in groups], step=SETTINGS.step),
+        prepared.states[[group[0] for group in groups]],
+        targets,
+        np.diag(1 / prepared.noise.std_joint) if held else prepared.noise.whitening,
+        targets.size,
+    )
 
-    parts = []
-    for run, prepared in ((prepared.run, _seen_as_one(prepared, rig)) for prepared in runs):
-        samples = _thinned(prepared.run.t)
-        swings = segments([prepared.run.t[samples]], step=SETTINGS.step)
-        parts.append(
-            (
-                run,
-                swings,
-                prepared.states[:1],
-                np.hstack([prepared.run.theta[samples, 1:], prepared.states[samples, 2:]]),
-            )
-        )
 
-    def errors(candidates: Array) -> Array:
-        columns = [segment_errors(_rows(candidates, run, rig), *part) for run, *part in parts]
-        return np.hstack(columns)
+def _whole_run(prepared: "PreprocessedRun", held: bool) -> Swings:
+    """Return the free run from the smoothed first state.
 
-    return errors
+    The objective is E(Z) of the publication, docs/theory.md, equation (2), which compares angles and speeds.
+    """
+    samples = _thinned(prepared.run.t)
+    targets = np.hstack([prepared.run.theta[samples, 1:], prepared.states[samples, 2:]])
+    return segments([prepared.run.t[samples]], step=SETTINGS.step), prepared.states[:1], targets, None, 1
 
 
 OBJECTIVES = {
-    "segments": ObjectiveChoice(segment_objective, "segments", "short segments, insensitive to chaos"),
-    "paper": ObjectiveChoice(paper_objective, "paper", "published E(Z) of whole runs"),
+    "segments": ObjectiveChoice(_short_segments, "segments", "short segments, insensitive to chaos"),
+    "paper": ObjectiveChoice(_whole_run, "paper", "published E(Z) of whole runs"),
 }
 """Objectives by their names for the option `--objective`."""
 

@@ -17,7 +17,7 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypot
 from dpr_lab.gap.hypothesis.refits import refit_with
 from dpr_lab.gap.hypothesis.score_test import score_test
 from dpr_lab.gap.hypothesis.steps import recorded
-from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, AdvisedRelease
+from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.as_diagnosed import recordings_as_in
 from dpr_lab.run import torque_kinds
@@ -46,20 +46,15 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
         best, separation = _most_different(question, pairs)
         if best is None:
             continue
-        release = best.release
         spread = np.sqrt(question.chosen.inflation * CALIBRATION.temperature)
         bits = expected_bits([probability[about], probability[other]], separation / spread)
-        check = question.check("recording", release.text, (about, other), bits)
-        theta1, theta2 = release.theta
-        advised = AdvisedRelease(
-            theta1_rad=theta1, theta2_rad=theta2, duration_s=release.duration, added_mass=release.added
-        )
+        check = question.check("recording", best.text, (about, other), bits)
         text = (
-            f"To distinguish {about} from {other}, record {release.text}: their predictions differ by"
+            f"To distinguish {about} from {other}, record {best.text}: their predictions differ by"
             f" {separation:.0f} standard deviations of the noise ({separation / spread:.1f} with the"
             " correlation of the residuals)."
         )
-        steps.append(NextStep(text, (check.model_copy(update={"release": advised}),)))
+        steps.append(NextStep(text, (check.model_copy(update={"release": best.release}),)))
     return steps
 
 

@@ -1,6 +1,6 @@
 """Assumptions of a diagnosis, and effects that its recordings cannot show."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -17,48 +17,29 @@ SURELY = 3.0
 file is wrong."""
 
 
-def assumptions(state: Transferred, least: Mapping[str, Mapping[str, float | None]], scale: Scale) -> list[str]:
-    """Return all assumptions of a diagnosis, one sentence each.
+def assumptions(state: Transferred, least: Mapping[str, Mapping[str, float | None]], scale: Scale) -> Iterator[str]:
+    """Yield all assumptions of a diagnosis, one sentence each.
 
     Args:
         state: the diagnosis so far
         least: minimum detectable size by effect and amplitude; None if the amplitude is undetectable at any size
         scale: value of b that absolute sizes assume
     """
-    records = state.fitted.recordings.records
-    sentences = [
-        *([state.fitted.cut] if state.fitted.cut else []),
-        _length(state),
-        _scale(state, scale),
+    if state.fitted.cut:
+        yield state.fitted.cut
+    yield _length(state)
+    yield _scale(state, scale)
+    yield (
         "Encoder noise is white apart from the faults of the sensor screening; readings at 300 Hz or more were averaged"
-        " over at most 5 ms.",
-        "The initial states of all segments are free; the first 30 ms after each release are excluded.",
-    ]
-    if state.fitted.recordings.arm_moves:
-        sentences.append(_arm(state))
-    elif all(record.encoder0_moves is False for record in records):
-        sentences.append("According to encoder 0 the arm stood still, so compliance of the arm was not considered.")
-    elif any(record.encoder0_moves is None for record in records):
-        sentences.append("The arm's angle was not recorded.")
-    if share := state.fitted.recordings.torques_earlier:
-        sentences.append(
-            "The known torques change between rows. Holding each value until the next row would delay the"
-            f" torques. Each value was therefore assumed to act earlier than its time stamp, by {share:.2f}"
-            " of the row interval (fitted). A delay of the drive shorter than this interval is"
-            " indistinguishable from this assumption."
-        )
-    if state.fitted.recordings.exact_torques:
-        sentences.append(
-            "The measured torques were assumed to be exact: the remainder is far above the influence of their noise."
-        )
-    return [
-        *sentences,
-        *_torque_noise(state),
-        *_zeros(state),
-        *_geared(state),
-        *_misleading(state),
-        *_unseen(least, state.selection.absorbed),
-    ]
+        " over at most 5 ms."
+    )
+    yield "The initial states of all segments are free; the first 30 ms after each release are excluded."
+    yield from _arm(state)
+    yield from _torques(state)
+    yield from _zeros(state)
+    yield from _geared(state)
+    yield from _misleading(state)
+    yield from _unseen(least, state.selection.absorbed)
 
 
 def _length(state: Transferred) -> str:
@@ -89,11 +70,22 @@ def _scale(state: Transferred, assumed: Scale) -> str:
     return assumed.sentence if assumed.known else f"{assumed.sentence} A release with a known added mass fixes b."
 
 
-def _arm(state: Transferred) -> str:
+def _arm(state: Transferred) -> Iterator[str]:
+    """State whether the arm moves, stood still, or was not recorded."""
+    records = state.fitted.recordings.records
+    if state.fitted.recordings.arm_moves:
+        yield _moving_arm(state)
+    elif all(record.encoder0_moves is False for record in records):
+        yield "According to encoder 0 the arm stood still, so compliance of the arm was not considered."
+    elif any(record.encoder0_moves is None for record in records):
+        yield "The arm's angle was not recorded."
+
+
+def _moving_arm(state: Transferred) -> str:
     """State the assumptions about an arm that moves."""
     rig, setups = state.fitted.recordings.rig, state.fitted.problem.segments.setups
     text = "The angle of the arm is measured; its inertia and viscous friction are fitted"
-    if not any(setup.torques and setup.torques.on_arm is not None for setup in setups):
+    if not state.fitted.recordings.driven_arm:
         return f"{text}. Only friction, springs and the rods act on it."
     kind = rig.motor.input if rig.motor else "torque"
     if DRIVE_GAIN.name in state.fitted.problem.always:
@@ -112,67 +104,71 @@ def _arm(state: Transferred) -> str:
     )
 
 
-def _torque_noise(state: Transferred) -> list[str]:
-    """State the noise of measured torques that the fits assume."""
-    if state.fitted.problem.disturbance is None or not (most := most_noise(state.fitted.problem)).any():
-        return []
-    inner, outer = np.minimum(most, state.fitted.recordings.torque_noise_Nm)
+def _torques(state: Transferred) -> Iterator[str]:
+    """State the times and the noise of known torques that the fits assume."""
+    recordings, problem = state.fitted.recordings, state.fitted.problem
+    if share := recordings.torques_earlier:
+        yield (
+            "The known torques change between rows. Holding each value until the next row would delay the"
+            f" torques. Each value was therefore assumed to act earlier than its time stamp, by {share:.2f}"
+            " of the row interval (fitted). A delay of the drive shorter than this interval is"
+            " indistinguishable from this assumption."
+        )
+    if recordings.exact_torques:
+        yield "The measured torques were assumed to be exact: the remainder is far above the influence of their noise."
+    if problem.disturbance is None or not (most := most_noise(problem)).any():
+        return
+    inner, outer = np.minimum(most, recordings.torque_noise_Nm)
     text = f"Noise of the measured torques of joints 1 and 2, standard deviation: {inner:.2g} and {outer:.2g} N m"
     differences = "differences of the recorded torques"
-    if not np.isfinite(state.fitted.recordings.torque_noise_Nm).all():
-        return [f"{text}, estimated from {differences}."]
-    bound = f"{most[0]:.2g} and {most[1]:.2g} N m"
-    return [f"{text}, estimated by maximum likelihood of the residuals. Upper bound from {differences}: {bound}."]
+    if np.isfinite(recordings.torque_noise_Nm).all():
+        bound = f"{most[0]:.2g} and {most[1]:.2g} N m"
+        yield f"{text}, estimated by maximum likelihood of the residuals. Upper bound from {differences}: {bound}."
+    else:
+        yield f"{text}, estimated from {differences}."
 
 
-def _zeros(state: Transferred) -> list[str]:
+def _zeros(state: Transferred) -> Iterator[str]:
     """State the fitted zeros of encoders that are zeroed before each recording."""
     runs, zeros = state.fitted.recordings.records, 1e3 * state.selection.chosen.estimate.zeros
     texts = [
         f"{record.run.name}: {offsets[0]:.3g} and {offsets[1]:.3g}"
         for record, offsets in zip(runs, zeros, strict=False)
     ]
-    text = "Encoders are zeroed before each recording; the zero errors of joints 1 and 2 were fitted, mrad"
-    return [f"{text}: {'; '.join(texts)}."] if texts else []
+    if texts:
+        text = "Encoders are zeroed before each recording; the zero errors of joints 1 and 2 were fitted, mrad"
+        yield f"{text}: {'; '.join(texts)}."
 
 
-def _geared(state: Transferred) -> list[str]:
+def _geared(state: Transferred) -> Iterator[str]:
     """State which effects are always in the model because the rig has a geared motor."""
     names = [name for name in state.selection.chosen.effects if name in state.selection.expected]
-    joints = listed([f"joint {joint}" for joint in state.fitted.recordings.rig.joints.geared])
-    are = "is" if len(names) == 1 else "are"
-    return (
-        [(f"The rig file has a geared motor on {joints}: {listed(names)} {are} always in the model, even if small.")]
-        if names
-        else []
-    )
+    if names:
+        joints = listed([f"joint {joint}" for joint in state.fitted.recordings.rig.joints.geared])
+        are = "is" if len(names) == 1 else "are"
+        yield f"The rig file has a geared motor on {joints}: {listed(names)} {are} always in the model, even if small."
 
 
-def _misleading(state: Transferred) -> list[str]:
+def _misleading(state: Transferred) -> Iterator[str]:
     """State which effects were excluded because they worsen the held-out predictions."""
-    names = state.selection.misleading
-    was, them = ("was", "it") if len(names) == 1 else ("were", "them")
-    text = (
-        f"excluded from the model, because the held-out runs are predicted better without {them}. The held-out"
-        " runs therefore influenced the selection."
-    )
-    return [f"{listed(names)} {was} {text}"] if names else []
+    if names := state.selection.misleading:
+        was, them = ("was", "it") if len(names) == 1 else ("were", "them")
+        yield (
+            f"{listed(names)} {was} excluded from the model, because the held-out runs are predicted better without"
+            f" {them}. The held-out runs therefore influenced the selection."
+        )
 
 
-def _unseen(least: Mapping[str, Mapping[str, float | None]], absorbed: Mapping[str, Mapping[str, str]]) -> list[str]:
+def _unseen(
+    least: Mapping[str, Mapping[str, float | None]], absorbed: Mapping[str, Mapping[str, str]]
+) -> Iterator[str]:
     """State which effects are undetectable, and which ones the base parameters absorb."""
     blind = {name: absorbed.get(name, {}) for name, sizes in least.items() if sizes and not any(sizes.values())}
     twins = {
         name: listed(sorted(set(ratios_by_name.values()) & {*RATIOS, "p/b", "b"}))
         for name, ratios_by_name in blind.items()
     }
-    alike = [f"{name} is indistinguishable from {twin}" for name, twin in twins.items() if twin]
-    hidden = [name for name, twin in twins.items() if not twin]
-    return [
-        *(
-            [f"In these recordings {listed(alike)}. Effects that a base parameter absorbs are not fitted."]
-            if alike
-            else []
-        ),
-        *([f"Undetectable at any size in these recordings: {', '.join(hidden)}."] if hidden else []),
-    ]
+    if alike := [f"{name} is indistinguishable from {twin}" for name, twin in twins.items() if twin]:
+        yield f"In these recordings {listed(alike)}. Effects that a base parameter absorbs are not fitted."
+    if hidden := [name for name, twin in twins.items() if not twin]:
+        yield f"Undetectable at any size in these recordings: {', '.join(hidden)}."

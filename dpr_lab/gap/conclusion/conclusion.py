@@ -91,7 +91,7 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
         search=list(state.selection.trace),
         posterior=components(state.fitted.problem, state.selection, state.fitted.recordings.rig, state.remainder),
         model_effects=sizes,
-        assumptions=assumptions(state, minimum_sizes, assumed),
+        assumptions=list(assumptions(state, minimum_sizes, assumed)),
         evidence=evidence,
         seconds=time.perf_counter() - started,
     )

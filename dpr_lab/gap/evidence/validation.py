@@ -11,7 +11,7 @@ Source: S. Ferson, W. L. Oberkampf & L. Ginzburg (2008), Model validation and pr
 challenge problem, Computer Methods in Applied Mechanics and Engineering 197, 2408-2430.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,11 +23,9 @@ from dpr_lab.gap.evidence.budget import mean_squares, sources, uncertainty_sourc
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import Budget, Curves, RunBudget
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.transfer.free_run import FREE_RUN, FreeRuns
-from dpr_lab.gap.transfer.free_swing import FreeSwing, free_swings, growth_rate, horizon
+from dpr_lab.gap.transfer.free_run import FREE_RUN
+from dpr_lab.gap.transfer.free_swing import FreeSwing, FreeSwings, growth_rate, horizon
 from dpr_lab.rig_tables import INPUT_UNITS
-
-Pairs = Mapping[str, FreeSwing]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +41,33 @@ class CurveSettings:
 CURVE = CurveSettings()
 
 
+@dataclass(frozen=True, slots=True)
+class _Compared:
+    """Free runs of the models along one recording, compared up to the predictability horizon."""
+
+    swings: Mapping[str, FreeSwing]
+    """Free run by model: `before` and `after` correction."""
+    horizon_s: float | None
+    """Predictability horizon, s; None if the free run ends before it."""
+
+    @property
+    def until_s(self) -> float:
+        """End of the comparison, s after the first reading."""
+        return FREE_RUN.length_s if self.horizon_s is None else self.horizon_s
+
+    @property
+    def samples(self) -> Flags:
+        """(n, 2) mask of the compared readings.
+
+        The compared readings lie after the initial state and before the horizon, and both models simulate them.
+        """
+        after = self.swings["after"]
+        followed = np.all([np.isfinite(swing.predicted) for swing in self.swings.values()], axis=0)
+        return np.asarray(after.compared & (after.t <= self.until_s)[:, None] & followed)
+
+
 def validation(
-    recordings: Recordings,
-    problem: Problem,
-    models: Mapping[str, Hypothesis],
-    runs_by_model: Mapping[str, FreeRuns],
+    recordings: Recordings, problem: Problem, models: Mapping[str, Hypothesis], swings: Mapping[str, FreeSwings]
 ) -> tuple[Budget, list[Curves]]:
     """Return the validation budget and curves from free runs before and after correction.
 
@@ -55,65 +75,60 @@ def validation(
         recordings: the fitted runs
         problem: segments of the fitted runs
         models: models before and after correction
-        runs_by_model: free runs of all recordings by model, the fitted ones first
+        swings: free runs of all recordings by model, the fitted ones first
     """
-    by_model = {name: free_swings(runs_by_model[name], model) for name, model in models.items()}
-    swings = [
-        dict(zip(by_model, pair, strict=True)) for pair in zip(*(of.each for of in by_model.values()), strict=True)
+    compared = [
+        _Compared(dict(zip(swings, of_models, strict=True)), horizon(of_models[-1]))
+        for of_models in zip(*(of_model.each for of_model in swings.values()), strict=True)
     ]
-    ends = [horizon(pair["after"]) for pair in swings]
-    until = [FREE_RUN.length_s if end is None else end for end in ends]
-    compared = [_compared(pair, end) for pair, end in zip(swings, until, strict=True)]
+    samples = [run.samples for run in compared]
     parts = {name: sources(problem, model, recordings.rig) for name, model in models.items()}
-    squares = {n: mean_squares(parts[n], by_model[n], compared) for n in models}
-    errors = {
-        n: np.array([_error(pair[n], samples) for pair, samples in zip(swings, compared, strict=True)]) for n in models
-    }
-    counts = np.array([samples.sum() for samples in compared], dtype=np.float64)
+    variances = {name: mean_squares(parts[name], swings[name], samples) for name in models}
+    errors = {name: _mean_errors(swings[name], samples) for name in models}
+    counts = np.array([of_run.sum() for of_run in samples], dtype=np.float64)
     share = counts / max(counts.sum(), 1.0)
     runs = [
         RunBudget(
-            run=pair["after"].record.run.name,
+            run=run.swings["after"].record.run.name,
             held_out=i >= len(recordings.records),
-            until_s=until[i],
-            reaches_horizon=ends[i] is not None,
-            growth_per_s=growth_rate(pair["after"], until[i]),
-            **_by_model("error", {n: errors[n][i] for n in models}),
-            **_by_model("u", {n: squares[n][:, i].sum() for n in models}),
-            **_areas(pair, compared[i]),
+            until_s=run.until_s,
+            reaches_horizon=run.horizon_s is not None,
+            growth_per_s=growth_rate(run.swings["after"], run.until_s),
+            **_rms(
+                error={name: errors[name][i] for name in models},
+                u={name: variances[name][:, i].sum() for name in models},
+            ),
+            **_areas(run.swings, samples[i]),
         )
-        for i, pair in enumerate(swings)
+        for i, run in enumerate(compared)
     ]
+    pooled = {name: variances[name] @ share for name in models}
     budget = Budget(
-        sources=uncertainty_sources(parts, {n: squares[n] @ share for n in models}),
-        **_by_model("error", {n: errors[n] @ share for n in models}),
-        **_by_model("u", {n: float(np.sum(squares[n] @ share)) for n in models}),
+        sources=uncertainty_sources(parts, pooled),
+        **_rms(
+            error={name: errors[name] @ share for name in models}, u={name: np.sum(pooled[name]) for name in models}
+        ),
         runs=runs,
     )
-    return budget, [_curves(recordings, pair, run) for pair, run in zip(swings, runs, strict=True)]
+    return budget, [_curves(recordings, run.swings, of_run) for run, of_run in zip(compared, runs, strict=True)]
 
 
-def _compared(pair: Pairs, until: float) -> Flags:
-    """Return the (n, 2) mask of the compared readings.
-
-    The compared readings lie after the initial state and before the horizon, and both models simulate them.
-    """
-    after = pair["after"]
-    followed = np.all([np.isfinite(swing.predicted) for swing in pair.values()], axis=0)
-    return np.asarray(after.compared & (after.t <= until)[:, None] & followed)
+def _mean_errors(swings: FreeSwings, samples: Sequence[Flags]) -> Array:
+    """Return the (runs,) mean squared error of the compared readings, rad^2; zero without such readings."""
+    errors = [(swing.predicted - swing.measured)[of_run] for swing, of_run in zip(swings.each, samples, strict=True)]
+    return np.array([np.mean(of_run**2) if len(of_run) else 0.0 for of_run in errors])
 
 
-def _error(swing: FreeSwing, compared: Flags) -> float:
-    """Return the mean squared error of the compared readings, rad^2."""
-    errors = (swing.predicted - swing.measured)[compared]
-    return float(np.mean(errors**2)) if len(errors) else 0.0
+def _rms(**squares: Mapping[str, float]) -> dict[str, float]:
+    """Return root mean squares by the names of `RunBudget`, from mean squares by quantity and model."""
+    return {
+        f"{quantity}_{name}_rad": float(np.sqrt(square))
+        for quantity, by_model in squares.items()
+        for name, square in by_model.items()
+    }
 
 
-def _by_model(what: str, squares: Mapping[str, float]) -> dict[str, float]:
-    return {f"{what}_{name}_rad": float(np.sqrt(value)) for name, value in squares.items()}
-
-
-def _areas(pair: Pairs, compared: Flags) -> dict[str, float]:
+def _areas(pair: Mapping[str, FreeSwing], compared: Flags) -> dict[str, float]:
     """Return the areas between the distributions, rad, for both models and for noise alone.
 
     Each area is a mean over the joints.
@@ -139,7 +154,7 @@ def _area_between(first: Array, second: Array) -> float:
     return float(np.mean(np.abs(np.sort(first) - np.sort(second))))
 
 
-def _curves(recordings: Recordings, pair: Pairs, run: RunBudget) -> Curves:
+def _curves(recordings: Recordings, pair: Mapping[str, FreeSwing], run: RunBudget) -> Curves:
     after = pair["after"]
     samples = slice(None, None, max(1, round(len(after.t) / (FREE_RUN.length_s * CURVE.rate_hz))))
     joints, moving = recordings.rig.encoders.joint_angles, after.setup.arm_moves

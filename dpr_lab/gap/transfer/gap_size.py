@@ -17,7 +17,7 @@ from dpr_lab.gap.result.gap_size import ClosedShare, Gap
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.state import Selected
-from dpr_lab.gap.transfer.free_run import FreeRuns
+from dpr_lab.gap.transfer.free_swing import FreeSwings
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.coordinates import under_torque
 from dpr_lab.gap.where.discrepancy import Discrepancy
@@ -39,7 +39,7 @@ There is one function per quarter of a second. The number of readings in a segme
 def gap(
     state: Selected,
     transferred: Transfer,
-    runs_by_model: Mapping[str, FreeRuns],
+    swings: Mapping[str, FreeSwings],
     budget: GapBudget,
     remainder: Discrepancy | None,
 ) -> Gap:
@@ -48,14 +48,13 @@ def gap(
     Args:
         state: the state with the selected set of effects
         transferred: performance of the selected set on held-out recordings
-        runs_by_model: free runs of the models before and after the correction along all recordings, held-out ones
-            included
+        swings: free runs of the models before and after the correction along all recordings, held-out ones included
         budget: reproducible and other shares of the gap
         remainder: discrepancy term of the selected set; None if only noise remains
     """
     problem, selection = state.fitted.problem, state.selection
     bare, chosen = selection.bare, selection.chosen
-    errors = {name: runs.errors_rad for name, runs in runs_by_model.items()}
+    errors = {name: of_model.runs.errors_rad for name, of_model in swings.items()}
     return Gap(
         floor_rad=floor_rad(problem),
         before_rad=gap_rad(problem, bare),

@@ -38,7 +38,8 @@ from dpr_lab.gap.result.diagnosis import Basis
 from dpr_lab.gap.result.evidence import Closing
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Selected
-from dpr_lab.gap.transfer.free_run import FreeRunError, FreeRuns
+from dpr_lab.gap.transfer.free_run import FreeRunError
+from dpr_lab.gap.transfer.free_swing import FreeSwings, expected_errors
 from dpr_lab.gap.transfer.lone_recording import lone_recording
 from dpr_lab.gap.transfer.out_of_sample import OutOfSample, block_starts, left_out, reduction, share
 from dpr_lab.gap.transfer.outcome import TRANSFER, Transfer, WorseFreeRun
@@ -48,13 +49,12 @@ Rows = slice | Flags
 """Selection of segments."""
 
 
-def transfer(state: Selected, runs_by_model: Mapping[str, FreeRuns], expected: Mapping[str, FreeRunError]) -> Transfer:
+def transfer(state: Selected, swings: Mapping[str, FreeSwings]) -> Transfer:
     """Test the selected effects on held-out recordings, or by leave-one-run-out cross-validation.
 
     Args:
         state: state with the selected set of effects
-        runs_by_model: free runs of the models before and after correction along all recordings
-        expected: free-run error of the bare model caused by the noise of the first readings
+        swings: free runs of the models before and after correction along all recordings
     """
     recordings, problem, selection = state.fitted.recordings, state.fitted.problem, state.selection
     held_out, rng = state.fitted.held_out_prediction, np.random.default_rng(state.fitted.request.seed)
@@ -70,7 +70,8 @@ def transfer(state: Selected, runs_by_model: Mapping[str, FreeRuns], expected: M
     basis: Basis = "held-out runs" if held_out else "releases left out"
     if not held_out and len(recordings.records) == 1:
         basis = "one release"
-    before, after = (runs_by_model[name].errors for name in ("before", "after"))
+    before, after = (swings[name].runs.errors for name in ("before", "after"))
+    by_noise = expected_errors(swings["before"], selection.bare.residuals.independent_noise)
     of_gap, of_noise = float(pairs[""][0].sum()), float(test.noise.sum())
     return Transfer(
         basis=basis,
@@ -84,7 +85,7 @@ def transfer(state: Selected, runs_by_model: Mapping[str, FreeRuns], expected: M
         withdrawn=() if basis == "one release" else failed,
         unproven=failed if basis == "one release" else (),
         oversized=selection.oversized,
-        worse_free_run=worse_free_run(before, after, expected, held_out.names if held_out else before),
+        worse_free_run=worse_free_run(before, after, by_noise, held_out.names if held_out else before),
         lone=lone_recording(problem, selection.chosen, [record.run.name for record in recordings.records]),
         too_short=basis == "one release" and test.groups < TRANSFER.ranked,
     )

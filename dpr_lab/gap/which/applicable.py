@@ -1,6 +1,6 @@
 """Effects of the library that can act in some recordings."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.effect import Effect
@@ -21,22 +21,23 @@ def applicable(library: Mapping[str, Effect], problem: Problem, *, of_points: bo
     torques = [setup.torques for setup in setups if setup.torques]
     rods_driven = any(setup.torques and setup.torques.joints.any() and setup.inner is None for setup in setups)
     arm_driven = any(known.on_arm is not None for known in torques)
-    has_input = {"drive": rods_driven, "drive0": arm_driven, "input": rods_driven or arm_driven}
-    gain_known = DRIVE_GAIN.name not in problem.always and not any(known.scaled for known in torques)
-    excluded = {*problem.always, FREE_ARM.name, DRIVE_GAIN.name}
-    if not gain_known:
-        excluded.add(TORQUE_SCALE_JOINT0.name)
     arm_moves = problem.segments.arm_moves
-    arm_prescribed = any(setup.arm for setup in setups)
-    one_rod = all(setup.alone for setup in setups)
-
-    def acts(effect: Effect) -> bool:
-        if (one_rod and effect.joints == (1,)) or (of_points and effect.corrects == "counts_per_rev"):
-            return False
-        if not has_input.get(effect.stage, True):
-            return False
-        if arm_moves:
-            return not effect.presumes_still_arm and effect.stage != "arm"
-        return not effect.of_arm and not (arm_prescribed and effect.stage == "arm")
-
-    return {name: effect for name, effect in library.items() if name not in excluded and acts(effect)}
+    gain_fitted = DRIVE_GAIN.name in problem.always or any(known.scaled for known in torques)
+    rules: list[tuple[bool, Callable[[Effect], bool]]] = [
+        (arm_moves, lambda effect: effect.presumes_still_arm or effect.stage == "arm"),
+        (not arm_moves, lambda effect: effect.of_arm),
+        (any(setup.arm for setup in setups), lambda effect: effect.stage == "arm"),
+        (all(setup.alone for setup in setups), lambda effect: effect.joints == (1,)),
+        (of_points, lambda effect: effect.corrects == "counts_per_rev"),
+        (gain_fitted, lambda effect: effect.name == TORQUE_SCALE_JOINT0.name),
+        (not rods_driven, lambda effect: effect.stage == "drive"),
+        (not arm_driven, lambda effect: effect.stage == "drive0"),
+        (not (rods_driven or arm_driven), lambda effect: effect.stage == "input"),
+    ]  # property of the recordings, and effects that cannot act in such recordings
+    excludes = [excluded for holds, excluded in rules if holds]
+    free = {*problem.always, FREE_ARM.name, DRIVE_GAIN.name}
+    return {
+        name: effect
+        for name, effect in library.items()
+        if name not in free and not any(excluded(effect) for excluded in excludes)
+    }
