@@ -16,7 +16,7 @@ from dpr_lab.fitting.cut import MIN_SAMPLES
 from dpr_lab.fitting.estimate import SCALE, Estimate, whole_of
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.spread import NORMAL_MAD
+from dpr_lab.gap.screen.differences import spread
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.screen.sensor_faults import Finding
@@ -193,4 +193,4 @@ def _smoothed(energy: Array) -> Array:
 def _scatter(energy: Array) -> float:
     """Estimate the noise of the energy from second differences, in which a slow decay cancels."""
     variance = 1.0 + 4.0 + 1.0  # second difference of white noise of unit variance
-    return float(NORMAL_MAD * np.median(np.abs(np.diff(energy, 2))) / np.sqrt(variance))
+    return spread(np.diff(energy, 2)) / variance**0.5

@@ -112,7 +112,7 @@ def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[J
     rough = _Changes.of(problem, fitted, reference, JUMP.kick_torques)
     smooth = _Changes.of(problem, fitted, reference, JUMP.step_torques)
     kicks, lone = rough.kicks(), smooth.lone()
-    kicked = _highest_near(problem.t, kicks[0], JUMP.kick_s)
+    kicked = _highest_near(problem.t, kicks[0])
     steps = [smooth.steps(joint) for joint in range(2)]
     best = np.argmax([gain for gain, _ in steps], axis=0)
     gains = np.max([gain for gain, _ in steps], axis=0)
@@ -131,10 +131,10 @@ def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[J
     return of_rods, of_readings
 
 
-def _highest_near(t: Array, values: Array, reach_s: float) -> Array:
-    """Return the (n,) maximum of the values within `reach_s` of each instant."""
+def _highest_near(t: Array, values: Array) -> Array:
+    """Return the (n,) maximum of the values within `JUMP.kick_s` of each instant."""
     highest = values.copy()
-    for shift in range(1, int(reach_s / max(float(np.median(np.diff(t))), 1e-6)) + 1):
+    for shift in range(1, int(JUMP.kick_s / max(float(np.median(np.diff(t))), 1e-6)) + 1):
         highest[shift:] = np.maximum(highest[shift:], values[:-shift])
         highest[:-shift] = np.maximum(highest[:-shift], values[shift:])
     return highest

@@ -18,6 +18,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.estimation.noise import ORDER, difference_weights
 from dpr_lab.fitting.spread import NORMAL_MAD
+from dpr_lab.gap.screen.differences import spread
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +163,7 @@ def _even_clock(t: Array) -> tuple[float, Array, Flags]:
     period = float(np.median(t[drift:] - t[:-drift])) / drift
     offset = t - index * period
     wandering = _median_of_neighbours(offset, drift)
-    jitter = NORMAL_MAD * float(np.median(np.abs(offset - wandering)))
+    jitter = spread(offset - wandering)
     usual = np.abs(offset - wandering) <= INSTANTS.usual_jitter * jitter
     steady = np.polyval(np.polyfit(index[usual], offset[usual], 1), index)
     if np.std(wandering - steady) < INSTANTS.wander * jitter:
@@ -196,10 +197,10 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
     usable: list[tuple[Array, Array]] = []
     for angle in joints.T:
         differences = _differences(angle, weights)
-        std = NORMAL_MAD * float(np.median(np.abs(differences[dense]))) if dense.any() else 0.0
+        std = spread(differences[dense]) if dense.any() else 0.0
         if std <= 0.0:
             continue
-        speed = _speed(t, angle, INSTANTS.reach)
+        speed = _speed(t, angle)
         usable.append((differences / std, speed / std))
         error = _to_samples(weights * differences[:, None], len(t))
         most = np.maximum(INSTANTS.wild * std * np.sqrt(power), np.quantile(np.abs(error), INSTANTS.usual))
@@ -208,11 +209,11 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
     ticks = _ticks(t, period)
     by_cycle = {cycle: _by_place(ticks % cycle, cycle, score, information) for cycle in range(2, INSTANTS.cycle + 1)}
     # random jitter increases the scatter in all cycles, a late reading only in related cycles
-    spreads = [NORMAL_MAD * np.median(np.abs(z - np.median(z))) for cycle, z in by_cycle.items() if cycle > ORDER]
-    spread = max(1.0, float(np.quantile(spreads, INSTANTS.unshared)))
-    places = {cycle: _largest(z, INSTANTS.contrast) for cycle, z in by_cycle.items()}
+    spreads = [spread(z - np.median(z)) for cycle, z in by_cycle.items() if cycle > ORDER]
+    scatter = max(1.0, float(np.quantile(spreads, INSTANTS.unshared)))
+    places = {cycle: _largest(z) for cycle, z in by_cycle.items()}
     largest = max(size for size, _ in places.values())
-    if largest < INSTANTS.significance * spread:
+    if largest < INSTANTS.significance * scatter:
         return None
     # a late reading also affects the windows of its neighbours, and so other cycles: the best fit is the right one
     likely = [(cycle, first) for cycle, (size, first) in places.items() if size > INSTANTS.likely * largest]
@@ -253,7 +254,7 @@ def _by_place(position: Integers, cycle: int, score: Array, information: Array) 
     return np.bincount(position, score, cycle) / np.sqrt(known)
 
 
-def _largest(z: Array, contrast: float) -> tuple[float, int]:
+def _largest(z: Array) -> tuple[float, int]:
     """Return the size and the position of the largest delay among (cycle,) delays.
 
     The size is 0 if other delays in the cycle are nearly as large.
@@ -262,7 +263,7 @@ def _largest(z: Array, contrast: float) -> tuple[float, int]:
     first = int(np.argmax(size))
     separation = np.abs((np.arange(len(z)) - first + len(z) // 2) % len(z) - len(z) // 2)
     elsewhere = size[separation > ORDER // 2]  # a late reading also affects the windows of its neighbours
-    stands_out = not len(elsewhere) or size[first] > contrast * elsewhere.max()
+    stands_out = not len(elsewhere) or size[first] > INSTANTS.contrast * elsewhere.max()
     return (float(size[first]) if stands_out else 0.0), first
 
 
@@ -279,9 +280,9 @@ def _to_samples(values: Array, samples: int) -> Array:
     return total
 
 
-def _speed(t: Array, angle: Array, reach: int) -> Array:
+def _speed(t: Array, angle: Array) -> Array:
     """Estimate the (n,) speed from distant neighbours, which limits the influence of a wrong instant."""
-    speed = np.gradient(angle, t)
+    speed, reach = np.gradient(angle, t), INSTANTS.reach
     speed[reach:-reach] = (angle[2 * reach :] - angle[: -2 * reach]) / (t[2 * reach :] - t[: -2 * reach])
     return speed
 

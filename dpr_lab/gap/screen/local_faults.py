@@ -117,21 +117,19 @@ def _significance(even: Array, half: int, noise: tuple[float, float], period: fl
     reach = LOCAL_FAULTS.smooth
     level = np.convolve(np.pad(even, reach, mode="edge"), np.full(2 * reach + 1, 1 / (2 * reach + 1)), mode="valid")
     speed = _highest(np.abs(np.gradient(level, period)), half)[half:-half]
-    responses = [
-        np.abs(np.convolve(even, filter_[::-1], mode="valid")) for filter_ in _filters(half, LOCAL_FAULTS.degree)
-    ]
+    responses = [np.abs(np.convolve(even, filter_[::-1], mode="valid")) for filter_ in _filters(half)]
     bent = LOCAL_FAULTS.bends * (speed * half * period) ** (LOCAL_FAULTS.degree + 1) * np.sqrt(2 * half + 1)
     return np.pad(np.maximum(*responses) / np.sqrt(noise[0] ** 2 + (noise[1] * speed) ** 2 + bent**2), half)
 
 
 @cache
-def _filters(half: int, degree: int) -> tuple[Array, Array]:
+def _filters(half: int) -> tuple[Array, Array]:
     """Return the filters that estimate a step before the middle sample, or an outlier there.
 
     Both estimates have unit variance for unit white noise.
     """
     positions = np.arange(-half, half + 1) / half
-    smooth = np.linalg.qr(np.vander(positions, degree + 1))[0]
+    smooth = np.linalg.qr(np.vander(positions, LOCAL_FAULTS.degree + 1))[0]
     filters = []
     for shape in ((positions >= 0).astype(float), (np.arange(2 * half + 1) == half).astype(float)):
         remainder = shape - smooth @ (smooth.T @ shape)
@@ -154,16 +152,16 @@ def _highest(values: Array, half: int) -> Array:
 def _peaks(z: Array, half: int) -> Integers:
     """Return the indices of significant local maxima far above their surroundings."""
     highest = np.flatnonzero((z > LOCAL_FAULTS.stands_out) & (z >= _highest(z, half)))
-    return highest[z[highest] > LOCAL_FAULTS.above_surroundings * _usual(z, highest, half, LOCAL_FAULTS.usual)]
+    return highest[z[highest] > LOCAL_FAULTS.above_surroundings * _usual(z, highest, half)]
 
 
-def _usual(z: Array, centres: Integers, half: int, share: float) -> Array:
+def _usual(z: Array, centres: Integers, half: int) -> Array:
     """Return a quantile of the values around each centre, (centres,).
 
     The values are those at a distance of 2 to 10 half windows from the centre. The quantile is zero if there are no
     such values.
     """
-    reach = 10 * half
+    reach, share = 10 * half, LOCAL_FAULTS.usual
     away = np.concatenate([np.arange(-reach, -2 * half), np.arange(2 * half + 1, reach)])
     around = np.sort(np.pad(z, reach, constant_values=np.inf)[reach + centres[:, None] + away], axis=1)
     last = np.maximum(np.isfinite(around).sum(axis=1) - 1, 0)

@@ -195,7 +195,7 @@ def record(run: Run, rig: Rig) -> Record:
     if setup.arm_moves:
         screened = with_arm(screened, rig)
     run, least_kept = screened.run, 0.0 if run.at_edges else THINNING.least_kept
-    fastest = _fastest(screened, THINNING.fastest)
+    fastest = _fastest(screened)
     rate_hz = _block_rate(screened, fastest, run.rate_hz)
     t, joints, sigma = _as_read(screened) if rate_hz is None else _blocks(screened, rate_hz, least_kept)
     valid = np.isfinite(joints).all(axis=1) & (t >= THINNING.after_release_s)
@@ -207,7 +207,7 @@ def record(run: Run, rig: Rig) -> Record:
     step = min(STEP, THINNING.turn / max(fastest, 1e-3))
     thinned = max(1, round(run.rate_hz / (rate_hz or run.rate_hz)))
     correlation = float(rest_correlation(run, rig, thinned).mean())
-    moves = True if setup.arm_moves else _arm_moves(run, THINNING.arm_moves)
+    moves = True if setup.arm_moves else _arm_moves(run)
     return Record(run, screened, t, joints, sigma, breaks, moves, correlation, step, setup)
 
 
@@ -250,7 +250,7 @@ def _screen_edges(run: Run, rig: Rig) -> Screened:
     )
 
 
-def _fastest(screened: Screened, quantile: float) -> float:
+def _fastest(screened: Screened) -> float:
     """Return a high quantile of the speeds of the joints, rad/s.
 
     Each speed is a difference over one block, so that noise has little influence.
@@ -260,7 +260,9 @@ def _fastest(screened: Screened, quantile: float) -> float:
     joints, instants = screened.joints[trusted][::stride], t[trusted][::stride]
     if len(instants) < 2:
         return 0.0
-    return float(np.quantile(np.abs(np.diff(joints, axis=0) / np.diff(instants)[:, None]), quantile, axis=0).max())
+    return float(
+        np.quantile(np.abs(np.diff(joints, axis=0) / np.diff(instants)[:, None]), THINNING.fastest, axis=0).max()
+    )
 
 
 def _block_rate(screened: Screened, fastest: float, rate_hz: float) -> float | None:
@@ -334,7 +336,7 @@ def _curvature(t: Array, values: Array, rate_hz: float) -> Array:
     return curvature * rate_hz**2
 
 
-def _arm_moves(run: Run, standard_errors: float) -> bool | None:
+def _arm_moves(run: Run) -> bool | None:
     """Return whether the arm moves, or None if encoder 0 was not recorded.
 
     Neighbouring readings of a moving arm are correlated, those of noise are not.
@@ -345,4 +347,4 @@ def _arm_moves(run: Run, standard_errors: float) -> bool | None:
     away = swing - swing.mean()
     power = float(np.mean(away**2))
     alike = float(np.mean(away[1:] * away[:-1]))
-    return bool(power > 0.0 and alike > standard_errors / np.sqrt(len(away)) * power)
+    return bool(power > 0.0 and alike > THINNING.arm_moves / np.sqrt(len(away)) * power)
