@@ -29,8 +29,7 @@ from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.time_scale import with_time_scale
 from dpr_lab.gap.state import Event, Fitted, Request, ScreenedRuns, Selected, Transferred
-from dpr_lab.gap.transfer.free_run import free_runs
-from dpr_lab.gap.transfer.free_swing import free_swings
+from dpr_lab.gap.transfer.free_run import free_runs, free_swings
 from dpr_lab.gap.transfer.gap_size import gap
 from dpr_lab.gap.transfer.out_of_sample import held_out_prediction
 from dpr_lab.gap.transfer.repeatability import gap_budget

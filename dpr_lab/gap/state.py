@@ -24,7 +24,7 @@ from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.gap_size import Gap, Where
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.transfer.free_swing import FreeSwings
+from dpr_lab.gap.transfer.free_run import FreeSwings
 from dpr_lab.gap.transfer.out_of_sample import OutOfSample
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy

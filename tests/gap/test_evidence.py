@@ -15,8 +15,7 @@ from dpr_lab.gap.evidence.validation import validation
 from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.hypothesis.score_test import score_test
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.transfer.free_run import free_runs
-from dpr_lab.gap.transfer.free_swing import free_swings
+from dpr_lab.gap.transfer.free_run import free_runs, free_swings
 from dpr_lab.report.gap.figures import save_gap_figures
 from dpr_lab.report.gap.html import write_gap_report
 from dpr_lab.report.gap.sections import SECTIONS

@@ -13,8 +13,7 @@ from dpr_lab.fitting.estimate import Estimate, unknown_ratios
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.screen.record import Record, record
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.transfer.free_run import free_runs
-from dpr_lab.gap.transfer.free_swing import expected_errors, free_swings
+from dpr_lab.gap.transfer.free_run import expected_errors, free_runs, free_swings
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 

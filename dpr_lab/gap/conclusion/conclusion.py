@@ -5,7 +5,6 @@ import time
 from collections.abc import Iterable, Sequence
 
 from dpr_lab.effects import EFFECTS, named_params
-from dpr_lab.fitting.estimate import ON_ELBOW, SCALE
 from dpr_lab.gap.advice.check_kind import NextStep
 from dpr_lab.gap.advice.expected import expected_size
 from dpr_lab.gap.classes.posterior import probabilities
@@ -13,10 +12,10 @@ from dpr_lab.gap.conclusion.assumptions import assumptions
 from dpr_lab.gap.conclusion.causes import families, named_effect, rivals
 from dpr_lab.gap.conclusion.components import components
 from dpr_lab.gap.conclusion.notes import notes
-from dpr_lab.gap.conclusion.ratios import determined, ratio_covariance, ratios, scale
+from dpr_lab.gap.conclusion.ratios import ratio_fields, scale
 from dpr_lab.gap.conclusion.remedies import remedies
 from dpr_lab.gap.conclusion.sentence import sentence
-from dpr_lab.gap.conclusion.verdict import listed_causes, too_short_to_decide, verdict
+from dpr_lab.gap.conclusion.verdict import listed_causes, verdict
 from dpr_lab.gap.hypothesis.detectable import visible
 from dpr_lab.gap.result.checks import AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis, RollingShutter, SensorFinding
@@ -25,7 +24,6 @@ from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.state import Transferred
 from dpr_lab.gap.where.locate import where_sentence
 from dpr_lab.identification.scaling.scale import Scale
-from dpr_lab.setup import only_inner
 
 PLACES_SHOWN = 6
 """Maximum number of residual maps in a diagnosis; they are sorted by share, largest first."""
@@ -45,19 +43,15 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
     visible_counts = visible(minimum_sizes, state.fitted.recordings.prior.limits)
     kind = verdict(state, visible_counts)
     shown = state.posteriors if kind == "named" else listed_causes(state.posteriors)
-    assumed, candidates = scale(state), kind == "inconclusive" and too_short_to_decide(state)
-    names_causes = kind in ("named", "partly_explained") or candidates
-    probable = () if withheld or (kind == "inconclusive" and not candidates) else state.posteriors
+    names_causes, assumed = kind in ("named", "partly_explained", "undecided"), scale(state)
+    probable = () if withheld or kind == "inconclusive" else state.posteriors
     named = [named_effect(state, posterior, assumed) for posterior in shown] if names_causes else []
     named_families = families(state.fitted.problem, state.selection, named)
-    estimate, residuals, setups = chosen.estimate, chosen.residuals, state.fitted.problem.segments.setups
-    sizes, all_ratios = named_params(estimate.params), ratios(state)
-    shown_ratios, of_ratios = determined(state)
-    alone = only_inner(setups)
+    sizes, residuals = named_params(chosen.estimate.params), chosen.residuals
     return Diagnosis(
-        verdict=kind,
+        verdict="inconclusive" if kind == "undecided" else kind,
         sentence=sentence(kind, state, visible_counts),
-        notes=notes(state, "partly_explained" if candidates else kind, named_families),
+        notes=notes(state, "partly_explained" if kind == "undecided" else kind, named_families),
         hints=[state.description.hint] if state.description.hint else [],
         basis=transfer.basis,
         transfer={effect: dict(shares) for effect, shares in transfer.effects.items()},
@@ -75,18 +69,12 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
         remedies=remedies(named, sizes, state.fitted.recordings.constants, {*transfer.withdrawn, *transfer.oversized}),
         advice=[step.text for step in advice],
         checks=_checks(state, advice, [effect.name for effect in named], assumed),
-        ratios=shown_ratios if alone else all_ratios,
-        fitted=[*all_ratios.values()] if alone else [],
-        ratio_covariance=ratio_covariance(state).tolist(),
-        determined=shown_ratios,
-        determined_covariance=of_ratios.tolist(),
-        p_over_b=float(estimate.ratios[ON_ELBOW]) if any(setup.alone for setup in setups) else None,
+        **ratio_fields(state),
         chi2_per_dof=residuals.chi2 / residuals.dof,
         exact_torques=state.fitted.recordings.exact_torques,
         torques_earlier=state.fitted.recordings.torques_earlier,
         shutter=_shutter(state),
         segments=len(state.fitted.problem.segments),
-        scale_b=float(estimate.ratios[SCALE]),
         scale=assumed,
         search=list(state.selection.trace),
         posterior=components(state.fitted.problem, state.selection, state.fitted.recordings.rig, state.remainder),

@@ -1,11 +1,13 @@
 """Ratios to b with their intervals, and the value of b that absolute sizes assume."""
 
+from typing import Any
+
 import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import FRICTION, SCALE, UNKNOWN_RATIOS, alone_share
+from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, UNKNOWN_RATIOS, alone_share
 from dpr_lab.gap.conclusion.uncertainty import by_unseen_ratios
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.saved import Interval
@@ -56,6 +58,24 @@ def determined(state: Transferred) -> tuple[dict[str, Interval], Array]:
             places.append(place)
             divisors.append(per)
     return parameter_of, state.covariance[np.ix_(places, places)] / np.outer(divisors, divisors)
+
+
+def ratio_fields(state: Transferred) -> dict[str, Any]:
+    """Return the fields of a diagnosis about ratios and b.
+
+    If only the inner rod is mounted, the ratios are those to a.
+    """
+    setups, unknown = state.fitted.problem.segments.setups, state.selection.chosen.estimate.ratios
+    of_rods, (shown, covariance), alone = ratios(state), determined(state), only_inner(setups)
+    return {
+        "ratios": shown if alone else of_rods,
+        "fitted": [*of_rods.values()] if alone else [],
+        "ratio_covariance": ratio_covariance(state).tolist(),
+        "determined": shown,
+        "determined_covariance": covariance.tolist(),
+        "p_over_b": float(unknown[ON_ELBOW]) if any(setup.alone for setup in setups) else None,
+        "scale_b": float(unknown[SCALE]),
+    }
 
 
 def scale(state: Transferred) -> Scale:

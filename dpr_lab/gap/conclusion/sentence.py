@@ -7,27 +7,27 @@ import numpy as np
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.conclusion.verdict import (
     VERDICT,
+    Conclusion,
     causes_named,
     fitted_only,
     listed_causes,
     small,
-    too_short_to_decide,
     undecided,
 )
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.causes import PROBABLE
-from dpr_lab.gap.result.diagnosis import UNCERTAIN, Verdict
+from dpr_lab.gap.result.diagnosis import UNCERTAIN
 from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.gap.state import Transferred
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.shown import listed, percent
 
 
-def sentence(kind: Verdict, state: Transferred, visible_counts: tuple[int, int]) -> str:
+def sentence(kind: Conclusion, state: Transferred, visible_counts: tuple[int, int]) -> str:
     """Return the verdict in sentences; see `verdict` for the arguments."""
     hint = state.description.hint
     if kind == "inconclusive":
-        return f"{_too_short(state)} {hint}".rstrip() if too_short_to_decide(state) else _inconclusive(visible_counts)
+        return _inconclusive(visible_counts)
     if state.description.withholds:
         return f"Unexplained: a gap of {_in_noise(state.selection.bare.residuals.noise_ratio)}. {hint}"
     return f"{_sentence(kind, state)} {hint}".rstrip()
@@ -60,7 +60,9 @@ def _too_short(state: Transferred) -> str:
     )
 
 
-def _sentence(kind: Verdict, state: Transferred) -> str:
+def _sentence(kind: Conclusion, state: Transferred) -> str:
+    if kind == "undecided":
+        return _too_short(state)
     if kind == "no_gap":
         return _no_gap(state.selection.bare)
     if kind == "unexplained":

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
@@ -58,7 +59,11 @@ class VerdictRules:
 VERDICT = VerdictRules()
 
 
-def verdict(state: Transferred, visible_counts: tuple[int, int]) -> Verdict:
+Conclusion = Verdict | Literal["undecided"]
+"""A verdict; `undecided` is an inconclusive verdict with candidates, because the only release is too short."""
+
+
+def verdict(state: Transferred, visible_counts: tuple[int, int]) -> Conclusion:
     """Choose the verdict of a diagnosis.
 
     If there are several releases, the verdict depends on the reduction of the gap in held-out recordings.
@@ -71,12 +76,12 @@ def verdict(state: Transferred, visible_counts: tuple[int, int]) -> Verdict:
     if state.description.withholds:
         return "unexplained"
     kind, (detectable, effects) = _verdict(state), visible_counts
-    unseen = kind == "no_gap" and detectable < VERDICT.visible * effects
-    undecided_causes = kind == "partly_explained" and too_short_to_decide(state)
-    return "inconclusive" if unseen or undecided_causes else kind
+    if kind == "partly_explained" and _too_short_to_decide(state):
+        return "undecided"
+    return "inconclusive" if kind == "no_gap" and detectable < VERDICT.visible * effects else kind
 
 
-def too_short_to_decide(state: Transferred) -> bool:
+def _too_short_to_decide(state: Transferred) -> bool:
     """Return whether the only release is too short to decide between its causes.
 
     This is the case if the release is too short for the signed-rank test of the effects, and no effect reaches a

@@ -33,7 +33,7 @@ from dpr_lab.fitting.covariance import considered, shifted
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import UncertaintySource
-from dpr_lab.gap.transfer.free_swing import FreeSwings
+from dpr_lab.gap.transfer.free_run import FreeSwings
 from dpr_lab.rig import MASSES, Rig
 
 

@@ -23,8 +23,7 @@ from dpr_lab.gap.evidence.budget import mean_squares, sources, uncertainty_sourc
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import Budget, Curves, RunBudget
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.transfer.free_run import FREE_RUN
-from dpr_lab.gap.transfer.free_swing import FreeSwing, FreeSwings, growth_rate, horizon
+from dpr_lab.gap.transfer.free_run import FREE_RUN, FreeSwing, FreeSwings, growth_rate, horizon
 from dpr_lab.rig_tables import INPUT_UNITS
 
 

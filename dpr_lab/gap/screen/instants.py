@@ -18,7 +18,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.estimation.noise import ORDER, difference_weights
 from dpr_lab.fitting.spread import NORMAL_MAD
-from dpr_lab.gap.screen.differences import spread
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +162,7 @@ def _even_clock(t: Array) -> tuple[float, Array, Flags]:
     period = float(np.median(t[drift:] - t[:-drift])) / drift
     offset = t - index * period
     wandering = _median_of_neighbours(offset, drift)
-    jitter = spread(offset - wandering)
+    jitter = NORMAL_MAD * float(np.median(np.abs(offset - wandering)))
     usual = np.abs(offset - wandering) <= INSTANTS.usual_jitter * jitter
     steady = np.polyval(np.polyfit(index[usual], offset[usual], 1), index)
     if np.std(wandering - steady) < INSTANTS.wander * jitter:
@@ -197,7 +196,7 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
     usable: list[tuple[Array, Array]] = []
     for angle in joints.T:
         differences = _differences(angle, weights)
-        std = spread(differences[dense]) if dense.any() else 0.0
+        std = NORMAL_MAD * float(np.median(np.abs(differences[dense]))) if dense.any() else 0.0
         if std <= 0.0:
             continue
         speed = _speed(t, angle)
@@ -209,7 +208,7 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
     ticks = _ticks(t, period)
     by_cycle = {cycle: _by_place(ticks % cycle, cycle, score, information) for cycle in range(2, INSTANTS.cycle + 1)}
     # random jitter increases the scatter in all cycles, a late reading only in related cycles
-    spreads = [spread(z - np.median(z)) for cycle, z in by_cycle.items() if cycle > ORDER]
+    spreads = [NORMAL_MAD * np.median(np.abs(z - np.median(z))) for cycle, z in by_cycle.items() if cycle > ORDER]
     scatter = max(1.0, float(np.quantile(spreads, INSTANTS.unshared)))
     places = {cycle: _largest(z) for cycle, z in by_cycle.items()}
     largest = max(size for size, _ in places.values())

@@ -17,7 +17,7 @@ from dpr_lab.gap.result.gap_size import ClosedShare, Gap
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.state import Selected
-from dpr_lab.gap.transfer.free_swing import FreeSwings
+from dpr_lab.gap.transfer.free_run import FreeSwings
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.coordinates import under_torque
 from dpr_lab.gap.where.discrepancy import Discrepancy

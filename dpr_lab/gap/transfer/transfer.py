@@ -38,8 +38,7 @@ from dpr_lab.gap.result.diagnosis import Basis
 from dpr_lab.gap.result.evidence import Closing
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Selected
-from dpr_lab.gap.transfer.free_run import FreeRunError
-from dpr_lab.gap.transfer.free_swing import FreeSwings, expected_errors
+from dpr_lab.gap.transfer.free_run import FreeRunError, FreeSwings, expected_errors
 from dpr_lab.gap.transfer.lone_recording import lone_recording
 from dpr_lab.gap.transfer.out_of_sample import OutOfSample, block_starts, left_out, reduction, share
 from dpr_lab.gap.transfer.outcome import TRANSFER, Transfer, WorseFreeRun
