@@ -171,7 +171,7 @@ def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 
 def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float]) -> Iterator[JudgedLimit]:
-    """Test the median of the free-run errors over releases; their logarithms are assumed to be normally distributed."""
+    """Test the median free-run error over releases, assuming normal logarithms."""
     from scipy.special import stdtrit  # slow to import, and every diagnosis imports this module
 
     if (limit := limits.free_run) is None:
@@ -242,12 +242,15 @@ def _with_scale(diagnosis: Diagnosis, effect: str, parameter: str, low: float, h
 
 
 def _scale_factors(diagnosis: Diagnosis, power: int) -> list[float]:
-    """Return the factors of a size: 1 for the assumed b, and one for each end of its interval (`Scale.factors90`)."""
+    """Return the factors of a size: 1, and those of both ends of b's interval.
+
+    The ends follow from `Scale.factors90`.
+    """
     return [1.0, *(() if diagnosis.scale is None else diagnosis.scale.factors90(power))]
 
 
 def _untrusted(diagnosis: Diagnosis) -> str:
-    """Return the reason why this diagnosis has no valid intervals, or an empty text if its intervals are valid."""
+    """Return why this diagnosis has no valid intervals; empty if they are valid."""
     if diagnosis.hints:
         return f"the description of the recordings is probably wrong: {diagnosis.hints[0]}"
     reasons = {
@@ -259,7 +262,7 @@ def _untrusted(diagnosis: Diagnosis) -> str:
 
 
 def _confused(diagnosis: Diagnosis, effect: str) -> str:
-    """Return the reason why this effect may be the cause instead of a named effect; empty if none."""
+    """Return why this effect may be the cause instead of a named one; empty if it cannot."""
     if any(named.name == effect for named in diagnosis.effects):
         return ""
     for named in diagnosis.effects:
@@ -273,7 +276,7 @@ def _confused(diagnosis: Diagnosis, effect: str) -> str:
 
 
 def _undetermined(diagnosis: Diagnosis, ratio: str) -> str:
-    """Return the reason why the recordings do not determine a ratio, or an empty text if they determine it.
+    """Return why the recordings do not determine a ratio; empty if they do.
 
     For example, recordings of one rod alone determine only some ratios.
     """
@@ -282,7 +285,7 @@ def _undetermined(diagnosis: Diagnosis, ratio: str) -> str:
 
 
 def _doubted(named: NamedEffect) -> str:
-    """Return the reason why the ratios depend on an uncertain named effect; empty if its class is certain."""
+    """Return why the ratios depend on an uncertain named effect; empty if its class is certain."""
     if named.probability >= SURE:
         return ""
     return f"the ratios depend on the cause, and {named.name} has a probability of only {percent(named.probability)}"

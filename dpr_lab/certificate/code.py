@@ -30,7 +30,7 @@ def made_with() -> dict[str, str]:
 
 @cache
 def _hash(package: Path, added: str) -> str:
-    """Return the SHA-256 of the Python files of a package and of the code of plugins."""
+    """Hash the Python files of a package and the code of plugins by SHA-256."""
     digest = hashlib.sha256(added.encode())
     for file in sorted(package.rglob("*.py")):
         digest.update(f"{file.relative_to(package).as_posix()}\0{file.stat().st_size}\0".encode())

@@ -73,7 +73,7 @@ def compare_recording(certified: CertifiedRecording, folder: Path) -> Verified:
 
 
 def _compare(certified: CertifiedRecording, path: Path) -> tuple[bool, str | None, str]:
-    """Compare a file with the certified recording; return whether they agree, the hash of the file, and the reason."""
+    """Compare a file with the certified recording; return agreement, hash, and reason."""
     if not path.is_file():
         return False, None, "does not exist"
     now = sha256_of(path)

@@ -115,7 +115,7 @@ def _number(value: float, interval90: Ends, typical: float) -> RequiredClaim:
 
 
 def _scale(scale: Scale) -> RequiredClaim:
-    """Return the claim about the value of b on which the absolute sizes of effects are based."""
+    """Return the claim about b, the scale of absolute sizes."""
     claim, within = CertifiedClaim(value=scale.b, interval90=scale.interval90), _tolerance(scale.interval90, scale.b)
     return RequiredClaim(claim, within if scale.known else TOLERANCES.of_typical * scale.b, within)
 

@@ -67,7 +67,9 @@ def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Di
 
 
 def refuse_other_result(check: AdvisedCheck, given: set[str]) -> None:
-    """Check that the given fields of a `CheckAnswer` are those that this kind of check requires.
+    """Check that a result has the fields that its kind of check requires.
+
+    The fields are those of a `CheckAnswer`.
 
     Raises:
         RunError: other fields are given.
@@ -208,14 +210,14 @@ def _reweighed(check: AdvisedCheck, done: CheckDone) -> AdvisedCheck:
 
 
 def _outside(diagnosis: Diagnosis, done: CheckDone) -> float:
-    """Return the probability of a cause outside the library: the largest value over all named effects."""
+    """Return the largest probability of an outside cause over all named effects."""
     checked = diagnosis.outside_by_checks | {done.check.about: done.after[NONE_OF_THEM]}
     unchecked = any(effect.name not in checked for effect in diagnosis.effects)
     return max([*checked.values(), *([diagnosis.probabilities.get(NONE_OF_THEM, 0.0)] if unchecked else [])])
 
 
 def _remedies(diagnosis: Diagnosis, done: CheckDone) -> list[str]:
-    """Return the remedies of the named effects; omit an effect that is no longer the most probable cause."""
+    """Return the remedies of the named effects that remain the most probable causes."""
     about = done.check.about
     if likeliest(done.after) == about:
         return diagnosis.remedies

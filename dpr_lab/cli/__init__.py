@@ -78,9 +78,9 @@ def _end(message: str, exit_code: int) -> NoReturn:
 
 
 def _leave_stdout() -> None:
-    """Redirect stdout to the null device, so that Python reports no error for a closed output or a full disk.
+    """Redirect stdout to the null device, so that its failure causes no error.
 
-    An example of a closed output is `dpr-lab ... | head`.
+    The output may be closed, as in `dpr-lab ... | head`, or the disk may be full.
     """
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)
 
@@ -179,7 +179,10 @@ def _interrupt(signum: int, frame: object) -> None:
 
 
 def _open_streams() -> None:
-    """Redirect streams that were closed at the start to the null device; escape characters without an encoding."""
+    """Open closed standard streams on the null device.
+
+    Characters without an encoding are escaped.
+    """
     for fd, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         if getattr(sys, name) is None:
             opened = os.open(os.devnull, os.O_RDWR)

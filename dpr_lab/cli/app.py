@@ -71,7 +71,7 @@ _REFUSALS = {
 
 
 def refusal(message: str) -> str:
-    """Convert a pydantic error about an option to a plain phrase, for example `must be a whole number`."""
+    """Convert a pydantic error to a plain phrase, for example `must be a whole number`."""
     for start, words in _REFUSALS.items():
         if message.startswith(start):
             return words

@@ -33,7 +33,10 @@ def keep_bytecode() -> None:
 
 
 def _has_bytecode(package: str) -> bool:
-    """Return whether the bytecode of a package exists next to its source, or can be written there."""
+    """Return whether the bytecode of a package exists or can be written.
+
+    Its place is next to the source.
+    """
     module = importlib.util.find_spec(package)
     if module is None or module.origin is None:
         return True

@@ -63,7 +63,7 @@ def check(
 
 
 def show(updated: "Diagnosis", out: Path | None) -> None:
-    """Print the last check on stdout: its conclusion, then the probabilities before and after the check."""
+    """Print the last check on stdout: its conclusion, and the probabilities before and after."""
     from dpr_lab.gap.result import RECORD
     from dpr_lab.report.gap import check_tables, tables
 

@@ -77,7 +77,9 @@ class Choices:
         return None if value is None else ",".join(map(self._known, self._split(value)))
 
     def check_each(self, value: list[str] | None) -> list[str] | None:
-        """Convert a repeated option to a list of identifiers; each value may be a comma-separated list.
+        """Convert a repeated option to a list of identifiers.
+
+        Each value may be a comma-separated list.
 
         Raises:
             BadParameter: an unknown name.
@@ -85,7 +87,7 @@ class Choices:
         return None if value is None else [self._known(name) for given in value for name in self._split(given)]
 
     def _split(self, value: str) -> list[str]:
-        """Split a list at its commas, except at commas inside a description such as 'Coulomb friction, joint 1'."""
+        """Split a list at commas, but not in descriptions such as 'Coulomb friction, joint 1'."""
         parts: list[str] = []
         for part in value.split(","):
             whole = f"{parts[-1]},{part}" if parts else ""
@@ -111,7 +113,7 @@ def names_in(given: str | None) -> tuple[str, ...] | None:
 
 
 def complete_rig(incomplete: str) -> list[str]:
-    """Return the completions of a rig option: built-in rigs and rig files in the current folder."""
+    """Return the completions of a rig option: built-in rigs, and files of the current folder."""
     from dpr_lab.configs import built_in
 
     files = [str(path) for path in Path().glob(f"{incomplete}*") if path.is_dir() or path.suffix == ".toml"]

@@ -31,7 +31,7 @@ def emit(result: dict[str, Any] | list[dict[str, Any]]) -> None:
 
 
 def complain(message: str, exit_code: int) -> None:
-    """Print an error for the operator on stderr; with --json also as an object on stdout."""
+    """Print an error on stderr; with --json also as an object on stdout."""
     if "--json" in sys.argv:
         emit({"error": message, "exit_code": exit_code})
     say(f"dpr-lab: {message}")

@@ -177,7 +177,10 @@ def _show_effects(diagnosis: "Diagnosis") -> None:
 
 
 def _show_gap_reduction(diagnosis: "Diagnosis", *, verbose: bool, most: int = 6) -> None:
-    """Print the gap reduction of the `most` least reduced runs, or of all runs with `verbose`."""
+    """Print the gap reduction of the `most` least reduced runs.
+
+    With `verbose`, all runs are printed.
+    """
     from dpr_lab.report.gap import tables
 
     rows, title = tables.closed_rows(diagnosis), "Gap reduction by run"
@@ -215,7 +218,10 @@ def _show_next(diagnosis: "Diagnosis", out: Path | None, *, verbose: bool) -> No
 
 
 def show_files(files: "Mapping[str, str]") -> None:
-    """Print the written files on stderr, one line per folder: `files in out: diagnosis.html (report), ...`."""
+    """Print the written files on stderr: `files in out: diagnosis.html (report), ...`.
+
+    Each folder has one line.
+    """
     folders: dict[Path, dict[str, list[str]]] = {}
     for name, file in files.items():
         path = Path(file)

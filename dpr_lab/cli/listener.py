@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 
 class Listener:
-    """Display the events of a job, and remove the progress bar at the end (context manager)."""
+    """Context manager that displays the events of a job.
+
+    At the end, the progress bar is removed.
+    """
 
     def __init__(self) -> None:
         self._bars, self._watch = ExitStack(), watch_compiling(self._compiling)

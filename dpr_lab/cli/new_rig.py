@@ -1,4 +1,7 @@
-"""`dpr-lab rig new`: write a rig file from a few measurements; missing values are prompted for."""
+"""`dpr-lab rig new`: write a rig file from a few measurements.
+
+The command asks for missing values.
+"""
 
 import sys
 from dataclasses import dataclass, replace

@@ -54,7 +54,7 @@ def _only_answers() -> BinaryIO:
 
 
 def _lines(stream: BinaryIO, longest: int = 1 << 20) -> Iterator[bytes | None]:
-    """Yield the lines of a stream; yield None in place of a line that is too long."""
+    """Yield the lines of a stream, and None for a line that is too long."""
     while line := stream.readline(longest):
         if len(line) < longest or line.endswith(b"\n"):
             yield line

@@ -77,7 +77,7 @@ Folder = Annotated[Path, typer.Argument(help="Folder written by `trials draw`.")
 
 
 def _centres(rig: str | None, plant: str | None, arm: TrialArm | None) -> tuple[str, str]:
-    """Return the names of rig and plant; without a name, the default for the mode of the arm."""
+    """Return the names of rig and plant, by default those of the arm's mode."""
     default = "paper" if arm is None else "driven_double"
     return rig or default, plant or default
 

@@ -120,7 +120,7 @@ def _estimate(
 
 
 def _scale_power(parameter: FreeParameter) -> int:
-    """Return the exponent of b with which an amplitude scales; a single run does not identify b."""
+    """Return the power of b in an amplitude, which a single run does not identify."""
     effect = EFFECTS.get(parameter.effect)
     return next((p.scale_power for p in effect.parameters if p.name == parameter.name), 0) if effect else 0
 

@@ -1,4 +1,4 @@
-"""Estimate the ratios of rods, arm and drive separately from each run with a moving arm."""
+"""Separate ratios of rods, arm and drive for each run with a moving arm."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Repeat the published search with several seeds, with true values on and off the coding grid."""
+"""Published search, repeated with several seeds and true values on and off the grid."""
 
 import time
 from collections.abc import Iterator, Sequence

@@ -59,7 +59,10 @@ READINGS = {
 
 
 def start_states(rig: Rig) -> Array:
-    """Return the (3, 4) initial states of X1, X2, X3: theta1, theta2, omega1, omega2, rad and rad/s."""
+    """Return the (3, 4) initial states of X1, X2, X3, rad and rad/s.
+
+    The columns are theta1, theta2, omega1, omega2.
+    """
     return np.array([[rig.poses[pose].theta1, rig.poses[pose].theta2, 0.0, 0.0] for pose in POSES])
 
 

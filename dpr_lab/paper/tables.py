@@ -61,7 +61,7 @@ def table1(ours: Recomputed) -> PaperTable:
 
 
 def table2(ours: Recomputed) -> PaperTable:
-    """Build table 2: E of groups 1, 4 and 6 from three poses, in every interpretation."""
+    """Build table 2: E of groups 1, 4 and 6 for three poses and all interpretations."""
     rows = [
         (
             str(int(group)),
@@ -153,7 +153,7 @@ def verdicts(results: Sequence[SearchResult], rig: Rig) -> list[str]:
 
 
 def _verdict(reading: str, grid: str, group: Sequence[SearchResult], rig: Rig, within_percent: float = 1.0) -> str:
-    """State how many searches of a group reach the published H and the published accuracy of all parameters."""
+    """State how many searches of a group reach the published H and accuracy."""
     costs = [f.H for f in group]
     nine = sum(bool((np.abs(f.percent) <= within_percent).all()) for f in group)
     five = sum(bool((np.abs(f.ratio_percent(rig)) <= within_percent).all()) for f in group)

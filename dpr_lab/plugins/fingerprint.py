@@ -9,7 +9,7 @@ from dpr_lab.plugins.installed import announced, without_current_folder
 
 
 def fingerprint(*groups: str) -> str:
-    """Return the name, version and source hash of each plugin in some groups, one line each.
+    """Return one line per plugin in some groups: name, version, source hash.
 
     The text is empty without plugins.
     """
@@ -19,7 +19,7 @@ def fingerprint(*groups: str) -> str:
 
 @cache
 def _source_hash(module: str) -> str:
-    """Compute the SHA-256 of the Python files of a module or package, without importing the module."""
+    """Hash the Python files of a module by SHA-256, without importing it."""
     digest = hashlib.sha256()
     with without_current_folder():
         try:

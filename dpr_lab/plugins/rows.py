@@ -28,12 +28,12 @@ def reason_skipped(plugin: Plugin) -> str:
 
 
 def origin(group: str, row: str) -> Plugin | None:
-    """Return the plugin that added a row to a table, or None for a row of dpr-lab or a missing row."""
+    """Return the plugin that added a row to a table, otherwise None."""
     return _origins.get((group, row))
 
 
 def failure(error: BaseException) -> str:
-    """Describe an exception that a plugin or its libraries raised; return an empty text for other exceptions."""
+    """Describe an exception of a plugin or its libraries; empty for other exceptions."""
     by_module = {plugin.module.partition(".")[0]: plugin for plugin in announced()}
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         root = str(frame.f_globals.get("__name__", "")).partition(".")[0]

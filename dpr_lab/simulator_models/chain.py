@@ -32,7 +32,7 @@ CHAIN = ChainLimits()
 
 @dataclass(frozen=True, slots=True)
 class JointTerm:
-    """Property of a joint of the model that no key of a rig file can contain."""
+    """Property of a model joint that no key of a rig file can contain."""
 
     joint: str
     quantity: str

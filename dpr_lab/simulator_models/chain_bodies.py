@@ -1,4 +1,4 @@
-"""Combine parts that move with a joint to the rods and arm of a double pendulum."""
+"""Rods and arm of a double pendulum, combined from the parts of its joints."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel, Vect
 
 
 def fixed_to(model: SimulatorModel, index: int, chain: set[int]) -> list[Part]:
-    """Return the part at `index` of the chain and all parts that are fixed to it."""
+    """Return the part at `index` of the chain and all parts fixed to it."""
     fixed = [i for i in range(len(model.parts)) if i not in chain and carrier(model, i, chain) == index]
     return [model.parts[index], *(model.parts[i] for i in fixed)]
 
@@ -37,7 +37,7 @@ def sum_of(parts: Sequence[Part]) -> tuple[float, Vector, Vector]:
 
 
 def parts_at_elbow(parts: Sequence[Part], joint: ModelJoint, next_joint: ModelJoint, plane: Vector) -> list[Part]:
-    """Return the parts of the inner rod whose centre of mass is on the axis of joint 2.
+    """Return the parts of the inner rod with their centre of mass on joint 2.
 
     The body of the rod itself is omitted.
     """

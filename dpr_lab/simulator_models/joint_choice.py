@@ -1,4 +1,4 @@
-"""Choose the hinges of a model for the joints of inner rod, outer rod and arm."""
+"""Choice of the hinges for inner rod, outer rod and arm in a model."""
 
 import math
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ CHOOSE = (
 
 
 class Hinges(NamedTuple):
-    """Indices of the parts that move with the joints of the rods and of the arm."""
+    """Indices of the parts that move with the joints of rods and arm."""
 
     rods: tuple[int, ...]
     """Index for the inner rod and, if there are two rods, for the outer rod; a single rod is always on an arm."""
@@ -42,7 +42,7 @@ def _hinges(model: SimulatorModel) -> list[int]:
 
 
 def carrier(model: SimulatorModel, index: int, among: set[int]) -> int:
-    """Return the nearest ancestor of a part that is in `among`; -1 if there is none."""
+    """Return the nearest ancestor of a part in `among`, or -1."""
     above = model.parts[index].parent
     while above >= 0 and above not in among:
         above = model.parts[above].parent
@@ -116,7 +116,7 @@ def only_choice(model: SimulatorModel) -> Hinges:
 
 
 def _across(model: SimulatorModel, first: int, second: int) -> bool:
-    """Check whether the axes of two joints are perpendicular, like the axes of an arm and a rod."""
+    """Check whether two joint axes are perpendicular, like those of arm and rod."""
     return _between(joint_of(model, first).axis, joint_of(model, second).axis) > math.pi / 2 - CHAIN.parallel
 
 

@@ -49,7 +49,7 @@ JOINT_KINDS = ("free", "ball", "slide", "hinge")
 
 @dataclass(frozen=True, slots=True)
 class BodyFrame:
-    """Position and inertia of a body, in the coordinates of its element and of the world."""
+    """Position and inertia of a body, in element and world coordinates."""
 
     name: str
     turned: Vector
@@ -243,7 +243,7 @@ def _number(text: str, default: float) -> float:
 
 
 def _own(parent: Element, inherited: str) -> Iterator[tuple[Element, str]]:
-    """Yield the elements of a body with their inherited default class; elements within frames are included."""
+    """Yield the elements of a body, also within frames, with their inherited class."""
     inherited = parent.get("childclass", inherited)
     for child in parent:
         if child.tag == "frame":

@@ -1,4 +1,4 @@
-"""Check the numbers in a simulator file before the library of the format reads the file.
+"""Check of the numbers in a simulator file before its library reads it.
 
 The libraries accept invalid numbers. The library of SDFormat reads `1,5` as 1.0, and MuJoCo reads an empty text as
 zero.
@@ -58,7 +58,7 @@ def refuse_bad_texts(root: Element, keys: Mapping[str, frozenset[str]], unbounde
 
 
 def _problem(text: str) -> str:
-    """Describe an invalid number in a text; return an empty text if all numbers are valid."""
+    """Describe an invalid number in a text; the result is empty for valid numbers."""
     parts = text.split()
     if not parts:
         return "is empty: give a number, or remove the entry"

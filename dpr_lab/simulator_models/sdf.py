@@ -181,7 +181,10 @@ def _joint(plant: Any, context: Any, joint: Any, element: Element | None, rotor_
 
 
 def _mimic(element: Element | None) -> dict[str, str]:
-    """Describe the joint that a joint mimics (`<mimic>` of its axis, or `<drake:mimic>`); empty if there is none."""
+    """Describe the joint that a joint mimics, or return an empty mapping.
+
+    The elements are `<mimic>` of the axis, and `<drake:mimic>`.
+    """
     if element is None:
         return {}
     if (mimic := element.find("axis/mimic")) is not None:

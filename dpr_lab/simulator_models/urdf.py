@@ -89,7 +89,7 @@ def _without_namespaces(root: Element) -> None:
 
 
 def _complete(root: Element, path: Path) -> None:
-    """Add the link `world` if a joint names it as a parent and the file does not declare it.
+    """Add the link `world` if only a joint names it.
 
     Raises:
         ConfigError: two links have the same name, or a joint names a link that does not exist.
@@ -177,7 +177,7 @@ def _joint(joint: Any, turned: Vector, position: Vector, rotor_inertia: float) -
 
 
 def _ends(link: Element) -> tuple[Vector, ...]:
-    """Return the end points of the boxes and cylinders of a link, in the frame of the link."""
+    """Return the end points of a link's boxes and cylinders, in its frame."""
     points: list[Vector] = []
     for shape in (*link.findall("visual"), *link.findall("collision")):
         try:

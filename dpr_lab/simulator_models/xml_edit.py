@@ -1,4 +1,4 @@
-"""Change attributes and texts in an XML file; all other bytes of the file are preserved."""
+"""Changes of attributes and texts in an XML file that preserve all other bytes."""
 
 import re
 from dataclasses import dataclass
@@ -84,7 +84,7 @@ class XmlEdit:
         return next((i for i, t in enumerate(self.tags) if t.tag == tag and wanted <= t.attributes.items()), None)
 
     def child(self, parent: int, tag: str) -> int | None:
-        """Return the index of the first child with this tag, or None if there is none."""
+        """Return the index of the first child with this tag, or None."""
         return next((i for i, t in enumerate(self.tags) if t.tag == tag and t.parent == parent), None)
 
     def set(self, index: int, label: str, **attributes: str) -> None:
@@ -158,7 +158,7 @@ class XmlEdit:
 
 
 def _end_of_tag(data: bytes, first: int) -> int:
-    """Return the position after the `>` of a start tag; a `>` in quotes is ignored."""
+    """Return the position after the `>` of a start tag, ignoring `>` in quotes."""
     quote = 0
     for place in range(first, len(data)):
         byte = data[place]

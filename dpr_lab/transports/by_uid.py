@@ -11,7 +11,7 @@ from firmware_protocol.host_role import HostSession
 
 
 def find(url: str, uid: str, ports: Iterable[str], open_port: Callable[[str], Transport]) -> Transport:
-    """Find the device whose UID ends with the given digits, and return an open link to it.
+    """Return an open link to the device whose UID ends with given digits.
 
     Args:
         url: URL given by the operator

@@ -110,7 +110,7 @@ def _bus_capacity(bitrate: int) -> Capacity:
 
 
 def _matching_channels(url: LinkUrl, pattern: str) -> list[str]:
-    """Return the channels of the backend that match a pattern; a name without `*` is returned unchanged."""
+    """Return the channels that match a pattern, or a name without `*` unchanged."""
     if pattern and "*" not in pattern:
         return [pattern]
     try:

@@ -58,7 +58,7 @@ def matching_ports(pattern: str) -> list[str]:
 
 
 def can_interfaces(root: Path = Path("/sys/class/net")) -> tuple[str, ...]:
-    """Return the CAN network interfaces of the Linux kernel; the result is empty on other systems."""
+    """Return the CAN interfaces of the Linux kernel; empty on other systems."""
     arphrd_can = "280"
     return tuple(sorted(kind.parent.name for kind in root.glob("*/type") if kind.read_text().strip() == arphrd_can))
 

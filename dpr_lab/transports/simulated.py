@@ -89,7 +89,7 @@ def _arguments(options: dict[str, Any], rig_file: Path | None) -> list[str]:
 
 
 class SimulatedTransport:
-    """`Transport` to a simulated device in a child process, which ends when the transport is closed."""
+    """`Transport` to a simulated device, whose child process ends on `close`."""
 
     def __init__(self, url: str, child: ChildProgram, link: Transport) -> None:
         self.url = url
@@ -124,7 +124,7 @@ class SimulatedTransport:
 
 
 def _ready_url(url: str, child: ChildProgram) -> str:
-    """Wait for the first line of the child, the URL of its link, and return it.
+    """Wait for the first line of the child, which contains the URL of its link.
 
     Raises:
         LinkUrlError: the child refuses its arguments.

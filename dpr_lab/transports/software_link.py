@@ -1,4 +1,7 @@
-"""Detect links that may lead to a simulated device, whose time may differ from real time."""
+"""Detection of links that may lead to a simulated device.
+
+The time of such a device may differ from real time.
+"""
 
 import os
 import re

@@ -30,7 +30,7 @@ class Capacity:
         return int(self.usable_share * self.bits_per_s / self.bits_per_sample)
 
     def with_frames(self, frames: int) -> Capacity:
-        """Return the capacity for a device that sends several frames per sample, for example its torques."""
+        """Return the capacity for several frames per sample, for example with torques."""
         return replace(self, bits_per_sample=frames * self.bits_per_sample)
 
     def load(self, rate_hz: int) -> str:

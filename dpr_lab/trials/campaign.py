@@ -139,7 +139,7 @@ def run_campaign(
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Lock a folder against other processes; the operating system releases the lock when a process is killed."""
+    """Lock a folder against other processes; a killed process releases the lock."""
     lock = FileLock(folder / LOCK, timeout=0)
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Run one trial of a campaign in any process; the case and its outcome are JSON values.
+"""One trial of a campaign in any process; case and outcome are JSON values.
 
 The simulated device records its plant directly, without a link and faster than real time. Hundreds of trials are
 therefore feasible. The recorded counts are the same as with a link.

@@ -1,4 +1,4 @@
-"""Choose the next release of a sequential trial by a plan, from a menu, or at random."""
+"""Next release of a sequential trial: planned, from a menu, or random."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -142,7 +142,7 @@ class _Plan:
 
 
 def _made(trial: Callable[[int], TrustTrial], count: int, processes: int) -> Iterator[tuple[int, TrustTrial]]:
-    """Run the trials in this process or in other processes, and yield each finished trial with its number."""
+    """Run trials in one or several processes; yield each one with its number."""
     if processes < 2:
         yield from ((number, trial(number)) for number in range(count))
         return
@@ -169,7 +169,7 @@ def _original(run: Run, rig: Rig, estimate: Estimate) -> _Original:
 
 
 def _another(diagnosis: Diagnosis, library: Mapping[str, Effect], rng: np.random.Generator) -> Effects:
-    """Draw a detectable effect that the diagnosis does not name, with a random size of one of its amplitudes."""
+    """Draw a detectable effect that the diagnosis does not name, of random size."""
     named = {effect.name for effect in diagnosis.effects}
     detectable = {name: {k: v for k, v in sizes.items() if v} for name, sizes in diagnosis.detectable.items()}
     names = [n for n in detectable if n in library and n not in named and detectable[n] and not library[n].event]

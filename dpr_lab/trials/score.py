@@ -103,7 +103,7 @@ class TrialOutcome:
 
     @property
     def named_classes(self) -> tuple[tuple[str, ...], ...]:
-        """Members of the class of each named effect; the named effect itself is the first member."""
+        """Members of the class of each named effect, which comes first."""
         return self.classes or tuple((name,) for name in self.named)
 
     @property
@@ -218,7 +218,7 @@ def _named(diagnosis: Json) -> list[Json]:
 
 
 def _candidates(diagnosis: Json) -> bool:
-    """Return whether the recordings show a gap, but are too short to decide between its candidate causes."""
+    """Return whether the recordings show a gap, but cannot decide its cause."""
     return diagnosis["verdict"] == "inconclusive" and bool(diagnosis["effects"])
 
 
@@ -243,7 +243,7 @@ def over_limit(sizes: Mapping[str, float], least: Mapping[str, float | None]) ->
 
 
 def _faults(truth: Truth) -> list[str]:
-    """Return the names of the sensor findings that the faulty encoders of the plant should cause."""
+    """Return the sensor findings that the faulty encoders of the plant should cause."""
     hidden_faults = {
         "undithered_quantisation": truth.encoders["step_counts"] > 1,
         "jitter": truth.encoders["jitter_ms"] > 0,

@@ -1,4 +1,4 @@
-"""Send requests to the process of the simulated device, which draws, seals and reveals a plant.
+"""Requests to the simulated device, which draws, seals and reveals a plant.
 
 The truth stays in the memory or in a folder of the device; dpr-lab never reads this folder. dpr-lab receives a seal, a
 rig file and recordings.

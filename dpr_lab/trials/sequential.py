@@ -137,7 +137,7 @@ def played(
 
 
 def _recorded(plant: HeldPlant, rig: Rig, release: CandidateRelease) -> Run:
-    """Record a release on a sealed plant, and return the recording as a run of its rig."""
+    """Record a release on a sealed plant, and return the run."""
     wanted: dict[str, Any] = {"theta1": release.theta1, "theta2": release.theta2, "duration_s": release.duration_s}
     if release.added is not None:
         wanted["added_mass"] = release.added.model_dump()
@@ -150,7 +150,10 @@ def _recorded(plant: HeldPlant, rig: Rig, release: CandidateRelease) -> Run:
 
 
 def _minutes(releases: Sequence[CandidateRelease], rig: Rig) -> float:
-    """Compute the time at the rig that the releases need, minutes; each step has its usual duration."""
+    """Compute the time at the rig for some releases, minutes.
+
+    Each step has its usual duration.
+    """
     mounted, total = mounted_now(rig), 0.0
     for release in releases:
         total += minutes(release, mounted, PlanLimits())

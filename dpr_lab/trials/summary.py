@@ -13,7 +13,7 @@ from dpr_lab.trials.score import Cause, Claim, SizeError, TrialOutcome
 
 
 def share(outcomes: Sequence[TrialOutcome], holds: Callable[[TrialOutcome], bool]) -> float:
-    """Return the share of the trials with a property, or nan if there are no trials."""
+    """Return the share of trials with a property, or nan without trials."""
     return float(np.mean([holds(outcome) for outcome in outcomes])) if outcomes else float("nan")
 
 
@@ -67,7 +67,7 @@ def brier(claims: Sequence[Claim]) -> float:
 
 
 def wilson90(held: int, of: int) -> tuple[float, float]:
-    """Compute the 90 % Wilson score interval of a proportion, for `held` successes in `of` trials."""
+    """Compute the 90 % Wilson score interval of a proportion `held` / `of`."""
     from scipy.stats import binomtest  # slow import
 
     interval = binomtest(held, of).proportion_ci(0.9, method="wilson")

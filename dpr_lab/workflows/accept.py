@@ -77,7 +77,10 @@ def accept(
 
 
 def _refuse_other_rig(file: Path, diagnosis: "Diagnosis", rig: "Rig") -> None:
-    """Refuse a diagnosis that was made with another rig file; its intervals are not valid for the given rig."""
+    """Refuse a diagnosis that was made with another rig file.
+
+    Its intervals are not valid for the given rig.
+    """
     if diagnosis.evidence is None or diagnosis.evidence.rig_sha256 != rig.sha256:
         raise ConfigError(
             f"{file}: the diagnosis was made with another file of rig {rig.name}, or by an older version: diagnose the"

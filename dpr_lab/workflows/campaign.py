@@ -63,7 +63,7 @@ def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> Campai
 
 
 def _refuse_other_kinds(campaign: "Campaign") -> None:
-    """Refuse kinds of plants that are not available for a moving arm, because each of their trials would fail."""
+    """Refuse kinds of plants that a moving arm does not support."""
     from dpr_lab.trials.sealing import ON_ARM
 
     others = [] if campaign.arm is None else [kind for kind in campaign.kinds if kind not in ON_ARM]

@@ -98,7 +98,10 @@ def capture(request: CaptureRequest, confirm: "Confirm", on_event: OnEvent = ign
 
 @contextmanager
 def _rig_file(rig: "Rig") -> "Iterator[Path | None]":
-    """Yield the rig file for a simulated device: a temporary file if the mounted rods differ from it."""
+    """Yield the rig file for a simulated device.
+
+    It is a temporary file if the mounted rods differ from those of the file.
+    """
     from dpr_lab.storage.metadata import rig_toml
 
     if rig.path is not None:

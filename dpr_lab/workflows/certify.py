@@ -50,7 +50,7 @@ class VerifiedCertificate:
 
     @property
     def names_other_code(self) -> bool:
-        """Whether the certificate names another version or another hash of the code than the installed code."""
+        """Whether the certificate names another version or hash than the installed code."""
         return any(
             declared.note for declared in self.origin if declared.name in ("made with: dpr_lab", "made with: code")
         )

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def refuse_file(out: Path) -> None:
-    """Check that results can be written to a folder with this name, before the job starts.
+    """Check before a job that results can be written to a folder.
 
     Raises:
         ConfigError: a file with this name exists, or nothing can be written.
@@ -44,7 +44,7 @@ def refuse_folder(out: Path) -> None:
 
 
 def _refuse_unwritable(folder: Path, least_bytes: int = 1 << 16) -> None:
-    """Check that a file can be written to the folder, or to its nearest existing parent."""
+    """Check that a file can be written to a folder or its nearest existing parent."""
     existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     try:
         with TemporaryFile(dir=existing) as probe:
@@ -54,7 +54,7 @@ def _refuse_unwritable(folder: Path, least_bytes: int = 1 << 16) -> None:
 
 
 def with_rods(rig: "Rig", mounted: str | None, elbow: str | None) -> "Rig":
-    """Return a copy of the rig with other mounted rods or another mode of the elbow.
+    """Return a copy of the rig with other mounted rods or another elbow mode.
 
     Raises:
         ConfigError: there is no joint 2 to clamp, or the rods are not supported with a moving arm.

@@ -82,10 +82,10 @@ def angles_csv(compared: "Sequence[ArmComparison]") -> str:
 def compare_any_run(
     run: "Run", rig: "Rig", model: "Model | MovingArmModel", segment_s: float = 0.5
 ) -> "Comparison | ArmComparison":
-    """Simulate a run by segments with a model of any arm; only initial states are fitted.
+    """Simulate a run by segments with a model of any arm.
 
-    If the arm is clamped or prescribed, the result also contains one free run, from the initial state of the first
-    segment.
+    Only the initial states are fitted. If the arm is clamped or prescribed, the result also contains one free run, from
+    the initial state of the first segment.
 
     Args:
         run: the measurement
@@ -120,7 +120,9 @@ def compare_arm_run(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: 
 
 
 def _with_effects(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: float) -> "ArmComparison":
-    """Simulate a run by segment with a corrected model and its effects; only the initial states are fitted.
+    """Simulate a run by segments with a corrected model and its effects.
+
+    Only the initial states are fitted.
 
     Raises:
         RunError: the model belongs to another rig, or cannot follow the readings.

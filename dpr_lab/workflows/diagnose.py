@@ -158,7 +158,9 @@ def save_results(
     on_event: OnEvent,
     acceptance: "Acceptance | None" = None,
 ) -> DiagnoseResult:
-    """Write a diagnosis, its report and its models to a temporary folder; return their paths in the final folder.
+    """Write a diagnosis, its report and its models to a temporary folder.
+
+    The result contains their paths in the final folder.
 
     Raises:
         DprError: a file cannot be written.
@@ -184,7 +186,7 @@ def _refuse_trials(runs: "Sequence[Run]") -> None:
 
 @contextmanager
 def diagnosis_folder(diagnosis: "Diagnosis", out: Path) -> "Iterator[Path]":
-    """Yield a temporary folder that contains the diagnosis; its files are moved to `out` at the end.
+    """Yield a temporary folder with the diagnosis; its files are moved to `out` at the end.
 
     If a step after the diagnosis fails, the error also states the verdict and the file of the diagnosis.
 

@@ -32,7 +32,7 @@ FORCED = "with_passive_forces"
 
 @dataclass(frozen=True, slots=True)
 class SimulatorDiagnosis:
-    """Diagnosis relative to the user's model, with the changes of the model and the written files."""
+    """Diagnosis relative to the user's model, with its changes and the written files."""
 
     result: DiagnoseResult
     simulator: Path
@@ -77,7 +77,7 @@ class SimulatorDiagnosis:
 def diagnose_simulator(
     request: DiagnoseRequest, simulator: Path, joints: Sequence[str] = (), on_event: OnEvent = ignore
 ) -> SimulatorDiagnosis:
-    """Explain the gap between the user's simulator model and the rig, and correct a copy of the model.
+    """Explain the gap between a simulator model and the rig; correct a copy of the model.
 
     Args:
         request: as for `diagnose`; with an empty `rig`, `rig_from_model` writes the rig file from the model
@@ -140,7 +140,7 @@ def diagnose_simulator(
 
 
 def _chain(simulator: Path, read: "SimulatorModel", joints: Sequence[str], rig: "Rig") -> "ModelChain":
-    """Read the rods of the user's model, and check that they are those of the rig."""
+    """Read the rods of the user's model, and compare them with the rig."""
     from dpr_lab.exports.into.target import refuse_other_rig
     from dpr_lab.simulator_models.double_pendulum import double_pendulum
 
@@ -187,7 +187,10 @@ def _replays(
 
 
 def _forced(model: "AnyModel", rig: "Rig", simulator: Path, joints: Sequence[str]) -> "PatchedModel | None":
-    """Change the file to the complete model, if this requires a module of passive forces; otherwise return None."""
+    """Change the file to the complete model if this needs a module of passive forces.
+
+    Otherwise return None.
+    """
     from dpr_lab.exports.into import into_file
 
     try:

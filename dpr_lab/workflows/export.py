@@ -128,7 +128,7 @@ def _scale(model: "AnyModel") -> dict[str, Any] | None:
 
 
 def model_to_export(file: Path, rig: "Rig") -> "AnyModel":
-    """Read a model of a rig, with a clamped or a moving arm, from its file or the folder of a diagnosis.
+    """Read a model of a rig from its file or the folder of a diagnosis.
 
     Raises:
         RunError: the model cannot be read, or belongs to another rig.
@@ -152,7 +152,7 @@ def _checked(
     rig: "Rig",
     on_event: OnEvent,
 ) -> ExportResult:
-    """Compute the errors of the model in each program and in dpr-lab, and the errors of the bare model."""
+    """Compute the errors of the model in each program, and of the bare model."""
     from dpr_lab.exports import FORMATS
     from dpr_lab.exports.cost import REPLAY_RULE, yardstick
     from dpr_lab.exports.replay import replayed

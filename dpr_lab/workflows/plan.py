@@ -99,7 +99,7 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
 
 
 def minutes(text: str) -> float:
-    """Convert a time such as `10min`, `90 s`, `1h` or a number of minutes to minutes.
+    """Convert a time such as `10min`, `90 s`, `1h` or `10` to minutes.
 
     Raises:
         ConfigError: the text is not such a time.

@@ -70,7 +70,10 @@ def _mass_table(mass: "AddedMass | None") -> str:
 
 
 def _with_setup(text: str, setup: RigSetup, rig: "Rig") -> str:
-    """Return the text of a rig file with another setup; comments outside the replaced tables are kept."""
+    """Return the text of a rig file with another setup.
+
+    Comments outside the replaced tables are kept.
+    """
     from dpr_lab.rig import parse_rig
 
     mounted, elbow, mass, mode = setup

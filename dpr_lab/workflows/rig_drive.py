@@ -33,9 +33,9 @@ class MotorMeasures:
 
 
 def arm_bounds(mode: "ArmMode", length: float | None, carried: float, motor: MotorMeasures | None) -> dict[str, Bounds]:
-    """Return bounds of the inertia of the arm with the rods at its end, kg m^2.
+    """Return bounds of the inertia of the arm with its rods, kg m^2.
 
-    The result is empty if the bounds are not needed.
+    The rods are at the end of the arm. The result is empty if the bounds are not needed.
 
     Args:
         mode: motion of the arm

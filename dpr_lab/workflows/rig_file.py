@@ -195,7 +195,7 @@ def mass_bounds(mass: float) -> Bounds:
 
 
 def centre_bounds(length: float) -> Bounds:
-    """Return bounds and nominal value of the distance from the joint to the centre of mass of a rod, m.
+    """Return bounds and nominal distance of a rod's centre of mass from its joint, m.
 
     `length` is the length of the rod, m.
     """
@@ -203,13 +203,16 @@ def centre_bounds(length: float) -> Bounds:
 
 
 def inertia_bounds(mass: Bounds, length: float) -> Bounds:
-    """Return bounds and nominal value of the inertia of a rod about its centre of mass, kg m^2."""
+    """Return bounds and nominal inertia of a rod about its centre of mass, kg m^2."""
     lower, upper = DRAFT.inertia
     return lower * mass[0] * length**2, mass[1] * length**2 / 12, upper * mass[2] * length**2
 
 
 def friction_bounds(inertia: float, stiffness: float) -> Bounds:
-    """Return bounds and nominal value of the viscous friction of a joint, N m s/rad; see `draft_rig`."""
+    """Return bounds and nominal viscous friction of a joint, N m s/rad.
+
+    `draft_rig` explains the values.
+    """
     lower, guess, upper = (2 * z * math.sqrt(inertia * stiffness) for z in DRAFT.damping)
     return lower, guess, upper
 

@@ -198,7 +198,7 @@ def _text(
 
 
 def _zeros(chain: "ModelChain", counts: int, notes: list[str], noted: float = 0.01) -> list[int]:
-    """Return the encoder readings of the hanging rods, counts, for encoders at the joints of the model.
+    """Return the encoder counts of the hanging rods, for encoders at the joints.
 
     If rounding to whole counts changes a reading by more than `noted` counts, a note is added.
     """
@@ -235,7 +235,7 @@ def _arm_values(arm: "ChainArm", bounds: dict[str, Bounds]) -> dict[str, float]:
 
 
 def _motor(arm: "ChainArm", driven: dict[str, float]) -> MotorMeasures | None:
-    """Return the motor of the arm from the gears of driven joints, or None without a motor."""
+    """Return the motor of the arm from gears of driven joints, or None."""
     if arm.joint.name not in driven:
         return None
     gear = abs(driven[arm.joint.name])

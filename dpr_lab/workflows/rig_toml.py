@@ -64,7 +64,7 @@ def _environment() -> "Environment":
 
 
 def _text(value: str) -> str:
-    """Return a quoted TOML string: a JSON string in which the control character DEL is escaped too."""
+    """Return a TOML string: a JSON string with DEL escaped too."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
@@ -74,12 +74,12 @@ def _number(value: float, digits: int = 4) -> str:
 
 
 def _comment(text: object) -> str:
-    """Return the text of a TOML comment; characters that TOML does not allow in it are replaced."""
+    """Return a TOML comment, without characters that TOML forbids."""
     return "".join(c if c.isprintable() else " " for c in str(text))
 
 
 def _keys(bounds: Bounds, std: float | None = None, digits: int = 4) -> list[str]:
-    """Return the lines of a parameter in a rig file: its nominal value, then its bounds or its measured value.
+    """Return the lines of a parameter: nominal value, then bounds or measured value.
 
     `std` is the standard uncertainty of a measured value, or None. `digits` is the number of significant digits of the
     nominal value.

@@ -27,7 +27,7 @@ FILM = Film()
 
 
 def write_sample_tables(out: Path) -> tuple[Path, ...]:
-    """Write the sample tables, the points of their films and their rig file into a folder.
+    """Write the sample tables, their film points and rig file into a folder.
 
     Args:
         out: the folder, created if missing

@@ -361,7 +361,7 @@ def _imported(name: str) -> Any:
 
 
 def _progress(event: events.Event) -> dict[str, Any] | None:
-    """Return the parameters of the notification for an event; return None for an event that is not reported."""
+    """Return the parameters of an event's notification, or None if it is not reported."""
     match event:
         case events.StageBegan():
             return {"event": "stage", "number": event.number, "of": event.of, "name": event.name}

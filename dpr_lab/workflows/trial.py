@@ -1,4 +1,4 @@
-"""Blind trial in a folder: draw, record and diagnose a plant, then reveal and score it."""
+"""Blind trial in a folder: draw, record, diagnose, reveal and score a plant."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -63,7 +63,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         self._exercised: Exercised | str = ""
 
     def compose(self) -> ComposeResult:
-        """Build the list of links, a field for a URL, and the answer of the device."""
+        """Build the list of links, the URL field, and the answer of the device."""
         yield OptionList(id="links")
         yield Input(placeholder=self.worded(OWN), id="url")
         with VerticalScroll(id="answer", can_focus=False):
@@ -204,7 +204,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         links.highlighted = 0
 
     def _offers(self, links: Links) -> dict[str, str]:
-        """Return the available links as a mapping from URL to description; the last used link comes first."""
+        """Return the available links by URL, with the last used one first."""
         offers = {}
         if self.workspace.link:
             offers[self.workspace.link] = "used last"
