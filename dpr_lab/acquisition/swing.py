@@ -45,7 +45,7 @@ class SwingReading:
     fresh: tuple[Array, Array]
     """Times since the release (n,), s, and absolute angles (n, 3), rad, of the samples since the last report."""
     inputs: Array | None = None
-    """(n,) input of the arm's drive at these samples, in its unit of the rig file; None without a drive."""
+    """(n,) input of the arm's drive at these samples, in the unit of the rig file; None without a drive."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,7 +32,7 @@ class LoneRules:
     ratio: float = 3.0
     """Minimum ratio of the remainder of this recording to the remainder of every other recording."""
     least: float = 0.5
-    """Lower limit of the remainder of the other recordings in the ratio, in units of the noise."""
+    """Minimum remainder of the other recordings in this ratio, in units of the noise."""
 
 
 LONE = LoneRules()

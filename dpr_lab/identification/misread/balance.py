@@ -62,7 +62,7 @@ class EnergySettings:
     Coulomb friction can hold a rod away from the vertical by this angle. A camera can also be tilted by this angle.
     """
     exchanged: float = 0.9
-    """Minimum correlation of kinetic and potential energy, without trend and friction, for a judgement of the times."""
+    """Minimum correlation of kinetic and potential energy, without trend and friction, from which times are tested."""
     paces: tuple[float, ...] = (1.0, 2.0, 4.0, 8.0, 0.5, 0.25, 0.125)
     """Tested speeds of a stored video, relative to its stated frame rate."""
     much_better: float = 0.6

@@ -80,7 +80,7 @@ def energy_remedy(runs: Sequence[Run], rig: Rig) -> str:
     """
     runs = [run for run in runs if run.arm is None]
     if any(run.torques is not None for run in runs):
-        return "The known torques do not supply this energy: check their unit, sign and joint, or a further drive acts."
+        return "The known torques do not supply this energy: check their unit, sign and joint, and any other drive."
     if geared := rig.joints.geared:
         joints = listed([f"joint {joint}" for joint in geared])
         return f"The rig file describes a motor at {joints}: record or import its torque (without --torque none)."
