@@ -25,7 +25,7 @@ from typing import IO, Any
 
 
 def spawn_context() -> SpawnContext:
-    """Return the multiprocessing context, also while a Textual screen is shown.
+    """Return a multiprocessing context that also works while a Textual screen is shown.
 
     Textual replaces stderr by an object without a file descriptor. Every spawned process needs the resource tracker,
     which requires a file descriptor. The tracker is therefore started with the real stderr.

@@ -41,7 +41,7 @@ class Torques:
 
     @property
     def arm_knots(self) -> tuple[Array, Array]:
-        """Times (n + 2,), s, and integrals of the arm torque up to them, N m s.
+        """Times (n + 2,), s, and time integrals of the arm torque, N m s.
 
         Empty without a torque on the arm.
         """

@@ -146,7 +146,7 @@ def _move_all(fresh: Path, out: Path, record: str) -> None:
 
 
 def _remove_all_but(fresh: Path, record: str) -> None:
-    """Remove all of a temporary folder except `record`, and the folder if empty."""
+    """Empty a temporary folder except for `record`; remove the folder if nothing remains."""
     with suppress(OSError):
         for entry in [entry for entry in fresh.iterdir() if entry.name != record]:
             shutil.rmtree(entry) if entry.is_dir() else entry.unlink()

@@ -6,9 +6,10 @@ Two one-sided tests at 5 % each are equivalent to a comparison with the 90 % int
     fail           [l, u] lies outside the limits
     not decidable  otherwise, or if these recordings do not give a valid interval
 
-The interval of a named effect comes from its fit. For any other effect, it is a -+ 1.645 s from the score test of the
-corrected model, in which all amplitudes of the effect are estimated together. If the common scale b is uncertain, an
-absolute size is a ratio times b^k, and its interval covers both ends of the interval of b.
+The interval of a named effect comes from its fit. For any other effect, it is a -+ 1.645 s, with the amplitude a and
+its standard deviation s from the score test of the corrected model. All amplitudes of the effect are estimated
+together. If the common scale b is uncertain, an absolute size is a ratio times b^k, and its interval covers both ends
+of the interval of b.
 
 The friction torque T(u) of a joint passes if |T(u)| + 1.645 s(u) is below the limit at every speed u up to the speed of
 the limit. This is an intersection-union test, which needs no correction for the number of speeds. The friction fails if
@@ -171,7 +172,10 @@ def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 
 def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float]) -> Iterator[JudgedLimit]:
-    """Test the median free-run error over releases, assuming normal logarithms."""
+    """Test the median free-run error of the releases.
+
+    The logarithms of the errors are assumed to be normally distributed.
+    """
     from scipy.special import stdtrit  # slow to import, and every diagnosis imports this module
 
     if (limit := limits.free_run) is None:
@@ -242,7 +246,7 @@ def _with_scale(diagnosis: Diagnosis, effect: str, parameter: str, low: float, h
 
 
 def _scale_factors(diagnosis: Diagnosis, power: int) -> list[float]:
-    """Return the factors of a size: 1, and those of both ends of b's interval.
+    """Return the factors of a size: 1, and one for each end of b's interval.
 
     The ends follow from `Scale.factors90`.
     """

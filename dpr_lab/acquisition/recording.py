@@ -1,4 +1,4 @@
-"""Recording of samples to the run file, and their spool for the quality checks."""
+"""Recording of samples to the run file, with a spool for the quality checks."""
 
 import time
 from collections.abc import Iterable, Mapping
@@ -271,7 +271,7 @@ class Recording:
         return (note,) if lost else ()
 
     def _motor_notes(self) -> tuple[str, ...]:
-        """Note that the device drives an arm that is described as free.
+        """Return a note if the device drives an arm that is described as free.
 
         The result is empty if it does not.
         """

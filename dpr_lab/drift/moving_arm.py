@@ -1,4 +1,4 @@
-"""Separate ratios of rods, arm and drive for each run with a moving arm."""
+"""Ratios of rods, arm and drive, estimated separately from each run."""
 
 from collections.abc import Sequence
 

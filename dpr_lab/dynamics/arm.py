@@ -1,4 +1,4 @@
-"""Equation of motion of an arm about the vertical with two rods.
+"""Equation of motion of a rotating arm with two rods.
 
 The rods swing in the plane perpendicular to the arm. With s = sin, c = cos, r = L0 / g, A = J0 + (m1 + m2 + mb) L0^2
 and phi = theta0, the mass matrix M(theta) is

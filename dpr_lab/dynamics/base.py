@@ -160,7 +160,7 @@ def base_of_run(whole: ArrayLike, setup: Setup, L1: float, g: float) -> Array:
 
 
 def base_slopes(setup: Setup, L1: float, g: float) -> Array:
-    """Return the (6, 7) derivative of a run's base parameters by those of the rig."""
+    """Return the (6, 7) derivative of a run's base parameters with respect to the rig's."""
     unit = np.eye(len(WHOLE))
     if not setup.alone:
         return unit[: len(BASE)]

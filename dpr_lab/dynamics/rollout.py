@@ -286,7 +286,7 @@ def _stage1(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage2(lanes: Array, h: float) -> None:
-    """Compute stage 2: the accelerations q in the middle of the step, after p.
+    """Compute stage 2: the accelerations q in the middle of the step, from p.
 
     The sines are then nudged to the angles of stage 3.
     """
@@ -305,7 +305,7 @@ def _stage2(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage3(lanes: Array, h: float) -> None:
-    """Compute stage 3: the accelerations r in the middle of the step, after q.
+    """Compute stage 3: the accelerations r in the middle of the step, from q.
 
     The speed follows from q. The initial sines are then rotated by a whole step with this speed.
     """
@@ -326,7 +326,7 @@ def _stage3(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage4(lanes: Array, h: float) -> None:
-    """Compute stage 4: the accelerations z at the end of the step, after r.
+    """Compute stage 4: the accelerations z at the end of the step, from r.
 
     The new state is then set.
     """

@@ -111,7 +111,7 @@ def _integrated(
     count: Integers,
     outputs: int,
 ) -> tuple[Array, Array, Array]:
-    """Return the states and their derivatives, also by the torque factor 1 / b.
+    """Return the states, their derivatives, and their derivatives with respect to 1 / b.
 
     The shapes are (samples, 4), (samples, `outputs`, 9) and (samples, `outputs`).
     """

@@ -149,7 +149,7 @@ def _put(
     base: BaseParameters,
     rig: RigConstants,
 ) -> None:
-    """Set lane k to the rods at the time t of a trajectory, with a held arm."""
+    """Load the state of the rods at time t into lane k; the arm is held."""
     w.a[k], w.b[k], w.d[k], w.e1[k], w.e2[k] = base.a, base.b, base.d, base.e1, base.e2
     w.L1[k], w.L2[k], w.stage_t[k] = rig.L1, rig.L2, t
     w.m1[k], w.m2[k], w.mb[k] = rig.m1, rig.m2, rig.mb

@@ -1,4 +1,4 @@
-"""Free or driven arm: part of every model of such recordings, not a fault."""
+"""Free or driven arm: part of every model with a moving arm, not a fault."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import ArmModel, RigConstants

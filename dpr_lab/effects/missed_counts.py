@@ -9,7 +9,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def stepped(encoder: EncoderReading, counts: float, joint: float, run: float, time_s: float) -> float:
-    """Return the reading error, rad: a constant after a step of a joint in one run.
+    """Return the reading error after a step of one joint in one run, rad.
 
     Before the step and in other runs it is zero.
     """

@@ -280,7 +280,10 @@ def _fall(t: Array, rods: Array) -> int:
 
 
 def _restarts(motion: RodMotion, stop: int, band: float) -> bool:
-    """Return whether rods that hang at rest swing again, impossible for a decaying swing."""
+    """Return whether rods that hang at rest swing again later.
+
+    A decaying swing cannot do this.
+    """
     later = motion.rods[stop:]
     return bool(len(later)) and float(np.ptp(later, axis=0).max()) > HELD.restart * band
 

@@ -165,7 +165,7 @@ def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Arra
 
 
 def _still_window(run: Run) -> int:
-    """Return the number of samples within one step from which rounding errors are dependent."""
+    """Return how many samples within one step have dependent rounding errors."""
     return max(2, round(NOISE.still_s * run.rate_hz))
 
 

@@ -8,7 +8,7 @@ from dpr_lab.run import Run, clock_error
 
 
 def refuse_other_rigs(runs: Iterable[Run], rig_name: str) -> None:
-    """Check that every run belongs to the rig with this name, if known.
+    """Check that every run with a rig name belongs to the given rig.
 
     Raises:
         RunError: a run belongs to another rig.

@@ -229,9 +229,9 @@ def of_effects(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionD
 
 
 def _driven(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
-    """Reduce the definition of `effect_torques` to the given effects, and add the known torques.
+    """Remove all other effects from the source of `effect_torques`, and add the known torques.
 
-    `params` of the changed function contains the known torques of joints 1 and 2.
+    In the result, `params` contains the known torques of joints 1 and 2.
     """
     node = of_effects(node, effects)
     (more,) = ast.parse("torque1, torque2 = torque1 + (params[0] - params[1]), torque2 + params[1]").body

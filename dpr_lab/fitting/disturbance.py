@@ -203,7 +203,7 @@ def _derivatives(push: Array, reference: Trajectory) -> tuple[Array, Array]:
 
 
 def _of_motion(motion: ArmMotion | None) -> float:
-    """Return the root intensity of the noise of a prescribed angle, rad s^(1/2).
+    """Return the square root of the noise intensity of a prescribed angle, rad s^(1/2).
 
     The value is zero if no motion is prescribed.
     """
@@ -211,7 +211,7 @@ def _of_motion(motion: ArmMotion | None) -> float:
 
 
 def _spread(setup: Setup, most_Nm: ArrayLike) -> Array:
-    """Return the (2, 2) root intensity of the torque noise, N m s^(1/2).
+    """Return the (2, 2) square root of the torque noise intensity, N m s^(1/2).
 
     The rows are theta1 and theta2, the columns are joints 1 and 2.
     """

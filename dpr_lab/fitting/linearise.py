@@ -36,7 +36,7 @@ the prior, angle and speed would be indistinguishable. The same holds for the an
 
 
 def slow_starts(setup: Setup, states: int = 4) -> Array:
-    """Return the (states,) inverse prior standard deviations of the step of an initial state.
+    """Return the (states,) inverse standard deviations that limit an initial-state step.
 
     The state of a clamped arm is fixed.
     """

@@ -1,4 +1,4 @@
-"""Prior of the rig file: normal ratios and b, with limits for effects.
+"""Prior of the rig file: normal distribution of ratios and b, and limits of effects.
 
 The nine parameters have their best known values as means. The standard deviation of each is that of a uniform
 distribution between its bounds, or the standard uncertainty of a measured value. A lower limit keeps the prior weak.
@@ -174,7 +174,7 @@ def parameter_std(rig: Rig) -> Array:
 
 
 def unknown_jacobian(Z: Array, rig: Rig) -> Array:
-    """Return the (7, 9) derivative of ratios, b and p/b by the nine parameters."""
+    """Return the (7, 9) derivative of ratios, b and p/b with respect to the parameters."""
     b = base_jacobian(Z, rig.L1, rig.g)[_B]
     p = rig.L1**2 * np.eye(len(PARAMETERS))[PARAMETERS.index("m2")]
     *_, scale, on_elbow = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))

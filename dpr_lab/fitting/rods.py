@@ -75,7 +75,7 @@ class RodsAlone:
 
 
 def by_start(slopes: Array, setup: Setup) -> Array:
-    """Adapt derivatives (..., 4) by an initial state to rods that turn as one body."""
+    """Adapt initial-state derivatives (..., 4) to rods that turn as one body."""
     if setup.held:
         slopes = slopes.copy()
         slopes[..., 2] += slopes[..., 3]
@@ -114,7 +114,10 @@ def ratios_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Ar
 
 
 def _whole_slopes(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
-    """Return the (6, 7) derivative of a run's base parameters by ratios, b and p/b."""
+    """Return the (6, 7) derivative of a run's base parameters with respect to the unknowns.
+
+    The unknowns are the ratios, b and p/b.
+    """
     b, slopes = unknown[SCALE], np.zeros((len(WHOLE), len(WHOLE)))
     slopes[_OTHERS, : len(RATIOS)], slopes[_P, ON_ELBOW] = b * np.eye(len(RATIOS)), b
     slopes[:, SCALE] = whole_of(unknown) / b

@@ -140,7 +140,7 @@ def _jumps(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
 
 
 def _explains_better(before: Problem, model: Fit, recordings: Recordings) -> bool:
-    """Return whether the exclusion of readings reduces chi2 by more than their own share."""
+    """Return whether the exclusion of readings reduces chi2 more than their number explains."""
     problem, initial = recordings.cut(recordings.working_length)
     other = fit(problem, model.estimate.changed(initial=initial), (), iterations=20)
     level = max(1.0, model.chi2 / before.evidence)

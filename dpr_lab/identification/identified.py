@@ -196,7 +196,7 @@ def _identifiable(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig:
 
 
 def _misread(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> list[str]:
-    """Note that another interpretation of the columns fits better than a poor fit.
+    """Return a note if the fit is poor and another interpretation of the columns fits better.
 
     The list is empty if no interpretation does.
     """

@@ -274,7 +274,7 @@ def information(problem: Problem, estimate: Estimate) -> Array:
 
 
 def _without_zeros(linear: Linearisation, free: Sequence[FreeParameter]) -> Array:
-    """Return derivatives (segments, m, k) by the ratios, with encoder zeros projected out."""
+    """Return the ratio derivatives (segments, m, k) with encoder zeros projected out."""
     of_zeros = np.array([parameter.block == "zeros" for parameter in free], dtype=np.bool_)
     if not of_zeros.any():
         return linear.A

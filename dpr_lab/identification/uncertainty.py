@@ -200,7 +200,7 @@ def _prior_gradient(ratio_fit: RatioFit) -> Array:
 
 
 def _by_unseen(ratio_fit: RatioFit, A: Array, bread: Array, free: Flags) -> Array:
-    """Return the covariance (free, free) that undetermined ratios cause by their prior.
+    """Return the covariance (free, free) due to the prior uncertainty of undetermined ratios.
 
     Source: consider covariance, S. F. Schmidt (1966), as in `dpr_lab.fitting.covariance`.
     """

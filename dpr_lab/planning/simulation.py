@@ -71,7 +71,7 @@ def simulated_distance(
 
 
 def _with(known: Knowledge, pairs: OpenPairs, cause: int, initial: Array) -> Estimate:
-    """Return the current estimate with one cause, at its estimated size, as the named effect."""
+    """Replace the named effect in the estimate by another cause at its estimated size."""
     about = pairs.about
     vector = known.model.estimate.vector.copy()
     if pairs.names[cause] != about:

@@ -127,7 +127,7 @@ def _planned(
 def _forecast(
     objective: Objective, steps: Sequence[SequenceStep], gained: Sequence[Sequence[Array]], alike: Sequence[Flags]
 ) -> list[float | None]:
-    """Return the probability that the first releases decide the causes, for each number.
+    """Return, for each number of releases, the probability that they decide the causes.
 
     It is None before any recording. The pairs of causes in `alike` count as one cause.
     """

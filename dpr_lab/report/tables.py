@@ -160,7 +160,7 @@ def limit_forecast_rows(made: "Plan") -> list[tuple[str, ...]]:
 
 
 def _too_slow(limit: "LimitForecast") -> str:
-    """Note that a joint does not reach the speed of a friction limit.
+    """Return a note if a joint does not reach the speed of a friction limit.
 
     Otherwise the text is empty.
     """

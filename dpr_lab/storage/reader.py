@@ -103,7 +103,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
 
 
 def of_a_table(metadata: RunMetadata) -> dict[str, Any]:
-    """Return the fields of a `Run` that only imported tables set.
+    """Return the fields of a `Run` that exist only for imported tables.
 
     Examples are `keep_rest` and `film_noise`.
     """

@@ -59,7 +59,7 @@ def write_note(path: Path, note: str) -> None:
 
 
 def read_note(path: Path, recorded: str) -> str:
-    """Read the note on a run from the note file, otherwise that of the recording."""
+    """Read the note on a run from its note file, or return the note of the recording."""
     try:
         return printable(regular(note_of(path), RunError).read_text(encoding="utf-8", errors="replace")[:LONGEST_NOTE])
     except OSError:

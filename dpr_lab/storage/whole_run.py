@@ -57,7 +57,7 @@ def whole_run(path: Path | str, metadata: RunMetadata) -> Iterator[RunWriter]:
 
 
 def _publish(part: Path, path: Path) -> None:
-    """Give a complete file its new final name, and write its hash file."""
+    """Give a complete file its final name, and write its hash file."""
     try:
         write_sidecar(path, part)
         try:

@@ -75,7 +75,7 @@ class SerialPort:
             raise LinkError(f"{url}: {_why_not_opened(name, baud, error)}") from error
 
     def read(self, timeout: float) -> bytes:
-        """Return all bytes that have arrived, after at most about `timeout` s."""
+        """Return all received bytes; wait at most about `timeout` s for the first one."""
         deadline = time.monotonic() + timeout
         try:
             while True:

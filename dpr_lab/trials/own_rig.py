@@ -169,7 +169,7 @@ def _original(run: Run, rig: Rig, estimate: Estimate) -> _Original:
 
 
 def _another(diagnosis: Diagnosis, library: Mapping[str, Effect], rng: np.random.Generator) -> Effects:
-    """Draw a detectable effect that the diagnosis does not name, of random size."""
+    """Draw a detectable effect of random size that the diagnosis does not name."""
     named = {effect.name for effect in diagnosis.effects}
     detectable = {name: {k: v for k, v in sizes.items() if v} for name, sizes in diagnosis.detectable.items()}
     names = [n for n in detectable if n in library and n not in named and detectable[n] and not library[n].event]

@@ -103,7 +103,7 @@ class TrialOutcome:
 
     @property
     def named_classes(self) -> tuple[tuple[str, ...], ...]:
-        """Members of the class of each named effect, which comes first."""
+        """Members of the class of each named effect; this effect comes first."""
         return self.classes or tuple((name,) for name in self.named)
 
     @property

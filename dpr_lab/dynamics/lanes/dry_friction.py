@@ -222,7 +222,10 @@ def _stop(w: LaneWorkspace, k: int, joint: int, later: float) -> None:
 
 @subroutine
 def _look_for_event(w: LaneWorkspace, k: int, required: Requirements, resting: bool) -> None:
-    """Undo the step of lane k if it contains an event, where the next step ends."""
+    """Undo the step of lane k if it contains an event.
+
+    The next step then ends at this event.
+    """
     never = math.inf
     first0, last0 = (w.first0[k], w.last0[k]) if required.dry0 else (never, never)
     first, last = (w.first1[k], w.first2[k], first0), (never, never, never)

@@ -32,7 +32,7 @@ CHANGE = ChangeSettings()
 
 @dataclass(frozen=True, slots=True)
 class ModelCause:
-    """A number of the file that differs from the rig, in the file's names."""
+    """A number of the file that differs from the rig, in the terms of the file."""
 
     joint: str
     """Name of the joint in the file."""
@@ -187,7 +187,7 @@ def felt(effects: Effects, file: Effects, error: Callable[[Effects], float]) -> 
 def ranked(
     causes: Sequence[tuple[Sequence[ModelCause], float]], least: float, nothing: float
 ) -> tuple[ModelCause, ...]:
-    """Compute the share of each changed number in the error, and sort by decreasing share.
+    """Sort the changed numbers by the share of the error that each of them causes.
 
     Args:
         causes: numbers of each cause, and the mean square error if these numbers keep their values of the file

@@ -87,7 +87,7 @@ class PatchedModel:
     """Effects that are not in the file but in the module of passive forces."""
 
     def diff(self, original: Path, name: str) -> str:
-        """Return a unified diff of original and changed file, named `name`."""
+        """Return a unified diff of the original and the changed file, called `name`."""
         contents = original.read_bytes(), self.text
         before, after = (content.decode("utf-8").splitlines(keepends=True) for content in contents)
         return "".join(unified_diff(before, after, str(original), name, n=1))

@@ -125,7 +125,7 @@ def _joint(name: str) -> str:
 
 
 def _named(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    """Return the effects without the arm itself and without single events."""
+    """Return the effects except for the arm itself and one-time events."""
     return {name: dict(values) for name, values in effects.items() if name not in OF_ARM and not EFFECTS[name].event}
 
 

@@ -217,7 +217,7 @@ def _adds_nothing(place: _Place, richer: str) -> bool:
 
 
 def _plausibility(place: _Place, score: Score) -> float:
-    """Return the prior probability density of the size of an effect that replaces a named effect.
+    """Return the prior weight of the size of an effect that replaces a named one.
 
     The size comes from a fit, or from the linear score if the effect was not fitted.
     """

@@ -103,7 +103,7 @@ def _trusted(record: Record) -> Run:
 
 
 def _wrong_gravity(rig: Rig, selection: Selection) -> str:
-    """State that g in the rig file is impossible on earth and appears as an error of L1.
+    """Describe a wrong g of the rig file that appears as an error of L1.
 
     Otherwise the text is empty. Only g / L1 is identifiable.
     """
@@ -124,7 +124,7 @@ def _wrong_gravity(rig: Rig, selection: Selection) -> str:
 
 
 def _delay_within_row(problem: Problem, selection: Selection) -> str:
-    """State that a delay is undetermined because known torques change too much between rows.
+    """Describe a delay that is undetermined because torques change too much between rows.
 
     The delay is then shorter than the interval between rows. Otherwise the text is empty.
     """

@@ -24,7 +24,7 @@ SCALES = (2.0, 0.5)
 
 
 def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
-    """State another scale of the readings at which fewer effects are needed.
+    """Describe another scale of the readings at which fewer effects are needed.
 
     Only readings of one degree of freedom are considered. The text is empty if there is no such scale.
 

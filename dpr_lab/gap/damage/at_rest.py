@@ -104,7 +104,7 @@ def without_touch(record: Record, rig: Rig) -> Record:
 
 
 def _blocks(record: Record) -> tuple[Array, Array, Array]:
-    """Return times, (n, axes) medians and their (axes,) standard deviations, rad, of blocks."""
+    """Return times, medians (n, axes) and standard deviations (axes,), rad, of blocks."""
     length = max(REST.block_s, REST.fewest * float(np.median(np.diff(record.t))))
     number = np.floor((record.t - record.t[0]) / length).astype(np.int64)
     edges = np.flatnonzero(np.diff(number, prepend=-1))

@@ -8,7 +8,7 @@ from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 
 
 def promising_gain(model: Hypothesis) -> float:
-    """Return the predicted reduction of chi2 from which an additional effect is fitted.
+    """Return the smallest predicted reduction of chi2 for which an effect is fitted.
 
     A fit may reduce chi2 by `GAUSS_NEWTON.exceeded` times the predicted reduction. The minimum is therefore smaller, by
     this factor, than the largest reduction by chance.
@@ -84,7 +84,7 @@ def accepted(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
 
 
 def most_excess(bare: Hypothesis, before: Hypothesis) -> float:
-    """Return the excess below which an additional effect may leave a residual."""
+    """Return the largest excess that may remain after an additional effect."""
     return max(before.bounded_excess / THRESHOLDS.slow, before.bounded_excess - THRESHOLDS.large * bare.bounded_excess)
 
 

@@ -193,7 +193,7 @@ class Budget(Saved):
 
 
 class Curves(Saved):
-    """Measured curves of one recording, with free runs before and after correction."""
+    """Measured curves of one recording, and free runs before and after correction."""
 
     run: str
     held_out: bool

@@ -325,7 +325,7 @@ def _levels(run: Run, rig: Rig, std: Array, dithered: Flags) -> list[Finding]:
 
 
 def jitter_of(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, list[Finding]]:
-    """Estimate the timing error, s, from noise that increases with speed; return its finding too."""
+    """Estimate the timing error, s, from noise that increases with speed, with its finding."""
     jitter, significance = noise_by_speed(t, joints, std, 1.0 / run.rate_hz)
     if significance < SCREEN.significance:
         return 0.0, []

@@ -66,7 +66,7 @@ def equivalent_length(whole: Array, setup: Setup, rig: Rig) -> float:
 
 
 def _contradiction(record: Record, rig: Rig, ratios: Array) -> str:
-    """State that the time stamps of a single-rod recording contradict gravity.
+    """Describe how the time stamps of a single-rod recording contradict gravity.
 
     The text is empty if they do not.
     """

@@ -231,12 +231,12 @@ def _of_fitted(closed: Interval, selection: Selection) -> float:
 
 
 def _share_of_fitted(smaller: Hypothesis, chosen: Hypothesis) -> float:
-    """Return by which share the chosen set reduces the smaller set's gap."""
+    """Return by which share the chosen set reduces the gap of the smaller set."""
     return share(np.array([[smaller.residuals.excess], [chosen.residuals.excess]]))
 
 
 def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[Closing]:
-    """Yield the remaining gap and closed share of each set, from bare to selected.
+    """Yield the remaining gap and closed share of each set up to the selected one.
 
     `ends` contains the chi2 above the noise of these two sets.
     """

@@ -55,9 +55,10 @@ def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:
 
 
 def _maps(problem: Problem) -> Iterator[tuple[int, Kind, Coordinate]]:
-    """Yield the possible maps, with the index 0, 1, 2 for joints 1, 2, 0.
+    """Yield the possible maps, each with the index of its joint.
 
-    Three kinds of maps are omitted. The load on an arm's joint is unknown, so friction of this joint by load is
+    The indices 0, 1, 2 stand for joints 1, 2, 0. Three kinds of maps are omitted. The load on an arm's joint is
+    unknown, so friction of this joint by load is
     omitted. If no outer rod rotates in joint 2, all its maps are omitted. Torques do not move a prescribed joint 1, so
     they are omitted.
     """

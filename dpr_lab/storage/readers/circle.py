@@ -72,7 +72,7 @@ def most_of_a_circle(points: Array) -> tuple[Array, Flags] | None:
 
 
 def _nearest(points: Array, centre: Array) -> Array:
-    """Return the centre (2,) of the circle with the least squared distances from points.
+    """Return the centre (2,) of the circle with the least squared distances from the points.
 
     The search starts from a given centre.
     """

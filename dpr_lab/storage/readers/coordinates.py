@@ -1,4 +1,4 @@
-"""Coordinates of points by the names of columns, and the plane of a swing in space."""
+"""Coordinates of points by column names, and the plane of a swing in space."""
 
 import re
 from collections.abc import Sequence

@@ -19,7 +19,7 @@ SETTINGS = DirectionSettings()
 
 
 def points_downwards(rods: list[Array]) -> bool:
-    """Check by the motion of the points whether the y axis points downwards.
+    """Check whether the y axis points downwards, from the motion of the points.
 
     Falling points become faster. If y points upwards, the increments of squared speed and of height of the rods' ends
     are therefore negatively correlated over intervals in which friction is negligible. This is also true for rods that

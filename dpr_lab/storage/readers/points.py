@@ -344,7 +344,7 @@ def _by_number(points: list[_Point]) -> list[_Point]:
 
 
 def _moved(point: _Point) -> float:
-    """Return the extent of a point's motion, from 5 % and 95 % quantiles."""
+    """Return the extent of a point's motion between its 5 % and 95 % quantiles."""
     valid = point.at[np.isfinite(point.at).all(axis=1)]
     return float(np.hypot(*np.ptp(np.quantile(valid, [0.05, 0.95], axis=0), axis=0))) if len(valid) else 0.0
 

@@ -104,7 +104,7 @@ def _autocorrelation(values: Array) -> float:
 
 
 def _by_pose(rods: Sequence[Array], lengths: Array) -> Array:
-    """Compute how (n,) lengths of the last rod depend on the rod directions.
+    """Compute the part (n,) of the last rod's length that depends on the rod directions.
 
     The result is 0 if this part is not significant. Two harmonics of each direction are fitted by least squares. n
     errors with autocorrelation r have the effective number n (1 - r) / (1 + r).

@@ -75,7 +75,7 @@ class KnownInputs:
     """Number of mounted rods."""
 
     def torques(self, columns: Mapping[str, Array], t: Array, rows: NDArray[np.intp]) -> dict[str, Array]:
-        """Convert the columns to inputs (k, 2) of the kept rows (k,), by kind, SI.
+        """Convert the columns to inputs (k, 2) of the kept rows by kind, SI.
 
         `columns` and `t`, s, contain all rows of the table.
         """
@@ -223,7 +223,7 @@ def _other_input(names: Sequence[str], motor: MotorTable) -> str:
 
 
 def _gain_note(motor: MotorTable) -> list[str]:
-    """Note that the rig file lacks a constant that converts the input to a torque.
+    """Return a note if the rig file lacks a constant that converts the input to a torque.
 
     Otherwise the list is empty.
     """
@@ -238,7 +238,7 @@ def _gain_note(motor: MotorTable) -> list[str]:
 
 
 def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
-    """Note unused columns with a drive input if the arm is free.
+    """Return notes about unused columns of a drive input if the arm is free.
 
     Otherwise the list is empty.
     """

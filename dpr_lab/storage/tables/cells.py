@@ -105,7 +105,7 @@ def _numbers(fields: list[str]) -> Array | None:
 
 
 def names_no_angle(name: str) -> bool:
-    """Check whether a column name states a rate, an acceleration, or a foreign unit."""
+    """Check whether a column name states a rate, an acceleration, or another quantity's unit."""
     return names_rate(name) or bool(_OTHER_UNIT.match(name))
 
 
@@ -129,7 +129,7 @@ def labels_of(lines: list[str]) -> list[str]:
 
 
 def numbers_of(cells: Sequence[str]) -> list[str]:
-    """Split the vectors in the fields of a row into a field per number."""
+    """Split the vectors in a row, so that each number has its own field."""
     return [part for cell in cells for part in (cell.strip()[1:].split(NEXT) if NEXT in cell else (cell,))]
 
 

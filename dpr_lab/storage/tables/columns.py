@@ -246,7 +246,7 @@ def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
 
 
 def _without_speed(names: Sequence[str], table: Table, clock: str) -> list[str]:
-    """Remove the speed if it is one of two columns.
+    """Remove one of two columns if it is the speed of the other.
 
     The steps of an angle are proportional to speed times time step, in any unit. The steps of the speed of a swing have
     the opposite sign of the angle.

@@ -151,7 +151,7 @@ def turn_of_hanging(angle: Array) -> float:
 
 
 def wrap_notes(angles: Mapping[str, Array]) -> list[str]:
-    """Note the axes whose angles (n,), rad, the logger has wrapped."""
+    """Return notes about the axes whose angles (n,), rad, the logger has wrapped."""
     return [f"{axis}: wrapped by the logger, unwrapped" for axis, x in angles.items() if unwrapped(x) is not x]
 
 
@@ -212,14 +212,14 @@ def _leaps(angles: Array, rows: int) -> Flags:
 
 
 def gap_notes(t: Array) -> list[str]:
-    """Note the gaps between times (n,), s; the list is empty without gaps."""
+    """Return a note about gaps between times (n,), s; the list is empty without gaps."""
     steps = np.diff(t)
     gaps = steps[steps > PLAUSIBLE.gap_steps * np.median(steps)]
     return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []
 
 
 def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool) -> list[str]:
-    """Note impossible motion of the angles, or rods that mostly point upwards.
+    """Return notes about impossible motion, or rods that mostly point upwards.
 
     A single rod without a drive turns back only below the upright pose. Its motion between turning points is therefore
     less than one turn.

@@ -37,7 +37,10 @@ class Preview:
 
     @property
     def joints(self) -> tuple[int, ...]:
-        """Joints with a recorded angle: 1, 2 if both rods are mounted, 0 of a moving arm."""
+        """Joints with a recorded angle.
+
+        They are joint 1, joint 2 if both rods are mounted, and joint 0 of an arm that is not clamped.
+        """
         arm = () if self.swing.options.arm in (None, "clamped") else (0,)
         return (*arm, 1, 2) if self.rig.rods.mounted == "both" else (*arm, 1)
 

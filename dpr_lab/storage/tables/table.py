@@ -160,7 +160,7 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
 
 
 def _in_columns(table: Table) -> Table:
-    """Transpose a table with one quantity per row; other tables are unchanged."""
+    """Transpose a table with one quantity per row; keep other tables unchanged."""
     # drop a column with the names of the rows
     values = np.array([column for column in table.values if not np.isnan(column).all()])
     few = 2 <= len(table.lines) <= LIMITS.rows_as_columns and len(values) > LIMITS.instants * len(table.lines)
@@ -224,7 +224,7 @@ class _Columns:
                 self._values[place].append(self._number(cell.strip(), place, number))
 
     def take_block(self, number: int, text: str, delimiter: str | None) -> bool:
-        """Append a block of number lines; `number` belongs to the first line.
+        """Append a block of number lines; `number` is the number of its first line.
 
         For other lines, nothing is appended and the result is False.
         """

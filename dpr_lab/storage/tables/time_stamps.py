@@ -69,7 +69,7 @@ SETTINGS = StampSettings()
 
 
 def carried_times(t: Array) -> tuple[Array, str]:
-    """Correct rows that are a second or a minute off; return times and a note.
+    """Correct times that are a second or a minute off; return times and a note.
 
     A few rows are shifted by one unit if the time decreases without the shift, and if all steps around the rows have
     the usual size with the shift. Other times are not changed.
@@ -126,7 +126,7 @@ def never_falls(column: Array) -> bool:
 
 
 def shares_times(t: Array, readings: Mapping[str, Array]) -> Flags:
-    """Return the (n - 1,) mask of new readings at the time of the previous row."""
+    """Return the (n - 1,) mask of rows with new readings but the previous time."""
     changed = np.logical_or.reduce([column[1:] != column[:-1] for column in readings.values()])
     return np.asarray(changed & (np.diff(t) == 0))
 

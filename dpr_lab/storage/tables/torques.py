@@ -121,7 +121,7 @@ def _named(name: str) -> re.Match[str] | None:
 
 
 def unnumbered(names: Sequence[str], driving: Pairs, options: ImportOptions) -> list[str]:
-    """Note unused torque columns that do not name their joint.
+    """Return a note about unused torque columns that do not name their joint.
 
     The list is empty if there are none. On a moving arm, such a torque belongs to the drive of the arm.
     """
@@ -250,7 +250,7 @@ def coarse_torques(torques: Array, limit: float, words: str) -> str:
 
 
 def set_point(table: Table) -> str:
-    """Name a varying column with the set points of a controller, or return an empty text."""
+    """Name a varying column of controller set points, or return an empty text."""
     columns = zip(table.names, table.values, strict=True)
     name = next((name for name, column in columns if _SET_POINT.search(name) and varies(column)), "")
     return name and f"column {name} is the set point of a controller, which drives the rods"

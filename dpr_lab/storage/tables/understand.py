@@ -288,7 +288,7 @@ def _seems_held(motion: RodMotion, whole: FreePart) -> bool:
 
 
 def _cut_notes(t: Array, part: FreePart, fault: str) -> list[str]:
-    """Note removed rows, and a first row before t = 0 that counts as the release.
+    """Return notes about removed rows and about a release before t = 0.
 
     Rows are removed if the rods are held in them.
     """

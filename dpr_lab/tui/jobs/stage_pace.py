@@ -27,7 +27,7 @@ class StagePace:
         self._stage, self._since, self._compiled = stage, now, False
 
     def compiling(self, now: float) -> None:
-        """Exclude the compilation of a kernel from the estimate, from its start on."""
+        """Exclude the compilation of a kernel, which now starts, from the estimate."""
         self._since, self._compiled = now, True
 
     def left(self, now: float) -> float | None:

@@ -1,1 +1,1 @@
-"""Process that controls the device, so that drawing loses no samples."""
+"""Process that controls the device, so that a busy screen loses no samples."""

@@ -1,4 +1,4 @@
-"""Device for the screen: its process, and its last report with its age."""
+"""State of the device for the screen: its process and its last report."""
 
 import asyncio
 import time

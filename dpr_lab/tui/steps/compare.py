@@ -202,7 +202,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
                 self._draw()
 
     def ended(self, why: str) -> None:
-        """Show why the job ended, without further free runs; the comparison remains."""
+        """Show why the job ended; the comparison remains, without further free runs."""
         self._compared_subject = None
         self.say(self.worded(f"{why} ({{app.browse}})") if self._left_out and not self._compared else why)
 

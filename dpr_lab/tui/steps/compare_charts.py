@@ -36,7 +36,7 @@ SETTINGS = CompareSettings()
 
 @dataclass(frozen=True, slots=True)
 class ComparedRun:
-    """Content of the charts: one joint of a comparison, and a second comparison."""
+    """Content of the charts: one joint of one or two comparisons."""
 
     comparison: "Comparison"
     free_run: "FreeRun"
@@ -96,7 +96,7 @@ class ComparedRun:
         )
 
     def figures(self, news: str) -> str:
-        """Return the figures of the comparison, then `news` and a second comparison."""
+        """Return the figures of the comparison and `news`, then those of a second comparison."""
         second = "" if self.second is None else f"\nsecond: {_figures(self.second, self.unit)}"
         return _figures(self.comparison, self.unit) + (f"  {news}" if news else "") + second
 

@@ -267,7 +267,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.put("held-out", named_runs(self.workspace.held_out) or "none")
 
     def _doubt(self, diagnosis: "Diagnosis") -> str:
-        """Note that the diagnosis does not belong to the selected runs.
+        """Return a note if the diagnosis does not belong to the selected runs.
 
         Otherwise the text is empty.
         """

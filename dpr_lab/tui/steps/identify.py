@@ -150,7 +150,7 @@ in the folder of the workspace.
         return f"search at most {left:.0f} s more" if left is not None else ""
 
     def progressed(self, value: Any) -> None:
-        """Show a run that was read, a finished generation, or the search end."""
+        """Show a run that was read, a finished generation, or the end of the search."""
         match value:
             case RunRead(notes=notes):
                 for note in notes:
@@ -233,7 +233,7 @@ in the folder of the workspace.
         self.put("seen-text", _identifiability(model))
 
     def _doubt(self, model: "Model | MovingArmModel") -> str:
-        """Note that the model was fitted to other runs than those selected.
+        """Return a note if the model was fitted to other runs than those selected.
 
         Otherwise the text is empty.
         """

@@ -136,7 +136,7 @@ class JobStep(Step):
             self.say(self.worded(f"{{{self.NAME.lower()}.start}}: {self.PURPOSE}"))
 
     def start_work(self) -> None:
-        """Start the job of the form, which is complete while no job runs."""
+        """Start the job of a complete form if no other job runs."""
 
     def compiling(self, now: float) -> None:
         """Show that the job waits for the compilation of a kernel."""
@@ -227,7 +227,7 @@ class JobStep(Step):
             self.job.cancel()
 
     def whole_number(self, name: str, least: int = 0, most: int = 2**32 - 1) -> int:
-        """Return the integer from a form field, by default a 32-bit seed.
+        """Return the integer from a form field, by default within the range of a 32-bit seed.
 
         Raises:
             ConfigError: the text is not such a number.

@@ -1,4 +1,4 @@
-"""Time of the next frame: after the previous one, within the line capacity."""
+"""Time of the next frame, which follows the previous one within the line capacity."""
 
 from dataclasses import dataclass
 

@@ -102,7 +102,7 @@ class Countdown(ModalScreen[bool]):
             self.why = "another dialog opened"
 
     def on_screen_resume(self) -> None:
-        """Close after the covering screen is closed."""
+        """Close when the screen that covered the countdown is closed."""
         if self._covered:
             self._covered = False
             self.dismiss(False)
@@ -120,7 +120,7 @@ class Countdown(ModalScreen[bool]):
             self.stop("the terminal lost the focus")
 
     def _show(self) -> None:
-        """Show the number during the countdown, or the code before it."""
+        """Show the number of the countdown, or the code that the operator must first type."""
         self.query_one(Digits).display = not self._to_type
         asked = Content(f"RELEASING {self._pose} in")
         if self._to_type:

@@ -10,7 +10,7 @@ from textual.widget import Widget
 
 
 class Slider(Widget, can_focus=True):
-    """Slider from 0 to a maximum, with a mark at the meaningful end."""
+    """Slider from 0 to a maximum, with a mark where the meaningful range ends."""
 
     DEFAULT_CSS = """
     Slider { height: 1; }

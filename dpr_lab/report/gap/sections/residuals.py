@@ -63,7 +63,7 @@ def _band(look: ResidualLook) -> float:
 
 
 def residual_words(diagnosis: Diagnosis) -> list[str]:
-    """Describe autocorrelation at lag 1 and large residuals, by joint and model."""
+    """Describe the autocorrelation at lag 1 and the large residuals by joint and model."""
     sentences = []
     for joint, models in evidence_of(diagnosis).residuals.joints.items():
         first_lag = {name: (*whiteness.autocorrelation, 0.0, 0.0)[1] for name, whiteness in models.items()}

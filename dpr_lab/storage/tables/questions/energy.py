@@ -140,16 +140,17 @@ def _turned(read: ReadTable) -> list[OtherReading]:
 
 
 def read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
-    """Warn with the interpretations in which the contradiction `broken` does not occur.
+    """Warn about a contradiction, and name the interpretations without it.
 
-    If there is only one such interpretation, the warning contains its options as the correction.
+    `broken` describes the contradiction. If there is only one such interpretation, the warning contains its options as
+    the correction.
     """
     causes = "; or ".join(other.sentence for other in others)
     return TableQuestion(f"with these options {broken} if {causes}", others[0].mend if len(others) == 1 else ())
 
 
 def _torque_question(table: InterpretedTable, fit: EnergyFit, looked_at: slice) -> TableQuestion | None:
-    """Warn about torques whose other interpretation conserves the energy.
+    """Warn if the energy is conserved only with another interpretation of the torques.
 
     Another interpretation has another sign, unit or order, or no torques. The result is None without a better one.
     """

@@ -38,7 +38,7 @@ SETTINGS = PeriodSettings()
 
 
 def period_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about a column whose period suggests much smaller angles.
+    """Warn if the period of a column suggests much smaller angles.
 
     The period of a freely swinging rod is T = T0 / agm(1, cos(A/2)), where A is the amplitude, T0 the period of small
     swings and agm the arithmetic-geometric mean. A position in mm that is read as degrees has the period of another
@@ -81,7 +81,7 @@ def swings(t: Array, angle: Array) -> tuple[Array, Array]:
 
 
 def _sum_of_squares(periods: Array, amplitudes: Array) -> float:
-    """Return the sum of squared errors of periods, s^2, for given amplitudes.
+    """Return the sum of squared differences of measured and theoretical periods, s^2.
 
     The period T0 of small swings is fitted.
     """
