@@ -27,12 +27,13 @@ KEY = "[key]"
 Model = TypeVar("Model", bound=BaseModel)
 
 
-def find_config(kind: str, name: str | Path) -> Path:
+def find_config(kind: str, name: str | Path, builtin: Path = BUILTIN) -> Path:
     """Find a configuration file by its path, or a built-in file by its bare name.
 
     Args:
-        kind: folder of the built-in files, `rigs` or `search`
+        kind: folder of the built-in files, such as `rigs` or `search`
         name: a path such as `my/rig.toml`, or a built-in name such as `paper`
+        builtin: folder that contains the folder `kind`
 
     Raises:
         ConfigError: there is neither such a file nor such a built-in name.
@@ -40,18 +41,18 @@ def find_config(kind: str, name: str | Path) -> Path:
     path = regular(Path(name), ConfigError)
     if path.is_file():
         return path
-    builtin = BUILTIN / kind / f"{name}.toml"
-    if path.name == str(name) and builtin.is_file():
-        return builtin
+    file = builtin / kind / f"{name}.toml"
+    if path.name == str(name) and file.is_file():
+        return file
     if path.is_dir():
         raise ConfigError(f"{name}: is a folder: give a file in this folder")
     problem = f"{name}: is neither a file nor the name of a built-in {kind.removesuffix('s')}"
-    raise ConfigError(unknown_name(problem, str(name), built_in(kind)))
+    raise ConfigError(unknown_name(problem, str(name), built_in(kind, builtin)))
 
 
-def built_in(kind: str) -> list[str]:
-    """Return the names of the built-in files of a kind, `rigs` or `search`."""
-    return sorted(path.stem for path in (BUILTIN / kind).glob("*.toml"))
+def built_in(kind: str, builtin: Path = BUILTIN) -> list[str]:
+    """Return the names of the built-in files of a kind, such as `rigs` or `search`."""
+    return sorted(path.stem for path in (builtin / kind).glob("*.toml"))
 
 
 def read_config(path: Path, model: type[Model]) -> Model:

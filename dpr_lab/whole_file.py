@@ -104,13 +104,16 @@ def write_text(path: Path, text: str, error: type[DprError] = DprError) -> None:
 
 
 @contextmanager
-def whole_folder(out: Path, record: str) -> Iterator[Path]:
+def whole_folder(out: Path, record: str, depends: str = "") -> Iterator[Path]:
     """Provide a temporary folder (context manager) whose files are moved to `out` at the end.
 
     The file `record` describes the other files. It is moved last, and an earlier `record` in `out` is removed first.
     Therefore it never describes the files of another result. If an exception ends the block, `out` keeps its former
     files, and the temporary folder `out/new.NAME` keeps only `record`, if it was written. If the files cannot be moved,
     those that were not moved remain in the temporary folder, and `out` contains no record.
+
+    If the new files lack `depends`, an earlier file of this name in `out` belongs to the earlier record. It is renamed
+    `outdated.NAME`.
 
     Raises:
         DprError: a folder or a file cannot be written.
@@ -125,6 +128,8 @@ def whole_folder(out: Path, record: str) -> Iterator[Path]:
         _remove_all_but(fresh, record)
         raise
     with _writing_to(out, f"the files that were not moved are in {fresh}"):
+        if (out / depends).is_file() and not (fresh / depends).exists():
+            (out / depends).replace(out / f"outdated.{depends}")
         _move_all(fresh, out, record)
     shutil.rmtree(fresh, ignore_errors=True)
 

@@ -64,7 +64,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     add("--rig", default="paper", help="rig file or built-in name: lengths, poses, encoders (default: %(default)s)")
-    add("--plant", default="paper", help="plant file or built-in name: the true values (default: %(default)s)")
+    add(
+        "--plant",
+        help="plant file or built-in name: the true values (default: the built-in plant of the rig, or a"
+        " plant with the nominal values of the rig file)",
+    )
     add("--link", default="pty", help="pty, slcan or tcp:PORT (default: %(default)s)")
     add("--clock", default="realtime", choices=("realtime", "fast"), help="fast: as fast as the host receives")
     add("--seed", type=_whole, help="seed of noise and operator, and of --draw (default: the seed of the plant file)")

@@ -15,7 +15,7 @@ from sim_device.links.link import DeviceLink
 from sim_device.links.open_link import open_link
 from sim_device.options import SEALED_FILE, SEALED_PLANT, SEALED_TORQUES, Options
 from sim_device.plant.arm_drive import ArmDrive, arm_drive_of, replaying
-from sim_device.plant.config import PlantConfig, load_plant
+from sim_device.plant.config import PlantConfig, chosen_plant
 from sim_device.plant.drives import JointDrives, load_drives
 from sim_device.plant.hidden import HiddenPlant, plant_of
 from sim_device.plant.operator import HABITS
@@ -35,7 +35,7 @@ def hidden_plant(options: Options) -> HiddenPlant:
     """
     rig = load_rig(options.rig)
     plant = Path(options.rig).parent / SEALED_FILE if options.plant == SEALED_PLANT else options.plant
-    config = load_plant(plant, options.seed)
+    config = chosen_plant(plant, rig, options.seed)
     if options.draw_effects is not None:
         wanted = parse_request(with_kind(options.draw_effects, config.seed))
         return plant_of(draw_plant(wanted, config, rig), rig)

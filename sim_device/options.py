@@ -9,7 +9,8 @@ class Options:
     """Options of a simulated device."""
 
     rig: str | Path = "paper"
-    plant: str | Path = "paper"
+    plant: str | Path | None = None
+    """Plant file, or name of a built-in plant; None: the default plant of the rig, see `chosen_plant`."""
     link: str = "pty"
     """Link to serve: `pty`, `slcan`, `tcp:PORT` or `virtual:CHANNEL`."""
     clock: str = "realtime"

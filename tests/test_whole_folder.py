@@ -59,6 +59,16 @@ def test_a_record_never_describes_the_files_of_another_result(tmp_path: Path, mo
     assert (folder / "a.json").read_text() == "new"
 
 
+def test_a_file_that_depends_on_the_earlier_record_is_renamed(tmp_path: Path) -> None:
+    for depends in ("first", "second", None):
+        with whole_folder(tmp_path, "a.json", "b.json") as folder:
+            (folder / "a.json").touch()
+            if depends:
+                (folder / "b.json").write_text(depends)
+    assert {file.name for file in tmp_path.iterdir()} == {"a.json", "outdated.b.json"}
+    assert (tmp_path / "outdated.b.json").read_text() == "second"
+
+
 def write_all(out: Path, record: str, *names: str) -> None:
     with whole_folder(out, record) as folder:
         for name in (record, *names):

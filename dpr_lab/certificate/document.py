@@ -16,11 +16,16 @@ from dpr_lab.certificate.lines import Verified
 from dpr_lab.configs import first_fault
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
-from dpr_lab.whole_file import regular
+from dpr_lab.whole_file import not_json, read_text, regular
 
 Policy = Literal[2]
 POLICY: Policy = get_args(Policy)[0]
 """Version of the policy: claims, tolerances and permitted choices. It increases with every change of these rules."""
+
+WRITER = "`dpr-lab certify`"
+"""Command that writes certificates."""
+MAX_MB = 16
+"""Maximum size of a certificate, MB. A certificate of a thousand recordings is smaller than 1 MB."""
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -193,30 +198,20 @@ def load_certificate(path: Path) -> Certificate:
     Raises:
         RunError: the file cannot be read, is not a certificate, or belongs to another policy.
     """
-    text = _text(path)
     try:
+        if regular(path, RunError).stat().st_size > MAX_MB << 20:
+            raise RunError(f"{path}: is not a certificate: larger than {MAX_MB} MB")
+        text = read_text(path, RunError)
         document = json.loads(text, object_pairs_hook=_without_repeated_keys)
         _refuse_other_policies(path, document)
         return Certificate.model_validate_json(text)
-    except ValidationError as error:
-        raise RunError(f"{path}: is not a valid certificate of policy {POLICY}: {first_fault(error)}") from error
-    except (ValueError, RecursionError) as error:
-        raise RunError(f"{path}: is not a certificate (JSON): {error}") from error
-
-
-def _text(path: Path, max_mb: int = 16) -> str:
-    """Read a text file of limited size.
-
-    A certificate of a thousand recordings is smaller than 1 MB.
-    """
-    try:
-        if regular(path, RunError).stat().st_size > max_mb << 20:
-            raise RunError(f"{path}: is not a certificate: larger than {max_mb} MB")
-        return path.read_text(encoding="utf-8")
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise RunError(f"{path}: is not a certificate: not UTF-8 text") from error
+    except ValidationError as error:
+        fault = f"is not a valid certificate of policy {POLICY}: {first_fault(error)}"
+        raise RunError(f"{path}: {fault}: give the file that {WRITER} has written") from error
+    except (ValueError, RecursionError) as error:
+        raise RunError(f"{path}: {not_json(error, 'a certificate', 'certificate.json', WRITER)}") from error
 
 
 def _without_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -233,8 +228,8 @@ def _without_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _refuse_other_policies(path: Path, document: Any) -> None:
-    if not isinstance(document, dict):
-        raise RunError(f"{path}: is not a certificate: not a JSON object")
+    if not isinstance(document, dict) or not document.keys() & {"policy", "schema"}:
+        raise RunError(f"{path}: is not a certificate: give the file that {WRITER} has written")
     if "policy" not in document and document.get("schema") == 1:
         raise RunError(
             f"{path}: is a certificate of policy 1 (dpr-lab 0.2). Its tolerances are in the file, where they can be"

@@ -58,7 +58,7 @@ def export(run: Run, path: Path | str) -> Path:
         write(run, partial)
         partial.replace(target)
     except OSError as error:
-        raise RunError(f"{target}: cannot be written: {error.strerror or error}") from error
+        raise RunError(f"{target}: cannot be written: {error.strerror or error}; choose another folder") from error
     finally:
         with suppress(OSError):
             partial.unlink(missing_ok=True)

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.workflows.checks import refuse_file
-from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose, diagnosis_folder, save_results
+from dpr_lab.workflows.checks import check_folder_writable
+from dpr_lab.workflows.diagnose import ACCEPTANCE, DiagnoseRequest, diagnose, diagnosis_folder, save_results
 from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_diagnosis, read_runs
 
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from dpr_lab.planning.limits import PlanLimits
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
-
-RECORD = "accept.json"
-"""Name of the file with the output of `accept --json`, in the folder of a test."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +37,8 @@ def accept(
 ) -> AcceptResult:
     """Test whether a rig meets the limits in a file.
 
-    The job reports the events of a diagnosis. It writes `RECORD` and the files of the diagnosis to the folder of the
-    request. The report of the diagnosis then contains a section on the limits.
+    The job reports the events of a diagnosis. It writes `ACCEPTANCE` and the files of the diagnosis to the folder of
+    the request. The report of the diagnosis then contains a section on the limits.
 
     Args:
         request: runs and rig
@@ -64,7 +61,7 @@ def accept(
     wanted = load_limits(limits, PlanLimits)  # check all inputs before the time-consuming part
     refuse_impossible_plan(limits, wanted, rig)
     if request.out:
-        refuse_file(request.out)
+        check_folder_writable(request.out)
     runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
     if diagnosis_file is None:
         diagnosis = diagnose(replace(request, out=None), on_event).diagnosis
@@ -125,6 +122,6 @@ def _save(
     from dpr_lab.report.plain import write_json
 
     with diagnosis_folder(diagnosis, out) as folder:
-        write_json(asdict(acceptance), folder / RECORD)
+        write_json(asdict(acceptance), folder / ACCEPTANCE)
         files = save_results(diagnosis, runs, rig, folder, out, on_event, acceptance).files
-    return {"accept": str(out / RECORD), **files}
+    return {"accept": str(out / ACCEPTANCE), **files}

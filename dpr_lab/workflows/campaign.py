@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.events import OnEvent, TrialDone, ignore
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> Campai
     """
     from dpr_lab.trials.campaign import run_campaign as run_trials
 
-    refuse_file(request.out)
+    check_folder_writable(request.out)
     _refuse_other_kinds(request.campaign)
     tried = run_trials(
         request.campaign,

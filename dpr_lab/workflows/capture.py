@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from dpr_lab.workflows.checks import refuse_file, refuse_no_poses, with_modes, with_rods
+from dpr_lab.workflows.checks import check_folder_writable, refuse_no_poses, with_modes, with_rods
 from dpr_lab.workflows.events import CaptureBegan, CaptureDone, CaptureProgress, DeviceGreeted, OnEvent, ignore
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def capture(request: CaptureRequest, confirm: "Confirm", on_event: OnEvent = ign
     for name in request.poses:
         pose_named(rig, name)
     refuse_no_poses(rig)
-    refuse_file(request.out)
+    check_folder_writable(request.out)
     url = rig.link.url if request.url is None else request.url
     with _rig_file(rig) as rig_file, Device(open_transport(url, rig_file=rig_file)) as device:
         info = device.connect()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.workflows.accept import judged
-from dpr_lab.workflows.checks import refuse_folder
+from dpr_lab.workflows.checks import check_file_writable
 from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
 from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_runs
@@ -88,7 +88,7 @@ def certify(
     from dpr_lab.planning.limits import PlanLimits
     from dpr_lab.whole_file import write_text
 
-    refuse_folder(to)
+    check_file_writable(to)
     if request.model is not None:
         raise ConfigError("a certified diagnosis starts from the rig file: remove the model")
     key = load_private_key(sign_with, passphrase) if sign_with else None

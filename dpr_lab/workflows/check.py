@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from dpr_lab.errors import RunError
 from dpr_lab.gap.result import RECORD
 from dpr_lab.whole_file import whole_folder
-from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.checks import check_folder_writable
+from dpr_lab.workflows.diagnose import ACCEPTANCE
 from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_runs
 
@@ -61,7 +62,7 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
     from dpr_lab.storage.reader import stored_rig
 
     if request.out:
-        refuse_file(request.out)
+        check_folder_writable(request.out)
     diagnosis = load_diagnosis(request.diagnosis)
     check = find_check(diagnosis, request.check)
     refuse_other_result(check, {name for name in ("runs", "value", "std") if getattr(request, name) not in ((), None)})
@@ -100,6 +101,6 @@ def _save(diagnosis: "Diagnosis", out: Path) -> None:
     from dpr_lab.report.saving import write_json
 
     title = "Difference between simulation and rig, after a check"
-    with whole_folder(out, RECORD) as folder:
+    with whole_folder(out, RECORD, ACCEPTANCE) as folder:
         write_gap_report(diagnosis, title, folder, save_gap_figures(diagnosis, folder))
         write_json(diagnosis.to_json(), folder / RECORD)

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from dpr_lab.rig import Rig
 
 
-def refuse_file(out: Path) -> None:
+def check_folder_writable(out: Path) -> None:
     """Check before a job that results can be written to a folder.
 
     Raises:
@@ -18,21 +18,21 @@ def refuse_file(out: Path) -> None:
     """
     if out.exists() and not out.is_dir():
         raise ConfigError(f"{out}: is a file: name a folder for --out")
-    _refuse_unwritable(out)
+    _try_to_write(out, out)
 
 
 def refuse_own_folder(out: Path, original: Path) -> None:
     """Check that a changed copy does not overwrite its original.
 
     Raises:
-        ConfigError: the folder is the folder of the original, or an error of `refuse_file`.
+        ConfigError: the folder is the folder of the original, or an error of `check_folder_writable`.
     """
-    refuse_file(out)
+    check_folder_writable(out)
     if (out / original.name).resolve() == original.resolve():
         raise ConfigError(f"{out}: is the folder of {original.name}, which is not overwritten: choose another folder")
 
 
-def refuse_folder(out: Path) -> None:
+def check_file_writable(out: Path) -> None:
     """Check that a result can be written to a file, before the job starts.
 
     Raises:
@@ -40,17 +40,17 @@ def refuse_folder(out: Path) -> None:
     """
     if out.is_dir():
         raise ConfigError(f"{out}: is a folder: name a file for --out")
-    _refuse_unwritable(out.parent)
+    _try_to_write(out, out.parent)
 
 
-def _refuse_unwritable(folder: Path, least_bytes: int = 1 << 16) -> None:
-    """Check that a file can be written to a folder or its nearest existing parent."""
+def _try_to_write(out: Path, folder: Path, least_bytes: int = 1 << 16) -> None:
+    """Write a temporary file to the folder of `out`, or to its nearest existing parent."""
     existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     try:
         with TemporaryFile(dir=existing) as probe:
             probe.write(bytes(least_bytes))
     except OSError as error:
-        raise ConfigError(f"{folder}: cannot be written: {error.strerror}: choose another folder with --out") from error
+        raise ConfigError(f"{out}: cannot be written: {error.strerror}: choose another folder with --out") from error
 
 
 def with_rods(rig: "Rig", mounted: str | None, elbow: str | None) -> "Rig":

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import RunError
-from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.events import OnEvent, RunCompared, RunLeftOut, ignore
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
     from dpr_lab.report.saving import save_comparison, write_json
 
     if request.out is not None:
-        refuse_file(request.out)
+        check_folder_writable(request.out)
     model = load_model(request.model)
     followed: list[Followed] = []
     comparisons: list[Comparison] = []

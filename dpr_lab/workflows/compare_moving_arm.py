@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.events import ArmRunCompared, OnEvent, ignore
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def compare_moving_arm(
     from dpr_lab.whole_file import write_text
     from dpr_lab.workflows.reading import read_runs
 
-    refuse_file(out)
+    check_folder_writable(out)
     rigs = [stored_rig(file) for file in runs]
     recorded = [read_runs([file], rig, on_event, any_clock, torque)[0] for file, rig in zip(runs, rigs, strict=True)]
     refuse_repeated(recorded)

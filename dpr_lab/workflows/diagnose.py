@@ -13,7 +13,7 @@ from dpr_lab.errors import ConfigError, DprError, RunError, refuse_unknown
 from dpr_lab.gap.result import RECORD
 from dpr_lab.shown import percent
 from dpr_lab.whole_file import whole_folder
-from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.events import FitBegan, OnEvent, ScoreTestBegan, StageBegan, TrustTrialDone, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
 
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
+
+ACCEPTANCE = "accept.json"
+"""Name of the file with the output of `accept --json`, next to its diagnosis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +98,7 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
     read = read_runs((*request.runs, *request.held_out), rig, on_event, request.any_clock, request.torque)
     runs, held_out = read[: len(request.runs)], read[len(request.runs) :]
     if request.out:
-        refuse_file(request.out)
+        check_folder_writable(request.out)
     refuse_misread(runs, rig)
     if request.trust:
         _refuse_trials(runs)
@@ -198,7 +201,7 @@ def diagnosis_folder(diagnosis: "Diagnosis", out: Path) -> "Iterator[Path]":
 
     saved = ""
     try:
-        with whole_folder(out, RECORD) as folder:
+        with whole_folder(out, RECORD, ACCEPTANCE) as folder:
             write_json(diagnosis.to_json(), folder / RECORD)
             saved = f". The diagnosis is in {folder / RECORD}; no other file in {out} was written"
             yield folder

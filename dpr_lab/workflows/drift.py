@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from dpr_lab.errors import RunError
-from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.events import OnEvent, StageBegan, ignore
 from dpr_lab.workflows.reading import read_runs
 
@@ -105,7 +105,7 @@ def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResul
     from dpr_lab.run import torque_kinds
 
     if request.out:
-        refuse_file(request.out)
+        check_folder_writable(request.out)
     rig = load_rig(request.rig)
     effects = _effects(request.diagnosis) if request.diagnosis else None
     runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque)

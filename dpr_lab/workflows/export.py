@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import RunError, refuse_unknown
-from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.events import OnEvent, StageBegan, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
 
@@ -80,7 +80,7 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
     from dpr_lab.run import torque_kinds
 
     refuse_unknown(request.formats, FORMATS, "format")
-    refuse_file(request.out)
+    check_folder_writable(request.out)
     rig = load_rig(request.rig)
     model = model_to_export(request.model, rig)
     runs = read_runs(request.check, rig, on_event, torque=request.torque, moving=isinstance(model, MovingArmModel))

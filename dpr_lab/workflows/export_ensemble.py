@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import RunError, refuse_unknown
 from dpr_lab.gap.result import RECORD
-from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_runs
 
@@ -117,7 +117,7 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     from dpr_lab.workflows.export import model_to_export
 
     refuse_unknown(request.formats, FORMATS, "format")
-    refuse_file(request.out)
+    check_folder_writable(request.out)
     rig = load_rig(request.rig)
     model = model_to_export(request.model, rig)
     diagnosis = _diagnosis_of(model, (request.model if request.model.is_dir() else request.model.parent) / RECORD)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dpr_lab.workflows.checks import refuse_folder
+from dpr_lab.workflows.checks import check_file_writable
 from dpr_lab.workflows.events import GenerationDone, LocalFitBegan, OnEvent, Proceed, always, ignore
 from dpr_lab.workflows.reading import read_runs
 
@@ -66,7 +66,7 @@ def identify(request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proc
     from dpr_lab.rig import load_rig
     from dpr_lab.search import load_search
 
-    refuse_folder(request.out)
+    check_file_writable(request.out)
     rig = load_rig(request.rig)
     runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque)
     settings = load_search(request.settings) if request.settings else None

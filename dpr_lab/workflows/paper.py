@@ -5,7 +5,7 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.events import OnEvent, PaperSearchDone, ignore
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def paper(request: PaperRequest, on_event: OnEvent = ignore) -> PaperResult:
     from dpr_lab.search import load_search
     from dpr_lab.search.settings import IgaSettings
 
-    refuse_file(request.out)
+    check_folder_writable(request.out)
     rig, settings = load_rig("paper"), load_search("paper")
     assert isinstance(settings, IgaSettings)
     total, numbers = len(search_cases(request.seeds, tuple(READINGS))), count(1)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
 from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_diagnosis, read_runs
@@ -82,7 +82,7 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
     limits = load_plan_limits(request.limits, rig) if request.limits else PlanLimits()
     budget = minutes(request.budget) if request.budget else None
     if request.out:
-        refuse_file(request.out)
+        check_folder_writable(request.out)
     if request.diagnosis and not request.runs:
         raise ConfigError(f"{request.diagnosis}: a plan after a diagnosis needs its runs: add the run files")
     diagnosis, runs = None, []

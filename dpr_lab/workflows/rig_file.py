@@ -262,8 +262,11 @@ def check_rig(name: str | Path) -> list[RigFinding]:
     try:
         rig = load_rig(name)
     except ConfigError as error:
-        problems = [line.removeprefix(f"{name}: ") for line in str(error).splitlines()]
-        return [RigFinding("wrong", key, text) for key, text in zip_longest(error.keys, problems, fillvalue="")]
+        problems = zip_longest(error.keys, str(error).splitlines(), fillvalue="")
+        return [
+            RigFinding("wrong", key, line.removeprefix(f"{Path(name)}: ").removeprefix(key).lstrip(":= "))
+            for key, line in problems
+        ]
     return [*_missing(rig), *_odd_geometry(rig), *_odd_parameters(rig), *_odd_poses(rig)]
 
 

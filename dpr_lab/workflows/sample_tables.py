@@ -6,7 +6,7 @@ from pathlib import Path
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.whole_file import write_text, write_whole
-from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.checks import check_folder_writable
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ def write_sample_tables(out: Path) -> tuple[Path, ...]:
     """
     from dpr_lab.configs import BUILTIN
 
-    refuse_file(out)
+    check_folder_writable(out)
     samples = BUILTIN / "tables"
     tables = sorted(samples.glob("*.csv"))
     copied = {out / source.name: source for source in (samples / "bench.toml", *tables)}

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from dpr_lab.errors import RunError
 from dpr_lab.workflows.capture import CaptureRequest, capture
-from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult, diagnose
 from dpr_lab.workflows.events import CaptureDone, Event, OnEvent, TrialSealed, ignore
 
@@ -46,7 +46,7 @@ def draw(request: TrialRequest, on_event: OnEvent = ignore) -> "Trial":
     from dpr_lab.trials.sealing import seal
 
     folder = request.folder
-    refuse_file(folder)
+    check_folder_writable(folder)
     if folder.exists() and any(folder.iterdir()):
         raise RunError(f"{folder}: is not empty; use a separate folder for each trial")
     sealed = seal(request.plant, folder / DEVICE)

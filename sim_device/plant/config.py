@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from dpr_lab.configs import read_config
+from dpr_lab.configs import built_in, find_config, read_config
 from dpr_lab.errors import ConfigError
-from dpr_lab.rig import PARAMETERS, refuse_other_parameters
+from dpr_lab.rig import PARAMETERS, Rig, refuse_other_parameters
 
 _PACKAGE = Path(__file__).parents[1]
 # An installed wheel contains the built-in files in the package. In a checkout they are in the top-level folders.
@@ -199,22 +199,6 @@ class PlantConfig(_Table):
         return np.array([self.parameters[name] for name in PARAMETERS])
 
 
-def find_plant(name: str | Path) -> Path:
-    """Return the path of a plant file, from a path or the bare name of a built-in one.
-
-    Raises:
-        ConfigError: there is neither such a file nor such a built-in name.
-    """
-    path = Path(name)
-    if path.is_file():
-        return path
-    builtin = BUILTIN / "plants" / f"{name}.toml"
-    if path.name == str(name) and builtin.is_file():
-        return builtin
-    known = ", ".join(sorted(p.stem for p in (BUILTIN / "plants").glob("*.toml")))
-    raise ConfigError(f"{name}: is neither a file nor the name of a built-in plant; available: {known}")
-
-
 def load_plant(name: str | Path, seed: int | None = None) -> PlantConfig:
     """Read a plant file by its path or built-in name.
 
@@ -223,5 +207,29 @@ def load_plant(name: str | Path, seed: int | None = None) -> PlantConfig:
     Raises:
         ConfigError: the file is not found or not valid; the message names file, key and value.
     """
-    config = read_config(find_plant(name), PlantConfig)
+    config = read_config(find_config("plants", name, BUILTIN), PlantConfig)
     return config if seed is None else config.model_copy(update={"seed": seed})
+
+
+def chosen_plant(name: str | Path | None, rig: Rig, seed: int | None = None) -> PlantConfig:
+    """Read a plant file, or return the default plant of a rig if there is no name.
+
+    The default is the built-in plant of the rig, or a plant with the nominal parameters of the rig.
+
+    Raises:
+        ConfigError: the file is not found or not valid; or there is no name, the arm of the rig is free or driven, and
+            no built-in plant belongs to the rig.
+    """
+    if name is not None:
+        return load_plant(name, seed)
+    if rig.name in built_in("rigs") and rig.name in built_in("plants", BUILTIN):
+        plant = load_plant(rig.name, seed)
+        if (plant.arm.mode == "driven") == (rig.arm.mode == "driven"):
+            return plant
+    if rig.arm.mode in ("free", "driven"):
+        raise ConfigError(
+            f"the arm of rig {rig.name} is {rig.arm.mode}, and no built-in plant belongs to it: write a plant file,"
+            " and give it as sim://?plant=FILE"
+        )
+    parameters = dict(zip(PARAMETERS, rig.nominal.tolist(), strict=True))
+    return PlantConfig(name=rig.name, seed=1 if seed is None else seed, parameters=parameters)

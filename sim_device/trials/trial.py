@@ -14,7 +14,7 @@ from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from sim_device.options import Options
 from sim_device.plant.arm_drive import ArmDrive, InputTable, arm_drive_of
-from sim_device.plant.config import PlantConfig, load_plant
+from sim_device.plant.config import PlantConfig, chosen_plant
 from sim_device.plant.drives import JointDrives
 from sim_device.plant.hidden import plant_of
 from sim_device.trials.draw import described, draw_plant
@@ -66,7 +66,7 @@ def drawn_trial(options: Options, around: Rig) -> DrawnTrial:
         ConfigError: the request is impossible.
     """
     seed, public = (secrets.randbits(SEED_BITS) if options.seed is None else options.seed for _ in range(2))
-    around, base = with_arm(around, load_plant(options.plant, public), options.arm)
+    around, base = with_arm(around, chosen_plant(options.plant, around, public), options.arm)
     kinds = FREE_SWINGS if around.arm.mode == "clamped" else ON_ARM
     wanted = parse_request(with_kind(options.draw_effects or ANY, seed, kinds))
     base, rig = weighed(base, around, SPREAD.scales_step)

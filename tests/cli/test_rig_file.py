@@ -230,6 +230,7 @@ def test_wrong_missing_and_implausible_entries_are_reported(
 ) -> None:
     result = check_rig(changed(tmp_path, old, new))
     assert (state, key) in [(finding.state, finding.key) for finding in result], result
+    assert not any(finding.text.startswith(finding.key or " ") for finding in result)
 
 
 def test_a_rig_that_cannot_be_used_ends_with_1(cli, tmp_path: Path) -> None:

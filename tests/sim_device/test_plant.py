@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.rig import PARAMETERS
-from sim_device.plant.config import ArmConfig, PlantConfig, find_plant, load_plant
+from dpr_lab.rig import PARAMETERS, load_rig
+from dpr_lab.rig_tables import ArmTable
+from sim_device.plant.config import BUILTIN, ArmConfig, PlantConfig, chosen_plant, load_plant
 from sim_device.plant.plant import Plant, Swing
 from sim_device.plant.rods import SimulatedRods
 from sim_device.trials.parameters import drawn
@@ -130,7 +131,7 @@ def test_an_effect_there_is_not_is_named(paper):
 
 def test_a_plant_file_s_faults_are_named(tmp_path):
     file = tmp_path / "mine.toml"
-    text = find_plant("paper").read_text(encoding="utf-8")
+    text = (BUILTIN / "plants" / "paper.toml").read_text(encoding="utf-8")
     file.write_text(text.replace("noise_counts", "noise").replace('mode = "clamped"', 'mode = "loose"'))
     with pytest.raises(ConfigError) as caught:
         load_plant(file)
@@ -162,3 +163,14 @@ def test_the_operator_waits_until_the_rods_can_be_let_go(paper):
     ready = True
     assert np.abs(rods.held_counts(np.array([11.0]), 0) - hanging).max() <= 6
     assert np.abs(rods.idle_counts(11.5, 11_500)[2]) > 1000
+
+
+def test_a_rig_without_a_named_plant_gets_its_own_plant():
+    furuta, paper = load_rig("furuta"), load_rig("paper")
+    assert chosen_plant(None, furuta) == load_plant("furuta")
+    assert chosen_plant(None, paper, 5) == load_plant("paper", 5)
+    clamped = furuta.model_copy(update={"arm": ArmTable()})
+    np.testing.assert_array_equal(chosen_plant(None, clamped).Z, furuta.nominal)
+    other = furuta.model_copy(update={"rig": furuta.rig.model_copy(update={"name": "mine"})})
+    with pytest.raises(ConfigError, match=r"arm of rig mine is driven.*write a plant file.*sim://\?plant=FILE"):
+        chosen_plant(None, other)

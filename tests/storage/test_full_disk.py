@@ -12,7 +12,7 @@ from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.export import EXPORTERS, export
 from dpr_lab.storage.inspect import recover
-from dpr_lab.workflows.checks import refuse_file, refuse_folder
+from dpr_lab.workflows.checks import check_file_writable, check_folder_writable
 
 PROGRAM = """
 import resource, signal, sys
@@ -46,6 +46,7 @@ def test_an_export_that_fails_leaves_nothing(tmp_path: Path) -> None:
     assert len(messages) == len(targets)
     for target, message in zip(targets, messages, strict=True):
         assert f"{target}: cannot be written" in message
+        assert message.endswith("choose another folder")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -83,14 +84,14 @@ def test_a_whole_export_has_its_final_name_alone(tmp_path: Path, recorded) -> No
 def test_an_unwritable_output_is_reported_before_the_work(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     for refuse, place, result in (
-        (refuse_folder, tmp_path, "is a folder"),
-        (refuse_folder, tmp_path / "file" / "m.json", "cannot be written"),
-        (refuse_folder, Path("/proc/nowhere/m.json"), "cannot be written"),
-        (refuse_file, tmp_path / "file", "is a file"),
-        (refuse_file, Path("/proc/nowhere"), "cannot be written"),
+        (check_file_writable, tmp_path, "is a folder"),
+        (check_file_writable, tmp_path / "file" / "m.json", r"m\.json: cannot be written.*choose another folder"),
+        (check_file_writable, Path("/proc/nowhere/m.json"), r"m\.json: cannot be written.*choose another folder"),
+        (check_folder_writable, tmp_path / "file", "is a file"),
+        (check_folder_writable, Path("/proc/nowhere"), "cannot be written"),
     ):
         with pytest.raises(ConfigError, match=result):
             refuse(place)
-    refuse_folder(tmp_path / "new" / "m.json")
-    refuse_file(tmp_path / "new")
+    check_file_writable(tmp_path / "new" / "m.json")
+    check_folder_writable(tmp_path / "new")
     assert not (tmp_path / "new").exists()

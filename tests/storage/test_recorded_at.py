@@ -1,5 +1,6 @@
 """The date of a recording is that of its option or of its time stamps, never that of the import."""
 
+import shutil
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,7 +12,7 @@ from dpr_lab.configs import BUILTIN
 from dpr_lab.rig import load_rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.inspect import info
-from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
+from dpr_lab.storage.tables.options import ImportOptions, date_in_name, parse_recorded_at
 
 TABLES = BUILTIN / "tables"
 OPTIONS = ImportOptions(unit="deg", angles="relative", zero="hanging")
@@ -21,6 +22,9 @@ def test_the_date_is_given_or_that_of_the_stamps(tmp_path: Path) -> None:
     file, rig = TABLES / "side.csv", load_rig(TABLES / "bench.toml")
     run = import_csv(file, rig, OPTIONS, tmp_path / "a.mcap")
     assert (run.recorded_utc, info(tmp_path / "a.mcap").recorded_utc) == ("", "")
+    named = tmp_path / "2026-03-01 side.csv"
+    shutil.copy(file, named)
+    assert import_csv(named, rig, OPTIONS).recorded_utc == "2026-03-01"
     dated = replace(OPTIONS, recorded_at="2026-03-01T14:30+01:00", note="cold oil")
     assert import_csv(file, rig, dated, tmp_path / "b.mcap").recorded_utc == "2026-03-01T13:30:00+00:00"
     written = info(tmp_path / "b.mcap")
@@ -37,3 +41,9 @@ def test_an_invalid_date_is_refused(text: str) -> None:
     assert parse_recorded_at("2026-03-01") == "2026-03-01"
     with pytest.raises(ValueError, match="recorded_at"):
         ImportOptions(recorded_at=text)
+
+
+@pytest.mark.parametrize("name", ["swing", "swing 01-03-2026", "2026-13-01", "2026-03-01 to 2026-03-04", "9999-12-31"])
+def test_an_ambiguous_or_invalid_date_in_a_file_name_is_ignored(name: str) -> None:
+    assert date_in_name("X1_2026-03-01_b") == "2026-03-01"
+    assert date_in_name(name) == ""

@@ -1,7 +1,9 @@
 """Define the options of a table import, and parse the time of its recording."""
 
 import math
+import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import MISSING, dataclass, field, fields
 from datetime import UTC, date, datetime
 from functools import cache
@@ -247,3 +249,14 @@ def parse_recorded_at(text: str) -> str:
     if instant > datetime.now(UTC):
         raise ValueError(f"recorded_at {text} is in the future")
     return day.isoformat() if day is not None else instant.isoformat(timespec="seconds")
+
+
+def date_in_name(name: str) -> str:
+    """Return the date in the name of a file, such as `2026-03-01 swing`.
+
+    The text is empty if the name contains no date, several dates, or a date in the future.
+    """
+    dates = set(re.findall(r"(?<!\d)\d{4}-\d\d-\d\d(?!\d)", name))
+    with suppress(ValueError):
+        return parse_recorded_at(*dates) if len(dates) == 1 else ""
+    return ""

@@ -29,7 +29,7 @@ from dpr_lab.storage.tables.arm_input import cart_note, known_inputs, stated_arm
 from dpr_lab.storage.tables.clock_wrap import check_forwards, unwrapped_times
 from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, numbers, with_still_joint2
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
-from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
+from dpr_lab.storage.tables.options import ImportOptions, date_in_name, parse_recorded_at
 from dpr_lab.storage.tables.plausible import (
     PLAUSIBLE,
     check_spacing,
@@ -253,7 +253,7 @@ def _understood(
         {name: torque[rows] for name, torque in read.torques.items()},
         driving,
         tuple(doubts),
-        parse_recorded_at(options.recorded_at) if options.recorded_at else stamped,
+        parse_recorded_at(options.recorded_at) if options.recorded_at else stamped or date_in_name(path.stem),
     )
 
 
