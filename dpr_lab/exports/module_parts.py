@@ -14,54 +14,18 @@ import numpy as np
 from dpr_lab.dynamics.encoder_errors import read_at
 from dpr_lab.dynamics.lanes.interpolation import cubic
 from dpr_lab.dynamics.step import RigModel, RigState, accelerations_at, stepped
-from dpr_lab.effects import EFFECTS, SLICES
-from dpr_lab.effects.effect_kernels import (
-    AT_RELEASE,
-    STEPPED,
-    arm_delay,
-    arm_drives,
-    arm_encoder_error,
-    arm_model,
-    arm_torques,
-    dry_limit0,
-    dry_limits,
-    effect_torques,
-    encoder_errors,
-    free_arm_model,
-    geared_motor0,
-    held_angle,
-    held_angle1,
-    input_delay,
-    internal_after,
-    load_torques,
-    reading_shifts,
-    required_by,
-    whole_torques,
-)
+from dpr_lab.effects import EFFECTS, SLICES, effect_kernels
+from dpr_lab.effects.effect_kernels import AT_RELEASE, STEPPED, required_by
 from dpr_lab.effects.quantities import ArmModel, BaseParameters, RigConstants
 from dpr_lab.effects.stages import Requirements
 from dpr_lab.exports.source import PREAMBLE, Rewrite, sources
 
-FOLDED = {
-    "effect_torques": effect_torques,
-    "load_torques": load_torques,
-    "dry_limits": dry_limits,
-    "arm_model": arm_model,
-    "free_arm_model": free_arm_model,
-    "arm_torques": arm_torques,
-    "arm_drives": arm_drives,
-    "whole_torques": whole_torques,
-    "arm_delay": arm_delay,
-    "arm_encoder_error": arm_encoder_error,
-    "delay_of_input": input_delay,
-    "dry_limit0": dry_limit0,
-    "reading_shifts": reading_shifts,
-    "encoder_errors": encoder_errors,
-    "held_angle": held_angle,
-    "held_angle1": held_angle1,
-    "geared_motor0": geared_motor0,
-    "internal_after": internal_after,
-}
+_EVERY = """
+effect_torques load_torques dry_limits arm_model free_arm_model arm_torques arm_drives whole_torques arm_delay
+arm_encoder_error dry_limit0 reading_shifts encoder_errors held_angle held_angle1 geared_motor0 internal_after
+"""
+FOLDED = {name: getattr(effect_kernels, name) for name in _EVERY.split()}
+FOLDED |= {"delay_of_input": effect_kernels.input_delay}
 """Functions that iterate over all effects of the library. An export contains them with its own effects only."""
 
 _USED = {"RigModel": RigModel, "RigState": RigState, "accelerations_at": accelerations_at, "stepped": stepped}

@@ -6,7 +6,7 @@ All values are in world coordinates with all joints at zero, in SI units.
 from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dpr_lab.arrays import Array
 
@@ -100,8 +100,4 @@ def frame(roll: float, pitch: float, yaw: float) -> Vector:
 
     The rotations about the fixed axes x, y, z are applied in this order.
     """
-    (a, b), (c, d), (e, f) = ((np.cos(angle), np.sin(angle)) for angle in (roll, pitch, yaw))
-    about_x = np.array([[1, 0, 0], [0, a, -b], [0, b, a]])
-    about_y = np.array([[c, 0, d], [0, 1, 0], [-d, 0, c]])
-    about_z = np.array([[e, -f, 0], [f, e, 0], [0, 0, 1]])
-    return about_z @ about_y @ about_x
+    return Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()

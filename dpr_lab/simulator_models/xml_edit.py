@@ -8,6 +8,8 @@ from xml.sax.saxutils import escape, quoteattr
 from dpr_lab.errors import ConfigError
 from dpr_lab.simulator_models.xml_file import parse_xml
 
+_START_TAG = re.compile(rb"""(?:[^"'>]|"[^"]*"|'[^']*')*>""")
+
 
 @dataclass(slots=True)
 class StartTag:
@@ -159,16 +161,9 @@ class XmlEdit:
 
 def _end_of_tag(data: bytes, first: int) -> int:
     """Return the position after the `>` of a start tag, ignoring `>` in quotes."""
-    quote = 0
-    for place in range(first, len(data)):
-        byte = data[place]
-        if quote:
-            quote = 0 if byte == quote else quote
-        elif byte in b"\"'":
-            quote = byte
-        elif byte == ord(">"):
-            return place + 1
-    raise ValueError("unterminated tag")
+    tag = _START_TAG.match(data, first)
+    assert tag is not None
+    return tag.end()
 
 
 def _with_attribute(tag: str, name: str, value: str) -> str:
