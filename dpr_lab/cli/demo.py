@@ -27,9 +27,6 @@ def demo(
             help="Seed of the demo; the same seed gives the same demo. By default the plant of the trial is random.",
         ),
     ] = None,
-    realtime: Annotated[
-        bool, typer.Option("--realtime", help="Simulate in real time: each swing takes ten seconds.")
-    ] = False,
     as_json: Json = False,
 ) -> None:
     """Record, identify and compare a simulated double pendulum; then diagnose one whose effect is hidden.
@@ -50,7 +47,7 @@ def demo(
     from dpr_lab.workflows.demo import demo as run_demo
 
     with Listener() as listener:
-        outcome = run_demo(DemoRequest(out or Path("out/demo"), seed, realtime=realtime), listener)
+        outcome = run_demo(DemoRequest(out or Path("out/demo"), seed), listener)
     if as_json:
         emit(_record(outcome))
     else:

@@ -379,7 +379,8 @@ def load_model(path: Path | str) -> Model:
         refuse_unknown_effects(model.effects, path)
         return model
     except ValidationError as error:
-        raise RunError(f"{path}: is not a model of dpr-lab: {first_fault(error)}") from error
+        fault = f"is not a model of dpr-lab: {first_fault(error)}"
+        raise RunError(f"{path}: {fault}: give {MODEL}, which `identify` or `diagnose --out` has written") from error
     except (ValueError, RecursionError) as error:  # other encoding, invalid JSON, a number of thousands of digits
         raise RunError(f"{path}: {not_json(error, 'a model', MODEL, '`identify` or `diagnose --out`')}") from error
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dpr_lab.workflows.capture import CaptureRequest, capture
+from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.compare import CompareRequest, compare
 from dpr_lab.workflows.events import JobBegan, OnEvent, ignore
 from dpr_lab.workflows.identify import IdentifyRequest, identify
@@ -41,8 +42,6 @@ class DemoRequest:
     """Seed of the trial's plant, for repeatable demos; None: a random plant."""
     default_seed: int = 1
     """Seed of all other random numbers if `seed` is None."""
-    realtime: bool = False
-    """Whether the device is simulated in real time: ten seconds per swing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,8 +90,10 @@ def demo(request: DemoRequest, on_event: OnEvent = ignore) -> DemoResult:
     Events: `JobBegan`, and those of each job.
 
     Raises:
+        ConfigError: a file with the name of the folder exists, or nothing can be written.
         DprError: a job failed.
     """
+    check_folder_writable(request.out)
 
     def begin(number: int) -> None:
         on_event(JobBegan(number, len(JOBS), JOBS[number - 1]))
@@ -108,7 +109,7 @@ def _known_plant(request: DemoRequest, begin: "Callable[[int], None]", on_event:
     from dpr_lab.trials.sealing import ask
 
     out, seed = request.out, request.default_seed if request.seed is None else request.seed
-    url = f"sim://?plant={PLANT}&seed={seed}&clock={'realtime' if request.realtime else 'fast'}"
+    url = f"sim://?plant={PLANT}&seed={seed}&clock=fast"
     begin(1)
     recorded = capture(CaptureRequest(RIG, out / "runs", CaptureOptions(), url=url), lambda: True, on_event)
     begin(2)

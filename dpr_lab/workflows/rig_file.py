@@ -110,6 +110,11 @@ def draft_rig(measures: RigMeasures) -> str:
     from dpr_lab.rig import parse_rig
 
     m = measures
+    sizes = {name: getattr(m, name) for name in ("L0", "L1", "L2", "m1", "m2", "mb", "g")}
+    for name, size in sizes.items():
+        number = size.value if isinstance(size, Measure) else size
+        if number is not None and not 0 < number < math.inf:
+            raise ConfigError(f"{name} must be above 0 and finite, not {number:g}")
     mb = m.mb or Measure(DRAFT.elbow[1] * (m.m1.value + m.m2.value) if m.m2 else 0.0)
     carried = m.m1.value + (m.m2.value + mb.value if m.m2 else 0.0)
     text = rendered(

@@ -260,7 +260,8 @@ def load_diagnosis(path: Path) -> Diagnosis:
         stored = {key: document[key] for key in document if key not in printed} if printed else document
         diagnosis = Diagnosis.model_validate(stored)
     except ValidationError as error:
-        raise RunError(f"{path}: is not a diagnosis that this dpr-lab wrote: {first_fault(error)}") from error
+        fault = f"is not a diagnosis that this dpr-lab wrote: {first_fault(error)}"
+        raise RunError(f"{path}: {fault}: give {RECORD}, which `diagnose --out` has written") from error
     except (ValueError, RecursionError) as error:
         raise RunError(f"{path}: {not_json(error, 'a diagnosis', RECORD, '`diagnose --out`')}") from error
     named = {effect.name for effect in diagnosis.effects} | {

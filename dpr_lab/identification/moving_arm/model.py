@@ -133,7 +133,8 @@ def load_moving_arm_model(path: Path) -> MovingArmModel | None:
     try:
         model = MovingArmModel.model_validate(all_printable(content))
     except ValidationError as error:
-        raise RunError(f"{path}: is not a model of dpr-lab: {first_fault(error)}") from error
+        fault = f"is not a model of dpr-lab: {first_fault(error)}"
+        raise RunError(f"{path}: {fault}: give {MODEL}, which `identify` or `diagnose --out` has written") from error
     refuse_unknown_effects(model.effects, path)
     return model
 
