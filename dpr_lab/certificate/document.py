@@ -24,8 +24,6 @@ POLICY: Policy = get_args(Policy)[0]
 
 WRITER = "`dpr-lab certify`"
 """Command that writes certificates."""
-MAX_MB = 16
-"""Maximum size of a certificate, MB. A certificate of a thousand recordings is smaller than 1 MB."""
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -192,15 +190,15 @@ class Certificate(_Part):
         return self.model_dump_json(indent=1) + "\n"
 
 
-def load_certificate(path: Path) -> Certificate:
-    """Read a certificate.
+def load_certificate(path: Path, max_mb: int = 16) -> Certificate:
+    """Read a certificate of limited size; that of a thousand recordings is smaller than 1 MB.
 
     Raises:
         RunError: the file cannot be read, is not a certificate, or belongs to another policy.
     """
     try:
-        if regular(path, RunError).stat().st_size > MAX_MB << 20:
-            raise RunError(f"{path}: is not a certificate: larger than {MAX_MB} MB")
+        if regular(path, RunError).stat().st_size > max_mb << 20:
+            raise RunError(f"{path}: is not a certificate: larger than {max_mb} MB")
         text = read_text(path, RunError)
         document = json.loads(text, object_pairs_hook=_without_repeated_keys)
         _refuse_other_policies(path, document)

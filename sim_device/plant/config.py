@@ -231,5 +231,5 @@ def chosen_plant(name: str | Path | None, rig: Rig, seed: int | None = None) -> 
             f"the arm of rig {rig.name} is {rig.arm.mode}, and no built-in plant belongs to it: write a plant file,"
             " and give it as sim://?plant=FILE"
         )
-    parameters = dict(zip(PARAMETERS, rig.nominal.tolist(), strict=True))
+    parameters: dict[str, float] = dict(zip(PARAMETERS, rig.nominal.tolist(), strict=True))
     return PlantConfig(name=rig.name, seed=1 if seed is None else seed, parameters=parameters)
