@@ -147,11 +147,11 @@ def layout(
     from dpr_lab.storage.viewers import VIEWERS
     from dpr_lab.whole_file import write_text
 
-    name, content = VIEWERS[viewer]
-    file = out or Path(name)
+    source = VIEWERS[viewer]
+    file = out or Path(source.name)
     if file.exists():
         raise RunError(f"{file}: exists already; choose another name")
-    write_text(file, content(), RunError)
+    write_text(file, source.read_text(encoding="utf-8"), RunError)
     if as_json:
         emit({"out": str(file)})
     else:

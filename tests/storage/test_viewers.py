@@ -18,7 +18,7 @@ def in_schema(topic: str, key: str, element: str | None) -> bool:
 
 
 def test_foxglove_shows_keys_of_run_files_in_panels_that_exist() -> None:
-    document = json.loads(VIEWERS["foxglove"][1]())
+    document = json.loads(VIEWERS["foxglove"].read_bytes())
     paths = [path["value"] for panel in document["configById"].values() for path in panel.get("paths", [])]
     assert "/samples.theta[1]" in paths
     for path in paths:
@@ -33,7 +33,7 @@ def test_foxglove_shows_keys_of_run_files_in_panels_that_exist() -> None:
 
 
 def test_plotjuggler_shows_keys_of_run_files() -> None:
-    root = ElementTree.fromstring(VIEWERS["plotjuggler"][1]().encode())
+    root = ElementTree.fromstring(VIEWERS["plotjuggler"].read_bytes())
     names = [curve.attrib["name"] for curve in root.iter("curve")]
     assert "/samples/theta[1]" in names
     for name in names:
@@ -47,7 +47,7 @@ def test_plotjuggler_shows_keys_of_run_files() -> None:
 
 def test_plotjuggler_finds_what_its_loader_asks_for() -> None:
     """Elements and attributes that PlotJuggler 3 reads: `PlotDocker::restoreSplitter`, `PlotWidget::xmlLoadState`."""
-    root = ElementTree.fromstring(VIEWERS["plotjuggler"][1]().encode())
+    root = ElementTree.fromstring(VIEWERS["plotjuggler"].read_bytes())
     (tabs,) = root.findall("tabbed_widget")
     assert tabs.get("parent") == "main_window"
     assert [child.tag for child in tabs] == ["Tab", "currentTabIndex"]
@@ -64,7 +64,7 @@ def test_plotjuggler_finds_what_its_loader_asks_for() -> None:
 
 def test_foxglove_finds_what_its_panels_ask_for() -> None:
     """Keys of layouts that Foxglove exports, and of the settings of its panels Plot and Raw Messages."""
-    document = json.loads(VIEWERS["foxglove"][1]())
+    document = json.loads(VIEWERS["foxglove"].read_bytes())
     assert set(document) == {"configById", "globalVariables", "userNodes", "playbackConfig", "layout"}
     for name, panel in document["configById"].items():
         kind, _, identifier = name.partition("!")
@@ -97,5 +97,5 @@ def test_the_command_writes_a_layout_once(viewer: str, tmp_path: Path) -> None:
 
     file = tmp_path / "layout"
     assert CliRunner().invoke(app, ["run", "layout", viewer, "--out", str(file)]).exit_code == 0
-    assert file.read_text(encoding="utf-8") == VIEWERS[viewer][1]()
+    assert file.read_text(encoding="utf-8") == VIEWERS[viewer].read_text(encoding="utf-8")
     assert isinstance(CliRunner().invoke(app, ["run", "layout", viewer, "--out", str(file)]).exception, RunError)

@@ -1,12 +1,14 @@
-"""Create viewer layouts for run files: angles, torques and events."""
+"""Layouts of viewers for run files: angles, torques, losses and events.
 
-from collections.abc import Callable
+Foxglove opens its layout with "Import from file". Sources: layouts that both programs save; message paths of Foxglove,
+https://docs.foxglove.dev/docs/visualization/message-path-syntax. `tests/storage/test_viewers.py` compares the curves
+with the channels of a run file.
+"""
 
-from dpr_lab.storage.viewers.foxglove import foxglove
-from dpr_lab.storage.viewers.plotjuggler import plotjuggler
+from pathlib import Path
 
-VIEWERS: dict[str, tuple[str, Callable[[], str]]] = {
-    "foxglove": ("dpr-lab.foxglove.json", foxglove),
-    "plotjuggler": ("dpr-lab.plotjuggler.xml", plotjuggler),
+VIEWERS: dict[str, Path] = {
+    name: Path(__file__).with_name(file)
+    for name, file in (("foxglove", "dpr-lab.foxglove.json"), ("plotjuggler", "dpr-lab.plotjuggler.xml"))
 }
-"""Default file name, and function that returns the layout, for each viewer."""
+"""Layout file for each viewer."""
