@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from dpr_lab.configs import sha256_of
-from dpr_lab.estimation.arm_motion import prescribed_arm, prescribed_inner
 from dpr_lab.progress import ImportProgress, OnImport, unwatched
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run, as_mounted
-from dpr_lab.setup import ArmMotion
+from dpr_lab.run import Run
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
-from dpr_lab.storage.reader import full_turns, load_run
+from dpr_lab.storage.reader import load_run, run_of
+from dpr_lab.storage.samples import Gathered, Samples
+from dpr_lab.storage.scan import Scan
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.understand import Understood, understand
 from dpr_lab.storage.whole_run import whole_run
@@ -50,7 +50,7 @@ def import_csv(
     swing = understand(file, rig, options, on_progress or unwatched)
     path = Path(file)
     if out is None:
-        run = run_of(path, rig, swing)
+        run = _in_memory(path, swing, _metadata(path, rig, swing))
         return replace(run, sha256=run.readings_sha256)
     write_run(path, rig, swing, out, on_progress or unwatched)
     return load_run(out)
@@ -64,8 +64,9 @@ def write_run(
     Raises:
         RunError: the file cannot be written, or the motion of the arm cannot be prescribed.
     """
-    run_of(path, rig, swing)  # checked before the file is created
-    with whole_run(out, _metadata(path, rig, swing)) as writer:
+    metadata = _metadata(path, rig, swing)
+    _in_memory(path, swing, metadata)  # checked before the file is created
+    with whole_run(out, metadata) as writer:
         rows = len(swing.theta)
         for start in range(0, rows, block):
             part = slice(start, start + block)
@@ -110,42 +111,24 @@ def table_name(path: Path) -> str:
     return Path(path.stem).stem if path.suffix.lower() == ".gz" else path.stem
 
 
-def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
-    """Create the run from an interpreted table."""
-    options, (kind, torques), (_, commanded) = swing.options, *[*swing.torques.items(), ("", None), ("", None)][:2]
-    t, arm_input = swing.t, None
-    if options.arm == "driven":
-        assert torques is not None
-        torques, commanded, arm_input = None, None, torques[:, 0]
-    theta = swing.theta - full_turns(rig, options.pose, t, swing.theta)
-    return Run(
-        name=table_name(path),
-        t=t,
-        theta=as_mounted(np.ascontiguousarray(theta), rig.rods.mounting, str(path)),
-        mounting=rig.rods.mounting,
-        counts=swing.counts,
-        torques=torques,
-        torque_kind=kind,
-        commanded=commanded,
-        input_delay_s=options.input_delay_s,
-        continuous=options.intersample == "continuous",
-        arm=_arm(path, rig, swing) if options.arm == "prescribed" else None,
-        arm_mode=options.arm or rig.arm.mode,
-        inner=prescribed_inner(t, theta[:, 1], str(path)) if options.inner == "prescribed" else None,
-        arm_input=arm_input,
-        pose=options.pose,
-        rig_name=rig.name,
-        rig_sha256=rig.sha256,
-        rate_hz=swing.rate_hz,
-        recorded_utc=swing.recorded_at,
-        keep_rest=options.keep_rest,
-        arm_read="theta0" in swing.columns,
-        film_noise=swing.film_noise,
-        at_edges=swing.at_edges,
-        notes=swing.remarks,
+def _in_memory(path: Path, swing: Understood, metadata: RunMetadata) -> Run:
+    """Create the run that a run file with an interpreted table would contain."""
+    theta = swing.theta
+    if swing.options.arm == "prescribed" and "theta0" not in swing.columns:
+        theta = np.where([True, False, False], np.nan, theta)  # `run_of` refuses an unknown angle
+    ticks = np.arange(len(theta))
+    samples = Samples(ticks, swing.since_first_s, theta, swing.counts, tuple(swing.torques.values()))
+    stored = Scan(
+        path=path,
+        size_bytes=0,
+        sha256="",
+        metadata=metadata,
+        rig_sha256=metadata.rig.sha256,
+        read=Gathered(_parts=[samples]),
+        summary=RunSummary(release_tick=swing.release, notes=swing.remarks),
+        stopped="",
+        samples_announced=None,
+        samples_counted=None,
+        damage="",
     )
-
-
-def _arm(path: Path, rig: Rig, swing: Understood) -> ArmMotion:
-    read = "theta0" in swing.columns
-    return prescribed_arm(swing.t, swing.theta[:, 0] if read else np.full(len(swing.t), np.nan), rig, str(path))
+    return replace(run_of(stored), name=table_name(path), file=None)

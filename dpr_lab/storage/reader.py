@@ -50,7 +50,12 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
         _check_hash(stored)
     if rig is not None:
         _check_rig(stored, rig)
-    samples = stored.samples()
+    return run_of(stored)
+
+
+def run_of(stored: Scan) -> Run:
+    """Convert the content of a run file, or of a table in memory, to a run; see `load_run` for the errors."""
+    samples, path = stored.samples(), str(stored.path)
     if not len(samples.ticks):
         raise RunError(f"{path}: contains no samples{_because(stored)}")
     t = _time(stored, samples)
@@ -73,16 +78,16 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     run = Run(
         name=stored.path.stem,
         t=t,
-        theta=as_mounted(theta, recorded_rig.rods.mounting, str(path)),
+        theta=as_mounted(np.ascontiguousarray(theta), recorded_rig.rods.mounting, path),
         mounting=recorded_rig.rods.mounting,
         counts=samples.counts,
         torques=torques,
         commanded=commanded,
         torque_kind=extra.get("torque_kind", extra.get("input_kind", "")) if driven else "",
         input_delay_s=_delay(stored),
-        arm=prescribed_arm(t, theta[:, 0], recorded_rig, str(path)) if mode == "prescribed" else None,
+        arm=prescribed_arm(t, theta[:, 0], recorded_rig, path) if mode == "prescribed" else None,
         arm_mode=mode,
-        inner=prescribed_inner(t, theta[:, 1], str(path)) if inner_mode(stored) == "prescribed" else None,
+        inner=prescribed_inner(t, theta[:, 1], path) if inner_mode(stored) == "prescribed" else None,
         arm_input=arm_input,
         commanded_input=commanded_input,
         pose=stored.metadata.pose,
