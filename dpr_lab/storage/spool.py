@@ -15,7 +15,7 @@ _ROW = np.dtype((np.int64, (1 + JOINTS,)))
 class Spool:
     """Ticks and counts in order of arrival, in an unnamed temporary file.
 
-    The file is deleted at the end of the context.
+    The file is deleted when it is closed.
 
     Args:
         folder: folder of the temporary file, which takes 32 bytes per sample
@@ -27,35 +27,24 @@ class Spool:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._used = 0
-        self._first_tick = self._last_tick = -1
+        self.first_tick = self.last_tick = -1
+        """Ticks of the first and the newest sample; -1 if there are no samples."""
         try:
             self._file = TemporaryFile(dir=folder, buffering=0)
         except OSError as error:
             raise self._full(error) from error
 
-    def __enter__(self) -> "Spool":
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """Delete the file."""
         self._file.close()
 
     def __len__(self) -> int:
         return self._used
 
     @property
-    def first_tick(self) -> int:
-        """Tick of the first sample; -1 if there are no samples."""
-        return self._first_tick
-
-    @property
-    def last_tick(self) -> int:
-        """Tick of the newest sample; -1 if there are no samples."""
-        return self._last_tick
-
-    @property
     def missing(self) -> int:
         """Number of ticks between the first and the last sample that have no sample."""
-        return self._last_tick - self._first_tick + 1 - self._used if self._used else 0
+        return self.last_tick - self.first_tick + 1 - self._used if self._used else 0
 
     def extend(self, ticks: Integers, counts: Integers) -> None:
         """Append newer samples: ticks (n,) and position counts (n, 3)."""
@@ -67,8 +56,8 @@ class Spool:
         except OSError as error:
             raise self._full(error) from error
         if not self._used:
-            self._first_tick = int(ticks[0])
-        self._last_tick = int(ticks[-1])
+            self.first_tick = int(ticks[0])
+        self.last_tick = int(ticks[-1])
         self._used += len(ticks)
 
     def newest(self, count: int) -> tuple[Integers, Integers]:

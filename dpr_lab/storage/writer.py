@@ -12,7 +12,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from io import BufferedWriter
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -217,16 +216,14 @@ class RunWriter:
     def __enter__(self) -> "RunWriter":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if not self._open:
             return
-        if error is None or kind is None:
+        if error is None:
             self.abort("closed before the recording was finished")
             return
         with suppress(RunError):  # the pending exception is more informative than a second disk error
-            self.abort(f"{kind.__name__}: {error}")
+            self.abort(f"{type(error).__name__}: {error}")
 
     def _is_flood(self, kind: str) -> bool:
         """Count a message, and check whether its kind exceeds the limit until the next flush.

@@ -3,7 +3,6 @@
 import glob
 import os
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 
 from serial.tools import list_ports
@@ -64,9 +63,7 @@ def can_interfaces(root: Path = Path("/sys/class/net")) -> tuple[str, ...]:
 
 
 def can_backends() -> tuple[str, ...]:
-    """Return the names for `can://NAME/CHANNEL`; the result is empty if python-can is not installed."""
-    if find_spec("can") is None:
-        return ()
+    """Return the names for `can://NAME/CHANNEL`."""
     from can.interfaces import BACKENDS
 
     return tuple(sorted(BACKENDS))

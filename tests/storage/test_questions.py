@@ -16,7 +16,7 @@ from dpr_lab.storage.inspect import info
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.preview import preview
-from dpr_lab.storage.tables.torques import coarse_torques
+from dpr_lab.storage.tables.questions.torques import coarse_torques
 from dpr_lab.storage.writer import RunWriter
 from dpr_lab.workflows.events import ignore
 from dpr_lab.workflows.reading import read_runs
@@ -106,7 +106,7 @@ def test_torques_of_rows_that_are_far_apart_are_questioned(
     for name, coarse in (("driven/none", False), ("driven/every_tenth", True)):
         questions = preview(tables[name].write(tmp_path), paper, tables[name].options).questions
         assert any("do not show when such a change occurs" in question.sentence for question in questions) == coarse
-    assert coarse_torques(np.array([[0.0, 0.0], [1.0, 0.0]]), 0.1, "the input changes").startswith("the input changes")
+    assert coarse_torques(np.array([[0.0, 0.0], [1.0, 0.0]]), "the input changes").startswith("the input changes")
 
 
 AXES = ("theta1", "theta2")

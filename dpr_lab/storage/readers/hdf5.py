@@ -1,6 +1,6 @@
 """Read HDF5 files, including MATLAB files of version 7.3, which are HDF5."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -60,34 +60,24 @@ def read_hdf5(path: Path, take: Sequence[str]) -> Table:
     return table_of(path, KIND, arrays, take)
 
 
-def _objects(path: Path, file: Any) -> Iterator[tuple[str, Any]]:
-    """Yield each group and data set of a file once, together with its name.
+def _objects(path: Path, file: Any) -> list[tuple[str, Any]]:
+    """List each group and data set of a file once, together with its name.
 
-    Links to other files are not followed. Internal groups of MATLAB, whose names begin with `#`, are skipped.
+    Links to other files are not followed. Internal groups of MATLAB, whose names begin with `#`, are left out.
     """
-    import h5py
+    objects: list[tuple[str, Any]] = []
 
-    library: Any = h5py
-    met: set[int] = set()
-    waiting: list[tuple[str, Any, int]] = [("", file, 0)]
-    while waiting:
-        within, group, depth = waiting.pop()
-        if depth > LIMITS.depth or len(met) + len(group) > LIMITS.objects:
+    def add(name: str, held: Any) -> None:
+        if len(objects) > LIMITS.objects or name.count("/") > LIMITS.depth:
             raise RunError(
                 f"{path}: contains groups in more than {LIMITS.depth} levels or more than {LIMITS.objects:,} data"
                 " sets, which is too much for a recording: copy the columns of one recording into a new file"
             )
-        for key in group:
-            if key.startswith("#") or not isinstance(group.get(key, getlink=True), h5py.HardLink):
-                continue
-            held, name = group[key], f"{within}{key}"
-            address = library.h5o.get_info(held.id).addr
-            if address in met:
-                continue
-            met.add(address)
-            yield name, held
-            if isinstance(held, h5py.Group):
-                waiting.append((f"{name}/", held, depth + 1))
+        if not any(part.startswith("#") for part in name.split("/")):
+            objects.append((name, held))
+
+    file.visititems(add)
+    return objects
 
 
 def _text(value: Any) -> str:

@@ -25,7 +25,7 @@ def rows_of_angles(table: Table, angles: Sequence[str]) -> Table:
     Raises:
         RunError: no row contains all angles, although each angle has values.
     """
-    known = {name: np.isfinite(column) for name, column in zip(table.names, table.values, strict=True)}
+    known = {name: np.isfinite(column) for name, column in table.columns}
     present = np.stack([known[name] for name in angles])
     measured = present.any(axis=0)
     if present.any(axis=1).all() and not present.all(axis=0).any():

@@ -238,19 +238,15 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
                 f"{axis}: in {counted(int(length.wrong.sum()), 'frame')} the length of the rod is wrong, so the"
                 " tracker followed another object: these readings are excluded"
             )
-    notes += [
-        f"{axis}: noise {length.std:.2g} rad, from the scatter of the rod's length in the picture"
-        for axis, length in zip(axes, lengths, strict=True)
-    ]
-    notes += [
-        f"the length of the rod of {axis} in the picture changes by {percent(length.varies)} with the pose: the"
-        " camera does not look along the joint axes"
-        for axis, length in zip(axes, lengths, strict=True)
-        if length.varies
-    ]
+        notes.append(f"{axis}: noise {length.std:.2g} rad, from the scatter of the rod's length in the picture")
+        if length.varies:
+            notes.append(
+                f"the length of the rod of {axis} in the picture changes by {percent(length.varies)} with the pose: the"
+                " camera does not look along the joint axes"
+            )
     std = tuple(length.std for length in lengths)
     time = next((name for name in table.names if is_time(name)), "")
-    running = (name for name, column in zip(table.names, table.values, strict=True) if runs(column))
+    running = (name for name, column in table.columns if runs(column))
     clocks = {"t": time} if time else {name: name for name in running}
     columns = [table.values[table.names.index(name)] for name in clocks.values()] + angles
     return replace(

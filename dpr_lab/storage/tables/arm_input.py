@@ -206,7 +206,7 @@ def _columns_of(kind: str, names: Sequence[str]) -> dict[str, re.Match[str]]:
 
 
 def _matching(pattern: str, names: Sequence[str]) -> dict[str, re.Match[str]]:
-    matches = {name: re.fullmatch(pattern, re.sub(r"[\W_]+", "", name.lower())) for name in names}
+    matches = {name: re.fullmatch(pattern, bare(name)) for name in names}
     return {name: match for name, match in matches.items() if match is not None}
 
 
@@ -245,8 +245,7 @@ def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
     if mode != "free":
         return []
     words = "|".join(_NAMES[kind].split("|")[0] for kind in ("torque", "current", "voltage"))
-    pattern = re.compile(rf"{_KIND}(?:{words})0?{_KIND}")
-    unused = [name for name in names if pattern.fullmatch(re.sub(r"[\W_]+", "", name.lower()))]
+    unused = _matching(f"{_KIND}(?:{words})0?{_KIND}", names)
     return [f"column {name} is not used, because the arm is free; if it is driven, use --arm driven" for name in unused]
 
 
@@ -265,12 +264,10 @@ def cart_note(table: Table, used: Mapping[str, str], rig: Rig, options: ImportOp
     """
     if rig.rods.number != 1 or options.arm != "clamped" or options.unit not in _ANGLES or table.settled:
         return []
-    tracked = any(
-        _HEIGHT.fullmatch(bare(name)) and varies(column) for name, column in zip(table.names, table.values, strict=True)
-    )
+    tracked = any(_HEIGHT.fullmatch(bare(name)) and varies(column) for name, column in table.columns)
     free = {
         name: match
-        for name, column in zip(table.names, table.values, strict=True)
+        for name, column in table.columns
         if name not in used.values() and varies(column) and not (tracked and bare(name).startswith("x"))
         for pattern in (_CART, _PLACE)
         if (match := pattern.fullmatch(bare(name)))

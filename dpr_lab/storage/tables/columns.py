@@ -83,7 +83,7 @@ def counter(table: Table) -> str:
 
     The text is empty if there is no such column.
     """
-    for name, column in zip(table.names, table.values, strict=True):
+    for name, column in table.columns:
         steps = np.diff(column)
         if _COUNTER.fullmatch(bare(name)) and len(steps) and (steps == np.rint(steps)).all() and steps.min() > 0:
             return name
@@ -183,7 +183,7 @@ def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tu
     given, notes = clock | dict(given), table.notes
     given |= {} if {"theta0", "theta1"} & set(given) else _on_arm(table.names)
     alone = [name for name in table.names if _ONE_ROD.fullmatch(bare(name))]
-    moving = {name for name, column in zip(table.names, table.values, strict=True) if varies(column)}
+    moving = {name for name, column in table.columns if varies(column)}
     places = {name for name in alone if _PLACE.fullmatch(bare(name))}
     letters = {name for name in alone if len(bare(name)) == 1}  # a single letter such as `Q` may denote an input
     for unlikely in (places, set(alone) - moving, letters):
@@ -230,7 +230,7 @@ def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
     only_two = bool(clock) and len(table.names) == 2  # the angle of a rod that falls over also increases steadily
     varying = [
         name
-        for name, column in zip(table.names, table.values, strict=True)
+        for name, column in table.columns
         if name not in given.values() and not is_time(name) and not _ERROR.fullmatch(bare(name))
         if (only_two or not runs(column)) and varies(column)
     ]

@@ -170,37 +170,27 @@ def _unpacked(packed: BinaryIO, path: Path, limits: TableLimits) -> BinaryIO:
 def _coding(path: Path, limits: TableLimits) -> str:
     """Determine the character encoding of a text file from the complete file.
 
+    Spreadsheets write UTF-16 as "Unicode text".
+
     Raises:
         RunError: the file is empty or not text.
     """
-    if _is_utf16(path, limits):
-        return "utf-16"
-    decoder, something, utf8 = codecs.getincrementaldecoder("utf-8-sig")(), False, True
-    with path.open("rb") as packed, _unpacked(packed, path, limits) as file:
-        while block := file.read(limits.block_bytes):
-            something = something or bool(block.strip())
-            if len(block.translate(None, _CONTROL)) != len(block):
-                raise RunError(f"{path}: {_no_text(path, compressed=file is not packed)}")
-            utf8 = utf8 and (block.isascii() or _decodes(decoder, block))
-        utf8 = utf8 and _decodes(decoder, b"", final=True)
-    if not something:
-        raise RunError(f"{path}: is empty")
-    return "utf-8-sig" if utf8 else "latin-1"  # only the degree sign in a header can be affected
-
-
-def _is_utf16(path: Path, limits: TableLimits) -> bool:
-    """Check whether a file begins with the mark of UTF-16 and can be decoded.
-
-    Spreadsheets write such files as "Unicode text".
-    """
-    decoder = codecs.getincrementaldecoder("utf-16")()
     with path.open("rb") as packed, _unpacked(packed, path, limits) as file:
         block = file.read(limits.block_bytes)
-        valid = block.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-        while block and valid:
-            valid = _decodes(decoder, block)
+        wide = block.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        coding = "utf-16" if wide else "utf-8-sig"
+        decoder, something, control, valid = codecs.getincrementaldecoder(coding)(), False, False, True
+        while block and (wide or not control):
+            something = something or bool(block.strip())
+            control = control or len(block.translate(None, _CONTROL)) != len(block)
+            valid = valid and ((block.isascii() and not wide) or _decodes(decoder, block))
             block = file.read(limits.block_bytes)
-    return valid and _decodes(decoder, b"", final=True)
+        valid = valid and _decodes(decoder, b"", final=True)
+        if control and not (wide and valid):
+            raise RunError(f"{path}: {_no_text(path, compressed=file is not packed)}")
+    if not something:
+        raise RunError(f"{path}: is empty")
+    return coding if valid else "latin-1"  # only the degree sign in a header can be affected
 
 
 def _no_text(path: Path, *, compressed: bool) -> str:

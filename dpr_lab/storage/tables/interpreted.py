@@ -1,16 +1,15 @@
 """Define a table with its interpretation, and the limits of the plausibility checks."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dpr_lab.arrays import Array
 from dpr_lab.estimation.held_rods import FreePart
 from dpr_lab.gap.screen.instants import even_instants
 from dpr_lab.rig import Rig
-from dpr_lab.storage.tables.angles import Values
+from dpr_lab.storage.tables.angles import Values, angles
 from dpr_lab.storage.tables.options import ImportOptions
-from dpr_lab.storage.tables.readings import ReadTable
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +78,7 @@ class TableQuestion:
     """Command-line options that correct the interpretation; empty if the correction is not certain."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class InterpretedTable:
     """A table and its interpretation."""
 
@@ -96,14 +95,17 @@ class InterpretedTable:
     part: FreePart
     torques: Array | None
     """(n, 2) known torques, N m; None for a free swing."""
-    arm_moves: bool
-    """Whether the motion of the arm is prescribed."""
     torque_columns: tuple[str, str]
     """Names of the columns that contain the torques of joints 1 and 2."""
     ignored: tuple[str, Array] | None
     """Kind and (n, 2) torques of the table that the options ignore, N m; None if no torques are ignored."""
     drive: str = ""
     """Sign in the table that an unknown torque drives the rods; empty if there is none."""
+
+    @property
+    def arm_moves(self) -> bool:
+        """Whether the motion of the arm is prescribed."""
+        return self.options.arm != "clamped"
 
     @property
     def free(self) -> bool:
@@ -130,14 +132,28 @@ class InterpretedTable:
         """Samples of the swing that are used in the energy test."""
         return slice(self.part.start, min(self.part.stop, self.part.start + SETTINGS.energy_rows))
 
-    def read(self) -> ReadTable:
-        """Return samples at the beginning of the swing with their interpretation.
+    def beginning(self) -> "InterpretedTable":
+        """Return the samples at the beginning of the swing.
 
         If the time stamps scatter around evenly spaced times, these times are used.
         """
         rows = self.looked_at
-        even = even_instants(self.t[rows], self.theta[rows, 1:])
-        values = {axis: column[rows] for axis, column in self.values.items()}
-        torques = None if self.torques is None else self.torques[rows]
-        t = self.t[rows] if even is None else even
-        return ReadTable(self.path, self.rig, self.options, self.columns, t, values, torques, bool(self.drive))
+        t, theta = self.t[rows], self.theta[rows]
+        even = even_instants(t, theta[:, 1:])
+        return replace(
+            self,
+            t=t if even is None else even,
+            theta=theta,
+            values={axis: column[rows] for axis, column in self.values.items()},
+            part=FreePart(0, 0, len(t)),
+            torques=None if self.torques is None else self.torques[rows],
+            ignored=None if self.ignored is None else (self.ignored[0], self.ignored[1][rows]),
+        )
+
+    def rods(self, values: Values, options: ImportOptions) -> Array:
+        """Return the absolute angles (n, 2) of the rods in an interpretation of the table, rad.
+
+        Both columns are equal for a single rod.
+        """
+        theta, _ = angles(values, options, self.rig, self.path)
+        return theta[:, [1, 1]] if self.rig.rods.mounted != "both" else theta[:, 1:]

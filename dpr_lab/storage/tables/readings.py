@@ -3,17 +3,15 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dpr_lab.arrays import Array
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, energy_zeros
 from dpr_lab.identification.misread.torque_balance import TorqueBalance, torque_balance
-from dpr_lab.rig import Rig
-from dpr_lab.storage.tables.angles import Values, angles
+from dpr_lab.storage.tables.angles import Values
 from dpr_lab.storage.tables.columns import AXES, TO_RADIANS, TO_SECONDS
+from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.options import ImportOptions
 
 
@@ -58,6 +56,7 @@ class ReadingSettings:
 
 READ = ReadingSettings()
 _MRAD = "the angles are in mrad"
+BROKEN = "the energy of the swing is not conserved, but it is"
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,51 +101,22 @@ class OtherReading:
         return replace(self, causes=causes, values={**self.values, **turned}, scale=signs, offset=offset)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ReadTable:
-    """Samples of a table and their interpretation."""
-
-    path: Path
-    rig: Rig
-    options: ImportOptions
-    columns: Mapping[str, str]
-    t: Array
-    """(n,) s."""
-    values: Values
-    torques: Array | None
-    """(n, 2) known torques, N m; None for a free swing."""
-    driven: bool = False
-    """Whether an unknown torque drives the rods, so that their energy does not determine the zeros."""
-
-    def rods(self, values: Values, options: ImportOptions) -> Array:
-        """Return the absolute angles (n, 2) of the rods in an interpretation, rad.
-
-        Both columns are equal for a single rod.
-        """
-        theta, _ = angles(values, options, self.rig, self.path)
-        return theta[:, [1, 1]] if self.rig.rods.mounted != "both" else theta[:, 1:]
-
-    def residual(self, other: OtherReading) -> float:
-        """Return the energy residual of an interpretation; infinite if the rods hardly move."""
-        rods = self.rods(other.values, other.options)
-        fit = energy_fit(self.t * other.time_factor, rods, self.torques, self.rig)
-        return np.inf if fit is None else fit.residual
-
-    def others(self) -> Iterator[OtherReading]:
-        """Yield all alternative interpretations that are tried."""
-        return other_readings(self.values, self.options, self.columns, self.rig)
+def energy_residual(read: InterpretedTable, other: OtherReading) -> float:
+    """Return the energy residual of an interpretation; infinite if the rods hardly move."""
+    fit = energy_fit(read.t * other.time_factor, read.rods(other.values, other.options), read.torques, read.rig)
+    return np.inf if fit is None else fit.residual
 
 
-def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
+def better_readings(fit: EnergyFit, read: InterpretedTable) -> list[OtherReading]:
     """List interpretations with a clearly smaller energy residual than `fit`, best first."""
     if fit.residual <= READ.right:
         return []
     tried: list[tuple[float, OtherReading]] = []
-    slower = [_slower(read.values, read.options, fit.time_scale)] if np.isfinite(fit.time_scale) else []
-    for reading in (*read.others(), *slower):
-        if (residual := read.residual(reading)) < min(READ.sure, fit.residual / READ.better):
+    slower = [_slower(read, fit.time_scale)] if np.isfinite(fit.time_scale) else []
+    for reading in (*other_readings(read), *slower):
+        if (residual := energy_residual(read, reading)) < min(READ.sure, fit.residual / READ.better):
             tried.append((residual, reading))
-    free = read.torques is None and not read.driven
+    free = read.torques is None and not read.drive
     if not tried and free and (moved := _as_counts(read) or _with_other_zeros(read)):
         return [moved]
     best = min((residual for residual, _ in tried), default=np.inf)
@@ -168,7 +138,17 @@ def fewest_changes(readings: Sequence[OtherReading]) -> list[OtherReading]:
     return [reading for reading in readings if len(reading.causes) == fewest]
 
 
-def _as_counts(read: ReadTable) -> OtherReading | None:
+def read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
+    """Warn about a contradiction, and name the interpretations without it.
+
+    `broken` describes the contradiction. If there is only one such interpretation, the warning contains its options as
+    the correction.
+    """
+    causes = "; or ".join(other.sentence for other in others)
+    return TableQuestion(f"with these options {broken} if {causes}", others[0].mend if len(others) == 1 else ())
+
+
+def _as_counts(read: InterpretedTable) -> OtherReading | None:
     """Interpret integers as encoder counts, possibly with other zeros.
 
     The result is None unless the energy of a free swing is conserved in this interpretation.
@@ -190,7 +170,7 @@ def _conserves(fit: EnergyFit | None) -> bool:
     return fit is not None and fit.residual <= READ.right / READ.alike
 
 
-def _with_other_zeros(read: ReadTable) -> OtherReading | None:
+def _with_other_zeros(read: InterpretedTable) -> OtherReading | None:
     """Find other zeros that conserve the energy of a free swing, or return None."""
     rods = read.rods(read.values, read.options)
     added = energy_zeros(read.t, rods, read.rig)
@@ -199,7 +179,7 @@ def _with_other_zeros(read: ReadTable) -> OtherReading | None:
     return _with_zeros(read, added)
 
 
-def balanced_readings(read: ReadTable) -> list[OtherReading]:
+def balanced_readings(read: InterpretedTable) -> list[OtherReading]:
     """List interpretations with a clearly smaller residual of the torque balance, best first."""
 
     def balance(values: Values, options: ImportOptions) -> TorqueBalance | None:
@@ -212,7 +192,7 @@ def balanced_readings(read: ReadTable) -> list[OtherReading]:
     nearest = given.zeros(nearest=True)
     balancing = nearest if residual <= READ.near_balance else given.zeros()
     zeros = _with_zeros(read, _by_energy(read, balancing))
-    for reading in (*read.others(), *(() if read.driven else (zeros,))):
+    for reading in (*other_readings(read), *(() if read.drive else (zeros,))):
         other = None if reading.time_factor != 1 else balance(reading.values, reading.options)
         if other is not None:
             tried.append((other.residual(), reading))
@@ -224,12 +204,12 @@ def balanced_readings(read: ReadTable) -> list[OtherReading]:
     named = [reading for _, reading in alike if reading is not zeros] or [reading for _, reading in alike]
     if named:
         return fewest_changes(named)
-    far = np.abs(nearest).max() >= READ.wrong_zero_rad and not read.driven
+    far = np.abs(nearest).max() >= READ.wrong_zero_rad and not read.drive
     far = far and given.residual(nearest) <= min(READ.sure_balance, residual / READ.better_zero)
     return [_with_zeros(read, _by_energy(read, nearest))] if far else []
 
 
-def _by_energy(read: ReadTable, balancing: tuple[float, float]) -> tuple[float, float]:
+def _by_energy(read: InterpretedTable, balancing: tuple[float, float]) -> tuple[float, float]:
     """Replace zeros from the torque balance by nearby ones from the energy.
 
     This is done only for a single free rod. Friction that stops the rod or changes its sign shifts the zeros from the
@@ -244,7 +224,7 @@ def _by_energy(read: ReadTable, balancing: tuple[float, float]) -> tuple[float, 
     return added if _conserves(energy_fit(read.t, rods + added, None, read.rig)) else balancing
 
 
-def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
+def _with_zeros(read: InterpretedTable, added: ArrayLike) -> OtherReading:
     """Create an interpretation in which two offsets, rad, are added to the absolute angles.
 
     The offsets are stated by --zero, --offset or zero_counts.
@@ -254,8 +234,8 @@ def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
         from_pi = np.abs((np.asarray(added) % (2 * np.pi)) - np.pi)
         # The remaining difference is an error of the zero that a diagnosis names.
         if from_pi.max() < READ.wrong_zero_rad:
-            return _changed(values, options, read.columns, zero=True)
-        return with_zeros(values, options, added)
+            return _changed(read, zero=True)
+        return with_zeros(read, added)
     turned = (rig.encoders.joint_angles.of_rods(added) + np.pi) % (2 * np.pi) - np.pi
     counts = np.round(turned / np.asarray(rig.radians_per_count)[1:])
     moved = {axis: values[axis] + count for axis, count in zip(AXES[1:], counts, strict=True)}
@@ -268,20 +248,20 @@ def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
     return OtherReading((cause,), (), {**values, **moved}, options)
 
 
-def with_zeros(values: Values, options: ImportOptions, added: ArrayLike, tolerance: float = 0.0) -> OtherReading:
+def with_zeros(read: InterpretedTable, added: ArrayLike, tolerance: float = 0.0) -> OtherReading:
     """Create an interpretation with two offsets added to the absolute angles.
 
     Small offsets are omitted.
 
     Args:
-        values: values of the table
-        options: options of the import
+        read: the table
         added: (2,) offsets, rad
         tolerance: largest difference, rad, for which an offset is replaced by the nearest usual zero error
     """
     turned = (np.asarray(added) + np.pi) % (2 * np.pi) - np.pi
     usual = np.round(turned / READ.usual_zero_rad) * READ.usual_zero_rad
     inner, outer = np.where(np.abs(turned - usual) <= tolerance, usual, turned).tolist()
+    values, options = read.values, read.options
     unit = TO_RADIANS[options.unit or "rad"]
     columns = (inner, (outer - inner + np.pi) % (2 * np.pi) - np.pi if options.angles == "relative" else outer)
     digits = 1 if options.unit == "deg" else 3
@@ -303,20 +283,19 @@ def _per_rod(option: str, value: Mapping[str, float], neutral: float) -> tuple[s
     )
 
 
-def other_readings(
-    values: Values, options: ImportOptions, columns: Mapping[str, str], rig: Rig
-) -> Iterator[OtherReading]:
+def other_readings(read: InterpretedTable) -> Iterator[OtherReading]:
     """Yield interpretations with another zero, reference, sign, order, unit or scale."""
-    counted, both_rods = options.unit == "counts", rig.rods.mounting == "both"
+    values, options = read.values, read.options
+    counted, both_rods = options.unit == "counts", read.rig.rods.mounting == "both"
     zeros = (False,) if counted else (False, True)
     references = (False,) if counted or not both_rods else (False, True)
     of_joints = (False, True) if both_rods else (False,)
     for zero, reference, sign, swap in product(zeros, references, of_joints, of_joints):
         if zero or reference or sign or swap:
-            yield _changed(values, options, columns, zero=zero, reference=reference, sign=sign, swap=swap)
+            yield _changed(read, zero=zero, reference=reference, sign=sign, swap=swap)
     for unit, (zero, reference) in product(() if counted else ("rad", "deg"), product(zeros, references)):
         if unit != options.unit:
-            other = _changed(values, options, columns, zero=zero, reference=reference)
+            other = _changed(read, zero=zero, reference=reference)
             yield replace(
                 other,
                 causes=(f"the angles are in {unit}", *other.causes),
@@ -324,19 +303,20 @@ def other_readings(
                 options=replace(other.options, unit=unit),
             )
     if options.unit in (None, "rad"):
-        milli = {**values, **{axis: values[axis] / 1000 for axis in AXES[1:]}}
+        milli = replace(read, values={**values, **{axis: values[axis] / 1000 for axis in AXES[1:]}})
         for zero, reference in product(zeros, references):
-            other = _changed(milli, options, columns, zero=zero, reference=reference)
+            other = _changed(milli, zero=zero, reference=reference)
             yield replace(other, causes=(_MRAD, *other.causes), scale=(1e-3, 1e-3))
-    yield from _scaled(values, options, rig)
+    yield from _scaled(read)
     for unit in TO_SECONDS if options.rate_hz is None else ():
         factor = TO_SECONDS[unit] / TO_SECONDS[options.time_unit or "s"]
         if factor != 1:
             yield OtherReading((f"the times are in {unit}",), ("--time-unit", unit), values, options, factor)
 
 
-def _scaled(values: Values, options: ImportOptions, rig: Rig) -> Iterator[OtherReading]:
+def _scaled(read: InterpretedTable) -> Iterator[OtherReading]:
     """Yield interpretations in which the readings of one or both rods are halved or doubled."""
+    values, options, rig = read.values, read.options, read.rig
     counted = options.unit == "counts"
     zeros = rig.encoders.zero_counts[1:] if counted else (0.0, 0.0)
     relative = rig.encoders.joint2 == "relative" if counted else options.angles == "relative"
@@ -356,33 +336,27 @@ def _scaled(values: Values, options: ImportOptions, rig: Rig) -> Iterator[OtherR
         yield OtherReading((cause,), (), {**values, **turned}, options, scale=scale)
 
 
-def _slower(values: Values, options: ImportOptions, factor: float) -> OtherReading:
+def _slower(read: InterpretedTable, factor: float) -> OtherReading:
     """Create an interpretation in which the times of the table are multiplied by a factor."""
-    if options.rate_hz is not None:
-        cause = f"the rate is about {options.rate_hz / factor:.3g} Hz (--rate-hz)"
+    if read.options.rate_hz is not None:
+        cause = f"the rate is about {read.options.rate_hz / factor:.3g} Hz (--rate-hz)"
     else:
         cause = (
             f"one second of the table is about {factor:.3g} s: wrong clock of the logger, or use a rate"
             f" instead of the times (--rate-hz)"
         )
-    return OtherReading((cause,), (), values, options, factor)
+    return OtherReading((cause,), (), read.values, read.options, factor)
 
 
 def _changed(
-    values: Values,
-    options: ImportOptions,
-    columns: Mapping[str, str],
-    *,
-    zero: bool = False,
-    reference: bool = False,
-    sign: bool = False,
-    swap: bool = False,
+    read: InterpretedTable, *, zero: bool = False, reference: bool = False, sign: bool = False, swap: bool = False
 ) -> OtherReading:
-    causes, words, changed = [], [], dict(values)
+    causes, words, changed, options = [], [], dict(read.values), read.options
     if swap:
-        changed |= {"theta1": values["theta2"], "theta2": values["theta1"]}
+        changed |= {"theta1": changed["theta2"], "theta2": changed["theta1"]}
         causes.append("the columns of the two rods are exchanged")
-        words += ["--columns", f"theta1={columns.get('theta2', 'NAME')},theta2={columns.get('theta1', 'NAME')}"]
+        inner, outer = (read.columns.get(axis, "NAME") for axis in ("theta2", "theta1"))
+        words += ["--columns", f"theta1={inner},theta2={outer}"]
     if zero:
         options = replace(options, zero="upright" if options.zero == "hanging" else "hanging")
         causes.append(f"the angles are zero where the rods {'hang' if options.zero == 'hanging' else 'stand upright'}")

@@ -2,7 +2,7 @@
 
 import re
 from array import array
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime, time
@@ -70,6 +70,11 @@ class Table:
     midnights: Mapping[str, float] = field(default_factory=dict)
     """Zero of each column of times with dates, s since 1970; times without a zone are local times."""
 
+    @property
+    def columns(self) -> Iterator[tuple[str, Array]]:
+        """Name and values (n,) of each column."""
+        return zip(self.names, self.values, strict=True)
+
     def column(self, name: str) -> Array:
         """Return the values (n,) of one column; missing values are NaN.
 
@@ -87,7 +92,7 @@ class Table:
 
 def without_copies(table: Table) -> Table:
     """Remove columns that repeat the name and values of an earlier column."""
-    columns = list(zip(table.names, table.values, strict=True))
+    columns = list(table.columns)
     places = [
         place
         for place, (name, values) in enumerate(columns)

@@ -1,21 +1,15 @@
-"""Find the columns of joint torques, and other interpretations of these columns."""
+"""Find the columns of joint torques."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
-from dpr_lab.identification.misread.balance import EnergyFit, energy_fit
-from dpr_lab.identification.misread.torque_balance import torque_balance
-from dpr_lab.rig import Rig
-from dpr_lab.shown import percent
 from dpr_lab.storage.tables.columns import JOINT_NAMES
 from dpr_lab.storage.tables.options import ImportOptions
-from dpr_lab.storage.tables.readings import READ
 from dpr_lab.storage.tables.table import Table, bare
 from dpr_lab.storage.tables.time_stamps import varies
 
@@ -31,8 +25,6 @@ _UNITS = {"nm": 1.0, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2}
 _NAME = re.compile(
     "(?:tau|torque|trq|effort){kind}([12])?{kind}({unit})?".format(kind=f"({'|'.join(_KINDS)})?", unit="|".join(_UNITS))
 )
-_FACTORS = (1e-3, 1e-2, 1e3)
-"""Factors of other common units of torque relative to N m: mN m, N cm, kN m."""
 
 _OF_JOINT = [
     (re.compile(f"({joint})(?P<kind>.*?)(?P<torque>tau|torque|trq|effort)"), rf"\g<torque>\g<kind>{number}")
@@ -168,120 +160,7 @@ def held_torque(t: Array, torque: Array, rows: NDArray[np.intp]) -> Array:
     return mean
 
 
-@dataclass(frozen=True, slots=True)
-class OtherTorques:
-    """Another interpretation of the torques of a table."""
-
-    cause: str
-    """Description of the difference from the given interpretation."""
-    torques: Array
-    """(n, 2) N m."""
-    words: tuple[str, ...]
-    """Command-line options that select this interpretation."""
-
-
-def other_torques(
-    torques: Array | None, pair: tuple[str, str], scale: Mapping[str, float], ignored: tuple[str, Array] | None
-) -> Iterator[OtherTorques]:
-    """Yield other interpretations of the torques: signs, units, exchanged or ignored torques.
-
-    Args:
-        torques: (n, 2) as interpreted, N m; None for a free swing
-        pair: names of the columns of the torques
-        scale: factors of the option `--scale`
-        ignored: kind and (n, 2) torques that the options ignore, N m; None if no torques are ignored
-    """
-    if ignored is not None:
-        cause = "the torques of the table act, which --torque none ignores"
-        yield OtherTorques(cause, ignored[1], ("--torque", ignored[0]))
-    if torques is None:
-        return
-    signs = {"torque 2 has the opposite sign": (1, -1), "torque 1 has the opposite sign": (-1, 1)}
-    signs["both torques have the opposite sign"] = (-1, -1)
-    units = {f"the torques must be multiplied by {factor:g} to be in N m": (factor, factor) for factor in _FACTORS}
-    for cause, factors in (signs | units).items():
-        scaled = {**scale, **{j: scale.get(j, 1.0) * factor for j, factor in zip(JOINTS, factors, strict=True)}}
-        words = ",".join(f"{name}={factor:g}" for name, factor in scaled.items() if factor != 1.0)
-        yield OtherTorques(cause, torques * factors, ("--scale", words or "1"))
-    if PASSIVE not in pair:
-        words = ("--columns", f"tau1={pair[1]},tau2={pair[0]}")
-        yield OtherTorques("the columns of the two torques are exchanged", torques[:, ::-1], words)
-
-
-def better_torques(
-    fit: EnergyFit, t: Array, rods: Array, others: Sequence[OtherTorques], rig: Rig
-) -> OtherTorques | None:
-    """Find the interpretation of the torques with a clearly smaller energy residual than `fit`.
-
-    The result is None if there is none.
-
-    Args:
-        fit: energy balance of the given interpretation
-        t: (n,) times, s
-        rods: (n, 2) absolute angles, rad
-        others: other interpretations
-        rig: the recorded rig
-    """
-    fits = [(energy_fit(t, rods, other.torques, rig), other) for other in others]
-    residuals = [(refitted.residual, other) for refitted, other in fits if refitted is not None]
-    residual, best = min(residuals, key=lambda pair: pair[0], default=(np.inf, None))
-    return best if residual < min(READ.sure, fit.residual / READ.better) else None
-
-
-def coarse_torques(torques: Array, limit: float, words: str) -> str:
-    """Warn if torques or an input change too much from row to row.
-
-    Otherwise return an empty text.
-
-    Args:
-        torques: (n, 2) from the release on, N m
-        limit: maximum median change between rows, relative to the range
-        words: subject and verb of the sentence
-    """
-    changes, ranges = np.median(np.abs(np.diff(torques, axis=0)), axis=0), np.ptp(torques, axis=0)
-    share = float(np.max(changes / np.maximum(ranges, np.finfo(float).tiny)))
-    if share <= limit:
-        return ""
-    return (
-        f"{words} by {percent(share)} of the range from row to row. The rows do not show when such a change occurs,"
-        " and a"
-        " diagnosis may name a delay of the input: export the table at the rate of the controller"
-    )
-
-
 def set_point(table: Table) -> str:
     """Name a varying column of controller set points, or return an empty text."""
-    columns = zip(table.names, table.values, strict=True)
-    name = next((name for name, column in columns if _SET_POINT.search(name) and varies(column)), "")
+    name = next((name for name, column in table.columns if _SET_POINT.search(name) and varies(column)), "")
     return name and f"column {name} is the set point of a controller, which drives the rods"
-
-
-def idle_torques(
-    t: Array, rods: Array, torques: Array | None, pair: tuple[str, str], rig: Rig, limits: tuple[float, float]
-) -> str:
-    """Warn about torques above gravity that do not seem to act.
-
-    Otherwise return an empty text.
-
-    Args:
-        t: (n,) times, s
-        rods: (n, 2) absolute angles, rad
-        torques: (n, 2) torques in the given interpretation, N m
-        pair: names of the columns of the torques
-        rig: the recorded rig
-        limits: smallest residual of the torque balance, relative to gravity, for which the torques may not act at all;
-            largest ratio of the residual without torques to this residual, for which they probably do not act
-    """
-    acting, idle = (torque_balance(t, rods, acting, rig) for acting in (torques, None))
-    if torques is None or acting is None or idle is None:
-        return ""
-    residual = acting.residual()
-    if not residual > limits[0] or idle.residual() > limits[1] * residual:
-        return ""
-    joint = int(np.argmax(np.abs(torques).max(axis=0)))
-    most, name = float(np.abs(torques[:, joint]).max()), JOINTS[joint]
-    return (
-        f"the torque {pair[joint]!r} reaches {most:.3g} N m, {most / acting.gravity[joint]:.2g} times the largest"
-        f" torque of gravity on the rod, but the motion agrees better with no torque: check its unit (--scale"
-        f" {name}=...) and its column (--columns {name}=...), or ignore it (--torque none)"
-    )

@@ -106,11 +106,7 @@ def understand(
     path = Path(file)
     table, given = _read(path, rig, options, on_progress)
     columns = find_columns(table, given, options.unit, options.time_unit, options.rate_hz)
-    recorded = [
-        name
-        for name, column in zip(table.names, table.values, strict=True)
-        if name != NO_ROD and not np.isnan(column).all()
-    ]
+    recorded = [name for name, column in table.columns if name != NO_ROD and not np.isnan(column).all()]
     table = rows_of_angles(table, [name for axis, name in columns.names.items() if axis != "t" and name != NO_ROD])
     options = replace(options, unit=columns.unit, time_unit=columns.time_unit)
     options = stated_arm(rig, options, path, columns.names)
@@ -217,14 +213,14 @@ def _understood(
     wraps = [] if counts is not None or options.wrap else wrap_notes(in_radians(read.values, options))
     notes += wraps + gap_notes(time)
     origin = float(read.t[np.isfinite(read.t)][0])
-    driven, arm = next(iter(read.torques.values()), None), options.arm != "clamped"
+    driven = next(iter(read.torques.values()), None)
     mounted = as_mounted(theta, rig.rods.mounting, str(path))
-    motion = RodMotion(time, mounted[:, 1:], driven, theta[:, 0] if arm else None, origin)
+    motion = RodMotion(time, mounted[:, 1:], driven, theta[:, 0] if options.arm != "clamped" else None, origin)
     whole = FreePart(0, 0, len(time))
     part = whole if options.keep_rest else free_part(motion, str(path))
     pair = next(iter(driving.values()), (PASSIVE, PASSIVE))
     table = InterpretedTable(
-        path, rig, options, read.columns, time, mounted, read.values, part, driven, arm, pair, read.ignored, read.drive
+        path, rig, options, read.columns, time, mounted, read.values, part, driven, pair, read.ignored, read.drive
     )
     doubts = questions(table)
     if not options.keep_rest:

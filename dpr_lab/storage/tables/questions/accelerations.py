@@ -13,15 +13,14 @@ from dpr_lab.shown import percent
 from dpr_lab.storage.tables.angles import angles
 from dpr_lab.storage.tables.columns import TO_RADIANS
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
-from dpr_lab.storage.tables.questions.energy import read_otherwise
-from dpr_lab.storage.tables.readings import balanced_readings
+from dpr_lab.storage.tables.readings import balanced_readings, read_otherwise
 
 
 def balance_questions(table: InterpretedTable) -> list[TableQuestion]:
     """Warn if other zeros, scales or signs agree better with the accelerations of the swing."""
     if table.prescribed:
         return []
-    others = balanced_readings(table.read())
+    others = balanced_readings(table.beginning())
     broken = "the accelerations do not follow from gravity and friction, but they do"
     return [read_otherwise(broken, others)] if others else []
 
@@ -33,7 +32,7 @@ def rig_questions(table: InterpretedTable) -> list[TableQuestion]:
     """
     if not table.free or table.ignored or table.rig.joints.geared:
         return []
-    read = table.read()
+    read = table.beginning()
     balance = torque_balance(read.t, read.rods(read.values, read.options), None, read.rig)
     if balance is None:
         return []
@@ -61,12 +60,10 @@ def unit_questions(table: InterpretedTable) -> list[TableQuestion]:
     unit = table.options.unit
     if not table.arm_moves or unit not in TO_RADIANS:
         return []
-    other, read = "rad" if unit == "deg" else "deg", table.read()
+    other, read = "rad" if unit == "deg" else "deg", table.beginning()
     factor = TO_RADIANS[other] / TO_RADIANS[unit]
     converted, _ = angles(read.values, replace(table.options, unit=other), table.rig, table.path)
-    balance, balance_converted = (
-        arm_balance(read.t, theta, table.rig) for theta in (table.theta[table.looked_at], converted)
-    )
+    balance, balance_converted = (arm_balance(read.t, theta, table.rig) for theta in (read.theta, converted))
     rods = wrong_unit(balance.residual, balance_converted.residual)
     arm = is_unit(balance.arm_scale, factor) or (rods and not is_unit(balance_converted.arm_scale, 1.0 / factor))
     if not (arm or rods):

@@ -8,7 +8,6 @@ import numpy as np
 
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.balance import (
-    EnergyFit,
     energy_fit,
     energy_zeros,
     other_pace,
@@ -20,8 +19,17 @@ from dpr_lab.storage.tables.columns import TO_SECONDS
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.questions.pose import as_posed
-from dpr_lab.storage.tables.readings import READ, OtherReading, ReadTable, better_readings, with_zeros
-from dpr_lab.storage.tables.torques import better_torques, other_torques
+from dpr_lab.storage.tables.questions.torques import better_torques
+from dpr_lab.storage.tables.readings import (
+    BROKEN,
+    READ,
+    OtherReading,
+    better_readings,
+    energy_residual,
+    other_readings,
+    read_otherwise,
+    with_zeros,
+)
 
 
 def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list[OtherReading]]:
@@ -30,16 +38,16 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
     Returns:
         the warnings, and the interpretations in which the energy is conserved better
     """
-    looked_at, read = table.looked_at, table.read()
-    fit = energy_fit(read.t, table.theta[looked_at, 1:], read.torques, table.rig)
+    read = table.beginning()
+    fit = energy_fit(read.t, read.theta[:, 1:], read.torques, table.rig)
     residual, others = math.nan, []
     if fit is not None and not table.prescribed:
         residual = fit.residual
         others = better_readings(fit, read)
         if others and all(other.scale != (1.0, 1.0) for other in others):
-            others += [other for other in _turned(read) if read.residual(other) < READ.sure]
-        if not others and (doubt := _torque_question(table, fit, looked_at)):
-            return [doubt], []
+            others += [other for other in _turned(read) if energy_residual(read, other) < READ.sure]
+        if not others and (doubts := better_torques(fit, read)):
+            return doubts, []
     if fit is not None and not others and table.options.inner != "prescribed":
         _refuse_unit_of_time(table, fit.kinetic_scale)
     for other in others:
@@ -47,14 +55,14 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
             raise RunError(_unit_of_time(table, other.mend[1]))
     if others:
         others = [as_posed(table, other) for other in others]
-        return [read_otherwise("the energy of the swing is not conserved, but it is", others)], others
+        return [read_otherwise(BROKEN, others)], others
     doubts = []
     unexplained = SETTINGS.unexplained[table.torques is not None]
     if residual > unexplained:
-        residual = residual_near(read.t, table.theta[looked_at, 1:], read.torques, table.rig)
+        residual = residual_near(read.t, read.theta[:, 1:], read.torques, table.rig)
     if residual > unexplained:
         share, rate = f"{percent(residual)} of" if residual < 1 else "more than", table.options.rate_hz
-        pace = other_pace(read.t, table.theta[looked_at, 1:], table.rig) if rate and table.free else 1.0
+        pace = other_pace(read.t, read.theta[:, 1:], table.rig) if rate and table.free else 1.0
         filmed = (
             f"; much less with --rate-hz {rate * pace:g}: was this the frame rate of the camera?"
             if rate and pace != 1.0
@@ -85,15 +93,15 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
     return [TableQuestion(note) for note in odd] + doubts, []
 
 
-def _nearest(read: ReadTable, residual: float) -> str:
+def _nearest(read: InterpretedTable, residual: float) -> str:
     """Name the interpretation with by far the smallest change of energy.
 
     The text is the end of a sentence. This interpretation is not proposed as a correction, because the energy changes
     in it as well. The text is empty if there is no such interpretation.
     """
     turned = _turned(read)
-    others = [other for other in read.others() if other.mend and (not turned or other.scale == (1.0, 1.0))] + turned
-    fits = sorted(((read.residual(other), other.sentence) for other in others), key=lambda pair: pair[0])
+    others = (other for other in other_readings(read) if other.mend and (not turned or other.scale == (1.0, 1.0)))
+    fits = sorted((energy_residual(read, other), other.sentence) for other in (*others, *turned))
     tried = [(unbalance, sentence) for unbalance, sentence in fits if math.isfinite(unbalance)]
     lead, most = SETTINGS.nearest
     if not tried or tried[0][0] > min(
@@ -123,47 +131,20 @@ def _explained_part(table: InterpretedTable) -> str:
     return ""
 
 
-def _turned(read: ReadTable) -> list[OtherReading]:
+def _turned(read: InterpretedTable) -> list[OtherReading]:
     """Interpret the hanging position of a free rod as an unusual angle.
 
     An unusual angle is neither 0 nor half a turn. The list is empty if there is no such interpretation. If the rod
     hangs at 90 degrees of the table, the doubled angles also look like an energy-conserving swing about the hanging
     position.
     """
-    if read.torques is not None or read.driven or read.rig.rods.mounting == "both" or read.options.unit == "counts":
+    if read.torques is not None or read.drive or read.rig.rods.mounting == "both" or read.options.unit == "counts":
         return []
     added = energy_zeros(read.t, read.rods(read.values, read.options), read.rig)
     if added is None or abs(math.sin(added[0])) < math.sin(READ.wrong_zero_rad):
         return []
     cause = "a turned camera or a constant torque lets the rod hang at another angle of the table"
-    return [replace(with_zeros(read.values, read.options, added), causes=(cause,))]
-
-
-def read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
-    """Warn about a contradiction, and name the interpretations without it.
-
-    `broken` describes the contradiction. If there is only one such interpretation, the warning contains its options as
-    the correction.
-    """
-    causes = "; or ".join(other.sentence for other in others)
-    return TableQuestion(f"with these options {broken} if {causes}", others[0].mend if len(others) == 1 else ())
-
-
-def _torque_question(table: InterpretedTable, fit: EnergyFit, looked_at: slice) -> TableQuestion | None:
-    """Warn if the energy is conserved only with another interpretation of the torques.
-
-    Another interpretation has another sign, unit or order, or no torques. The result is None without a better one.
-    """
-    others = list(other_torques(table.torques, table.torque_columns, table.options.scale, table.ignored))
-    others = [replace(other, torques=other.torques[looked_at]) for other in others]
-    best = better_torques(fit, table.t[looked_at], table.theta[looked_at][:, 1:], others, table.rig)
-    if best is None:
-        return None
-    return TableQuestion(
-        f"with these options the energy of the swing is not conserved, but it is if {best.cause}"
-        f" ({' '.join(best.words)})",
-        best.words,
-    )
+    return [replace(with_zeros(read, added), causes=(cause,))]
 
 
 def _refuse_unit_of_time(table: InterpretedTable, scale: float) -> None:

@@ -7,7 +7,14 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
-from dpr_lab.storage.tables.readings import READ, OtherReading, fewest_changes, with_zeros
+from dpr_lab.storage.tables.readings import (
+    READ,
+    OtherReading,
+    energy_residual,
+    fewest_changes,
+    other_readings,
+    with_zeros,
+)
 
 
 def pose_questions(table: InterpretedTable) -> list[TableQuestion]:
@@ -48,11 +55,11 @@ def _readings_in_pose(table: InterpretedTable) -> list[OtherReading]:
 
     Only interpretations with the fewest changes are listed.
     """
-    read = table.read()
-    others, as_read = list(read.others()), OtherReading((), (), read.values, table.options)
+    read = table.beginning()
+    others, as_read = list(other_readings(read)), OtherReading((), (), read.values, table.options)
     candidates = [as_read.mirrored, *others, *(other.mirrored for other in others)]
     posed = [other for other in candidates if other.time_factor == 1 and _in_pose(table, other)]
-    residuals = [read.residual(other) for other in posed]
+    residuals = [energy_residual(read, other) for other in posed]
     limit = min(READ.right, READ.alike * min(residuals, default=0.0))
     return fewest_changes([other for other, residual in zip(posed, residuals, strict=True) if residual <= limit])
 
@@ -64,10 +71,10 @@ def _zeros_in_pose(table: InterpretedTable, added: Array) -> list[OtherReading]:
     """
     if table.options.unit == "counts" or table.options.pose is None:
         return []
-    read, tolerance = table.read(), table.rig.poses[table.options.pose].tolerance
-    other = with_zeros(read.values, table.options, added, tolerance)
-    worst = max(READ.right, read.residual(replace(other, values=read.values)))
-    return [other] if read.residual(other) <= worst else []
+    read, tolerance = table.beginning(), table.rig.poses[table.options.pose].tolerance
+    other = with_zeros(read, added, tolerance)
+    worst = max(READ.right, energy_residual(read, replace(other, values=read.values)))
+    return [other] if energy_residual(read, other) <= worst else []
 
 
 def as_posed(table: InterpretedTable, other: OtherReading) -> OtherReading:
@@ -81,7 +88,7 @@ def _in_pose(table: InterpretedTable, other: OtherReading) -> bool:
         return False
     pose = table.rig.poses[table.options.pose]
     released = {axis: column[:1] for axis, column in other.values.items()}
-    (rods,) = table.read().rods(released, other.options)
+    (rods,) = table.rods(released, other.options)
     return apart(rods, pose.theta[1:]) <= SETTINGS.pose[0] * pose.tolerance
 
 

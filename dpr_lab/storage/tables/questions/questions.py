@@ -16,7 +16,7 @@ from dpr_lab.storage.tables.questions.energy import energy_questions
 from dpr_lab.storage.tables.questions.joined import joined_questions
 from dpr_lab.storage.tables.questions.period import period_questions
 from dpr_lab.storage.tables.questions.pose import apart, pose_questions
-from dpr_lab.storage.tables.torques import coarse_torques, idle_torques
+from dpr_lab.storage.tables.questions.torques import torque_questions
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ def questions(table: InterpretedTable) -> list[TableQuestion]:
         return [*of_unit, *_few(table, t)]
     doubts, other = energy_questions(table)
     arm = _arm_questions(table, theta[:, 0])
-    few_rows = [*joined_questions(table), *_few(table, t), *_torque_doubts(table)]
+    few_rows = [*joined_questions(table), *_few(table, t), *torque_questions(table)]
     posed = [] if other else pose_questions(table)
     certain = other or posed or arm or any(doubt.mend for doubt in doubts)
     if not certain:
@@ -143,24 +143,6 @@ def _few(table: InterpretedTable, t: Array) -> list[TableQuestion]:
             )
         )
     return doubts
-
-
-def _torque_doubts(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about known torques with distant rows, or without influence on the rods.
-
-    The input of a driven arm does not act on the rods. For such an input, only the distance between the rows is
-    checked.
-    """
-    if table.torques is None:
-        return []
-    words = "the input of the arm changes" if table.arm_moves else "the torques change"
-    coarse = coarse_torques(table.torques[table.swing], SETTINGS.torque_step, words)
-    if table.arm_moves:
-        return [TableQuestion(coarse)] if coarse else []
-    read = table.read()
-    rods, columns = read.rods(read.values, read.options), table.torque_columns
-    idle = idle_torques(read.t, rods, read.torques, columns, read.rig, SETTINGS.idle)
-    return [TableQuestion(sentence) for sentence in (coarse, idle) if sentence]
 
 
 def _arm_questions(table: InterpretedTable, theta0: Array) -> list[TableQuestion]:
