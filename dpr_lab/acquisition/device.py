@@ -71,7 +71,7 @@ class Device:
         timing: DeviceTiming = DEVICE_TIMING,
     ) -> None:
         self._transport = transport
-        self._read_only, self._timing = read_only, timing
+        self._read_only, self.timing = read_only, timing
         self._software = leads_to_software(transport.url)
         self._session = HostSession(node)
         self._stream = SampleStream()
@@ -84,8 +84,10 @@ class Device:
         self._held: Row | None = None
         """The newest sample, delayed until the next sample arrives; discarded if the next sample contradicts it."""
         self._overruns, self._dropped = Counter(), Counter()
-        self._heard_at, self._stream_token = time.monotonic(), -1  # a repeated ACK of STREAM has the same token
-        self._clock = PingClock(timing, self._heard_at)
+        self.heard_at = time.monotonic()
+        """Time of the last sample or status, `time.monotonic()`, s."""
+        self._stream_token = -1  # a repeated ACK of STREAM has the same token
+        self._clock = PingClock(timing, self.heard_at)
         self._failure: Exception | None = None
         self._closing = threading.Event()
         self._lock = threading.RLock()
@@ -121,20 +123,10 @@ class Device:
         return self._session.status
 
     @property
-    def timing(self) -> DeviceTiming:
-        """Timing of the connection."""
-        return self._timing
-
-    @property
-    def heard_at(self) -> float:
-        """Time of the last sample or status, `time.monotonic()`, s."""
-        return self._heard_at
-
-    @property
     def silence_s(self) -> float:
         """Time without messages after which the device counts as lost, s."""
-        patience = self._timing.simulated_patience if self.simulated_time else 1.0
-        return self._timing.silence_s * patience
+        patience = self.timing.simulated_patience if self.simulated_time else 1.0
+        return self.timing.silence_s * patience
 
     def connect(self, timeout: float = 2.0) -> DeviceInfo:
         """Perform the handshake.
@@ -285,7 +277,7 @@ class Device:
         """Run the reader thread: convert received data to batches, and send keepalives and pings."""
         try:
             while not self._closing.is_set():
-                received = self._transport.receive(self._timing.read_s)
+                received = self._transport.receive(self.timing.read_s)
                 with self._lock:
                     self._take(received)
                     self._send_due(time.monotonic())
@@ -364,9 +356,9 @@ class Device:
         A device reports ten times per second. A device that was restarted only answers pings.
         """
         if heard or self._session.info is None:
-            self._heard_at = now
+            self.heard_at = now
             return
-        if now - self._heard_at > self.silence_s:
+        if now - self.heard_at > self.silence_s:
             raise DeviceLost(
                 f"{self.url}: neither sample nor status for {self.silence_s:g} s: check cable and power; the device"
                 " may have restarted"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dpr_lab.acquisition.rest import pose_error, rest_motion
+from dpr_lab.acquisition.rest import RodPair, pose_error, rest_motion
 from dpr_lab.acquisition.settings import QUALITY_LIMITS, QualityLimits
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import base_parameters
@@ -79,40 +79,27 @@ class JudgedRun:
     """Recording to be checked, with the data that the quality checks require."""
 
     run: Run
+    """Recording, whose time starts at the release."""
     rig: Rig
-    pose: Pose | None
-    duration: float
-    """Requested duration of the recording, s."""
-    hanging: tuple[float, float] | None
-    """Deviation of the hanging rods from the vertical before they were raised, rad."""
-    limits: QualityLimits
-    word: DeviceWord | None
+    duration: float = 0.0
+    """Requested duration of the recording, s; 0 for an open end."""
+    hanging: RodPair | None = None
+    """Deviation of the hanging rods from the vertical before they were raised, rad; None if not measured."""
+    limits: QualityLimits = QUALITY_LIMITS
+    word: DeviceWord | None = None
     """Information from the device; None for a table, or a run recorded without a device."""
 
+    @property
+    def pose(self) -> Pose | None:
+        """Requested pose; None if no pose was requested."""
+        return self.rig.poses.get(self.run.pose or "")
 
-def judge(
-    run: Run,
-    rig: Rig,
-    duration: float = 0.0,
-    hanging: tuple[float, float] | None = None,
-    limits: QualityLimits = QUALITY_LIMITS,
-    word: DeviceWord | None = None,
-) -> QualityReport:
+
+def judge(judged: JudgedRun) -> QualityReport:
     """Apply all quality checks to a recording.
 
-    Args:
-        run: the recording; its time starts at the release
-        rig: its rig, for the pose, the noise and the maximum speed
-        duration: requested duration, s; 0 for an open end
-        hanging: deviation of the hanging rods from the vertical before they were raised, rad; None if not measured
-        limits: limits of a good recording
-        word: information from the device during the recording; None without a device
-
-    Returns:
-        The report. Checks without data, such as the rest of an imported table, are omitted.
+    Checks without data, such as the rest of an imported table, are omitted from the report.
     """
-    pose = rig.poses.get(run.pose) if run.pose is not None else None
-    judged = JudgedRun(run, rig, pose, duration, hanging, limits, word)
     return QualityReport(tuple(check for question in CHECKS if (check := question(judged)) is not None))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from dpr_lab.acquisition.batch import Batch, arrays
 from dpr_lab.acquisition.device import Device
-from dpr_lab.acquisition.rest import arm_restless, elbow_error, pose_error, rest_motion
+from dpr_lab.acquisition.rest import RodAngles, RodPair, arm_restless, elbow_error, pose_error, rest_motion
 from dpr_lab.acquisition.settings import CaptureSettings
 from dpr_lab.arrays import Array
 from dpr_lab.errors import DeviceFault, LinkError, SafetyStop
@@ -25,9 +25,9 @@ HANGING = Pose(theta1=np.pi, theta2=np.pi)
 class PoseReading:
     """Angles of the rods while the operator places them."""
 
-    theta: tuple[float, float, float]
+    theta: RodAngles
     """Absolute angles, rad."""
-    error: tuple[float, float]
+    error: RodPair
     """Measured minus required angle of inner and outer rod without whole turns, rad."""
     tolerance: float
     ok: bool
@@ -37,9 +37,9 @@ class PoseReading:
 class RestReading:
     """Angles and residual motion of the held rods."""
 
-    theta: tuple[float, float, float]
+    theta: RodAngles
     """Newest absolute angles, rad."""
-    error: tuple[float, float]
+    error: RodPair
     """Measured minus required angle of inner and outer rod without whole turns, rad."""
     tolerance: float
     speed: float
@@ -58,7 +58,7 @@ class RestReading:
 class HangReading:
     """Deviation of the hanging rods before they are raised."""
 
-    error: tuple[float, float]
+    error: RodPair
     """Signed deviation of inner and outer rod from the vertical, rad."""
     ok: bool
     """Whether the deviation is within `QualityLimits.hang_error`. A larger deviation means that counts were lost or
@@ -135,9 +135,7 @@ def _raise_if_open(url: str, batches: Iterable[Batch]) -> None:
             )
 
 
-def look_at_hanging(
-    device: Device, rig: Rig, on_reading: OnReading, settings: CaptureSettings
-) -> tuple[float, float] | None:
+def look_at_hanging(device: Device, rig: Rig, on_reading: OnReading, settings: CaptureSettings) -> RodPair | None:
     """Return the deviation of the hanging rods from the vertical, rad.
 
     The result is None if the rods are not at rest with the latch open, or if a clamped elbow tilts them.
@@ -213,7 +211,7 @@ def _pose_reading(theta: Array, pose: Pose, rig: Rig) -> PoseReading:
     return PoseReading(angles, error, pose.tolerance, worst <= pose.tolerance)
 
 
-def _placed(theta: Array, pose: Pose) -> tuple[tuple[float, float, float], tuple[float, float]]:
+def _placed(theta: Array, pose: Pose) -> tuple[RodAngles, RodPair]:
     theta0, theta1, theta2 = theta.tolist()
     error1, error2 = pose_error(theta, pose).tolist()
     return (theta0, theta1, theta2), (error1, error2)

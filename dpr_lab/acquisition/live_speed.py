@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from dpr_lab.acquisition.rest import RodPair
 from dpr_lab.arrays import Array
 from dpr_lab.estimation.live_velocity import LIVE, VelocityFilter
 from dpr_lab.rig import Rig
@@ -27,7 +28,7 @@ class LiveSpeed:
         self._skipped = 0
         self._omega = (0.0, 0.0)
 
-    def after(self, t: Array, theta: Array) -> tuple[float, float]:
+    def after(self, t: Array, theta: Array) -> RodPair:
         """Return the speeds of inner and outer rod after new samples of the swing, rad/s.
 
         The speeds are unchanged if there are no new samples.

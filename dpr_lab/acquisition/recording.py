@@ -3,19 +3,17 @@
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
-from types import TracebackType
 
 import numpy as np
 
 from dpr_lab.acquisition.arrivals import Arrivals
 from dpr_lab.acquisition.batch import AnyRow, Batch, arrays, torques_of
-from dpr_lab.acquisition.gate import DeviceWord, QualityReport, judge
+from dpr_lab.acquisition.gate import DeviceWord, JudgedRun, QualityReport, judge
 from dpr_lab.acquisition.interrupts import unbroken
-from dpr_lab.acquisition.rest import pose_error
+from dpr_lab.acquisition.rest import RodAngles, RodPair, pose_error
 from dpr_lab.acquisition.settings import QUALITY_LIMITS, QualityLimits
 from dpr_lab.arrays import Array
 from dpr_lab.errors import DeviceFault
-from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.storage.metadata import RunSummary
 from dpr_lab.storage.spool import Spool
@@ -42,12 +40,13 @@ class Recording:
         writer: RunWriter,
         lost: Mapping[str, int],
         duration: float,
-        hanging: tuple[float, float] | None = None,
+        hanging: RodPair | None = None,
         limits: QualityLimits = QUALITY_LIMITS,
     ) -> None:
         self.release_tick: int | None = None
         self.samples = Spool(writer.path.parent)
         self._writer = writer
+        self.rig, self.rate_hz = writer.metadata.rig, writer.metadata.rate_hz
         self._hanging, self._limits = hanging, limits
         self._clock: dict[str, float] = {}
         self._clock_at = 0.0
@@ -68,20 +67,8 @@ class Recording:
     def __enter__(self) -> "Recording":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.samples.__exit__(kind, error, trace)
-
-    @property
-    def rig(self) -> Rig:
-        """Rig of the recording."""
-        return self._writer.metadata.rig
-
-    @property
-    def rate_hz(self) -> float:
-        """Nominal sample rate, Hz."""
-        return self._writer.metadata.rate_hz
+    def __exit__(self, *_: object) -> None:
+        self.samples.close()
 
     def expect_release(self) -> None:
         """Accept the release time that the device reports; call this just before RELEASE is sent."""
@@ -180,9 +167,9 @@ class Recording:
             and arrivals.arrival_margin_ppm < limits.clock_std_ppm
         )
 
-    @property
-    def _word(self) -> DeviceWord:
-        return DeviceWord(self._in_real_time, self._no_clock_fit, self._statuses, self._latched)
+    def _judged(self, run: Run, duration: float) -> QualityReport:
+        word = DeviceWord(self._in_real_time, self._no_clock_fit, self._statuses, self._latched)
+        return judge(JudgedRun(run, self.rig, duration, self._hanging, self._limits, word))
 
     def since(self, first: int) -> tuple[Array, Array]:
         """Return times since the release (n,), s, and angles (n, 3), rad, from sample `first` on."""
@@ -213,7 +200,7 @@ class Recording:
         return {**lost, "tick_gap": max(0, self.samples.missing - explained)}
 
     @property
-    def pose_measured(self) -> tuple[float, float, float] | None:
+    def pose_measured(self) -> RodAngles | None:
         """Mean angles just before the release without whole turns, rad.
 
         The value is None if there are no samples at rest, or if the recording has no pose.
@@ -255,7 +242,7 @@ class Recording:
         """Check the recording, add `notes` to the quality report, and complete the run file."""
         self.note_clock(*clock)
         notes = (*notes, *self._torque_notes(), *self._motor_notes())
-        report = judge(self.run(), self.rig, self._duration, self._hanging, self._limits, self._word)
+        report = self._judged(self.run(), self._duration)
         report = replace(report, notes=notes)
         with unbroken():
             self._writer.finish(self._summary(report))
@@ -291,9 +278,7 @@ class Recording:
         """Close the file as an incomplete run with a reason, unless it is finished."""
         if self._finished:
             return
-        has_samples = len(self.samples) > 0
-        cut = self.run(complete=False) if has_samples else None
-        report = judge(cut, self.rig, 0.0, self._hanging, self._limits, self._word) if cut is not None else None
+        report = self._judged(self.run(complete=False), 0.0) if len(self.samples) else None
         with unbroken():
             self._writer.abort(reason, self._summary(report))
 

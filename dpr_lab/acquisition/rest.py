@@ -7,6 +7,12 @@ from dpr_lab.arrays import Array
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Pose
 
+RodAngles = tuple[float, float, float]
+"""Absolute angles of arm, inner and outer rod, rad."""
+
+RodPair = tuple[float, float]
+"""One value for the inner and one for the outer rod."""
+
 
 def rest_motion(t: Array, theta: Array) -> tuple[float, float]:
     """Return the residual motion of held rods.

@@ -12,7 +12,7 @@ from dpr_lab.acquisition.gate import QualityReport
 from dpr_lab.acquisition.holding import RestWindow, raise_faults
 from dpr_lab.acquisition.live_speed import LiveSpeed
 from dpr_lab.acquisition.recording import Recording
-from dpr_lab.acquisition.rest import at_rest
+from dpr_lab.acquisition.rest import RodAngles, RodPair, at_rest
 from dpr_lab.acquisition.settings import CaptureSettings
 from dpr_lab.arrays import Array
 from dpr_lab.errors import DeviceLost, DprError, LinkError, RunError
@@ -37,9 +37,9 @@ class SwingReading:
 
     t: float
     """Time since the release, s."""
-    theta: tuple[float, float, float]
+    theta: RodAngles
     """Newest absolute angles, rad."""
-    omega: tuple[float, float]
+    omega: RodPair
     """Newest speeds of inner and outer rod from a Kalman filter, rad/s."""
     samples: int
     fresh: tuple[Array, Array]
@@ -59,7 +59,7 @@ class Captured:
     """Time from the release to the last sample, s."""
     lost: Mapping[str, int]
     """Number of samples lost, by cause (`dpr_lab.run.LOSS_CAUSES`)."""
-    pose_measured: tuple[float, float, float] | None
+    pose_measured: RodAngles | None
     """Absolute angles just before the release, rad."""
 
 
@@ -80,9 +80,7 @@ class SwingRecorder:
     on_progress: Callable[[Released | SwingReading], None]
     settings: CaptureSettings
 
-    def record(
-        self, path: Path, metadata: RunMetadata, rest: RestWindow, hanging: tuple[float, float] | None
-    ) -> Captured:
+    def record(self, path: Path, metadata: RunMetadata, rest: RestWindow, hanging: RodPair | None) -> Captured:
         """Release the rods, which must be at rest, and record their swing.
 
         Args:

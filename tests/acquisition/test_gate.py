@@ -1,10 +1,11 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from dpr_lab.acquisition.gate import CHECKS, DeviceWord, QualityReport, fastest_possible, judge
+from dpr_lab.acquisition.gate import CHECKS, DeviceWord, JudgedRun, QualityReport, fastest_possible, judge
 from dpr_lab.acquisition.rest import pose_error, rest_motion
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
@@ -36,12 +37,16 @@ def _run(rig: Rig, t: np.ndarray, counts: np.ndarray) -> Run:
     return Run("test", t, rig.theta(counts), counts, "X1", rig.name, rig.sha256, RATE_HZ, clock=clock)
 
 
+def judged(run: Run, rig: Rig, **options: Any) -> QualityReport:
+    return judge(JudgedRun(run, rig, **options))
+
+
 def _failed(verdict: QualityReport) -> list[str]:
     return [check.name for check in verdict.checks if not check.ok]
 
 
 def test_good_run_passes_every_check(good: Run, rig: Rig) -> None:
-    verdict = judge(good, rig, duration=5.0, hanging=(0.001, -0.002), word=WORD)
+    verdict = judged(good, rig, duration=5.0, hanging=(0.001, -0.002), word=WORD)
     assert len(verdict.checks) == len(CHECKS)
     assert verdict.ok
     assert verdict.sentence == "ok"
@@ -49,7 +54,7 @@ def test_good_run_passes_every_check(good: Run, rig: Rig) -> None:
 
 def test_whole_turns_do_not_count_as_pose_error(good: Run, rig: Rig) -> None:
     turned = good.counts + np.array([0, 3, -2]) * np.array(rig.encoders.counts_per_rev)
-    assert judge(_run(rig, good.t, turned), rig).ok
+    assert judged(_run(rig, good.t, turned), rig).ok
 
 
 @pytest.mark.parametrize(
@@ -59,7 +64,7 @@ def test_whole_turns_do_not_count_as_pose_error(good: Run, rig: Rig) -> None:
 def test_a_clock_error_beyond_any_crystal_degrades_the_run(
     good: Run, rig: Rig, rate: float, std: float, ok: bool
 ) -> None:
-    verdict = judge(replace(good, clock={"rate_ppm": rate, "rate_ppm_std": std}), rig, duration=5.0)
+    verdict = judged(replace(good, clock={"rate_ppm": rate, "rate_ppm_std": std}), rig, duration=5.0)
     assert verdict.ok == ok
     assert ok or "the device's clock runs" in verdict.sentence
 
@@ -103,7 +108,7 @@ FAST = {"arrival_ppm": 50_000.0, "arrival_margin_ppm": 4_000.0}
 def test_what_the_device_reports_is_compared_with_what_arrives(
     good: Run, rig: Rig, clock: dict[str, float], word: DeviceWord, failed: list[str], says: str
 ) -> None:
-    verdict = judge(replace(good, clock=clock), rig, duration=5.0, word=word)
+    verdict = judged(replace(good, clock=clock), rig, duration=5.0, word=word)
     assert _failed(verdict) == failed
     assert says in verdict.sentence
 
@@ -200,7 +205,7 @@ SHOWN_TWICE = {name: ["hanging_after"] for name in ("pose", "release_speed", "ju
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_each_check_fails_on_its_own_fault(name: str, good: Run, rig: Rig) -> None:
-    verdict = judge(FAULTS[name](good, rig), rig, duration=5.0)
+    verdict = judged(FAULTS[name](good, rig), rig, duration=5.0)
     assert _failed(verdict) == [name, *SHOWN_TWICE.get(name, [])]
     assert verdict.sentence.startswith(f"degraded: {verdict.reasons[0]}")
     assert verdict.to_json()["ok"] is False
@@ -208,18 +213,18 @@ def test_each_check_fails_on_its_own_fault(name: str, good: Run, rig: Rig) -> No
 
 def test_every_check_has_a_fault_that_fails_it(good: Run, rig: Rig) -> None:
     of_the_device = {"clock_fit", "latch"}  # which test_what_the_device_reports_is_compared_with_what_arrives tries
-    checks = judge(good, rig, duration=5.0, word=WORD).checks
+    checks = judged(good, rig, duration=5.0, word=WORD).checks
     assert [check.name for check in checks if check.name not in of_the_device] == list(FAULTS)
 
 
 def test_rods_that_hung_askew_before_they_were_raised_degrade_the_run(good: Run, rig: Rig) -> None:
-    verdict = judge(good, rig, duration=5.0, hanging=(0.001, -0.03))
+    verdict = judged(good, rig, duration=5.0, hanging=(0.001, -0.03))
     assert _failed(verdict) == ["hanging_before"]
     assert "the outer rod deviated by 0.030 rad from the vertical" in verdict.sentence
 
 
 def test_a_table_without_rest_is_checked_without_the_rest(good: Run, rig: Rig) -> None:
-    verdict = judge(replace(good.swing, counts=None, pose=None, clock={}), rig)
+    verdict = judged(replace(good.swing, counts=None, pose=None, clock={}), rig)
     assert [check.name for check in verdict.checks] == [
         "lost",
         "gap",
@@ -235,7 +240,7 @@ def test_a_table_without_rest_is_checked_without_the_rest(good: Run, rig: Rig) -
 @pytest.mark.parametrize("samples", [0, 1, 2])
 def test_a_nearly_empty_run_is_checked_without_an_exception(samples: int, good: Run, rig: Rig) -> None:
     run = _run(rig, good.t[1000 : 1000 + samples], good.counts[1000 : 1000 + samples])
-    assert _failed(judge(run, rig, duration=5.0)) == ["duration"]
+    assert _failed(judged(run, rig, duration=5.0)) == ["duration"]
 
 
 def test_rest_motion_finds_slope_and_spread() -> None:
@@ -278,7 +283,7 @@ def test_a_fast_rod_at_a_low_rate_is_not_pushed(push: float) -> None:
     theta = np.where(t < 0, 2.0, np.append(np.zeros(50), swing.y[0]))
     counts = np.rint(rig.positions(np.stack([0 * t, theta, theta], axis=1))).astype(np.int64)
     run = replace(_run(rig, t, counts), rate_hz=50.0)
-    assert ("release_speed" in {check.name for check in judge(run, rig).checks if not check.ok}) == (push > 0)
+    assert ("release_speed" in {check.name for check in judged(run, rig).checks if not check.ok}) == (push > 0)
 
 
 @pytest.mark.parametrize("counts", [1024, 4096])
@@ -287,13 +292,13 @@ def test_coarse_counts_are_neither_a_push_nor_a_jump(counts: int) -> None:
     coarse = rig.model_copy(update={"encoders": rig.encoders.model_copy(update={"counts_per_rev": (counts,) * 3})})
     for seed in range(3):
         for run in record(load_plant("paper", seed), coarse, duration=2.0):
-            assert not {check.name for check in judge(run, coarse).checks if not check.ok} & {"release_speed", "jumps"}
+            assert not {check.name for check in judged(run, coarse).checks if not check.ok} & {"release_speed", "jumps"}
 
 
 def test_a_joint_without_a_rod_need_not_turn_and_must_not(good: Run, rig: Rig) -> None:
     alone = replace(good, mounting="inner")
-    assert "joint 2 turned by" in judge(alone, rig, duration=5.0).sentence
+    assert "joint 2 turned by" in judged(alone, rig, duration=5.0).sentence
     still = good.counts.copy()
     still[:, 2] = 0
-    assert not judge(_run(rig, good.t, still), rig).ok
-    assert judge(replace(_run(rig, good.t, still), mounting="inner", pose=None), rig).sentence == "ok"
+    assert not judged(_run(rig, good.t, still), rig).ok
+    assert judged(replace(_run(rig, good.t, still), mounting="inner", pose=None), rig).sentence == "ok"
