@@ -19,22 +19,35 @@ READ_ONLY = (
 
 ACTIONS = frozenset(
     (
-        *("accept", "answer", "browse", "choose", "choose_all", "cursor", "cursors", "cycle", "filter", "go", "help"),
-        *(
-            "leave",
-            "length",
-            "look",
-            "messages",
-            "move",
-            "next_theme",
-            "next_unit",
-            "other",
-            "page",
-            "pan",
-            "quit",
-            "read",
-        ),
-        *("to", "verify", "view", "whole", "zoom", "zoom_y"),
+        "accept",
+        "answer",
+        "browse",
+        "choose",
+        "choose_all",
+        "cursor",
+        "cursors",
+        "cycle",
+        "filter",
+        "go",
+        "help",
+        "leave",
+        "length",
+        "look",
+        "messages",
+        "move",
+        "next_theme",
+        "next_unit",
+        "other",
+        "page",
+        "pan",
+        "quit",
+        "read",
+        "to",
+        "verify",
+        "view",
+        "whole",
+        "zoom",
+        "zoom_y",
     )
 )
 """Actions of dpr-lab that change nothing but the display. Actions of Textual's own widgets, which move a cursor or edit
@@ -66,8 +79,20 @@ def refuse_job(read_only: bool, function: Callable[..., Any]) -> None:
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 _CHANGES = frozenset(
     (
-        *("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.symlink", "os.truncate", "os.chmod"),
-        *("os.chown", "os.utime", "os.system", "subprocess.Popen", "os.posix_spawn", "os.exec"),
+        "os.mkdir",
+        "os.rename",
+        "os.remove",
+        "os.rmdir",
+        "os.link",
+        "os.symlink",
+        "os.truncate",
+        "os.chmod",
+        "os.chown",
+        "os.utime",
+        "os.system",
+        "subprocess.Popen",
+        "os.posix_spawn",
+        "os.exec",
     )
 )
 

@@ -68,7 +68,7 @@ def test_a_unit_in_the_name_of_a_torque_is_converted(paper: Rig, tmp_path: Path,
 
 def test_columns_of_torques_can_be_named_and_scaled(paper: Rig, tmp_path: Path) -> None:
     file = table(tmp_path, "motor_a,motor_b", TAU)
-    options = parse_options("--columns tau1=motor_b,tau2=motor_a --scale tau2=-1").options
+    options, _ = parse_options("--columns tau1=motor_b,tau2=motor_a --scale tau2=-1")
     run = import_csv(file, paper, options)
     assert run.torques == pytest.approx(TAU[:, ::-1] * [1, -1])
     passive = import_csv(file, paper, ImportOptions(columns={"tau2": "motor_a"}))
@@ -123,7 +123,7 @@ def test_of_measured_and_commanded_torques_one_can_be_kept_alone(paper: Rig, tmp
     commanded = import_csv(file, paper, ImportOptions(torque="commanded"))
     assert (commanded.torque_kind, commanded.commanded) == ("commanded", None)
     assert commanded.torques == pytest.approx(2 * TAU)
-    free = import_csv(file, paper, parse_options("--torque none").options)
+    free = import_csv(file, paper, ImportOptions(torque="none"))
     assert free.torques is None
     assert "torques" not in preview(file, paper, ImportOptions(torque="none")).facts()
     with pytest.raises(RunError, match="tau1_commanded_Nm and tau_cmd1 contain the same torque"):

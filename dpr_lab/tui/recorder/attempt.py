@@ -7,6 +7,7 @@ from enum import Enum
 import numpy as np
 
 from dpr_lab.acquisition.holding import PoseReading, RestReading
+from dpr_lab.acquisition.rest import RodAngles, RodPair
 from dpr_lab.acquisition.swing import Captured, Released, SwingReading
 from dpr_lab.arrays import Array
 from dpr_lab.rig_tables import Pose
@@ -35,9 +36,9 @@ class Attempt:
     """Name of the pose."""
     pose: Pose
     phase: Phase = Phase.PLACING
-    theta: tuple[float, float, float] | None = None
+    theta: RodAngles | None = None
     """Newest absolute angles, rad."""
-    error: tuple[float, float] | None = None
+    error: RodPair | None = None
     """Measured minus required angles of both rods, rad."""
     rest: RestReading | None = None
     latched: bool | None = None

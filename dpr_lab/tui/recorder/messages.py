@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from dpr_lab.acquisition.capture import CaptureOptions, Progress
+from dpr_lab.acquisition.rest import RodAngles
 from dpr_lab.acquisition.swing import Captured
 from dpr_lab.transports.software_link import leads_to_software
 from firmware_protocol.clock import ClockFit
@@ -78,7 +79,7 @@ class Connected:
 class Idle:
     """Report: angles of the rods outside an attempt."""
 
-    theta: tuple[float, float, float]
+    theta: RodAngles
     """Absolute angles, rad."""
     latched: bool
     at: float

@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 
 from dpr_lab.acquisition.holding import PoseReading, RestReading
+from dpr_lab.acquisition.rest import RodAngles
 from dpr_lab.acquisition.swing import SwingReading
 from dpr_lab.tui.recorder.messages import AttemptSeen, Idle
 
@@ -30,7 +31,7 @@ SIGHTING = SightingSettings()
 class Sighting:
     """Angles of the rods and state of the latch at one instant."""
 
-    theta: tuple[float, float, float] | None = None
+    theta: RodAngles | None = None
     """Absolute angles, rad."""
     latched: bool | None = None
     """State of the latch reported by the device; None before its first report."""

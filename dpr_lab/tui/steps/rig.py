@@ -1,6 +1,7 @@
 """Step Rig: choose the rig file and show its content."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
@@ -39,12 +40,11 @@ _ARM = {
 CORRECT = "correct it, then press {rig.read}"
 
 
+@dataclass
 class TableGiven(Message):
     """Event: the operator entered a table instead of a rig file."""
 
-    def __init__(self, file: Path) -> None:
-        super().__init__()
-        self.file = file
+    file: Path
 
 
 class RigStep(Step):
@@ -129,7 +129,7 @@ the selected rig.
         if not name:
             raise ConfigError(self.worded(UNNAMED))
         path = Path(name).expanduser()
-        if name and path.exists() and path.suffix != ".toml":
+        if path.exists() and path.suffix != ".toml":
             self.query_one(Input).value = self.workspace.rig
             self.post_message(TableGiven(path))
             return

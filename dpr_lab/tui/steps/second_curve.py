@@ -1,6 +1,7 @@
 """Second curve in Compare: another run, or the same run with another model."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,12 +43,11 @@ class SecondCurve(Guarded, Horizontal):
     SecondCurve Input { width: 1fr; }
     """
 
+    @dataclass
     class Offered(Message):
         """The second curve has changed, or its simulation has started."""
 
-        def __init__(self, news: str = "") -> None:
-            super().__init__()
-            self.news = news
+        news: str = ""
 
     def __init__(self, services: Services) -> None:
         super().__init__()

@@ -125,10 +125,8 @@ class TableImport(Guarded, ModalScreen[Path | None]):
         name = self.query_one("#table", Input).value.strip()
         if not name:
             raise ConfigError(f"no table is given: enter the {FILE}")
-        typed = parse_options(self.query_one("#options", Input).value)
-        return ImportRequest(
-            Path(name).expanduser(), self._rig, self._runs, typed.options, rods=typed.rods, elbow=typed.elbow
-        )
+        options, mounting = parse_options(self.query_one("#options", Input).value)
+        return ImportRequest(Path(name).expanduser(), self._rig, self._runs, options, **mounting)
 
 
 def warnings_of(preview: Preview) -> list[str]:

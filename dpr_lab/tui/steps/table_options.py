@@ -3,7 +3,6 @@
 import argparse
 import shlex
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, Literal, NoReturn, get_args, get_origin
 
 from dpr_lab.errors import RunError
@@ -11,19 +10,10 @@ from dpr_lab.rig_tables import Rods
 from dpr_lab.storage.tables.options import ImportOptions, TypedOption, typed_options
 
 
-@dataclass(frozen=True, slots=True)
-class TypedOptions:
-    """Import options that the operator typed."""
-
-    options: ImportOptions
-    rods: str | None
-    """Mounted rods; None: as in the rig file."""
-    elbow: str | None
-    """Mode of joint 2, free or clamped; None: as in the rig file."""
-
-
-def parse_options(text: str) -> TypedOptions:
+def parse_options(text: str) -> tuple[ImportOptions, dict[str, str]]:
     """Parse options such as `--angles relative --unit deg --columns t=time`.
+
+    The result is the options of the import, and the stated mounting: `rods` and `elbow`.
 
     Raises:
         RunError: an unknown option or an invalid value.
@@ -33,9 +23,9 @@ def parse_options(text: str) -> TypedOptions:
     except ValueError as error:
         raise RunError(f"a quotation mark is missing: {text}") from error
     typed = vars(_parser().parse_args(words))
-    rods, elbow = typed.pop("rods", None), typed.pop("elbow", None)
+    mounting = {name: typed.pop(name) for name in ("rods", "elbow") if name in typed}
     try:
-        return TypedOptions(ImportOptions(**typed), rods, elbow)
+        return ImportOptions(**typed), mounting
     except ValueError as error:
         raise RunError(str(error)) from error
 

@@ -24,7 +24,7 @@ from textual_plot.plot_widget import Legend
 from dpr_lab.arrays import Array
 from dpr_lab.tui import FRAMES_PER_S
 from dpr_lab.tui.widgets.canvas import PlainCanvas
-from dpr_lab.tui.widgets.chart_scale import even_ticks, moved, pieces, range_of, visible, zoomed
+from dpr_lab.tui.widgets.chart_scale import Range, even_ticks, moved, pieces, range_of, visible, zoomed
 from dpr_lab.tui.widgets.cursors import Cursors, first_cursors, readings
 
 Tone = Literal["primary", "secondary", "accent", "foreground", "success", "warning", "error"]
@@ -87,8 +87,8 @@ class _Content:
     y_label: str = ""
     marks: tuple[Mark, ...] = ()
     band: Band | None = None
-    x_range: tuple[float, float] | None = None
-    y_range: tuple[float, float] | None = None
+    x_range: Range | None = None
+    y_range: Range | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,8 +165,8 @@ class Chart(Vertical, can_focus=True):
         self._cursors: Cursors | None = None
         self._plot = _Plot()
         self._content = _Content()
-        self._x_view: tuple[float, float] | None = None
-        self._y_view: tuple[float, float] | None = None
+        self._x_view: Range | None = None
+        self._y_view: Range | None = None
         self._drawn_at = 0.0
         self._pending: asyncio.TimerHandle | None = None
 
@@ -178,8 +178,8 @@ class Chart(Vertical, can_focus=True):
         y_label: str,
         marks: Sequence[Mark] = (),
         band: Band | None = None,
-        x_range: tuple[float, float] | None = None,
-        y_range: tuple[float, float] | None = None,
+        x_range: Range | None = None,
+        y_range: Range | None = None,
     ) -> None:
         """Replace the content, but keep a view that the operator has zoomed or panned.
 
@@ -198,7 +198,7 @@ class Chart(Vertical, can_focus=True):
             self._draw_soon()
 
     @property
-    def view(self) -> tuple[tuple[float, float], tuple[float, float]]:
+    def view(self) -> tuple[Range, Range]:
         """Displayed ranges of x and y."""
         x_view = self._x_view or self._content.x_range or range_of(s.x for s in self._content.series)
         return x_view, self._y_view or self._content.y_range or self._y_fitting(x_view)
@@ -255,8 +255,7 @@ class Chart(Vertical, can_focus=True):
         """Move the active cursor by a number of columns."""
         if self._cursors is not None:
             low, high = self.view[0]
-            wide = max(self._plot.size.width - self._plot.margin_left - 2, 8)
-            self._cursors = self._cursors.moved(columns * (high - low) / wide)
+            self._cursors = self._cursors.moved(columns * (high - low) / self._columns)
             self._draw_soon()
 
     @on(PlotWidget.ScaleChanged)
@@ -282,7 +281,7 @@ class Chart(Vertical, can_focus=True):
             return
         self._drawn_at = time.monotonic()
         x_view, y_view = self.view
-        columns = max(self._plot.size.width - self._plot.margin_left - 2, 8)
+        columns = self._columns
         rows = max(self._plot.size.height - self._plot.margin_bottom - 2, 2)
         self._head.update(self._legend())
         self._plot.clear()
@@ -302,14 +301,18 @@ class Chart(Vertical, can_focus=True):
         self._plot.set_xlimits(x_view[0], x_view[1] + room)
         self._plot.set_ylimits(*y_view)
 
+    @property
+    def _columns(self) -> int:
+        """Width of the plotted range, columns."""
+        return max(self._plot.size.width - self._plot.margin_left - 2, 8)
+
     def _share_for_labels(self) -> float:
         """Return the width of the line labels relative to that of the plotted range."""
-        columns = max(self._plot.size.width - self._plot.margin_left - 2, 8)
         longest = max((len(s.label) for s in self._content.series if len(s.label) <= SETTINGS.end_label), default=0)
-        several = len(self._content.series) > 1 and 4 * longest < columns
-        return (longest + 1) / (columns - longest - 1) if several else 0.0
+        several = len(self._content.series) > 1 and 4 * longest < self._columns
+        return (longest + 1) / (self._columns - longest - 1) if several else 0.0
 
-    def _end_labels(self, x_view: tuple[float, float]) -> Iterator[_EndLabel]:
+    def _end_labels(self, x_view: Range) -> Iterator[_EndLabel]:
         if self._share_for_labels() == 0.0:
             return
         for series in self._content.series:
@@ -318,12 +321,12 @@ class Chart(Vertical, can_focus=True):
                 x, y = float(series.x[visible[-1]]), float(series.y[visible[-1]])
                 yield _EndLabel(x, y, series.label, self._colour(series.tone))
 
-    def _draw_series(self, series: Series, x_view: tuple[float, float], columns: int) -> None:
+    def _draw_series(self, series: Series, x_view: Range, columns: int) -> None:
         x, y = visible(series.x, series.y, x_view, columns)
         for piece in pieces(y):
             self._plot.plot(x[piece], y[piece], line_style=self._colour(series.tone), hires_mode=HiResMode.BRAILLE)
 
-    def _draw_band(self, band: Band, x_view: tuple[float, float], columns: int) -> None:
+    def _draw_band(self, band: Band, x_view: Range, columns: int) -> None:
         """Draw the edges of a band as dots at every second cell.
 
         Each dot is in the quarter of the row that contains the edge.
@@ -333,7 +336,7 @@ class Chart(Vertical, can_focus=True):
             style, y = self._colour(band.tone), np.full(len(x), edge)
             self._plot.scatter(x, y, marker_style=style, hires_mode=HiResMode.BRAILLE)
 
-    def _draw_cursors(self, x_view: tuple[float, float]) -> None:
+    def _draw_cursors(self, x_view: Range) -> None:
         self._readings.display = self._cursors is not None
         if self._cursors is None:
             return
@@ -366,7 +369,7 @@ class Chart(Vertical, can_focus=True):
         except (KeyError, ColorParseError):
             return "default"
 
-    def _y_fitting(self, x_view: tuple[float, float]) -> tuple[float, float]:
+    def _y_fitting(self, x_view: Range) -> Range:
         """Return the range of y within a view of x, extended by a margin."""
         inside = [s.y[(s.x >= x_view[0]) & (s.x <= x_view[1])] for s in self._content.series]
         band = self._content.band

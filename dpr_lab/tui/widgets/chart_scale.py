@@ -9,6 +9,9 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.report.envelope import trace
 
+Range = tuple[float, float]
+"""Smallest and largest value on an axis."""
+
 
 @dataclass(frozen=True, slots=True)
 class ViewSettings:
@@ -26,7 +29,7 @@ class ViewSettings:
 SETTINGS = ViewSettings()
 
 
-def range_of(values: Iterator[Array] | Sequence[Array]) -> tuple[float, float]:
+def range_of(values: Iterator[Array] | Sequence[Array]) -> Range:
     """Return the smallest and the largest finite value.
 
     If both are equal, the range is widened. If there are no finite values, the range is 0 to 1.
@@ -43,19 +46,19 @@ def smallest(low: float, high: float) -> float:
     return SETTINGS.narrowest * max(abs(low), abs(high), SETTINGS.narrowest)
 
 
-def zoomed(view: tuple[float, float], direction: int) -> tuple[float, float]:
+def zoomed(view: Range, direction: int) -> Range:
     """Scale a view about its middle by one zoom step."""
     middle, half = (view[0] + view[1]) / 2, (view[1] - view[0]) / 2 * SETTINGS.zoom**-direction
     return (middle - half, middle + half) if half > smallest(*view) else view
 
 
-def moved(view: tuple[float, float], direction: int) -> tuple[float, float]:
+def moved(view: Range, direction: int) -> Range:
     """Move a view by a share of its width."""
     step = direction * SETTINGS.pan * (view[1] - view[0])
     return view[0] + step, view[1] + step
 
 
-def visible(x: Array, y: Array, x_view: tuple[float, float], columns: int) -> tuple[Array, Array]:
+def visible(x: Array, y: Array, x_view: Range, columns: int) -> tuple[Array, Array]:
     """Return the visible part of a line, with at most two points per column.
 
     The points of a column are its extremes. NaN separates the pieces of a broken line.

@@ -1,5 +1,6 @@
 """Slider that is moved by keys."""
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 from rich.text import Text
@@ -26,17 +27,11 @@ class Slider(Widget, can_focus=True):
     maximum: reactive[float] = reactive(1.0)
     mark: reactive[float | None] = reactive(None)
 
+    @dataclass
     class Changed(Message):
         """The operator moved the slider."""
 
-        def __init__(self, slider: "Slider") -> None:
-            super().__init__()
-            self.slider = slider
-
-        @property
-        def control(self) -> "Slider":
-            """The slider."""
-            return self.slider
+        slider: "Slider"
 
     def __init__(self, label: str, unit: str, step: float, *, id: str | None = None) -> None:
         super().__init__(id=id)

@@ -36,12 +36,11 @@ class StepStatus:
 class Stepper(Static):
     """Two rows: the steps, and a sentence on the current and the next step."""
 
+    @dataclass
     class Chosen(Message):
         """Event: a step was clicked."""
 
-        def __init__(self, number: int) -> None:
-            super().__init__()
-            self.number = number
+        number: int
 
     def show(self, steps: Sequence[StepStatus], next_key: str, report_key: str = "") -> None:
         """Draw the steps, with as many results as fit.

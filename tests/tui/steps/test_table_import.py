@@ -48,8 +48,10 @@ def test_every_field_of_the_import_is_an_option_of_the_screen() -> None:
 
 
 def test_options_are_read_as_the_command_reads_them() -> None:
-    typed = parse_options("--angles relative --unit deg --columns 't=my time,theta1=a' --scale -1 --offset theta2=90")
-    assert typed.options == ImportOptions(
+    options, _ = parse_options(
+        "--angles relative --unit deg --columns 't=my time,theta1=a' --scale -1 --offset theta2=90"
+    )
+    assert options == ImportOptions(
         angles="relative",
         unit="deg",
         time_unit=None,
@@ -57,7 +59,7 @@ def test_options_are_read_as_the_command_reads_them() -> None:
         scale={"theta1": -1.0, "theta2": -1.0},
         offset={"theta2": 90.0},
     )
-    assert parse_options("--rods inner --torque none").rods == "inner"
+    assert parse_options("--rods inner --torque none") == (ImportOptions(torque="none"), {"rods": "inner"})
 
 
 @pytest.mark.parametrize(
