@@ -9,6 +9,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 FORMAT = "dpr-lab run 1"
@@ -70,37 +71,7 @@ UNIT_TABLE = {
 }
 
 
-def _object(properties: Mapping[str, Any], required: tuple[str, ...] = ()) -> dict[str, Any]:
-    return {"type": "object", "properties": dict(properties), "required": list(required)}
-
-
-_INTEGER, _NUMBER, _TEXT, _FLAG = {"type": "integer"}, {"type": "number"}, {"type": "string"}, {"type": "boolean"}
-
-SCHEMAS: dict[str, dict[str, Any]] = {
-    SAMPLES: _object(
-        {
-            "tick": _INTEGER,
-            "t": _NUMBER,
-            "counts": {"type": "array", "items": _INTEGER},
-            "theta": {"type": "array", "items": _NUMBER},
-            "tau": {"type": "array", "items": _NUMBER},
-            "tau_commanded": {"type": "array", "items": _NUMBER},
-        },
-        required=("tick", "t", "theta"),
-    ),
-    EVENTS: _object({"kind": _TEXT, "tick": _INTEGER, "detail": _TEXT}, required=("kind",)),
-    STATUS: _object(
-        {
-            "state": _TEXT,
-            "latched": _FLAG,
-            "fault": _TEXT,
-            "overruns": _INTEGER,
-            "dropped": _INTEGER,
-            "sent": _INTEGER,
-        }
-    ),
-    CLOCK: _object({}),
-}
+SCHEMAS: dict[str, dict[str, Any]] = json.loads(Path(__file__).with_name("channels.json").read_text(encoding="utf-8"))
 """JSON schema of each channel with JSON content. The channel `/raw` has no schema: it contains the received bytes."""
 
 

@@ -22,7 +22,7 @@ from dpr_lab.errors import DprError
 from dpr_lab.report.angles import UNITS
 from dpr_lab.tui import FRAMES_PER_S
 from dpr_lab.tui.guard import Guarded, log
-from dpr_lab.tui.keys import Keymap, KeyNames, about_keys, actions
+from dpr_lab.tui.keys import Keymap, KeyNames, about_keys, actions, bindings
 from dpr_lab.tui.line_breaks import keep_units_whole
 from dpr_lab.tui.notices.message_log import FILE, MessageLog
 from dpr_lab.tui.notices.notice_app import NoticeApp
@@ -48,7 +48,7 @@ from dpr_lab.tui.texts import ABOUT_TERMS, NOTICES, following
 from dpr_lab.tui.themes import THEMES
 from dpr_lab.tui.viewed_app import ViewedApp
 from dpr_lab.tui.widgets.chart import Chart
-from dpr_lab.tui.widgets.dialogs import HELP_KEY, HelpScreen, Question
+from dpr_lab.tui.widgets.dialogs import HelpScreen, Question
 from dpr_lab.tui.widgets.key_line import KeyLine
 from dpr_lab.tui.widgets.run_browser import RunBrowser
 from dpr_lab.tui.widgets.slider import Slider
@@ -85,17 +85,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
     CSS_PATH = Path(__file__).with_name("app.tcss")
     BINDINGS: ClassVar[list[BindingType]] = [
         *(Binding(f"{n}", f"go({n})", show=False, id=f"app.step_{n}") for n in range(1, len(STEPS) + 1)),
-        Binding("n,ctrl+right", "move(1)", "Next", id="app.next"),
-        Binding("p,ctrl+left", "move(-1)", "Previous", id="app.previous", show=False),
-        HELP_KEY,
-        Binding("b", "browse", "Runs", id="app.browse", tooltip="runs: choose, check, export"),
-        Binding("f5", "import_table", "Import", show=False, id="app.import", tooltip="import a table"),
-        Binding("f2", "report", "Open report", show=False, id="app.report", tooltip="open the HTML report"),
-        Binding("f4", "messages", "Messages", show=False, id="app.messages", tooltip="messages of this session"),
-        Binding("t", "next_theme", "Theme", show=False, id="app.theme"),
-        Binding("g", "next_unit", "Degrees/radians", show=False, id="app.unit"),
-        Binding("escape", "leave", show=False, id="app.leave"),
-        Binding("ctrl+q", "quit", "Quit", id="app.quit", priority=True),
+        *bindings("app"),
     ]
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Key bindings of the screen; a file of the operator can replace the default keys.
+"""Key bindings of the screen: the defaults in `keys.toml`, which a file of the operator can replace.
 
 Example of such a file:
 
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import platformdirs
-from textual.binding import Binding
+from textual.binding import Binding, BindingType
 from textual.dom import DOMNode
 from textual.keys import Keys
 
@@ -32,6 +32,11 @@ Keymap = dict[str, str]
 
 MENTION = re.compile(r"\{([a-z]+\.[a-z_0-9]+)\}")
 """Pattern of a placeholder for the key of an action in a text: `press {capture.start}`."""
+
+
+_DEFAULTS: dict[str, dict[str, dict[str, Any]]] = tomllib.loads(
+    Path(__file__).with_name("keys.toml").read_text(encoding="utf-8")
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +59,11 @@ class KeyNames:
     def fill(self, text: str) -> str:
         """Replace the placeholders of actions by their keys; other braces are not changed."""
         return MENTION.sub(lambda mention: self.of(mention[1]) if mention[1] in self.keys else mention[0], text)
+
+
+def bindings(section: str) -> list[BindingType]:
+    """Return the default keys of a section of `keys.toml`."""
+    return [Binding(**{"id": f"{section}.{name}", "action": name} | row) for name, row in _DEFAULTS[section].items()]
 
 
 def keys_file() -> Path:
@@ -110,8 +120,8 @@ def load_keymap(path: Path, everywhere: type[DOMNode], places: Iterable[type[DOM
 
 def actions(*owners: type[DOMNode]) -> dict[str, str]:
     """Return the ids and default keys of the actions of the given classes."""
-    bindings = (binding for owner in owners for binding in owner.__dict__.get("BINDINGS", ()))
-    return {binding.id: binding.key for binding in bindings if isinstance(binding, Binding) and binding.id}
+    defaults = (binding for owner in owners for binding in owner.__dict__.get("BINDINGS", ()))
+    return {binding.id: binding.key for binding in defaults if isinstance(binding, Binding) and binding.id}
 
 
 def _flat(path: Path, table: Mapping[str, Any]) -> Iterable[tuple[str, str]]:

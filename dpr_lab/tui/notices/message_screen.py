@@ -3,12 +3,13 @@
 from typing import ClassVar
 
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 from textual.containers import VerticalScroll
 from textual.content import Content
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
+from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.notices.message_log import LoggedMessage, MessageLog
 
 TONES = {"error": "bold $error", "warning": "$warning"}
@@ -21,7 +22,7 @@ class MessageScreen(ModalScreen[None]):
         log: the displayed messages
     """
 
-    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,f4", "dismiss", "Close", id="messages.close")]
+    BINDINGS: ClassVar[list[BindingType]] = bindings("messages")
 
     def __init__(self, log: MessageLog) -> None:
         super().__init__()

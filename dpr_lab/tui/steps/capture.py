@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import ClassVar
 
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 
 from dpr_lab.acquisition.capture import CaptureOptions
 from dpr_lab.acquisition.holding import HangReading
 from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.report.run_names import run_name
 from dpr_lab.rig import Rig, load_rig
+from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.recorder.attempt import Attempt, Phase
 from dpr_lab.tui.recorder.messages import (
     AttemptFinished,
@@ -64,24 +65,7 @@ link. `{app.import}` imports a recording of another logger instead.
 
 Grey values are outdated: no newer message has arrived from the device, and the latch may have opened meanwhile.
 """
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding(
-            "s",
-            "start",
-            "Start",
-            id="capture.start",
-            tooltip="record a swing: guide to the pose",
-        ),
-        Binding("r", "release", "RELEASE", id="capture.release", tooltip="release the rods"),
-        Binding("k", "keep", "Keep", id="capture.keep", tooltip="keep the recording"),
-        Binding("a", "again", "Again", id="capture.again", tooltip="put the recording aside and repeat"),
-        Binding("x", "end", "End", id="capture.end", tooltip="end the attempt"),
-        Binding("up", "pose(-1)", "Pose", id="capture.pose_up", tooltip="previous pose", show=False),
-        Binding("down", "pose(1)", "Pose", id="capture.pose_down", tooltip="next pose", show=False),
-        Binding("d", "length", "Duration", id="capture.length", tooltip="duration of the recording", show=False),
-        Binding("f", "repeats", "Repeats", id="capture.repeats", tooltip="number of releases of each pose", show=False),
-        Binding("c", "connect", "Connect", id="capture.connect", tooltip="connect again", show=False),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = bindings("capture")
 
     def __init__(self, services: Services) -> None:
         super().__init__(services)

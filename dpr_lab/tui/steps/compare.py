@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual import on
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 from textual.containers import Horizontal
 from textual.content import Content
 from textual.events import Resize
@@ -16,10 +16,11 @@ from dpr_lab.report.run_names import compared_name, run_label, run_name
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.jobs.jobs import ComparisonSaved, FreeRunFrom, FreeRunStart
 from dpr_lab.tui.jobs.kept_comparison import KeptComparison
+from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps import arm_results
 from dpr_lab.tui.steps.compare_charts import AXES, SETTINGS, VIEWS, ComparedRun
-from dpr_lab.tui.steps.job_step import JobStep, torque_key
+from dpr_lab.tui.steps.job_step import JobStep
 from dpr_lab.tui.steps.second_curve import SecondCurve
 from dpr_lab.tui.texts import counted_runs, following
 from dpr_lab.tui.widgets.chart import Chart
@@ -58,19 +59,7 @@ pressing it a third time removes both. `{{chart.cursor_back}}` and `{{chart.curs
 
 Figures, report and numbers are written to `report/` in the folder of the workspace, as by `dpr-lab compare`.
 """
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("s", "start", "Start", id="compare.start", tooltip="compare runs with the model and write the report"),
-        Binding("v", "cycle('view')", "View", id="compare.view", tooltip="angle, free-run error, segment residual"),
-        Binding("o", "cycle('run')", "Other", id="compare.run", tooltip="another run"),
-        Binding(
-            "O", "second_curve", "Second curve", id="compare.second", tooltip="another run or model in the same plot"
-        ),
-        Binding("i", "edit", "Edit", id="compare.edit", show=False),
-        Binding("j", "cycle('axis')", "Joint", id="compare.axis", tooltip="the other joint"),
-        Binding("left_square_bracket", "start_at(-1)", "Start earlier", id="compare.earlier", show=False),
-        Binding("right_square_bracket", "start_at(1)", "Start later", id="compare.later", show=False),
-        torque_key("compare"),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = bindings("compare")
     DEFAULT_CSS = """
     CompareStep #pickers { height: 1; }
     CompareStep #pickers Select { width: 1fr; margin-right: 1; }

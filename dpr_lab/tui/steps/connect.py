@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from textual import on, work
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 from textual.containers import VerticalScroll
 from textual.content import Content
 from textual.widgets import Input, OptionList, Static
@@ -17,6 +17,7 @@ from dpr_lab.rig import load_rig
 from dpr_lab.transports import TRANSPORTS
 from dpr_lab.transports.discover import Links, SerialPortFound, discover
 from dpr_lab.transports.simulated import compiles_first
+from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.line_breaks import Hanging
 from dpr_lab.tui.recorder.messages import Connected, Exercise, Exercised, Idle, RecorderFailed, RecorderReport
 from dpr_lab.tui.recorder.sighting import SIGHTING
@@ -49,14 +50,7 @@ Choose the link to the device: one from the list, or your own URL (`{{connect.ed
 `{{connect.exercise}}` makes the device stream for two seconds and shows the received and lost samples, and the error
 of its clock relative to this computer. This closes the latch and leaves it closed.
 """
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("c", "connect", "Connect", id="connect.connect"),
-        Binding("m", "simulate", "Simulator", id="connect.simulate"),
-        Binding("l", "exercise", "Link test", id="connect.exercise"),
-        Binding("u", "look", "Refresh", id="connect.look"),
-        Binding("z", "disconnect", "Disconnect", id="connect.disconnect", show=False),
-        Binding("i", "edit", "Edit", id="connect.edit", show=False),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = bindings("connect")
 
     def __init__(self, services: Services) -> None:
         super().__init__(services)

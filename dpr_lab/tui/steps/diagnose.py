@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from textual import on
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 from textual.containers import Horizontal, VerticalScroll
 from textual.content import Content
 from textual.widgets import Input, Label, Select, Static, TabbedContent, TabPane
@@ -20,10 +20,11 @@ from dpr_lab.report.angles import AngleUnit
 from dpr_lab.shown import percent
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.jobs.stage_pace import StagePace
+from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.arm_results import start_of_diagnosis
 from dpr_lab.tui.steps.diagnosis_views import far_view, next_view, which_view
-from dpr_lab.tui.steps.job_step import READING, JobStep, job_keys
+from dpr_lab.tui.steps.job_step import READING, JobStep
 from dpr_lab.tui.texts import named_runs
 from dpr_lab.tui.widgets.chart import Chart, Series
 from dpr_lab.tui.widgets.run_browser import RunBrowser
@@ -76,12 +77,7 @@ alternatives. Also shows by how much the gap decreases on held-out data, and wha
 Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/` in the folder of the workspace, as
 `dpr-lab diagnose --out` writes them.
 """
-    BINDINGS: ClassVar[list[BindingType]] = [
-        *(key for key in job_keys("diagnose") if key.action in ("start", "cancel", "torque")),
-        Binding("h", "hold_out", "Hold out", id="diagnose.hold_out", tooltip="hold out runs"),
-        Binding("v", "view", "View", id="diagnose.view"),
-        Binding("o", "place", "Other", id="diagnose.place", tooltip="another location of the gap"),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = bindings("diagnose")
     DEFAULT_CSS = """
     DiagnoseStep #form { height: 1; }
     DiagnoseStep #form Label { padding: 0 1 0 0; }

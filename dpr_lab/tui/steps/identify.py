@@ -12,7 +12,7 @@ import numpy as np
 from rich.console import Group
 from rich.text import Text
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 from textual.containers import Horizontal, VerticalScroll
 from textual.content import Content
 from textual.widgets import Input, Label, Select, Static, TabbedContent, TabPane
@@ -21,8 +21,9 @@ from dpr_lab.errors import DprError
 from dpr_lab.progress import GenerationDone, LocalFitBegan
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.tui.jobs import jobs
+from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.services import Services
-from dpr_lab.tui.steps.job_step import READING, JobStep, job_keys
+from dpr_lab.tui.steps.job_step import READING, JobStep
 from dpr_lab.tui.texts import counted_runs, named_runs, sentences, table
 from dpr_lab.tui.widgets.chart import Chart, Series
 from dpr_lab.workflows.events import RunRead
@@ -59,7 +60,7 @@ data. *Identifiability* shows the measurements that determine the others. With a
 starts from the values of the rig file estimates the ratios of rods, arm and drive. The model is written to `model.json`
 in the folder of the workspace.
 """
-    BINDINGS: ClassVar[list[BindingType]] = [*job_keys("identify"), Binding("v", "view", "View", id="identify.view")]
+    BINDINGS: ClassVar[list[BindingType]] = bindings("identify")
     DEFAULT_CSS = """
     IdentifyStep #runs { height: 1; text-wrap: nowrap; text-overflow: ellipsis; }
     IdentifyStep .form { height: 1; }

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from textual import on
-from textual.binding import Binding
 from textual.message import Message
 from textual.widgets import Input, TabbedContent, TabPane
 
@@ -20,26 +19,6 @@ from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess, start_job
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.step import Step
 from dpr_lab.tui.texts import following
-
-
-def job_keys(place: str) -> list[Binding]:
-    """Return the keys that control the job of a step."""
-    return [
-        Binding("s", "start", "Start", id=f"{place}.start"),
-        Binding("w", "pause", "Pause/continue", id=f"{place}.pause"),
-        Binding("x", "stop", "End", id=f"{place}.stop"),
-        Binding("X", "cancel", "Cancel", id=f"{place}.cancel"),
-        torque_key(place),
-    ]
-
-
-def torque_key(place: str) -> Binding:
-    """Return the key that selects measured or commanded torques.
-
-    The screen shows the key if runs contain both kinds of torques.
-    """
-    return Binding("T", "torque", "Torques", id=f"{place}.torque", tooltip="measured or commanded torques")
-
 
 READING = "reading the runs"
 

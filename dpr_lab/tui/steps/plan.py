@@ -10,7 +10,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 from textual import on
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 from textual.containers import Horizontal, VerticalScroll
 from textual.widgets import DataTable, Input, Label, Static
 
@@ -20,9 +20,10 @@ from dpr_lab.report.angles import AngleUnit
 from dpr_lab.rig import load_rig
 from dpr_lab.shown import percent
 from dpr_lab.tui.jobs import jobs
+from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.services import Services
-from dpr_lab.tui.steps.job_step import JobStep, job_keys
+from dpr_lab.tui.steps.job_step import JobStep
 from dpr_lab.tui.texts import sentences, table
 from dpr_lab.workflows.plan import PlanRequest, PlanResult
 
@@ -64,10 +65,7 @@ diagnosed first.
 `plan.json` and rig files with the planned poses are written to `plan/` in the folder of the workspace, as
 `dpr-lab plan --out` writes them.
 """
-    BINDINGS: ClassVar[list[BindingType]] = [
-        *(key for key in job_keys("plan") if key.action in ("start", "cancel", "torque")),
-        Binding("A", "take", "Take", id="plan.take", tooltip="take the release as the next pose of Capture"),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = bindings("plan")
     DEFAULT_CSS = """
     PlanStep #form { height: 1; }
     PlanStep #form Label { padding: 0 1 0 0; }

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from textual import on
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 from textual.containers import VerticalScroll
 from textual.content import Content
 from textual.message import Message
@@ -20,6 +20,7 @@ from dpr_lab.report.angles import AngleUnit
 from dpr_lab.report.tables import PARAMETER_UNITS
 from dpr_lab.rig import PARAMETERS, Rig, load_rig
 from dpr_lab.rig_tables import INPUT_UNITS, Parameter
+from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.rig_editor import RigEditor
@@ -62,13 +63,7 @@ with its standard uncertainty. `{rig.read}` reads the file again after a change.
 `{app.import}` imports a recording of another logger (a table, `.mat`, `.npz`, `.h5`, `.parquet`, a ROS 2 bag) with
 the selected rig.
 """
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("i", "edit", "Edit", id="rig.edit", tooltip="name another rig file"),
-        Binding("f3", "write", "Edit file", id="rig.write", tooltip="edit the rig file and save it"),
-        Binding("u", "read", "Refresh", id="rig.read"),
-        Binding("pagedown", "page(1)", "More", id="rig.more", key_display="pgdn", priority=True),
-        Binding("pageup", "page(-1)", "Back", id="rig.back", show=False, priority=True),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = bindings("rig")
 
     def __init__(self, services: Services) -> None:
         super().__init__(services)

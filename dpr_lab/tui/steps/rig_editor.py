@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static, TextArea
@@ -13,6 +13,7 @@ from dpr_lab.configs import BUILTIN
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import parse_rig
 from dpr_lab.tui.guard import Guarded
+from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.widgets.dialogs import Question
 from dpr_lab.tui.widgets.key_line import KeyLine
@@ -26,10 +27,7 @@ class RigEditor(Guarded, ModalScreen[Path | None]):
         source: initial rig file
     """
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("ctrl+s", "save", "Save", id="editor.save", priority=True),
-        Binding("escape", "leave", "Leave", id="editor.leave"),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = bindings("editor")
     DEFAULT_CSS = """
     RigEditor { align: center middle; }
     RigEditor > Vertical { width: 100%; height: 100%; background: $surface; border: round $primary; padding: 0 1; }

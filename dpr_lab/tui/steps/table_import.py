@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 from textual.containers import Vertical, VerticalScroll
 from textual.content import Content
 from textual.screen import ModalScreen
@@ -16,6 +16,7 @@ from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.report.text_plot import text_chart
 from dpr_lab.storage.tables.preview import Preview, chart_title, names_of
 from dpr_lab.tui.guard import Guarded
+from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.steps.table_options import option_list, parse_options
 from dpr_lab.tui.widgets.dialogs import Question
@@ -38,10 +39,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
         file: the recording; None: entered by the operator
     """
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("ctrl+s", "save", "Import", id="import.save", priority=True),
-        Binding("escape", "dismiss", "Leave", id="import.leave"),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = bindings("import")
     DEFAULT_CSS = """
     TableImport { align: center middle; }
     TableImport > Vertical { width: 100%; height: 100%; background: $surface; border: round $primary; padding: 0 1; }

@@ -13,7 +13,7 @@ import numpy as np
 from rich.text import Text
 from textual import on
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 from textual.color import Color, ColorParseError
 from textual.containers import Grid, Vertical
 from textual.events import Resize
@@ -23,6 +23,7 @@ from textual_plot.plot_widget import Legend
 
 from dpr_lab.arrays import Array
 from dpr_lab.tui import FRAMES_PER_S
+from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.widgets.canvas import PlainCanvas
 from dpr_lab.tui.widgets.chart_scale import Range, even_ticks, moved, pieces, range_of, visible, zoomed
 from dpr_lab.tui.widgets.cursors import Cursors, first_cursors, readings
@@ -141,22 +142,7 @@ class Chart(Vertical, can_focus=True):
     Chart > PlotWidget > .plot--tick { color: $foreground; text-style: none; }
     Chart:focus > PlotWidget > .plot--axis { color: $primary; }
     """
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("plus,equals_sign", "zoom(1)", "Zoom in", id="chart.zoom_in", key_display="+", show=False),
-        Binding("minus", "zoom(-1)", "Zoom out", id="chart.zoom_out", key_display="-", show=False),
-        Binding("left", "pan(-1,0)", "Earlier", id="chart.pan_left", show=False),
-        Binding("right", "pan(1,0)", "Later", id="chart.pan_right", show=False),
-        Binding("up", "pan(0,1)", "Up", id="chart.pan_up", show=False),
-        Binding("down", "pan(0,-1)", "Down", id="chart.pan_down", show=False),
-        Binding("shift+up", "zoom_y(1)", "Taller", id="chart.zoom_y_in", show=False),
-        Binding("shift+down", "zoom_y(-1)", "Flatter", id="chart.zoom_y_out", show=False),
-        Binding("0", "whole", "Whole", id="chart.whole", show=False),
-        Binding("M", "cursors", "Cursors", id="chart.cursors", tooltip="two cursors that read off differences"),
-        Binding("comma", "cursor(-1)", "Cursor back", id="chart.cursor_back", key_display=",", show=False),
-        Binding("full_stop", "cursor(1)", "Cursor on", id="chart.cursor_on", key_display=".", show=False),
-        Binding("less_than_sign", "cursor(-10)", "Cursor far back", id="chart.cursor_far_back", show=False),
-        Binding("greater_than_sign", "cursor(10)", "Cursor far on", id="chart.cursor_far_on", show=False),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = bindings("chart")
 
     def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
         super().__init__(id=id, classes=classes)

@@ -3,19 +3,18 @@
 from typing import ClassVar
 
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Button, Markdown, Static
 
-HELP_KEY = Binding("f1,question_mark", "app.help", "Help", id="app.help")
-"""Key of the help. It is defined again for dialogs, because a dialog hides the keys of the app."""
+from dpr_lab.tui.keys import bindings
 
 
 class HelpScreen(ModalScreen[None]):
     """Dialog with the purpose of a step and all keys."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,f1,question_mark", "dismiss", "Close", id="help.close")]
+    BINDINGS: ClassVar[list[BindingType]] = bindings("help")
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -31,10 +30,7 @@ class HelpScreen(ModalScreen[None]):
 class Question(ModalScreen[bool]):
     """Dialog that requests a confirmation; every answer except an explicit yes counts as no."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("y", "answer(True)", "Yes", id="question.yes"),
-        Binding("n,escape", "answer(False)", "No", id="question.no"),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = bindings("question")
 
     def __init__(self, question: str, yes: str, no: str) -> None:
         super().__init__()

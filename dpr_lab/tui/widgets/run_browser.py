@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 from rich.text import Text
 from textual import on
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 from textual.containers import Vertical
 from textual.events import Key
 from textual.screen import ModalScreen
@@ -23,10 +23,10 @@ from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.jobs.job_events import JobFailed, JobFinished, JobProgress
 from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess, start_job
 from dpr_lab.tui.jobs.jobs import RunSurveyed
+from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.texts import following
-from dpr_lab.tui.widgets.dialogs import HELP_KEY
 from dpr_lab.tui.widgets.key_line import KeyLine
 
 if TYPE_CHECKING:
@@ -67,20 +67,7 @@ a path, and up and down show recent folders.
 A run with the state *cut* is incomplete: it contains the samples up to the interruption. An *unreadable* run contains
 no samples. The reason is shown below the list.
 """
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("enter", "accept", "Use", id="runs.accept", priority=True),
-        Binding("escape", "leave", "Leave", id="runs.leave"),
-        Binding("space", "choose", "Choose", id="runs.choose"),
-        Binding("asterisk", "choose_all", "All", id="runs.all", key_display="*"),
-        Binding("slash", "filter", "Filter", id="runs.filter"),
-        Binding("q", "verify", "Check", id="runs.verify"),
-        Binding("e", "export", "Export", id="runs.export"),
-        Binding("i", "edit", "Edit", id="runs.note", tooltip="edit the note"),
-        Binding("o", "other", "Other", id="runs.folder", tooltip="another folder"),
-        Binding("ctrl+r", "recover", "Recover", id="runs.recover"),
-        HELP_KEY,
-        Binding("f5", "import_table", "Import", id="runs.import", tooltip="import a table of another logger"),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = bindings("runs")
     DEFAULT_CSS = """
     RunBrowser { align: center middle; }
     RunBrowser > Vertical { width: 100%; height: 100%; background: $surface; border: round $primary; padding: 0 1; }
@@ -335,7 +322,7 @@ no samples. The reason is shown below the list.
 class FormatScreen(ModalScreen[str | None]):
     """Dialog for the selection of an export format."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss", "Leave", id="format.leave")]
+    BINDINGS: ClassVar[list[BindingType]] = bindings("format")
     DEFAULT_CSS = """
     FormatScreen { align: center middle; }
     FormatScreen OptionList { width: 40; height: auto; border: round $primary; }

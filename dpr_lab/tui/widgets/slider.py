@@ -4,10 +4,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from rich.text import Text
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 from textual.message import Message
 from textual.reactive import reactive
 from textual.widget import Widget
+
+from dpr_lab.tui.keys import bindings
 
 
 class Slider(Widget, can_focus=True):
@@ -17,12 +19,7 @@ class Slider(Widget, can_focus=True):
     Slider { height: 1; }
     Slider:focus { text-style: bold underline; }
     """
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("left", "move(-1)", "Less", id="slider.less"),
-        Binding("right", "move(1)", "More", id="slider.more"),
-        Binding("home", "to(0)", "Least", id="slider.least", show=False),
-        Binding("end", "to(1)", "Most", id="slider.most", show=False),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = bindings("slider")
     value: reactive[float] = reactive(0.0)
     maximum: reactive[float] = reactive(1.0)
     mark: reactive[float | None] = reactive(None)
