@@ -1,9 +1,6 @@
 """Page with all messages of the session, newest first."""
 
-from typing import ClassVar
-
 from textual.app import ComposeResult
-from textual.binding import BindingType
 from textual.containers import VerticalScroll
 from textual.content import Content
 from textual.screen import ModalScreen
@@ -22,7 +19,7 @@ class MessageScreen(ModalScreen[None]):
         log: the displayed messages
     """
 
-    BINDINGS: ClassVar[list[BindingType]] = bindings("messages")
+    BINDINGS = bindings("messages")
 
     def __init__(self, log: MessageLog) -> None:
         super().__init__()

@@ -6,10 +6,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
 
 from textual.app import ComposeResult
-from textual.binding import BindingType
 
 from dpr_lab.acquisition.capture import CaptureOptions
 from dpr_lab.acquisition.holding import HangReading
@@ -65,7 +63,7 @@ link. `{app.import}` imports a recording of another logger instead.
 
 Grey values are outdated: no newer message has arrived from the device, and the latch may have opened meanwhile.
 """
-    BINDINGS: ClassVar[list[BindingType]] = bindings("capture")
+    BINDINGS = bindings("capture")
 
     def __init__(self, services: Services) -> None:
         super().__init__(services)

@@ -1,11 +1,10 @@
 """Step Compare: compare model and measurement, with free runs from any run and time."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from textual import on
 from textual.app import ComposeResult
-from textual.binding import BindingType
 from textual.containers import Horizontal
 from textual.content import Content
 from textual.events import Resize
@@ -59,7 +58,7 @@ pressing it a third time removes both. `{{chart.cursor_back}}` and `{{chart.curs
 
 Figures, report and numbers are written to `report/` in the folder of the workspace, as by `dpr-lab compare`.
 """
-    BINDINGS: ClassVar[list[BindingType]] = bindings("compare")
+    BINDINGS = bindings("compare")
     DEFAULT_CSS = """
     CompareStep #pickers { height: 1; }
     CompareStep #pickers Select { width: 1fr; margin-right: 1; }

@@ -2,11 +2,9 @@
 
 import time
 from contextlib import suppress
-from typing import ClassVar
 
 from textual import on, work
 from textual.app import ComposeResult
-from textual.binding import BindingType
 from textual.containers import VerticalScroll
 from textual.content import Content
 from textual.widgets import Input, OptionList, Static
@@ -50,7 +48,7 @@ Choose the link to the device: one from the list, or your own URL (`{{connect.ed
 `{{connect.exercise}}` makes the device stream for two seconds and shows the received and lost samples, and the error
 of its clock relative to this computer. This closes the latch and leaves it closed.
 """
-    BINDINGS: ClassVar[list[BindingType]] = bindings("connect")
+    BINDINGS = bindings("connect")
 
     def __init__(self, services: Services) -> None:
         super().__init__(services)

@@ -3,12 +3,11 @@
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from textual import on
 from textual.app import ComposeResult
-from textual.binding import BindingType
 from textual.containers import Horizontal, VerticalScroll
 from textual.content import Content
 from textual.widgets import Input, Label, Select, Static, TabbedContent, TabPane
@@ -77,7 +76,7 @@ alternatives. Also shows by how much the gap decreases on held-out data, and wha
 Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/` in the folder of the workspace, as
 `dpr-lab diagnose --out` writes them.
 """
-    BINDINGS: ClassVar[list[BindingType]] = bindings("diagnose")
+    BINDINGS = bindings("diagnose")
     DEFAULT_CSS = """
     DiagnoseStep #form { height: 1; }
     DiagnoseStep #form Label { padding: 0 1 0 0; }

@@ -6,13 +6,12 @@ The search can be paused, or stopped with its best result so far.
 import time
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Group
 from rich.text import Text
 from textual.app import ComposeResult
-from textual.binding import BindingType
 from textual.containers import Horizontal, VerticalScroll
 from textual.content import Content
 from textual.widgets import Input, Label, Select, Static, TabbedContent, TabPane
@@ -60,7 +59,7 @@ data. *Identifiability* shows the measurements that determine the others. With a
 starts from the values of the rig file estimates the ratios of rods, arm and drive. The model is written to `model.json`
 in the folder of the workspace.
 """
-    BINDINGS: ClassVar[list[BindingType]] = bindings("identify")
+    BINDINGS = bindings("identify")
     DEFAULT_CSS = """
     IdentifyStep #runs { height: 1; text-wrap: nowrap; text-overflow: ellipsis; }
     IdentifyStep .form { height: 1; }

@@ -4,13 +4,12 @@ A proposed release can become the next pose of the step Capture.
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 from textual import on
 from textual.app import ComposeResult
-from textual.binding import BindingType
 from textual.containers import Horizontal, VerticalScroll
 from textual.widgets import DataTable, Input, Label, Static
 
@@ -65,7 +64,7 @@ diagnosed first.
 `plan.json` and rig files with the planned poses are written to `plan/` in the folder of the workspace, as
 `dpr-lab plan --out` writes them.
 """
-    BINDINGS: ClassVar[list[BindingType]] = bindings("plan")
+    BINDINGS = bindings("plan")
     DEFAULT_CSS = """
     PlanStep #form { height: 1; }
     PlanStep #form Label { padding: 0 1 0 0; }

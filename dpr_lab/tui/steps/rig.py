@@ -3,11 +3,9 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 from textual import on
 from textual.app import ComposeResult
-from textual.binding import BindingType
 from textual.containers import VerticalScroll
 from textual.content import Content
 from textual.message import Message
@@ -63,7 +61,7 @@ with its standard uncertainty. `{rig.read}` reads the file again after a change.
 `{app.import}` imports a recording of another logger (a table, `.mat`, `.npz`, `.h5`, `.parquet`, a ROS 2 bag) with
 the selected rig.
 """
-    BINDINGS: ClassVar[list[BindingType]] = bindings("rig")
+    BINDINGS = bindings("rig")
 
     def __init__(self, services: Services) -> None:
         super().__init__(services)

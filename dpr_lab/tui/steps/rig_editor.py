@@ -1,10 +1,8 @@
 """Editor for a rig file; the text is checked before it is saved."""
 
 from pathlib import Path
-from typing import ClassVar
 
 from textual.app import ComposeResult
-from textual.binding import BindingType
 from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static, TextArea
@@ -27,7 +25,7 @@ class RigEditor(Guarded, ModalScreen[Path | None]):
         source: initial rig file
     """
 
-    BINDINGS: ClassVar[list[BindingType]] = bindings("editor")
+    BINDINGS = bindings("editor")
     DEFAULT_CSS = """
     RigEditor { align: center middle; }
     RigEditor > Vertical { width: 100%; height: 100%; background: $surface; border: round $primary; padding: 0 1; }

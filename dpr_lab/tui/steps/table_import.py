@@ -3,10 +3,8 @@
 import asyncio
 import shlex
 from pathlib import Path
-from typing import ClassVar
 
 from textual.app import ComposeResult
-from textual.binding import BindingType
 from textual.containers import Vertical, VerticalScroll
 from textual.content import Content
 from textual.screen import ModalScreen
@@ -39,7 +37,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
         file: the recording; None: entered by the operator
     """
 
-    BINDINGS: ClassVar[list[BindingType]] = bindings("import")
+    BINDINGS = bindings("import")
     DEFAULT_CSS = """
     TableImport { align: center middle; }
     TableImport > Vertical { width: 100%; height: 100%; background: $surface; border: round $primary; padding: 0 1; }

@@ -7,13 +7,12 @@ import asyncio
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 from rich.text import Text
 from textual import on
 from textual.app import ComposeResult
-from textual.binding import BindingType
 from textual.color import Color, ColorParseError
 from textual.containers import Grid, Vertical
 from textual.events import Resize
@@ -142,7 +141,7 @@ class Chart(Vertical, can_focus=True):
     Chart > PlotWidget > .plot--tick { color: $foreground; text-style: none; }
     Chart:focus > PlotWidget > .plot--axis { color: $primary; }
     """
-    BINDINGS: ClassVar[list[BindingType]] = bindings("chart")
+    BINDINGS = bindings("chart")
 
     def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
         super().__init__(id=id, classes=classes)

@@ -1,9 +1,6 @@
 """Dialogs above a step: help, and confirmation before data are discarded."""
 
-from typing import ClassVar
-
 from textual.app import ComposeResult
-from textual.binding import BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Button, Markdown, Static
@@ -14,7 +11,7 @@ from dpr_lab.tui.keys import bindings
 class HelpScreen(ModalScreen[None]):
     """Dialog with the purpose of a step and all keys."""
 
-    BINDINGS: ClassVar[list[BindingType]] = bindings("help")
+    BINDINGS = bindings("help")
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -30,7 +27,7 @@ class HelpScreen(ModalScreen[None]):
 class Question(ModalScreen[bool]):
     """Dialog that requests a confirmation; every answer except an explicit yes counts as no."""
 
-    BINDINGS: ClassVar[list[BindingType]] = bindings("question")
+    BINDINGS = bindings("question")
 
     def __init__(self, question: str, yes: str, no: str) -> None:
         super().__init__()

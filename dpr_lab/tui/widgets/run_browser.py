@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from rich.text import Text
 from textual import on
 from textual.app import ComposeResult
-from textual.binding import BindingType
 from textual.containers import Vertical
 from textual.events import Key
 from textual.screen import ModalScreen
@@ -67,7 +66,7 @@ a path, and up and down show recent folders.
 A run with the state *cut* is incomplete: it contains the samples up to the interruption. An *unreadable* run contains
 no samples. The reason is shown below the list.
 """
-    BINDINGS: ClassVar[list[BindingType]] = bindings("runs")
+    BINDINGS = bindings("runs")
     DEFAULT_CSS = """
     RunBrowser { align: center middle; }
     RunBrowser > Vertical { width: 100%; height: 100%; background: $surface; border: round $primary; padding: 0 1; }
@@ -322,7 +321,7 @@ no samples. The reason is shown below the list.
 class FormatScreen(ModalScreen[str | None]):
     """Dialog for the selection of an export format."""
 
-    BINDINGS: ClassVar[list[BindingType]] = bindings("format")
+    BINDINGS = bindings("format")
     DEFAULT_CSS = """
     FormatScreen { align: center middle; }
     FormatScreen OptionList { width: 40; height: auto; border: round $primary; }

@@ -1,10 +1,8 @@
 """Slider that is moved by keys."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from rich.text import Text
-from textual.binding import BindingType
 from textual.message import Message
 from textual.reactive import reactive
 from textual.widget import Widget
@@ -19,7 +17,7 @@ class Slider(Widget, can_focus=True):
     Slider { height: 1; }
     Slider:focus { text-style: bold underline; }
     """
-    BINDINGS: ClassVar[list[BindingType]] = bindings("slider")
+    BINDINGS = bindings("slider")
     value: reactive[float] = reactive(0.0)
     maximum: reactive[float] = reactive(1.0)
     mark: reactive[float | None] = reactive(None)
