@@ -23,7 +23,7 @@ from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.step import Step
 from dpr_lab.tui.texts import NOTICES
 from dpr_lab.tui.widgets.dialogs import Question
-from dpr_lab.tui.widgets.readout import BAD, GOOD, angles_text, old_text, ordered_text
+from dpr_lab.tui.widgets.readout import BAD, GOOD, angles_text, losses, old_text, ordered_text
 
 SIMULATED = TRANSPORTS["sim"].example
 CONNECTING = "connecting ({connect.disconnect}: cancel)"
@@ -240,9 +240,8 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         if isinstance(self._exercised, str):
             closes = "" if self.device.seen.latched else CLOSES
             return [_row("link test", self._exercised or self.worded(UNTESTED) + closes)]
-        lost = ", ".join(f"{n} {cause.replace('_', ' ')}" for cause, n in self._exercised.lost.items() if n)
-        arrived = f"{self._exercised.samples} samples, {lost or 'none lost'}"
-        return [_row("link test", f"{BAD if lost else GOOD} {arrived}"), _row("clock", _clock_fit(self._exercised))]
+        arrived = losses(self._exercised.lost, f"{self._exercised.samples} samples, ")
+        return [_row("link test", arrived), _row("clock", _clock_fit(self._exercised))]
 
 
 def _described(port: SerialPortFound) -> str:

@@ -137,9 +137,13 @@ def old_text(sighting: Sighting, ordered: float | None, now: float, unit: AngleU
 def lost_text(lost: Mapping[str, int], samples: int | None) -> Content:
     """Return the number of samples, and of lost samples by cause, as text."""
     counted = "" if samples is None else f"{samples} samples, "
+    return Content.styled(f"lost   {losses(lost, counted)}", "$error" if any(lost.values()) else "")
+
+
+def losses(lost: Mapping[str, int], counted: str) -> str:
+    """Return a mark and the number of lost samples by cause, after the text `counted`."""
     causes = ", ".join(f"{n} {cause.replace('_', ' ')}" for cause, n in lost.items() if n)
-    text = f"lost   {BAD if causes else GOOD} {counted}{causes or 'none lost'}"
-    return Content.styled(text, "$error" if causes else "")
+    return f"{BAD if causes else GOOD} {counted}{causes or 'none lost'}"
 
 
 def _tone(good: bool) -> str:
