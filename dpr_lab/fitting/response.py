@@ -285,7 +285,10 @@ def _response(grid: _Grid, weight: Array, torque: Array, sums: Array, response: 
 
 @njit(allocates=False)
 def _response_with_arm(grid: _Grid, weight: Array, torque: Array, sums: Array, response: Array) -> None:
-    """Compute `_response` for any number of states and axes; `sums` is (2, states, k)."""
+    """Compute `_response` for any number of states and axes.
+
+    The work array `sums` has the shape (2, states, k).
+    """
     t, into, out, positions, edges, first = grid
     states, axes, count, before, total = into.shape[1], into.shape[2], torque.shape[2], sums[0], sums[1]
     for s in range(len(first) - 1):

@@ -119,7 +119,7 @@ OBJECTIVES = {
 
 
 def objective_words(name: str) -> str:
-    """Return description and name, for example `short segments, insensitive to chaos [segments]`.
+    """Describe an objective, for example `short segments, insensitive to chaos [segments]`.
 
     An unknown name is returned unchanged.
     """

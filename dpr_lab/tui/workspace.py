@@ -83,10 +83,7 @@ class Workspace:
 
     @property
     def driven_by(self) -> str | None:
-        """The text `commanded` if commanded torques are selected; otherwise None.
-
-        The text also requires that at least one run contains both kinds of torques.
-        """
+        """The text `commanded` if it is selected and a run contains both kinds of torques; otherwise None."""
         return (self.torque or None) if self.both_torques else None
 
     def basis(self) -> dict[str, str]:

@@ -1,19 +1,17 @@
 """Motor behind the backlash of the arm's gear, computed in the lanes.
 
-In each step, the motor is computed after the arm.
-
 Inside the backlash the arm moves alone, without the inertia J and the viscous friction c0 of the motor. In contact, arm
-and motor are one body. The mode of a step of length h is the mode at its start. After the motor has been followed
-through the step, the impulse P of the gear and its first moment M about the end of the step follow from the balance of
-the motor's momentum, where q is the angle of the motor and tau its torque:
+and motor are one body. Contact is decided at the start of each step; h is the length of the step. Each step is
+computed first for the arm, then for the motor. Let q be the angle of the motor and tau its torque. The balance of the
+motor's momentum gives the impulse P of the gear and its first moment M about the end of the step:
 
     P = tau h - c0 (change of q) - J (change of dq/dt)
     M = tau h^2/2 - c0 h/2 (change of q) - J (change of q - h dq/dt at the start)
 
-The parts of P and M that the step already contained are subtracted. The remainder is still to be transmitted to the
-arm: a torque (`fed`) transmits impulse and moment within two steps. Momentum is therefore also conserved at an impact,
-and the arm moves as after an impact at its exact instant. After an impact the motor stays in contact for one step, in
-which both bodies take their common speed. The loops over lanes have the form described in `stepping`.
+The parts of P and M that the step already contained are subtracted. A torque (`fed`) transmits the remainder of impulse
+and moment to the arm within two steps. Momentum is therefore also conserved at an impact, and the arm moves as after an
+impact at its exact instant. After an impact the motor stays in contact for one step, in which both bodies take their
+common speed. The loops over lanes have the form described in `stepping`.
 """
 
 from dpr_lab.arrays import Flags

@@ -39,7 +39,7 @@ class VerdictRules:
     gap_from: float = 0.5
     """Minimum ratio of a remainder to the noise for which the remainder is a gap that no effect explains."""
     held_out_gap: float = 1.0
-    """Minimum ratio to the noise of a gap that only the held-out recordings show."""
+    """Minimum size of a gap that only the held-out recordings show, relative to the noise."""
     visible: float = 0.5
     """Minimum share of the effects that must be detectable at their typical size for the verdict "no gap".
 

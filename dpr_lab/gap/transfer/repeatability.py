@@ -291,7 +291,7 @@ class _Parts:
         return chosen
 
     def _local(self, column: int) -> Array:
-        """Split the column of a parameter into (segments, m, recordings), one for each recording."""
+        """Split the column of a parameter into one column per recording, (segments, m, recordings)."""
         of_recording = self.fold[:, None, None] == np.arange(int(self.fold.max()) + 1)
         return np.where(of_recording, self.X[:, :, [column]], 0.0)
 

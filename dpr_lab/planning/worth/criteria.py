@@ -252,7 +252,7 @@ class OpenAmplitudes:
     before: Array
     """(n, n) information about the amplitudes from the recordings, with the unknowns of the model fitted."""
     after: Array
-    """(n, n) the same with further information."""
+    """(n, n) information about the amplitudes after further recordings."""
 
     @classmethod
     def of(cls, known: Knowledge, F: Array, excluded: bool = False) -> "OpenAmplitudes":

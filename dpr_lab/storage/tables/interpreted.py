@@ -48,9 +48,8 @@ class QuestionSettings:
     same_rig: float = 0.15
     """Maximum residual of the torque balance with free L1, for which the inertias are compared with the rig file."""
     other_rig: float = 1.1
-    """Maximum ratio, without a warning, of an inertia divided by gravity to the nearest value within the bounds of the
-    rig file. It is below 1.05 for free swings of the correct rig, and at least 1.15 for other rigs of this
-    repository."""
+    """Maximum ratio of an inertia, divided by gravity, to the nearest value within the bounds of the rig file. A larger
+    ratio gives a warning. It is below 1.05 for free swings of the correct rig, and at least 1.15 for other rigs."""
     torque_step: float = 0.08
     """Median change of a known torque from row to row, relative to its range, above which a warning is given. A sine of
     1 Hz has a median change of 0.012 at 200 Hz, and 0.12 at 20 Hz."""
