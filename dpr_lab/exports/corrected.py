@@ -190,7 +190,8 @@ def _without_insignificant(
         covariance = np.array(posterior.covariance)
         gain = covariance[:, places] @ np.linalg.pinv(covariance[np.ix_(places, places)], hermitian=True)
         steps = gain @ np.array([fitted[name] for name in zero])
-        values |= {name: fitted[name] - float(step) for name, step in zip(posterior.free, steps, strict=True)}
+        changes = dict(zip(posterior.free, steps.tolist(), strict=True))
+        values |= {name: fitted[name] - changes[name] for name in changes.keys() & fitted.keys()}  # others are zero
     return signed(values | dict.fromkeys(zero, 0.0))
 
 

@@ -202,15 +202,17 @@ def _transferred(selected: Selected) -> Transferred:
         name: free_swings(free_runs(everything, model.estimate), model) for name, model in selection.models.items()
     }
     transferred = transfer(selected, swings)
+    described = description(recordings.records, rig, problem, selection, transferred)
+    doubtful = described.forced or not (transferred.tested or chosen.at_noise_floor)
     budget = gap_budget(recordings, everything, problem, selection)
     remainder = discrepancy(problem, chosen)
     return Transferred(
         fitted=fitted,
         selection=selection,
-        posteriors=judged(transferred, selected.posteriors),
+        posteriors=judged(transferred, selected.posteriors, doubtful),
         free_swings=swings,
         transfer=transferred,
-        description=description(recordings.records, rig, problem, selection, transferred),
+        description=described,
         remainder=remainder,
         gap=gap(selected, transferred, swings, budget, remainder),
         covariance=covariance(problem, chosen, rig, remainder) + second_moments(problem, chosen.fit, chosen.inflation),

@@ -74,8 +74,8 @@ def test_an_effect_that_is_not_named_is_left_out_if_its_interval_contains_zero(v
         probability=1.0,
         ratios=dict.fromkeys(RATIOS, 1.0),
         effects=effects,
-        free=["c2/b", key],
-        covariance=[[1e-10, 3e-12], [3e-12, 4e-12]],
+        free=["c2/b", key, "coulomb_joint1.torque_Nm"],  # the estimate of this torque is zero
+        covariance=[[1e-10, 3e-12, 0.0], [3e-12, 4e-12, 0.0], [0.0, 0.0, 1e-9]],
     )
     diagnosis = Diagnosis.model_construct(effects=[], posterior=[posterior], model_effects=effects)
     fitted = dict.fromkeys(RATIOS, 1.0) | {key: value}

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from scipy.integrate import solve_ivp
 from dpr_lab.effects import EFFECTS, effect_params, plausibility
 from dpr_lab.errors import RunError
 from dpr_lab.gap.classes.posterior import EffectPosterior
+from dpr_lab.gap.conclusion.description import unbalanced
 from dpr_lab.gap.conclusion.sentence import _in_noise
 from dpr_lab.gap.conclusion.verdict import listed_causes
 from dpr_lab.gap.diagnose import diagnose
@@ -276,3 +278,25 @@ def test_a_small_swing_on_a_cart_shows_the_sign_of_the_cart_and_no_spring(tmp_pa
     assert diagnosis.effects == []
     assert ("--scale theta0=-1" in diagnosis.sentence) == (sign == 1)
     assert diagnosis.verdict == ("unexplained" if sign == 1 else "no_gap")
+
+
+@pytest.mark.parametrize(
+    ("changed", "start", "zero", "forced"),
+    [
+        ({"dry": 2.0}, 1.2, 0.0, False),
+        ({"viscous": 1.0}, 0.1, 0.15, False),
+        ({"yields": 0.1, "stiff": 30.0}, 1.2, 0.0, False),
+        ({"torque": lambda t: 15.0 * np.sin(7.3 * t)}, 1.2, 0.0, True),
+    ],
+    ids=["Coulomb friction", "zero error larger than the swing", "compliant pivot", "motor"],
+)
+def test_a_motor_that_is_not_described_changes_the_energy_of_the_rod(
+    tmp_path: Path, changed: dict[str, Any], start: float, zero: float, forced: bool
+) -> None:
+    rig = bench_rigs.one_rod(0.69, 0.115, 4000, np.random.default_rng(1))
+    rod, t = replace(bench_rigs.Rod(21.4, 0.04, 0.0, 9e-3), **changed), np.arange(0.0, 4.0, 0.02)
+    angle = zero + bench_rigs.rod_swing(rod, start, t)
+    run = bench_rigs.table(tmp_path, "swing", rig, {"t_s": t, "theta1_rad": angle})
+    result = unbalanced([run], rig)
+    assert result.forced == forced
+    assert ("friction and known torques do not explain" in result.hint) == forced

@@ -56,6 +56,12 @@ def test_a_clock_of_any_width_is_suggested_where_the_readings_continue(tmp_path:
     np.testing.assert_allclose(import_csv(file, paper, ImportOptions(**options, time_wrap=wrap)).t, T, atol=1e-9)
 
 
+def test_durations_of_rows_are_no_times(tmp_path: Path, paper) -> None:
+    durations = np.tile([40.0, 40.0, 39.0, 41.0], len(T) // 4 + 1)[: len(T)]
+    with pytest.raises(RunError, match=r"near 40, like the duration of a row: .* \(--rate-hz\)$"):
+        import_csv(table(tmp_path / "a.csv", durations, "t", "g"), paper, ImportOptions(keep_rest=True))
+
+
 def test_a_second_recording_in_a_table_is_no_wrap(tmp_path: Path, paper) -> None:
     start = np.r_[0 : len(T) // 2, 0 : len(T) // 2]
     rows = zip(T[start].tolist(), *THETA[start].T.tolist(), strict=True)

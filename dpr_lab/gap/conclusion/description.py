@@ -18,10 +18,12 @@ from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.arm_energy import undescribed_drive
+from dpr_lab.identification.misread.balance import ENERGY, residual_near
 from dpr_lab.identification.misread.tried import Description, SecondLook, second_look
 from dpr_lab.identification.moving_arm.doubts import stop_sentence
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, moves
+from dpr_lab.shown import percent
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,11 +77,31 @@ def description(
     carried = any(record.run.arm is not None for record in records) and selection.chosen.effects
     if not (carried or (residuals.chi2 > DESCRIPTION.gap * residuals.dof and open_)):
         return Description()
-    look = second_look([_trusted(record) for record in records], rig)
+    runs = [_trusted(record) for record in records]
+    look = second_look(runs, rig)
     # an encoder error also causes an apparent energy input
-    if not look.tried and selection.share_explained >= THRESHOLDS.explained:
-        return Description()
-    return Description(look.sentence, bool(look.sentence) and _as_good(look, selection))
+    if not look.sentence or (not look.tried and selection.share_explained >= THRESHOLDS.explained):
+        return unbalanced(runs, rig)
+    return Description(look.sentence, _as_good(look, selection))
+
+
+def unbalanced(runs: Sequence[Run], rig: Rig) -> Description:
+    """Describe a change of the rods' energy that neither friction nor known torques explain.
+
+    Effects with many amplitudes can imitate the force that causes it (decision 89). Zero errors are effects themselves
+    and may have any size.
+    """
+    for run in (run.swing for run in runs if run.inner is None):
+        residual = residual_near(run.t, run.theta[:, 1:], run.torques, rig, zero_error_rad=np.inf)
+        if ENERGY.unexplained[run.torques is not None] < residual < np.inf:
+            change = f"{percent(residual)} of" if residual < 1 else "more than"
+            return Description(
+                f"The energy of the rods changes by {change} the energy exchanged by gravity, which friction and known"
+                " torques do not explain: a motor, a hand or the base drives the rods, or the readings or their"
+                " description are incorrect. Record the torques of the motors, or a free swing.",
+                forced=True,
+            )
+    return Description()
 
 
 def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Description:

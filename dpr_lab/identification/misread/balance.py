@@ -61,6 +61,11 @@ class EnergySettings:
 
     Coulomb friction can hold a rod away from the vertical by this angle. A camera can also be tilted by this angle.
     """
+    unexplained: tuple[float, float] = (0.3, 0.8)
+    """Maximum residual of the balance that is not evidence of another force, for free and for driven swings.
+
+    The Coulomb friction of geared drives on real rigs dissipates up to half of the exchanged energy.
+    """
     exchanged: float = 0.9
     """Minimum correlation of kinetic and potential energy, without trend and friction, from which times are tested."""
     paces: tuple[float, ...] = (1.0, 2.0, 4.0, 8.0, 0.5, 0.25, 0.125)
@@ -150,23 +155,26 @@ def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
     return best_zeros(lambda added: _residual(covariance, added), rig)
 
 
-def residual_near(t: Array, rods: Array, torques: Array | None, rig: Rig) -> float:
+def residual_near(
+    t: Array, rods: Array, torques: Array | None, rig: Rig, zero_error_rad: float = ENERGY.zero_error_rad
+) -> float:
     """Compute the residual of the balance of `energy_fit` after a small correction of the zeros.
 
     The result is infinite if the motion is too small. An error delta of a zero changes the potential energy of a small
     swing of amplitude A by the fraction delta / A. Both zeros are therefore moved towards the zeros with the smallest
-    residual, by at most `ENERGY.zero_error_rad`. The residual is computed with short and with long windows. The smaller
+    residual, by at most `zero_error_rad`. The residual is computed with short and with long windows. The smaller
     residual is returned, so that the noise of the readings has little influence.
     """
-    return min((_residual_near(terms, rig) for terms in _balances(t, rods, torques, rig)), default=math.inf)
+    balances = _balances(t, rods, torques, rig)
+    return min((_residual_near(terms, rig, zero_error_rad) for terms in balances), default=math.inf)
 
 
 def _least_residual(balances: Sequence[Array]) -> float:
     return min((_residual(np.cov(terms, bias=True), np.zeros(2)) for terms in balances), default=math.inf)
 
 
-def _residual_near(terms: Array, rig: Rig) -> float:
-    covariance, most = np.cov(terms, bias=True), ENERGY.zero_error_rad
+def _residual_near(terms: Array, rig: Rig, most: float) -> float:
+    covariance = np.cov(terms, bias=True)
     added = best_zeros(lambda zeros: _residual(covariance, zeros), rig, nearest=True)
     return _residual(covariance, np.clip(added, -most, most))
 

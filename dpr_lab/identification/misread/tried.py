@@ -136,6 +136,8 @@ class Description:
     """Probable mistake and its correction; empty without evidence against the description."""
     withholds: bool = False
     """Whether another interpretation explains as much as the chosen effects; no effect is then named as a cause."""
+    forced: bool = False
+    """Whether a force that is not described probably acts on the rods; no effect is then certain."""
 
 
 def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:

@@ -31,9 +31,6 @@ class QuestionSettings:
     stiff_rad: float = 0.02
     """Maximum range of joint 2 for which it counts as fixed: absolute, rad, and relative to the excursion of the
     rods."""
-    unexplained: tuple[float, float] = (0.3, 0.8)
-    """Maximum residual of the energy balance without a warning: for a free swing, and for a driven swing. The Coulomb
-    friction of geared drives on real rigs dissipates up to half of the exchanged energy."""
     nearest: tuple[float, float] = (1.5, 0.5)
     """Two limits for a message that names the interpretation with the smallest residual. The message is given if this
     residual is too large for a correct interpretation. The limits are the minimum ratio of the second smallest residual

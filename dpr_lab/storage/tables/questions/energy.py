@@ -8,6 +8,7 @@ import numpy as np
 
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.balance import (
+    ENERGY,
     energy_fit,
     energy_zeros,
     other_pace,
@@ -57,7 +58,7 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
         others = [as_posed(table, other) for other in others]
         return [read_otherwise(BROKEN, others)], others
     doubts = []
-    unexplained = SETTINGS.unexplained[table.torques is not None]
+    unexplained = ENERGY.unexplained[table.torques is not None]
     if residual > unexplained:
         residual = residual_near(read.t, read.theta[:, 1:], read.torques, table.rig)
     if residual > unexplained:
