@@ -246,9 +246,9 @@ def _with_scale(diagnosis: Diagnosis, effect: str, parameter: str, low: float, h
 
 
 def _scale_factors(diagnosis: Diagnosis, power: int) -> list[float]:
-    """Return the factors of a size: 1, and one for each end of b's interval.
+    """Return the factors of a size: 1, and one for each end of the interval of b.
 
-    The ends follow from `Scale.factors90`.
+    The factors follow from `Scale.factors90`; b is the inertia that sets the scale.
     """
     return [1.0, *(() if diagnosis.scale is None else diagnosis.scale.factors90(power))]
 

@@ -138,7 +138,7 @@ def _tolerance(interval90: Ends, typical: float) -> float:
 def compare_claims(
     certified: Mapping[str, CertifiedClaim], diagnosis: Diagnosis, acceptance: Acceptance | None = None
 ) -> list[Verified]:
-    """Compare the claims of a certificate with those that the policy requires.
+    """Compare the claims of a certificate with the claims that the policy requires.
 
     See `required_claims` for the last two arguments.
     """

@@ -120,7 +120,10 @@ def _estimate(
 
 
 def _scale_power(parameter: FreeParameter) -> int:
-    """Return the power of b in an amplitude, which a single run does not identify."""
+    """Return the exponent of the inertia b in an amplitude.
+
+    A single run does not determine b.
+    """
     effect = EFFECTS.get(parameter.effect)
     return next((p.scale_power for p in effect.parameters if p.name == parameter.name), 0) if effect else 0
 

@@ -63,7 +63,7 @@ def _beyond(push: float, forward: float, backward: float) -> float:
 def slides(
     rods: ReducedRods, directions: tuple[float, float], forward: tuple[float, float], backward: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the sliding direction of both joints, or 0 for a joint that stays at rest.
+    """Return the sliding direction of each joint, or 0 for a joint that stays at rest.
 
     A direction is 1 or -1.
 

@@ -56,7 +56,7 @@ class Segments:
 
     @property
     def held(self) -> Flags:
-        """(S,) mask of segments in which the parts on joint 1 turn as one body."""
+        """(S,) mask of the segments in which the parts on joint 1 turn as one body."""
         return np.array([setup.held for setup in self.setups], dtype=np.bool_)[self.run]
 
     @property

@@ -234,10 +234,10 @@ def _differentiate(
     held: bool,
     push: Array,
 ) -> None:
-    """Add dk = f_x S + f_p of a stage to the sum, and advance S.
+    """Add the derivative dk = f_x S + f_p of a stage to the sum, and advance S.
 
-    M alpha = f implies M dalpha = df - dM alpha for each column. If joint 2 is fixed, the sum of the two rows of this
-    equation is used.
+    S contains the derivatives of the state. From M alpha = f it follows that M dalpha = df - dM alpha for each column.
+    If joint 2 is fixed, the sum of the two rows of this equation is used.
     """
     a, d, e1, c1, c2, _ = ratios
     e2 = d * gravity

@@ -306,9 +306,10 @@ def _runge_kutta(
 
 @subroutine
 def _stopped(x: RigState, joint: int, directions: Three, later: float, alphas: Three) -> RigState:
-    """Return the state x at the time at which a joint stops.
+    """Return the state at the instant at which a joint stops.
 
-    The angles are corrected by the time `later`, s, and the speed of the joint that stops is zero.
+    The joint stops `later` seconds after the state `x`. The angles are advanced by this time, and the speed of the
+    joint is set to zero.
     """
     thetas, omegas = (x.theta0, x.theta1, x.theta2), (x.omega0, x.omega1, x.omega2)
     thetas, omegas = stopped(thetas, omegas, alphas, joint, later, directions[1] == 0.0)

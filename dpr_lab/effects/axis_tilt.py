@@ -14,9 +14,9 @@ def leaning(
 
         tau0 = K_t - (e1 sin(theta1) + e2 sin(theta2)) p_r,    tau_i = e_i cos(theta_i) p_t
 
-    The component of gravity perpendicular to the axis is p g, with the parts p_r along the arm and p_t across it. K = S
-    g p, where S is the first moment of arm and rods about the axis. S also depends on a counterweight, so K is fitted.
-    K_t is the component of K across the arm.
+    The component of gravity perpendicular to the axis is p g. The part p_r of p is along the arm, and p_t is across it.
+    K_t is the component across the arm of K = S g p, where S is the first moment of arm and rods about the axis. S also
+    depends on a counterweight, so K is fitted.
     """
     sin0, cos0 = sincos(motion.theta0)
     radial, tangential = along_rad * cos0 + across_rad * sin0, across_rad * cos0 - along_rad * sin0

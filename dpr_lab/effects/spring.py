@@ -21,8 +21,8 @@ def elastic(joint: Joint, stiffness_Nm_per_rad: float, cubic_Nm_per_rad3: float,
 def rest_angle(params: Params, *, most_rad: float = math.pi, iterations: int = 20) -> Params:
     """Return the angle, rad from hanging, at which the torque of the spring is zero.
 
-    The result is {} if the angle is beyond half a turn. Newton's method starts from C / k. If the angle is farther
-    away, the torque is practically constant.
+    The result is {} if the angle is beyond half a turn. Newton's method starts from the quotient C / k of the constant
+    torque and the stiffness. If the angle is farther away, the torque is practically constant.
     """
     k, cubic, constant = (params.get(name, 0.0) for name in _NAMES)
     q = constant / k if k > 0.0 else math.inf

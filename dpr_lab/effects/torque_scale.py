@@ -14,7 +14,7 @@ def rescaled(torque: float, excess: float) -> float:
 
 
 def gear(params: Params) -> Words:
-    """Return the gear ratio relative to the one from which the known torques were computed."""
+    """Return the gear ratio, relative to the ratio with which the known torques were computed."""
     return {"gear": 1.0 + params["excess"]}
 
 

@@ -115,7 +115,7 @@ def _predict(
 
 @subroutine
 def _multiply(f: Array, A: Array, product: Array) -> None:
-    """Compute F A, where F has two equal, upper triangular blocks f."""
+    """Set `product` to F A, where F has two equal, upper triangular diagonal blocks f."""
     for i in range(STATES):
         first = i - i % CHAIN
         for j in range(STATES):

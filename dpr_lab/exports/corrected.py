@@ -136,7 +136,7 @@ def _alone(diagnosis: Diagnosis, five: Sequence[EstimatedValue], rig: Rig) -> di
 
 
 def significant_values(diagnosis: Diagnosis) -> tuple[Array, dict[str, dict[str, float]]]:
-    """Return ratios, b and p/b (7,), and the effects without insignificant amplitudes."""
+    """Return the (7,) ratios, b and p/b, and the effects without insignificant amplitudes."""
     unknown = diagnosis.unknowns
     fitted = dict(zip(UNKNOWN_RATIOS, unknown.tolist(), strict=True)) | {
         f"{name}.{key}": value

@@ -181,7 +181,7 @@ def known_effects(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[
 
 
 def parameter_lines(effects: Iterable[str]) -> Iterable[str]:
-    """Yield one line of source for each parameter, with the name that the functions use."""
+    """Yield one line of source for each parameter, under the name used by the functions."""
     for name in effects:
         for p in EFFECTS[name].parameters:
             yield f"{name}_{p.name} = EFFECTS[{name!r}].get({p.name!r}, {p.default!r})"

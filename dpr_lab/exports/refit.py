@@ -97,8 +97,8 @@ def unchanged(model: AnyModel, written: AnyModel) -> set[str]:
 def _starts(bare: Estimate, model: AnyModel, rig: Rig) -> list[tuple[Array, Array]]:
     """Return the initial ratios (7,) and effects (SIZE,) of both fits.
 
-    The fits are those of the bare and the corrected model. Both use b of the corrected model, because free swings
-    determine the sizes of effects only relative to b.
+    The fits are those of the bare and the corrected model. Both use the inertia b of the corrected model, because free
+    swings determine the sizes of effects only relative to b.
     """
     if not isinstance(model, MovingArmModel):
         of_bare = np.append(bare.ratios[: len(RATIOS)], model.unknowns[len(RATIOS) :])

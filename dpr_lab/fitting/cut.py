@@ -64,7 +64,7 @@ def partition(run: Run, length: float) -> list[slice]:
 def carried(source: Segments, states: Array, other: Segments, otherwise: Array) -> Array:
     """Transfer initial states to another division into segments.
 
-    Segments with the same first sample have the same state.
+    A segment takes the state of the segment with the same first sample.
 
     Args:
         source: first division of the samples

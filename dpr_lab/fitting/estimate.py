@@ -211,7 +211,7 @@ def alone_share(ratios: Array) -> float:
 
 
 def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tuple[int, ...]:
-    """Return the indices of the unknowns in `Estimate.ratios` that the runs determine.
+    """Return the indices in `Estimate.ratios` of the unknowns that the runs determine.
 
     All other unknowns keep their values. Runs with two free rods determine the five ratios. Additional runs with only
     the inner rod also determine p/b. If joint 1 is prescribed, the outer rod determines d/b and c2/b. If no run has a

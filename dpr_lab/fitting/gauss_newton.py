@@ -192,7 +192,7 @@ def fit(
 
 @dataclass(frozen=True, slots=True)
 class RigPrior:
-    """Prior of the rig file as a term |e - A step|^2 of the cost."""
+    """Prior of the rig file as a term of the cost, |e - A step|^2."""
 
     problem: Problem
     estimate: Estimate

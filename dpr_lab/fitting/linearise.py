@@ -78,7 +78,7 @@ class Linearisation:
 
     @property
     def flat(self) -> tuple[Array, Array]:
-        """(rows, free) A and (rows,) e, with all segments in sequence."""
+        """(rows, free) matrix A and (rows,) residual e, with all segments in sequence."""
         return self.A.reshape(self.e.size, self.A.shape[2]), self.e.ravel()
 
     def projected(self, columns: Array) -> Array:

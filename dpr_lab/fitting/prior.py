@@ -78,7 +78,10 @@ class Prior:
     """(SIZE,) maximum sizes of the amplitudes of effects."""
 
     def rows(self, estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array]:
-        """Return A (n, free) and e (n,) of the prior term |e - A step|^2."""
+        """Return the matrix A (n, free) and the vector e (n,) of the prior.
+
+        The term of the prior in the cost is |e - A step|^2.
+        """
         A, e = np.zeros((len(free), len(free))), np.zeros(len(free))
         of_ratios = [i for i, parameter in enumerate(free) if parameter.block == "ratios"]
         if of_ratios:

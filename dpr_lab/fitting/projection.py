@@ -26,7 +26,10 @@ TINY = 1e-140
 
 @dataclass(frozen=True, slots=True)
 class ColumnSpace:
-    """Least-squares problem with columns A and residual e, represented by their inner products."""
+    """Least-squares problem, represented by inner products.
+
+    The products are those of the columns A and the residual e.
+    """
 
     scale: Array
     """(k,) reciprocal norm of each column."""
@@ -64,9 +67,9 @@ class ColumnSpace:
         return ColumnSpace(self.scale[columns], H, self.gradient[columns] - across.T @ out[:, -1])
 
     def gains_given(self, across: Array, within: Array, gradient: Array, positive: bool) -> Array:
-        """Return the (sets,) additional reduction of |e|^2 by each small set of columns.
+        """Return the (sets,) reduction of |e|^2 that each small set of columns adds.
 
-        Each set is fitted together with the columns of this space.
+        Each set is fitted together with the columns of this space; e is the residual.
         """
         norm = np.sqrt(
             np.maximum(np.diagonal(within, axis1=1, axis2=2), 0.0)
@@ -91,12 +94,12 @@ class ColumnSpace:
         return bounded_solution(H, self.gradient, *bounds / self.scale) * self.scale
 
     def reduction(self, x: Array) -> float:
-        """Return the reduction of |e|^2 by given coefficients x (k,)."""
+        """Return the reduction of the squared residual |e|^2 by the coefficients x (k,)."""
         unit = x / self.scale
         return float(2 * unit @ self.gradient - unit @ _ridged(self.H) @ unit)
 
     def gain(self) -> float:
-        """Return the reduction of |e|^2 by the unbounded solution."""
+        """Return by how much the unbounded solution reduces the squared residual |e|^2."""
         return self.reduction(self.solution())
 
     def unabsorbed(self, order: Sequence[int], *, rounding: float = 1e-9) -> Array:

@@ -58,10 +58,10 @@ def _weigh(values: Array, weight: Array, offsets: Integers, blocks: Array) -> No
 
 @njit
 def innovations(columns: Array, weight: Array, offsets: Integers, walk: Array, out: Array, shared: Array) -> float:
-    """Whiten the result of `padded` in place, for the process noise of the same samples.
+    """Whiten the result of `padded` in place, for process noise of the same samples.
 
     Returns:
-        the sum of all log S
+        the sum of log S over all innovations, where S is the variance of an innovation
     """
     volume = 0.0
     count = columns.shape[3]

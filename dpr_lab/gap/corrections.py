@@ -58,7 +58,7 @@ class Drafted:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Correction of one property of the recordings that a search shows to be wrong."""
+    """Correction of a property of the recordings that proves wrong in a search."""
 
     correct: Callable[[Fitted, Hypothesis], ScreenedRuns | None]
     """Function of the fitted recordings and the selected set: the corrected recordings; None if none are needed."""

@@ -19,7 +19,7 @@ SEEN = 1.0
 
 
 def _decompose(rows: Array) -> tuple[Array, Array]:
-    """Return singular values (..., n) and right singular vectors (..., n, n) of rows (..., m, n).
+    """Return singular values (..., n) and right singular vectors (..., n, n) of matrices (..., m, n).
 
     If m < n, the last n - m singular values are zero.
     """

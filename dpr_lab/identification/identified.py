@@ -136,7 +136,7 @@ def identified_model(
 
 
 def _of_alone(sentences: list[str], alone: bool) -> list[str]:
-    """Adapt sentences on ratios to a rig on which only the inner rod is mounted.
+    """Adapt sentences on ratios to a rig with only the inner rod.
 
     The ratios then refer to the inertia a. Sentences on parts that are not mounted are omitted.
     """
@@ -174,7 +174,9 @@ def _ratio(
 def _scale(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, b: ParameterValue) -> Scale:
     """Return the scale of absolute sizes, which the runs or the rig file determine.
 
-    Bounds of the rig file may move b away from the estimate of the runs. The interval then contains both values.
+    The scale is the inertia `b`. Bounds of the rig file may shift it away from the estimate of the runs. The interval
+    then
+    contains both values.
     """
     if SCALE not in ratio_fit.visible:
         return scale_of(b, ratio_fit.fit.estimate.ratios, rig, ratio_fit.visible)

@@ -120,7 +120,7 @@ def _piece(ratio_fit: RatioFit, index: int) -> _Piece:
 
 
 def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece] | None:
-    """Extend a segment by the part of the next segment that its free run predicts.
+    """Extend a segment into the next segment, as far as its free run predicts the readings.
 
     Returns:
         The extended segment and the remaining part of the next segment; None if the predicted part or the remaining

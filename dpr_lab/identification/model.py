@@ -165,7 +165,7 @@ class Covariance(ModelPart):
 
 
 class Identifiable(ModelPart):
-    """Directions in the space of the nine parameters that the recordings identify."""
+    """Identifiable directions in the space of the nine parameters."""
 
     rank: int
     """Number of directions, of nine, that the runs determine."""
@@ -303,10 +303,10 @@ class Model(FittedModel):
         return self.model_copy(update={"ratios": alone, "fitted": five})
 
     def scaled_ratios(self) -> "Model":
-        """Return a copy of the model in which the base parameters follow from the ratios.
+        """Return a copy of the model whose base parameters follow from the ratios.
 
-        Comparisons with recordings use this copy. By default, the base parameters follow from the nine parameters. The
-        bounds of the rig file may shift the nine parameters. They then disagree with ratios of large uncertainty.
+        The copy is used for comparisons with recordings. Otherwise the base parameters follow from the nine parameters.
+        Because the bounds of the rig file may shift these, they may disagree with ratios of large uncertainty.
         """
         values = self.base["b"].value * base_from_ratios([ratio.value for ratio in self.all_ratios.values()])
         return self.with_base(values.tolist())

@@ -104,7 +104,7 @@ def _short_segments(prepared: "PreprocessedRun", held: bool) -> Swings:
 def _whole_run(prepared: "PreprocessedRun", held: bool) -> Swings:
     """Return the free run from the smoothed first state.
 
-    The objective is E(Z) of the publication, docs/theory.md, equation (2), which compares angles and speeds.
+    The objective is the cost E(Z) of the publication, docs/theory.md, equation (2). It compares angles and speeds.
     """
     samples = _thinned(prepared.run.t)
     targets = np.hstack([prepared.run.theta[samples, 1:], prepared.states[samples, 2:]])

@@ -78,7 +78,7 @@ class RatioFit:
 
     @property
     def visible(self) -> tuple[int, ...]:
-        """Indices in `UNKNOWN_RATIOS` of the unknowns that the runs determine."""
+        """Indices in `UNKNOWN_RATIOS` of the unknowns determined by the runs."""
         return visible_of(self.problem.segments)
 
     @property
@@ -263,7 +263,7 @@ def driving_noise(problem: Problem, estimate: Estimate) -> Disturbance | None:
 
 
 def information(problem: Problem, estimate: Estimate) -> Array:
-    """Compute the Fisher information (k, k) of segments on the unknowns that they determine.
+    """Compute the Fisher information (k, k) of segments on the k unknowns determined by them.
 
     All other values are eliminated.
     """

@@ -103,8 +103,8 @@ class RatioUncertainty:
     def of_runs(self) -> Array:
         """(n, n) covariance from the runs alone; at most 1e6 times the prior covariance.
 
-        In coordinates in which the prior has unit covariance, a variance v from runs and prior together corresponds to
-        the variance v / (1 - v) from the runs alone.
+        Coordinates are chosen in which the prior has unit covariance. A variance v from runs and prior together then
+        corresponds to the variance v / (1 - v) from the runs alone.
         """
         if self.prior is None:
             return self.covariance

@@ -43,7 +43,7 @@ joint 2 measures theta2 - theta1.
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """Interpretation of the cost H(Z), which the publication does not define uniquely."""
+    """Interpretation of the cost H, which the publication does not define uniquely."""
 
     poses: tuple[str, ...]
     """Names of the poses whose E is summed to H."""

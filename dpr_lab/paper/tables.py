@@ -143,7 +143,10 @@ def ratios(results: Sequence[SearchResult], rig: Rig) -> PaperTable:
 
 
 def verdicts(results: Sequence[SearchResult], rig: Rig) -> list[str]:
-    """Describe the agreement with the publication, one sentence per interpretation of H and grid."""
+    """Describe the agreement with the publication, one sentence for each cost and grid.
+
+    A cost is an interpretation of H.
+    """
     return [
         _verdict(reading, grid, group, rig)
         for reading in READINGS

@@ -297,8 +297,8 @@ def _settled(path: Sequence[OpenAmplitudes], readings: Sequence[float], rng: np.
 def _distances(information: Array, columns: Sequence[int]) -> Array:
     """Return the (n, n) squared distances D^2 between amplitudes.
 
-    The row is an amplitude of unit size. An entry is the squared distance of its readings from the nearest readings
-    under another amplitude, which is the column.
+    An entry belongs to an amplitude of unit size (row) and another amplitude (column). It is the squared distance
+    between the readings of the first and the nearest readings under the second.
     """
     G = information[np.ix_(columns, columns)]
     return np.diag(G)[:, None] - G**2 / np.diag(G)

@@ -109,8 +109,8 @@ class Planner:
     def _longer(self, steps: Sequence[SequenceStep], left: float) -> list[SequenceStep]:
         """Extend the releases by the minutes in which no further release fits.
 
-        The last releases are extended first. A longer recording does not require placing the rods again, and it
-        increases the accuracy of the ratios.
+        The last releases are extended first. A longer recording does not require placing the rods again, and it makes
+        the ratios more accurate.
         """
         extended = list(steps)
         for k in reversed(range(len(steps))):

@@ -39,7 +39,7 @@ SIMULATED_FIT = SimulatedFit()
 def simulated_distance(
     release: CandidateRelease, known: Knowledge, pairs: OpenPairs, truth: int, other: int
 ) -> float | None:
-    """Compute Delta D^2 of a release between two causes by nonlinear simulation.
+    """Compute by nonlinear simulation how far a release moves two causes apart, as Delta D^2.
 
     The result is None if the fit becomes non-finite.
 

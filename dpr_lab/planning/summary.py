@@ -84,7 +84,10 @@ def _reasons(objective: Objective, after: Array) -> list[Reason]:
 
 
 def _gained(objective: Objective, step: SequenceStep, F: Array) -> list[Array]:
-    """Return the d^2 that all releases so far add, reduced by the simulated share."""
+    """Return the squared distances d^2 added by all releases so far.
+
+    They are reduced by the simulated share.
+    """
     share = 1.0 if step.simulated is None else min(step.simulated, 1.0)
     return [share * d2 for d2 in objective.gained(F)]
 

@@ -72,7 +72,10 @@ def _refreshed(
 def _offspring(
     problem: SearchProblem, population: Population, levels: Levels, settings: IgaSettings, rng: np.random.Generator
 ) -> Population:
-    """Create all M Pc / 2 offspring of a generation, steps (5) to (7), unsorted."""
+    """Create all offspring of a generation, unsorted, by steps (5) to (7).
+
+    Their number is M Pc / 2, with the population size M and the crossover rate Pc.
+    """
     pairs = max(1, round(settings.population * settings.crossover_rate / 2))
     parents = pair(population.genes, _fitness(population, settings), pairs, problem.box, rng)  # step (5)
     crossed = cross(*parents, rng)

@@ -88,7 +88,7 @@ def _descended(problem: SearchProblem, start: Array, start_cost: float, settings
 
 
 def _smooth_cost(errors: Array, settings: MultistartSettings) -> Array:
-    """Return the (n,) smooth approximation of H for the local search.
+    """Return the (n,) smooth approximation of the cost H for the local search.
 
     A quasi-Newton method stalls at the kinks of the aggregate `max`. A smooth p-norm of the errors replaces it.
     """

@@ -44,8 +44,8 @@ def import_csv(
 
     Raises:
         RunError: the file is not a table of numbers, a column cannot be found, the time decreases (the message names
-        the line), more than 10 % of the rows have no value, no row remains, a joint without a rod moves, or the table
-        cannot be a swing of the rig (`dpr_lab.storage.tables.questions`).
+            the line), more than 10 % of the rows have no value, no row remains, a joint without a rod moves, or the
+            table cannot be a swing of the rig (`dpr_lab.storage.tables.questions`).
     """
     swing = understand(file, rig, options, on_progress or unwatched)
     path = Path(file)

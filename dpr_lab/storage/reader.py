@@ -43,7 +43,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
 
     Raises:
         RunError: the file is not a run, is not readable, has no release, was changed after the recording, or belongs to
-        another rig.
+            another rig.
     """
     stored = scan(Path(path))
     if verify:

@@ -19,7 +19,7 @@ def check_room(folder: Path, samples: float, bytes_a_sample: int = 128) -> None:
 
     Raises:
         RunError: the folder cannot be created or written, or has too little space; the message contains the
-        calculation.
+            calculation.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

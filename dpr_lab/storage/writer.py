@@ -86,7 +86,7 @@ class RunWriter:
 
     Raises:
         RunError: the file already exists or cannot be written. Any method raises this error if the disk fails during
-        the recording; the data written before are kept and can be recovered.
+            the recording; the data written before are kept and can be recovered.
     """
 
     def __init__(

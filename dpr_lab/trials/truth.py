@@ -52,7 +52,7 @@ class Truth:
         return not self.effects and self.foreign is None
 
     def sizes(self, rig: Rig, assumed: float) -> dict[str, dict[str, float]]:
-        """Convert the true amplitudes of the library effects to the scale that the diagnosis assumes.
+        """Convert the true amplitudes of effects to the scale of the diagnosis.
 
         A free swing does not determine the common scale of torques and inertias. A diagnosis therefore assumes an
         inertia (`assumed_inertia`). For comparison, true torques and inertias are multiplied by the ratio of the

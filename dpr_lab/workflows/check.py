@@ -50,8 +50,8 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
     Raises:
         ConfigError: the rig is not valid, or a file with the name of the folder exists.
         RunError: there is no diagnosis or no such check, the check requires another kind of result, the diagnosis
-        already used the recording, the value has no unit, or no candidate predicts the value and it is not
-        `confirmed`.
+            already used the recording, the value has no unit, or no candidate predicts the value and it is not
+            `confirmed`.
         DprError: a result cannot be written.
     """
     from dpr_lab.checks.update import find_check, refuse_other_result, update

@@ -44,7 +44,7 @@ class CompareResult:
     """Output of `compare --json`."""
 
     def free_run(self, run: int, at_s: float) -> "FreeRun":
-        """Return the free run of a run from the segment that contains an instant.
+        """Return the free run of a run, from the start of the segment at an instant.
 
         Args:
             run: index of the run

@@ -247,10 +247,10 @@ REASONS = ("gap", "unexplained", "unsure", "sensor")
 
 
 def failures(diagnosis: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.9) -> list[str]:
-    """Return a sentence for each requested reason in `REASONS` that applies to a diagnosis.
+    """Return a sentence for each of the requested reasons that applies to a diagnosis.
 
-    A sentence is always included if the verdict is "inconclusive", or if the description of the recordings is probably
-    wrong.
+    The names of the reasons are in `REASONS`. A sentence is always included if the verdict is "inconclusive", or if the
+    description of the recordings is probably wrong.
 
     Args:
         diagnosis: the diagnosis

@@ -69,7 +69,7 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
 
     Raises:
         ConfigError: the rig, the limits or the budget is not valid, or does not permit a recording; or a diagnosis is
-        given without its runs.
+            given without its runs.
         RunError: a run or the diagnosis cannot be used; the diagnosis belongs to other runs.
         IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.

@@ -34,8 +34,8 @@ def read_runs(
 
     Raises:
         RunError: a file is not a run, or belongs to another rig; two files contain the same recording; a table contains
-        several swings between which the rods are held; a table contains only torques of the other kind; or, unless
-        `any_clock`, the clock rate error of a device is larger than that of a crystal.
+            several swings between which the rods are held; a table contains only torques of the other kind; or, unless
+            `any_clock`, the clock rate error of a device is larger than that of a crystal.
     """
     from dpr_lab.estimation.held_rods import refuse_held
     from dpr_lab.estimation.usable_runs import refuse_moving_arms, refuse_repeated, refuse_wrong_clocks

@@ -27,9 +27,9 @@ from dpr_lab.kernels import subroutine
 
 
 class _LaneNotation(dict[str, str]):
-    """Lane notation: a name is lane k of a workspace row.
+    """Notation of lanes: a name denotes one lane of a workspace row.
 
-    `params_3` is lane k of row 3 of `params`.
+    For lane k, `params_3` denotes lane k of row 3 of `params`.
     """
 
     def __missing__(self, name: str) -> str:

@@ -60,7 +60,7 @@ def shares(w: LaneWorkspace, due: Row, until: float) -> bool:
 
 @subroutine
 def _after_reading(due: Row, k: int, t: Array, j: int, count: int) -> int:
-    """Return j + 1, and set the sampling time of this sample as the next of lane k."""
+    """Set the next sampling time of lane k after sample j; return j + 1."""
     due[k] = t[k, j + 1] if j + 1 < count else np.inf
     return j + 1
 

@@ -92,7 +92,9 @@ def _parts(
 ) -> Integers:
     """Return kind, candidate, first and last segment (4, tracks) of the marked candidates.
 
-    Tracks of one segment have neighbouring candidates in neighbouring lanes. These lanes therefore have the same times.
+    Neighbouring tracks belong to candidates of the same segment where possible, so that neighbouring lanes have the
+    same
+    times.
     """
     columns = run[first] if which.shape[1] > 1 else np.zeros(len(first), dtype=np.int64)
     segment, candidate = np.nonzero(which[:, columns].T)

@@ -40,7 +40,7 @@ class FittedAmplitudes:
 
 
 def fitted_amplitudes(model: Model, runs: Sequence[Run], rig: Rig) -> FittedAmplitudes | None:
-    """Return the range of the amplitudes in the recordings to which a model was fitted.
+    """Return the range of the amplitudes in the recordings of a fit.
 
     The result is None if there are no recordings.
     """

@@ -88,9 +88,9 @@ def factor_without(
 
 
 def without(components: Sequence[PosteriorComponent], place: int) -> list[PosteriorComponent]:
-    """Return the posterior of the fit without one of R recordings.
+    """Return the posterior of the fit without one recording.
 
-    Its covariances are multiplied by R / (R - 1).
+    Its covariances are multiplied by R / (R - 1), where R is the number of recordings.
     """
     return [_without(component, place) for component in components]
 

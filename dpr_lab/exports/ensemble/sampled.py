@@ -108,7 +108,7 @@ def diagnosed_posterior(diagnosis: Diagnosis) -> list[PosteriorComponent]:
 
 
 def drawn_values(component: PosteriorComponent, rng: np.random.Generator, tries: int = 1000) -> dict[str, float]:
-    """Draw values of the ratios and of the parameters (`effect.parameter`) of one set of effects.
+    """Draw ratios and effect parameters (`effect.parameter`) for one set of effects.
 
     If no draw has only permitted signs, negative values are replaced by zero.
     """

@@ -187,7 +187,7 @@ def felt(effects: Effects, file: Effects, error: Callable[[Effects], float]) -> 
 def ranked(
     causes: Sequence[tuple[Sequence[ModelCause], float]], least: float, nothing: float
 ) -> tuple[ModelCause, ...]:
-    """Sort the changed numbers by the share of the error that each of them causes.
+    """Sort the changed numbers by the share of the error that each number causes.
 
     Args:
         causes: numbers of each cause, and the mean square error if these numbers keep their values of the file

@@ -121,7 +121,7 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """One effect of the selected set, and the fits of others that replace it."""
+    """One effect of the selected set, and the fits in which another effect replaces it."""
 
     selection: Selection
     name: str
@@ -217,7 +217,7 @@ def _adds_nothing(place: _Place, richer: str) -> bool:
 
 
 def _plausibility(place: _Place, score: Score) -> float:
-    """Return the prior weight of the size of an effect that replaces a named one.
+    """Return the prior weight of the size of an effect that replaces a named effect.
 
     The size comes from a fit, or from the linear score if the effect was not fitted.
     """

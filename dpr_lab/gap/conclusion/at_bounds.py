@@ -93,9 +93,9 @@ def _farthest(room: Array, direction: Array) -> float:
 
 
 def _mean_square(slope: float, curvature: float, farthest: float) -> float:
-    """Return E[u^2] for the density exp(slope u - curvature u^2 / 2) on 0 <= u <= farthest.
+    """Return the mean of u^2 for the density exp(slope u - curvature u^2 / 2).
 
-    The density is cut off at eight standard deviations, where it is negligible.
+    The density covers 0 <= u <= farthest. It is cut off at eight standard deviations, where it is negligible.
     """
     reach = 8.0
     std, falling = max(curvature, 1e-300) ** -0.5, max(-slope, 1e-300)

@@ -125,9 +125,9 @@ def _trusted(record: Record) -> Run:
 
 
 def _wrong_gravity(rig: Rig, selection: Selection) -> str:
-    """Describe a wrong g of the rig file that appears as an error of L1.
+    """Describe a wrong gravity of the rig file, which appears as an error of L1.
 
-    Otherwise the text is empty. Only g / L1 is identifiable.
+    Only the quotient g / L1 is identifiable. The text is empty if gravity is not suspected.
     """
     chosen = [EFFECTS[name] for name in selection.chosen.effects if EFFECTS[name].corrects == "L1"]
     if rig.rig.on_earth(rig.g) or not chosen:

@@ -131,7 +131,7 @@ def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float |
 def _first_followed(level: Array, top: int) -> int:
     """Return the index of the first segment from `top` on that the undriven model fits.
 
-    The energy of a segment that contains the push is not the energy at its start.
+    The segment of the push is excluded in this way, because its fitted energy is not the energy at its start.
 
     Args:
         level: (segments,) chi2 per reading

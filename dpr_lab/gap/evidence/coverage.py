@@ -68,7 +68,7 @@ def _spent(record: Record, to_rods: Callable[[Array], Array]) -> Spent:
 def _of(rod: str, spent: Sequence[Spent]) -> Iterator[tuple[Array, Array, Array]]:
     """Yield angles, speeds and durations of a rod for each recording in which it swung.
 
-    If only one rod is mounted, its values are in the first column.
+    If only one rod is mounted, its values are in the first column of a recording.
     """
     for mounting, theta, speed, step in spent:
         if mounting in (rod, "both", "clamped"):

@@ -23,7 +23,7 @@ from dpr_lab.gap.result.evidence import Exclusion
 def exclusions(
     problem: Problem, model: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str, float | None]]
 ) -> list[Exclusion]:
-    """Return the exclusions of every detectable amplitude of every effect that is not named.
+    """Return the exclusions of all detectable amplitudes of the effects that are not named.
 
     Args:
         problem: the segments

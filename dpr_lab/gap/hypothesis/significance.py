@@ -10,12 +10,12 @@ from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 def promising_gain(model: Hypothesis) -> float:
     """Return the smallest predicted reduction of chi2 for which an effect is fitted.
 
-    A fit may reduce chi2 by `GAUSS_NEWTON.exceeded` times the predicted reduction. The minimum is therefore smaller, by
-    this factor, than the largest reduction by chance.
+    A fit may reduce chi2 by `GAUSS_NEWTON.exceeded` times the predicted reduction. The result is therefore the largest
+    reduction by chance, divided by this factor.
 
-    A missing effect inflates the residuals of all readings. With few readings, even the cause of all excess cannot
-    reduce chi2 by an amount that is significant for inflated residuals. Such a reduction is not necessary, because the
-    residuals are small once the cause is in the model. `THRESHOLDS.promising` then limits the predicted reduction.
+    A missing effect inflates the residuals of all readings. With few readings, even the only cause of the excess cannot
+    reduce chi2 significantly relative to inflated residuals. This is not necessary, because the residuals are small
+    once the cause is in the model. `THRESHOLDS.promising` then limits the predicted reduction.
     """
     residuals = model.residuals
     inflation = min(residuals.inflation, max(1.0, residuals.chi2 / residuals.dof))
@@ -26,7 +26,7 @@ def promising_gain(model: Hypothesis) -> float:
 def indifference(
     bare: Hypothesis, model: Hypothesis, *, independent: float = THRESHOLDS.chance, share: float = THRESHOLDS.integrator
 ) -> float:
-    """Return the difference of cost up to which two sets count as equally good.
+    """Return the difference of cost below which two sets count as equally good.
 
     Chance or the steps of the integrator can cause such a difference.
     """

@@ -7,7 +7,7 @@ from dpr_lab.gap.result.saved import Number, Saved
 
 
 class ClosedShare(Saved):
-    """Share of the gap that the named effects close on data that were not fitted."""
+    """Share of the gap that the named effects close on held-out data."""
 
     estimate: Number
     """Share that closes on the held-out runs or, if there are none, on each run when it is predicted from the other

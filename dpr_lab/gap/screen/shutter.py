@@ -37,7 +37,8 @@ class Shutter:
     def corrected(self, t: Array, shown: Array, constants: RigConstants, *, alone: bool) -> Array:
         """Convert readings to the times of the line of the pivot.
 
-        The positions p_i of the ends of the rods, at t_i + k n . p_i, are interpolated to t_i by cubic splines.
+        The ends of the rods are at p_i at the times t_i + k n . p_i. These positions are interpolated to t_i by cubic
+        splines.
 
         Args:
             t: (n,) times of the line of the pivot, s

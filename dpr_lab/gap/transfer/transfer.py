@@ -151,7 +151,7 @@ class _Test:
         return reduction(pair[:, rows], self.rng, self.data.block, self.data.run[rows])
 
     def by_run(self, pair: Array) -> dict[str, Interval]:
-        """Return for each run the share of its gap that closes.
+        """Return the closed share of the gap of each run.
 
         Args:
             pair: (2, segments) excess chi2 without and with the effects
@@ -159,7 +159,7 @@ class _Test:
         return {name: self.reduction(pair, rows) for name, rows in self.data.runs}
 
     def of_set(self, selection: Selection) -> dict[str, Interval]:
-        """Return for each run the share of its gap that the selected set closes."""
+        """Return the share of the gap that the selected set closes in each run."""
         return self.by_run(np.stack([self.above_noise(model) for model in (selection.bare, selection.chosen)]))
 
     def carries_over(self, pair: Array, least: float) -> bool:

@@ -106,7 +106,7 @@ def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, nam
 
 
 def _free(effect: Effect, tested: Effect, angle: Array, speed: Array, t: Array) -> Array:
-    """Return (n, k) hat functions over the angle, and over time and speed if possible.
+    """Return (n, k) hat functions of the angle, and of time and speed if possible.
 
     Forms by time or speed are omitted for effects that cannot depend on them.
     """

@@ -85,12 +85,9 @@ def _one_search(state: SearchState) -> Selection:
 
 
 def short_segments(short: SearchState) -> Move:
-    """Create the move that fits the set selected with short segments to full segments.
+    """Create the move that starts from the set selected with short segments.
 
-    The set is refined first.
-
-    Args:
-        short: state of the search in short segments after forward selection
+    This set is refined with short segments, and then fitted to full segments.
     """
 
     def propose(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
@@ -131,7 +128,7 @@ def _revised(state: SearchState) -> SearchState:
 
 
 def _selection(state: SearchState, misleading: tuple[str, ...]) -> Selection:
-    """Return the result of the search, with sets that lack or replace each effect."""
+    """Return the result of the search, with the sets that lack or replace each effect."""
     sets, chosen = state.sets.copied(), state.current
     fits = fit_alternatives(sets, chosen)
     without = {name: sets.without(chosen, name) for name in chosen.effects}

@@ -143,7 +143,7 @@ def relative_rise(
 
 
 def _terms(prepared: PreprocessedRun, rig: Rig) -> Array:
-    """Return the terms (n, 5) of the energy divided by b.
+    """Return the terms (n, 5) of the energy, divided by the inertia b.
 
     The columns are the terms of b, a, d and e1, and the negative work of the known torques, which is the term of 1/b.
     """

@@ -256,10 +256,11 @@ def impossible(ratios: Array, rig: Rig) -> str:
 
 
 def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
-    """Explain why the rig cannot have the fitted inertia b, or return an empty text.
+    """Explain why the rig cannot have the fitted inertia b, kg m^2; empty if it can.
 
-    The unit of b is kg m^2. An incorrect unit of known torques changes only b, so the residual does not show it.
-    Without known torques, the motion does not determine b, and only the sign of b can contradict the rig.
+    An incorrect unit of known torques changes only b, so the residual does not show it. Without known torques, the
+    motion
+    does not determine b, and only the sign of b can contradict the rig.
     """
     nominal = float(unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))[SCALE])
     known = any(run.torques is not None or run.arm_input is not None for run in runs)
@@ -274,7 +275,7 @@ def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
 
 
 def impossible_fit(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> str:
-    """Explain why the rig cannot have the fitted ratios or b, or return an empty text."""
+    """Explain why the rig cannot have the fitted ratios or the inertia b; empty if it can."""
     unknown = ratio_fit.fit.estimate.ratios
     if all(run.mounting == "inner" for run in runs):
         weight = float(unknown[RATIOS.index("e1/b")] - unknown[ON_ELBOW] * rig.g / rig.L1) / alone_share(unknown)
@@ -395,5 +396,5 @@ def _beginning(run: Run, seconds: float) -> Run:
 
 
 def _decimation(run: Run, slowness: float) -> int:
-    """Return the decimation factor: the number of samples for each sample that is kept."""
+    """Return the decimation factor n: one of n samples is kept."""
     return max(1, round(slowness * run.rate_hz / SETTINGS.rate_hz))

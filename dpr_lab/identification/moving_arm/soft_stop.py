@@ -151,7 +151,7 @@ def _pairs(trials: tuple[list[_Trial], list[_Trial]]) -> list[tuple[_Trial, ...]
 
 
 def _smooth_reduction(angle: Array, basis: Array, rest: Array) -> float:
-    """Compute by which factor a smooth torque of the arm reduces the residual `rest` (k,).
+    """Compute the factor by which a smooth torque of the arm reduces the residual `rest` (k,).
 
     The torque is K2 q^2 + K3 q^3, where q (k,) is the angle of the arm.
     """

@@ -79,7 +79,7 @@ class Unknowns:
 
 
 def parameter_of(ratio: str, kind: str, scale: str) -> str:
-    """Return the entry of `SWING_PARAMETERS` to which the name of a ratio refers.
+    """Return the entry of `SWING_PARAMETERS` for the name of a ratio.
 
     This function is the inverse of `Unknowns.name`.
 

@@ -102,7 +102,7 @@ def with_intervals(
 
 
 def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = None) -> dict[str, Interval90]:
-    """Compute the 90 % intervals of the parameters that only bounds determine.
+    """Compute the 90 % intervals of the parameters that are determined only by bounds.
 
     Args:
         Z: (9,) values in use, which the intervals contain

@@ -21,7 +21,7 @@ ROD_OF = {"a": "inner rod about joint 1", "b": "outer rod about joint 2"}
 
 
 class Scale(BaseModel):
-    """Value of b that absolute sizes assume, and its interval and source."""
+    """Scale of absolute sizes: the assumed inertia b, with its interval and source."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
@@ -76,7 +76,10 @@ class Scale(BaseModel):
         )
 
     def ratio(self, value: float, power: int = 1) -> float:
-        """Divide a size by b^power; the result does not depend on the scale."""
+        """Divide a size by b^power.
+
+        The result does not depend on the scale b.
+        """
         return value / self.b**power
 
     def ratio90(self, interval: Interval90, power: int = 1) -> Interval90:
@@ -86,8 +89,8 @@ class Scale(BaseModel):
     def factors90(self, power: int) -> tuple[float, float]:
         """Return the factors by which a size changes at the ends of the interval of b.
 
-        If the recordings determine b, it is fitted together with the size, and the fit of the size already contains
-        errors of b. Only errors of constants that are not fitted then remain.
+        If the recordings determine the scale b, it is fitted together with the size, and the fit of the size already
+        contains errors of b. Only errors of constants that are not fitted then remain.
         """
         reach = NORMAL_Q90 * self.constants_std
         low, high = (1 - reach, 1 + reach) if self.fixed_by == "data" else [end / self.b for end in self.interval90]

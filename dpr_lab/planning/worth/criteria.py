@@ -134,12 +134,15 @@ class OpenPairs:
         )
 
     def sized_distance(self, F: Array, truth: int, other: int) -> float:
-        """Return D^2 between two causes at their expected sizes, which count as exact."""
+        """Return the squared distance D^2 between two causes at their expected sizes.
+
+        The sizes count as exact.
+        """
         no_spread = tuple(np.zeros_like(spread) for spread in self.spreads)
         return float(replace(self, spreads=no_spread).distances(F)[truth, other])
 
     def distances(self, F: Array) -> Array:
-        """Return (n, n) expected D^2 between the causes.
+        """Return the (n, n) expected squared distances D^2 between the causes.
 
         An entry is the distance of the readings under one cause (row) from the nearest readings under another (column).
         """
@@ -165,10 +168,10 @@ class OpenPairs:
         return squared
 
     def gained(self, before: Array, F: Array) -> Array:
-        """Return the (n, n) squared distances d^2 that additional information adds between the causes.
+        """Return the (n, n) squared distances d^2 that additional information adds.
 
-        A richer form that contains a simpler one never fits worse. The evidence for the richer form is therefore the
-        evidence for its additional amplitude.
+        They are distances between causes. A richer form that contains a simpler one never fits worse. The evidence for
+        the richer form is therefore the evidence for its additional amplitude.
 
         Args:
             before: (n, n) D^2 before the additional information
@@ -214,7 +217,7 @@ def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
 
 @cache
 def _even_bits() -> tuple[Array, Array]:
-    """Return a table of d and the expected bits at even odds."""
+    """Return a table of distances d and the expected bits at even odds."""
     separations = np.concatenate([np.linspace(0.0, 4.0, 41), np.linspace(4.5, 20.0, 32)])
     return separations, np.array([expected_bits([0.5, 0.5], d) for d in separations.tolist()])
 
@@ -313,8 +316,8 @@ def ratio_std(known: Knowledge, F: Array) -> Array:
 def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
     """Return the standard deviations of the ratios that a release determines.
 
-    These are ratios of rods, arm and drive. A parameter x of arm or drive is an unknown at the scale b, but a free
-    swing determines only the ratio r = x / b. To first order the variance of b r is the variance of x - r b.
+    These are ratios of rods, arm and drive. The unknowns include a parameter x of arm or drive and the scale b, but a
+    free swing determines only the ratio r = x / b. To first order the variance of b r is the variance of x - r b.
     """
     estimate, alone = known.model.estimate, bool(known.hidden_ratios) and known.rig.rods.mounted == "inner"
     of_arm = [place for name in sorted(known.always) for place in known.places.get(name, ())]

@@ -57,8 +57,8 @@ def goals(known: Knowledge, F: Array, limits: Limits) -> list[Goal]:
 def goal_bits(known: Knowledge, F: Array, limits: Limits) -> float:
     """Return the information about the limits, in bits.
 
-    The result is the sum of -log2(w / d) over all limits. Here w is the half width of the interval of the limited
-    quantity, and d is the distance of this quantity from the limit. A quotient w / d below one half counts as one half.
+    The result is the sum of -log2(w / d) over all limits, where w is the half width of the interval of the limited
+    quantity, and d its distance from the limit. A quotient w / d below one half counts as one half.
     """
     shares = [goal.reach / goal.room for goal in goals(known, F, limits) if goal.reach is not None]
     return float(np.sum(-np.log2(np.maximum(shares, 0.5)))) if shares else 0.0

@@ -57,11 +57,14 @@ class Objective:
         return cls(known, pairs, before, ratio_bits(known, known.information), limits or Limits())
 
     def gained(self, F: Array) -> list[Array]:
-        """Return the (n, n) d^2 that additional information adds between causes, per named effect."""
+        """Return the (n, n) squared distances d^2 added by further information.
+
+        There is one matrix for each named effect.
+        """
         return [pair.gained(before, F) for pair, before in zip(self.pairs, self.before, strict=True)]
 
     def simulated(self, release: CandidateRelease, information: Array) -> float | None:
-        """Return the simulated Delta D^2 of the least decided causes, relative to the linearised one.
+        """Return the simulated Delta D^2 of the least decided causes, relative to the linearised value.
 
         The result is None if there is no such pair.
         """

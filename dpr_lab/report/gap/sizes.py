@@ -17,7 +17,10 @@ RUN = "run"
 
 
 def only_ratios(diagnosis: Diagnosis) -> bool:
-    """Check whether only ratios to b are identified, because only prior bounds determine the scale."""
+    """Check whether only ratios to the inertia b are identified.
+
+    In this case, only prior bounds determine the scale.
+    """
     return diagnosis.scale is not None and not diagnosis.scale.known
 
 
@@ -70,7 +73,7 @@ def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RA
 
 
 def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float]) -> str:
-    """Format the true sizes of an effect at the diagnosed b for a table cell.
+    """Format the true sizes of an effect for a table cell, at the inertia b of the diagnosis.
 
     Ratios come first if only ratios are identified.
     """
@@ -85,7 +88,7 @@ def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float
 
 
 def _ratios_first(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, str], ratios: Mapping[str, str]) -> list[str]:
-    """Return the texts of ratios, their sizes at the assumed b, and other sizes.
+    """Return the texts of ratios, of their sizes at the assumed inertia b, and of other sizes.
 
     Ratios are omitted if the scale is known.
     """
@@ -101,7 +104,7 @@ def _ratios_first(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, str], r
 
 
 def _inertia(diagnosis: Diagnosis) -> str:
-    """Return the reference inertia of ratios: b, or a for an inner rod alone."""
+    """Return the reference inertia of the ratios: b, or a for an inner rod alone."""
     return diagnosis.scale.inertia if diagnosis.scale else "b"
 
 

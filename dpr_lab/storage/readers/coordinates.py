@@ -55,10 +55,10 @@ def only_coordinate(name: str) -> tuple[str, str]:
 
 
 def in_plane(columns: Sequence[tuple[str, str]], values: Sequence[Array]) -> tuple[list[tuple[str, str]], str, str]:
-    """Replace three coordinates by the two in whose plane a point swings on a circle.
+    """Replace three coordinates by two coordinates in the plane of a circle.
 
-    The axis with the largest range is horizontal. The other axis of the plane is the one for which the distances to the
-    centre of the circle scatter least.
+    A point swings on this circle. The axis with the largest range is horizontal. The other axis of the plane is the one
+    for which the distances to the centre of the circle scatter least.
 
     Args:
         columns: point and axis of each column

@@ -53,7 +53,7 @@ def read_mcap(path: Path, take: Sequence[str]) -> Table:
 
     Raises:
         RunError: the file is damaged or is a run file; JointState is on no topic or on several topics; or two joints
-        have the same name.
+            have the same name.
         DprError: mcap-ros2-support is not installed.
     """
     return _table(path, "MCAP file", _mcap_messages(path), take)

@@ -103,9 +103,9 @@ def _autocorrelation(values: Array) -> float:
 
 
 def _by_pose(rods: Sequence[Array], lengths: Array) -> Array:
-    """Compute the part (n,) of the last rod's length that depends on the rod directions.
+    """Compute how the length (n,) of the last rod depends on the directions of the rods.
 
-    The result is 0 if this part is not significant. Two harmonics of each direction are fitted by least squares. n
+    The result is 0 if the dependence is not significant. Two harmonics of each direction are fitted by least squares. n
     errors with autocorrelation r have the effective number n (1 - r) / (1 + r).
     """
     angles = np.arctan2(*np.stack(rods).transpose(2, 0, 1))

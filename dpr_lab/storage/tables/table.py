@@ -328,7 +328,7 @@ def _otherwise_separated(early: list[list[str]], delimiter: str | None, width: i
 
 
 def _of_numbers(names: Sequence[str], cells: Sequence[str]) -> list[str]:
-    """Name each number of a row in which a field may contain several numbers.
+    """Name each number of a row whose fields may contain several numbers.
 
     Such a field is a point, or contains the elements of an array.
     """

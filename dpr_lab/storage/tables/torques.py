@@ -53,7 +53,7 @@ def find_torques(
 
     Raises:
         RunError: two columns contain one torque, the requested kind does not exist, a joint has only a torque of
-        another kind, or a stated column does not exist.
+            another kind, or a stated column does not exist.
     """
     if source == "none":
         return {}

@@ -43,6 +43,6 @@ class Sight(Protocol):
 
         Raises:
             SafetyStop: no confirmation in time, or nobody can see the screen; the message states the reason and the
-            remedy.
+                remedy.
         """
         ...

@@ -41,7 +41,7 @@ def questions(table: InterpretedTable) -> list[TableQuestion]:
 
     Raises:
         RunError: the table cannot be used because of too few rows, constant or identical columns, a wrong unit of time,
-        or another pose.
+            or another pose.
     """
     t, theta = table.t[table.swing], table.theta[table.swing]
     if len(t) < SETTINGS.fewest_rows:
