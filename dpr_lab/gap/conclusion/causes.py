@@ -9,13 +9,11 @@ import numpy as np
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.effect import Effect, Params
 from dpr_lab.effects.families import FAMILIES
-from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.classes.posterior import EffectPosterior
+from dpr_lab.gap.classes.posterior import Alternative, EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.refits import refit_without
 from dpr_lab.gap.result.causes import EffectSize, NamedEffect, NamedFamily, RivalEffect
 from dpr_lab.gap.state import Transferred
-from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.scaling.scale import Scale
 
 
@@ -76,24 +74,20 @@ def rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEf
     If no effect is named, return the effects that are closest to an explanation.
     """
     others = [
-        _rival(other.name, (other.name,), other.probability, other.cosine, posterior.name)
+        _rival(other, (other.name,), other.cosine, posterior.name)
         for posterior in posteriors
         for other in posterior.alternatives
     ]
     others = sorted(others, key=lambda other: (-other.probability, -other.cosine))
-    if closest:
-        others = [
-            _rival(posterior.name, posterior.members, posterior.probability, 1.0, "") for posterior in posteriors
-        ] + others
-    return others
+    return [*(_rival(posterior, posterior.members, 1.0, "") for posterior in posteriors if closest), *others]
 
 
-def _rival(name: str, members: Sequence[str], probability: float, cosine: float, instead_of: str) -> RivalEffect:
-    fields = {"name": name, "class": list(members), "probability": probability, "cosine": cosine}
+def _rival(cause: EffectPosterior | Alternative, members: Sequence[str], cosine: float, instead_of: str) -> RivalEffect:
+    fields = {"name": cause.name, "class": list(members), "probability": cause.probability, "cosine": cosine}
     return RivalEffect.model_validate(fields | {"instead_of": instead_of})
 
 
-def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -> list[NamedFamily]:
+def families(state: Transferred, named: list[NamedEffect]) -> list[NamedFamily]:
     """Return the families to which the named effects belong.
 
     The probability of a family is the largest probability of its characteristic effects. Friction alone is not evidence
@@ -106,19 +100,19 @@ def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -
             words=family.words,
             effects=list(parts),
             probability=max(probable[name] for name in parts if name in family.marks),
-            share=_share(problem, selection, parts),
+            share=_share(state, parts),
         )
         for family in FAMILIES
         if (parts := family.among(tuple(probable)))
     ]
 
 
-def _share(problem: Problem, selection: Selection, parts: tuple[str, ...]) -> float:
+def _share(state: Transferred, parts: tuple[str, ...]) -> float:
     """Return the share of the excess that returns if a family is removed, 0 to 1."""
 
     def without(model: Hypothesis, name: str) -> Hypothesis:
-        return refit_without(problem, model, name, selection.bare)
+        return refit_without(state.fitted.problem, model, name, state.selection.bare)
 
-    chosen, total = selection.chosen, selection.bare.residuals.excess
+    chosen, total = state.selection.chosen, state.selection.bare.residuals.excess
     returned = reduce(without, parts, chosen).residuals.excess - max(chosen.residuals.excess, 0.0)
     return float(np.clip(returned / total, 0.0, 1.0)) if total > 0 else 0.0

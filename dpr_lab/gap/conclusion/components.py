@@ -12,7 +12,6 @@ import numpy as np
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import named_params
 from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS, FreeParameter
-from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.conclusion.scatter import between_recordings, left_out_values
 from dpr_lab.gap.conclusion.uncertainty import covariance
@@ -20,9 +19,8 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.imitation import follows_decay, is_dismissed
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.result.posterior import PosteriorComponent
-from dpr_lab.gap.where.discrepancy import Discrepancy
+from dpr_lab.gap.state import Transferred
 from dpr_lab.gap.which.selected import Selection
-from dpr_lab.rig import Rig
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,20 +39,11 @@ SCALED = UNKNOWN_RATIOS[: SCALE + 1]
 """Names of the ratios, and of the scale b, which the recordings may determine."""
 
 
-def components(
-    problem: Problem, selection: Selection, rig: Rig, remainder: Discrepancy | None
-) -> list[PosteriorComponent]:
-    """Return sets of effects with their probabilities, the most probable first.
-
-    Args:
-        problem: segments and noise
-        selection: all fitted sets
-        rig: measured constants
-        remainder: discrepancy term of the selected set
-    """
-    models = list(_likeliest(selection))
+def components(state: Transferred) -> list[PosteriorComponent]:
+    """Return sets of effects with their probabilities, the most probable first."""
+    models = list(_likeliest(state.selection))
     total = sum(weight for _, weight in models)
-    candidates = (_component(problem, model, rig, remainder, weight / total) for model, weight in models)
+    candidates = (_component(state, model, weight / total) for model, weight in models)
     return [component for component in candidates if component is not None]
 
 
@@ -99,11 +88,9 @@ def _worse(model: Hypothesis, chosen: Hypothesis) -> float:
     return max(model.cost_at(inflation) - chosen.cost_at(inflation), 0.0) + further * THRESHOLDS.chance * inflation
 
 
-def _component(
-    problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrepancy | None, probability: float
-) -> PosteriorComponent | None:
-    places = [i for i, parameter in enumerate(model.fit.free) if _name(parameter)]
-    spread = covariance(problem, model, rig, remainder)[np.ix_(places, places)]
+def _component(state: Transferred, model: Hypothesis, probability: float) -> PosteriorComponent | None:
+    problem, places = state.fitted.problem, [i for i, parameter in enumerate(model.fit.free) if _name(parameter)]
+    spread = covariance(problem, model, state.fitted.recordings.rig, state.remainder)[np.ix_(places, places)]
     if not np.isfinite(spread).all():
         return None
     free = [_name(model.fit.free[i]) for i in places]

@@ -46,7 +46,7 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
     names_causes, assumed = kind in ("named", "partly_explained", "undecided"), scale(state)
     probable = () if withheld or kind == "inconclusive" else state.posteriors
     named = [named_effect(state, posterior, assumed) for posterior in shown] if names_causes else []
-    named_families = families(state.fitted.problem, state.selection, named)
+    named_families = families(state, named)
     sizes, residuals = named_params(chosen.estimate.params), chosen.residuals
     return Diagnosis(
         verdict="inconclusive" if kind == "undecided" else kind,
@@ -77,7 +77,7 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
         segments=len(state.fitted.problem.segments),
         scale=assumed,
         search=list(state.selection.trace),
-        posterior=components(state.fitted.problem, state.selection, state.fitted.recordings.rig, state.remainder),
+        posterior=components(state),
         model_effects=sizes,
         assumptions=list(assumptions(state, minimum_sizes, assumed)),
         evidence=evidence,

@@ -17,7 +17,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.identification.misread.balance import periods
-from dpr_lab.identification.misread.energy import interval_means, relative_rise
+from dpr_lab.identification.misread.energy import ENERGY, interval_means, relative_rise
 from dpr_lab.identification.misread.local_motion import LocalMotionSettings, local_motion
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -26,21 +26,12 @@ from dpr_lab.shown import percent
 
 @dataclass(frozen=True, slots=True)
 class ArmEnergySettings:
-    """Settings of the test for energy increases."""
+    """Settings of the test of an arm, in addition to `EnergyRiseSettings`."""
 
     motion: LocalMotionSettings = field(
         default_factory=lambda: LocalMotionSettings(degree=3, window_share=0.15, window=(7, 101))
     )
     """Settings of the local polynomials for the speeds."""
-    apart_s: float = 0.1
-    """Interval over which the energy is averaged, s."""
-    least_ratio: float = 0.01
-    """Smallest permitted inertia and gravity torque, relative to the first inertia."""
-    least_exchange: float = 0.5
-    """Minimum range of the energy, relative to the largest range of one of its terms.
-
-    If little energy is lost, errors of the speeds are a large share of the range.
-    """
     entering: float = 0.2
     """Minimum sum of energy increases of a driven arm, relative to the range of the energy.
 
@@ -54,7 +45,9 @@ ARM_ENERGY = ArmEnergySettings()
 
 def undescribed_drive(runs: Sequence[Run], rig: Rig) -> str:
     """Return a message if an arm described as free gains energy, otherwise an empty text."""
-    rise = arm_energy_rise([run for run in runs if run.arm_mode == "free"], rig)
+    parts = [part for run in runs if run.arm_mode == "free" and (part := _terms(run, rig)) is not None]
+    inertias_and_gravity = [(ENERGY.least_ratio, None)] * (parts[0].shape[1] - 3 if parts else 0)
+    rise = relative_rise(parts, parts, [*inertias_and_gravity, (0.0, None), (None, None)])
     if rise < ARM_ENERGY.entering:
         return ""
     return (
@@ -62,18 +55,6 @@ def undescribed_drive(runs: Sequence[Run], rig: Rig) -> str:
         " friction and springs cannot cause: its motor was on, or another force pushed it. Import or capture with"
         " --arm driven and the input of the motor, or with --arm prescribed if the input is unknown"
     )
-
-
-def arm_energy_rise(runs: Sequence[Run], rig: Rig) -> float:
-    """Compute the smallest sum of energy increases, relative to the range of the energy.
-
-    The sum is minimised over all permitted parameters. The result is 0 for a passive arm, or if the sum cannot be
-    computed.
-    """
-    parts = [part for run in runs if (part := _terms(run, rig)) is not None]
-    inertias_and_gravity = [(ARM_ENERGY.least_ratio, None)] * (parts[0].shape[1] - 3 if parts else 0)
-    bounds = [*inertias_and_gravity, (0.0, None), (None, None)]
-    return relative_rise(parts, parts, bounds, ARM_ENERGY.least_exchange)
 
 
 def _terms(run: Run, rig: Rig) -> Array | None:
@@ -94,4 +75,4 @@ def _terms(run: Run, rig: Rig) -> Array | None:
         coupled = np.cos(theta1 - theta2) * w1 * w2 + sin1 * sin2 * w0**2
         of_both = [(w2**2 + sin2**2 * w0**2) / 2, coupled + cos2 / rig.L1 * (rig.g + rig.L0 * w0 * w2)]
     terms = np.stack([of_a, *of_both, of_e1, w0**2 / 2, q**2 / 2, -q], axis=1)
-    return interval_means(terms, motion.t, ARM_ENERGY.apart_s)
+    return interval_means(terms, motion.t)

@@ -25,14 +25,14 @@ from dpr_lab.shown import listed
 
 @dataclass(frozen=True, slots=True)
 class EnergyRiseSettings:
-    """Settings of the test for energy increases."""
+    """Settings of the tests for energy increases of the rods, and of rods and arm."""
 
     apart_s: float = 0.1
     """Interval over which the energy is averaged, s; the noise of the speeds is then negligible."""
     quiet_rad: float = 0.01
     """Maximum standard deviation of a reading for sufficiently accurate speeds, rad."""
     least_ratio: float = 0.01
-    """Smallest permitted ratio; typical double pendulums have no ratio below 0.3."""
+    """Smallest permitted inertia and gravity torque, relative to one inertia; typical ratios are above 0.3."""
     least_exchange: float = 0.5
     """Minimum range of the energy, relative to the largest range of one of its terms.
 
@@ -50,7 +50,7 @@ class EnergyRiseSettings:
 ENERGY = EnergyRiseSettings()
 
 
-def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseSettings = ENERGY) -> float:
+def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig) -> float:
     """Compute the smallest sum of energy increases, relative to the range of the energy.
 
     The sum is minimised over all ratios.
@@ -63,13 +63,13 @@ def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseS
         for prepared in runs
         if prepared.run.arm is None
         and not prepared.run.setup.held
-        and prepared.noise.std_joint.max() < settings.quiet_rad
+        and prepared.noise.std_joint.max() < ENERGY.quiet_rad
     ]
     parts = [_terms(prepared, rig) for prepared in free]
-    means = [interval_means(part, prepared.run.t, settings.apart_s) for part, prepared in zip(parts, free, strict=True)]
+    means = [interval_means(part, prepared.run.t) for part, prepared in zip(parts, free, strict=True)]
     driven = any(mean[:, 4].any() for mean in means)
-    bounds = [(settings.least_ratio, None)] * 3 + [(0.0, None if driven else 0.0)]
-    return relative_rise(means, [part[:, :4] for part in parts], bounds, settings.least_exchange)
+    bounds = [(ENERGY.least_ratio, None)] * 3 + [(0.0, None if driven else 0.0)]
+    return relative_rise(means, [part[:, :4] for part in parts], bounds)
 
 
 def energy_remedy(runs: Sequence[Run], rig: Rig) -> str:
@@ -104,10 +104,7 @@ def _arm_measured(run: Run) -> bool:
 
 
 def relative_rise(
-    means: Sequence[Array],
-    parts: Sequence[Array],
-    bounds: Sequence[tuple[float | None, float | None]],
-    least_exchange: float,
+    means: Sequence[Array], parts: Sequence[Array], bounds: Sequence[tuple[float | None, float | None]]
 ) -> float:
     """Compute the smallest sum of energy increases, relative to the range of the energy.
 
@@ -117,7 +114,6 @@ def relative_rise(
         means: for each run, (intervals, k) means of the terms of the energy; the parameter of the first term is 1
         parts: for each run, (n, at most k) terms that determine the range, without the work
         bounds: (k - 1) bounds of the parameters after the first
-        least_exchange: minimum range of the energy, relative to the largest range of one of its terms
     """
     from scipy.optimize import linprog
 
@@ -138,7 +134,7 @@ def relative_rise(
     spread = 0.0
     for part in parts:
         terms = part * parameters[: part.shape[1]]
-        spread += max(float(np.ptp(terms.sum(axis=1))), least_exchange * float(np.ptp(terms, axis=0).max()))
+        spread += max(float(np.ptp(terms.sum(axis=1))), ENERGY.least_exchange * float(np.ptp(terms, axis=0).max()))
     return float(solution.fun / spread) if spread > 0.0 else 0.0
 
 
@@ -156,7 +152,7 @@ def _terms(prepared: PreprocessedRun, rig: Rig) -> Array:
     return np.stack([0.5 * omega2**2, 0.5 * omega1**2, mixed, np.cos(theta1), -work], axis=1)
 
 
-def interval_means(terms: Array, t: Array, apart_s: float) -> Array:
-    """Average the terms over intervals of the length `apart_s`; the result is (intervals, k)."""
-    edges = np.flatnonzero(np.diff(np.floor((t - t[0]) / apart_s), prepend=-1.0))
+def interval_means(terms: Array, t: Array) -> Array:
+    """Average the terms over intervals of the length `ENERGY.apart_s`; the result is (intervals, k)."""
+    edges = np.flatnonzero(np.diff(np.floor((t - t[0]) / ENERGY.apart_s), prepend=-1.0))
     return np.add.reduceat(terms, edges) / np.diff(edges, append=len(t))[:, None]
