@@ -86,40 +86,44 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
     """Propose sets without the effect that has the smallest own contribution, while a residual remains.
 
     The own contribution of an effect is the part of its reduction that no other form of the remaining effects explains.
-    Two kinds of effects are never proposed: those that every rig has, and those whose removal increases the excess far
-    above that of the best fitted set.
 
     A free function can replace an effect with few amplitudes, whether or not this effect is the cause. If the set
     without an effect of more amplitudes explains as much, it is therefore proposed first.
-
-    An effect is not proposed if the search would then choose a richer form, or another set with this effect, that
-    explains less with more parameters.
     """
     if current.at_noise_floor or len(current.effects) < 2:
         return
-    closest = min(model.bounded_excess for model in sets.fits.values())
-    limit = min(THRESHOLDS.keeps_if_small * closest, THRESHOLDS.still_open * sets.bare.bounded_excess)
-    removable = [name for name in sets.unexpected(current) if not sets.library[name].universal]
-    smaller_sets = {
-        name: smaller
-        for name in removable
-        if (smaller := sets.without(current, name)).bounded_excess <= limit
-        and sets.as_possible(smaller, current)
-        and not _between(sets, smaller, current)
-        and not _returns(sets, smaller, current)
+    smaller_sets = _without_possible_compensations(sets, current)
+    shares = {
+        name: own_share(sets.problem, smaller, sets.test(smaller), name) for name, smaller in smaller_sets.items()
     }
-    shares: list[Proposal] = []
-    for name, smaller in smaller_sets.items():
-        share = own_share(sets.problem, smaller, sets.test(smaller), name)
-        if share is not None:
-            shares.append(Proposal(smaller, share))
-    if not shares:
+    proposals = [Proposal(smaller_sets[name], share) for name, share in shares.items() if share is not None]
+    if not proposals:
         return
-    least = min(shares, key=lambda proposal: proposal.value)
+    least = min(proposals, key=lambda proposal: proposal.value)
     simpler = [other for other in smaller_sets.values() if explains_as_much(sets.bare, other, least.model)]
     if simpler and least.value < THRESHOLDS.own_share:
         yield Proposal(min(simpler, key=lambda model: (len(model.fit.free), model.cost)))
     yield least
+
+
+def _without_possible_compensations(sets: FittedSets, current: Hypothesis) -> dict[str, Hypothesis]:
+    """Return the sets without one effect that may only compensate for the form of another effect.
+
+    Two kinds of effects are kept: those that every rig has, and those whose removal increases the excess far above that
+    of the best fitted set. An effect is also kept if the search would then choose a richer form, or another set with
+    this effect, that explains less with more parameters.
+    """
+    closest = min(model.bounded_excess for model in sets.fits.values())
+    limit = min(THRESHOLDS.keeps_if_small * closest, THRESHOLDS.still_open * sets.bare.bounded_excess)
+    return {
+        name: smaller
+        for name in sets.unexpected(current)
+        if not sets.library[name].universal
+        and (smaller := sets.without(current, name)).bounded_excess <= limit
+        and sets.as_possible(smaller, current)
+        and not _between(sets, smaller, current)
+        and not _returns(sets, smaller, current)
+    }
 
 
 def _between(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
