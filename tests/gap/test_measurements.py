@@ -26,8 +26,8 @@ def after(diagnosis: Diagnosis) -> dict[str, float]:
 
 
 def test_what_two_measurements_have_in_common_is_stated_once() -> None:
-    drags = ("air_drag_outer", "air_drag_both")
-    question = OpenQuestion(drags[0], drags, (0.6, 0.3), one_class=True, chosen=cast("Hypothesis", None), expected=())
+    drags = {"air_drag_outer": 0.6, "air_drag_both": 0.3}
+    question = OpenQuestion("air_drag_outer", drags, one_class=True, chosen=cast("Hypothesis", None), expected=())
     [step] = bench_measurement.propose(question, [])
     assert [step.text.count(part) for part in ("the outer rod and", "the inner rod and", "calliper", "Give the")] == [
         1
@@ -36,7 +36,9 @@ def test_what_two_measurements_have_in_common_is_stated_once() -> None:
 
 def test_either_of_two_measurements_is_enough() -> None:
     tilts = ("base_tilt", "encoder_offset_joint1")
-    question = OpenQuestion(tilts[0], tilts, (0.5, 0.5), one_class=True, chosen=cast("Hypothesis", None), expected=())
+    question = OpenQuestion(
+        tilts[0], dict.fromkeys(tilts, 0.5), one_class=True, chosen=cast("Hypothesis", None), expected=()
+    )
     [step] = bench_measurement.propose(question, [])
     assert "(tilt), in rad. Or: Read encoder 1" in step.text
     assert all(check.is_part_of(step.text) for check in step.checks)

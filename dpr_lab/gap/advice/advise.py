@@ -54,7 +54,7 @@ def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[Effe
     The list is empty if no question is open.
     """
     open_causes = list(_open_causes(posteriors))
-    names = list(dict.fromkeys(name for about, causes, *_ in open_causes for name in (about, *causes)))
+    names = list(dict.fromkeys(name for about, causes, _ in open_causes for name in (about, *causes)))
     # a release is predicted for a clamped arm; the motion of a moving arm would depend on its input
     expected = expected_recordings(recordings, chosen, names) if names and not recordings.arm_moves else []
     steps: list[NextStep] = []
@@ -66,16 +66,16 @@ def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[Effe
     return steps
 
 
-def _open_causes(
-    posteriors: Sequence[EffectPosterior],
-) -> Iterator[tuple[str, tuple[str, ...], tuple[float, ...], bool]]:
+def _open_causes(posteriors: Sequence[EffectPosterior]) -> Iterator[tuple[str, dict[str, float], bool]]:
     """Yield the open questions.
 
-    Each question is a named effect, its possible causes, their probabilities, and whether the causes form one class.
+    Each question is a named effect, its possible causes with their probabilities, and whether the causes form one
+    class.
     """
     for effect in posteriors:
         if len(effect.members) > 1:
-            yield effect.name, effect.members, tuple(effect.probability * share for share in effect.odds), True
+            shares = zip(effect.members, effect.odds, strict=True)
+            yield effect.name, {name: effect.probability * share for name, share in shares}, True
         for other in effect.alternatives:
             if other.probability >= WORTH_A_CHECK:
-                yield effect.name, (effect.name, other.name), (effect.probability, other.probability), False
+                yield effect.name, {effect.name: effect.probability, other.name: other.probability}, False

@@ -1,6 +1,6 @@
 """Checks by a bench measurement: proposal, evaluation, and refusal of impossible values."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -47,9 +47,9 @@ def _alternatives(texts: Iterable[str]) -> str:
     return " Or: ".join(part for part in parts if part)
 
 
-def _listed(causes: Sequence[str]) -> str:
+def _listed(causes: Collection[str]) -> str:
     """Join causes as `a from b`, or as `a, b and c`."""
-    return " from ".join(causes) if len(causes) == 2 else listed(causes)
+    return " from ".join(causes) if len(causes) == 2 else listed([*causes])
 
 
 def _check(question: OpenQuestion, measured: str) -> AdvisedCheck:
@@ -60,9 +60,8 @@ def _check(question: OpenQuestion, measured: str) -> AdvisedCheck:
     effect = EFFECTS[measured]
     wider = effect.adds and not set(effect.nested).isdisjoint(question.causes)
     amplitude = next(p for p in effect.amplitudes if p.name == effect.adds) if wider else effect.amplitudes[0]
-    pairs = zip(question.causes, question.probabilities, strict=True)
-    probability = sum(p for name, p in pairs if has(name, measured, amplitude.name))
-    bits = expected_bits([probability, sum(question.probabilities) - probability], np.inf)
+    probability = sum(p for name, p in question.causes.items() if has(name, measured, amplitude.name))
+    bits = expected_bits([probability, sum(question.causes.values()) - probability], np.inf)
     quantity = Quantity.of(measured, amplitude.name)
     check = question.check("measurement", f"{effect.bench_check} Give the {quantity.label}.", question.causes, bits)
     return check.model_copy(update={"measures": measured, "quantity": quantity})

@@ -1,6 +1,6 @@
 """Interface of the kinds of checks: proposal, result, and probability of the result."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -29,10 +29,8 @@ class OpenQuestion:
 
     about: str
     """Name of the effect in question, which is one of the causes."""
-    causes: tuple[str, ...]
-    """Possible causes: the members of a class, or the effect and one alternative."""
-    probabilities: tuple[float, ...]
-    """Probability of each cause, in the order of `causes`."""
+    causes: Mapping[str, float]
+    """Possible causes with their probabilities: the members of a class, or the effect and one alternative."""
     one_class: bool
     """Whether the causes are the members of one class."""
     chosen: Hypothesis
@@ -40,7 +38,7 @@ class OpenQuestion:
     expected: Sequence[ExpectedRecording]
     """Predicted changes of the readings of each possible release."""
 
-    def check(self, kind: str, text: str, splits: Sequence[str], bits: float) -> AdvisedCheck:
+    def check(self, kind: str, text: str, splits: Iterable[str], bits: float) -> AdvisedCheck:
         """Create a check of a given kind for this question; its identifier is still empty."""
         return AdvisedCheck(id="", kind=kind, text=text, about=self.about, splits=list(splits), expected_bits=bits)
 

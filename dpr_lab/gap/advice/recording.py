@@ -39,7 +39,7 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
     steps: list[NextStep] = []
     if not question.expected:
         return steps
-    about, probability = question.about, dict(zip(question.causes, question.probabilities, strict=True))
+    about, probability = question.about, question.causes
     for other in (name for name in question.causes if name != about):
         # a richer form may have a size that a simpler form cannot reproduce, so both directions are tested
         pairs = ((about, other), (other, about)) if question.one_class else ((about, other),)
