@@ -262,14 +262,13 @@ def _of_rig_file(rig: Rig, names: Iterable[str]) -> dict[str, Parameter | None]:
 
 def _std(parameter: Parameter | None) -> float:
     """Return the standard uncertainty of a measured parameter, or 0 without a measurement."""
-    return parameter.std or 0.0 if parameter is not None and parameter.measured is not None else 0.0
+    return (parameter and parameter.std) or 0.0
 
 
 def _measured_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[str, float]) -> Array:
-    stds = [_std(parameter) for parameter in parameters.values()]
-    return np.diag([sizes[name] / std if std else 0.0 for name, std in zip(sizes, stds, strict=True)])[
-        np.array(stds) > 0
-    ]
+    stds = np.array([_std(parameters[name]) for name in sizes])
+    rows = np.diag([*sizes.values()] / np.where(stds > 0, stds, np.inf))
+    return rows[stds > 0]
 
 
 def _bound_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[str, float]) -> Array:

@@ -13,7 +13,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.identification.model import EstimatedValue
 from dpr_lab.identification.moving_arm.fit import ArmFit
-from dpr_lab.identification.moving_arm.unknowns import best, rod_inertias
+from dpr_lab.identification.moving_arm.unknowns import best, rod_inertias, scale_parameters
 from dpr_lab.rig import PARAMETERS, Rig
 
 
@@ -67,20 +67,18 @@ def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
 
 
 def _relative_std(rig: Rig) -> float | None:
-    """Compute the relative standard deviation of the scale that follows from measured values.
+    """Compute the relative standard deviation of the scale from measured values.
 
     The result is None if a measured value is missing.
     """
-    names = ("l1", "m1", "J1") if rig.rods.mounted != "both" else ("l2", "m2", "J2")
-    stds = [rig.parameters[name].std for name in names]
-    if any(std is None for std in stds):
-        return None
-    units, value = (
-        np.eye(len(PARAMETERS))[[PARAMETERS.index(name) for name in names]],
-        rod_inertias(rig.nominal, rig)[1],
-    )
-    shifted = [rod_inertias(rig.nominal + (std or 0.0) * unit, rig)[1] for unit, std in zip(units, stds, strict=True)]
-    return float(np.linalg.norm(np.array(shifted) / value - 1.0))
+    value, shifts = rod_inertias(rig.nominal, rig)[1], list[float]()
+    for name in scale_parameters(rig):
+        if (std := rig.parameters[name].std) is None:
+            return None
+        larger = rig.nominal
+        larger[PARAMETERS.index(name)] += std
+        shifts.append(rod_inertias(larger, rig)[1] / value - 1.0)
+    return float(np.linalg.norm(shifts))
 
 
 def absolute_values(

@@ -10,7 +10,7 @@ import numpy as np
 
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.arm_motion import prescribed_arm
-from dpr_lab.identification.moving_arm.unknowns import nominal_gain, rod_inertias
+from dpr_lab.identification.moving_arm.unknowns import nominal_gain, rod_inertias, scale_parameters
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.setup import Setup, Torques
@@ -35,17 +35,14 @@ def drive_gain(rig: Rig) -> DriveGain:
         return DriveGain(float(rod_inertias(rig.nominal, rig)[1]), False)
     constants = {"current": [motor.kt], "voltage": [motor.kt, motor.R]}.get(motor.input, [])
     measured = [
-        (constant.std or 0.0) / constant.measured
-        for constant in constants
-        if constant is not None and constant.measured is not None
+        constant.std / constant.measured for constant in constants if constant and constant.std and constant.measured
     ]
     return DriveGain(value, len(measured) == len(constants), math.hypot(*measured))
 
 
 def rods_measured(rig: Rig) -> bool:
     """Check whether all parameters that determine the inertia of the rods were measured."""
-    names = ("l1", "m1", "J1") if rig.rods.mounted != "both" else ("l2", "m2", "J2")
-    return all(rig.parameters[name].measured is not None for name in names)
+    return all(rig.parameters[name].std for name in scale_parameters(rig))
 
 
 def setup_of(run: Run, rig: Rig) -> Setup:

@@ -118,6 +118,11 @@ def rod_inertias(Z: Array, rig: Rig) -> Array:
     return np.array([a, a, 0.0, m1 * l1 * rig.g, c1, 0.0])
 
 
+def scale_parameters(rig: Rig) -> tuple[str, ...]:
+    """Return the names of the parameters that determine the inertia by which ratios are divided."""
+    return ("l2", "m2", "J2") if rig.rods.mounted == "both" else ("l1", "m1", "J1")
+
+
 def arm_start(rig: Rig) -> tuple[float, float]:
     """Return the initial total inertia, kg m^2, and viscous friction, N m s/rad, of the arm."""
     masses = MASSES if rig.rods.mounted == "both" else ("m1",)
