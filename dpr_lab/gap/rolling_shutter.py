@@ -16,12 +16,12 @@ from dpr_lab.effects.coulomb import COULOMB
 from dpr_lab.fitting.estimate import effect_parameters
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 from dpr_lab.gap.hypothesis.significance import scatter
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.shutter import NORMALS, Shutter
+from dpr_lab.gap.where.coordinates import beyond_fit
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +74,7 @@ def _improved(recordings: Recordings, problem: Problem, model: Hypothesis, start
     columns = problem.whitened((before - after)[:, :, None] / (2 * SHUTTER.part * limit))
     others = [parameter for effect in ORDINARY for parameter in effect_parameters(effect, limits=problem.limits)]
     free = (*model.fit.free, *(parameter for parameter in others if parameter not in model.fit.free))
-    linear, fitted = linearise(problem, model.estimate, free), len(free)
-    space = ColumnSpace.of(np.concatenate([linear.A, linear.projected(columns)], axis=2), linear.e)
-    given = space.given(range(fitted), [fitted])
+    linear = linearise(problem, model.estimate, free)
+    given = beyond_fit(linear, range(len(free)), linear.projected(columns))
     step = given.solution(np.array([[-limit - start.delay], [limit - start.delay]]))
     return given.reduction(step), Shutter(start.lines, start.delay + float(step[0]))

@@ -1,6 +1,7 @@
 """Free torques and encoder errors: sums of hat functions of one coordinate."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,7 +11,9 @@ from dpr_lab.arrays import Array
 from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.effects.effect import ARM
 from dpr_lab.effects.quantities import SMOOTHING
+from dpr_lab.fitting.linearise import Linearisation
 from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import Trajectory
 
 BINS = 10
@@ -143,6 +146,12 @@ def encoder_angle(problem: Problem, joint: int) -> Array:
 def encoder_speed(reference: Trajectory, joint: int) -> Array:
     """Return the (samples,) speed of a joint at the samples, rad/s."""
     return np.interp(reference.at, np.arange(len(reference.motion.t)), reference.joint_speed[:, joint])
+
+
+def beyond_fit(linear: Linearisation, fitted: Sequence[int], columns: Array) -> ColumnSpace:
+    """Return the space of further columns (segments, m, k) with the fitted columns projected out."""
+    space = ColumnSpace.of(np.concatenate([linear.A[:, :, fitted], columns], axis=2), linear.e)
+    return space.given(slice(0, len(fitted)), slice(len(fitted), None))
 
 
 def under_torque(problem: Problem, reference: Trajectory, joint: int, torque: Array) -> Array:

@@ -25,11 +25,10 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
-from dpr_lab.gap.where.coordinates import Coordinate, FreeFunctions, Kind, free_functions
+from dpr_lab.gap.where.coordinates import Coordinate, FreeFunctions, Kind, beyond_fit, free_functions
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,9 +90,7 @@ def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
     groups, M = _scaled(problem, model.fit, reference)
     if not groups:
         return None
-    fitted = len(model.fit.inside)
-    space = ColumnSpace.of(np.concatenate([linear.A[:, :, model.fit.inside], M], axis=2), linear.e)
-    space = space.given(slice(0, fitted), slice(fitted, None))
+    space = beyond_fit(linear, model.fit.inside, M)
     H = space.H / np.outer(space.scale, space.scale)
     gradient = space.gradient / space.scale
     eigen, vectors = np.linalg.eigh(H)

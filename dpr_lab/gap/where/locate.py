@@ -12,12 +12,11 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
-from dpr_lab.gap.where.coordinates import Coordinate, FreeFunctions, Kind, free_functions
+from dpr_lab.gap.where.coordinates import Coordinate, FreeFunctions, Kind, beyond_fit, free_functions
 from dpr_lab.shown import percent
 
 CONVINCING = 0.6
@@ -88,10 +87,8 @@ def where_sentence(places: tuple[Where, ...]) -> str:
 
 def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, free: FreeFunctions) -> Where:
     """Fit the residual map of a joint together with ratios and initial states."""
-    linear, fitted = bare.fit.linear, len(bare.fit.free)
-    projected = linear.projected(free.readings(problem, reference))
-    space = ColumnSpace.of(np.concatenate([linear.A, projected], axis=2), linear.e)
-    space = space.given(slice(0, fitted), slice(fitted, None))
+    linear = bare.fit.linear
+    space = beyond_fit(linear, range(len(bare.fit.free)), linear.projected(free.readings(problem, reference)))
     values, std = space.solution(), np.sqrt(np.diag(space.covariance()) * bare.inflation)
     share = float(np.clip((space.gain() - len(space)) / bare.residuals.excess, 0.0, 1.0))
     site = ALL_AXES[free.joint].replace("joint", "encoder") if free.kind == "error" else ALL_AXES[free.joint]
