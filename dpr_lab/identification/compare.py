@@ -119,12 +119,13 @@ class Followed:
     """Fit of the rods without effects, for the predictability horizon."""
     fitted: RatioFit
     """Fit of the model with its effects; `bare` if the model has no effects."""
-    step: float
-    """Longest Runge-Kutta step of a free run, s."""
-    tracked: Array
-    """(n, 2) theta1, theta2 simulated by segments, rad."""
     held_out: bool
     """Whether the run was not fitted."""
+
+    @property
+    def step(self) -> float:
+        """Longest Runge-Kutta step of a free run, s."""
+        return MAX_STEP if self.fitted is self.bare else STEP
 
     @property
     def estimate(self) -> Estimate:
@@ -173,11 +174,8 @@ def follow_preprocessed(preprocessed: PreprocessedRun, rig: Rig, model: Model, s
     """
     problem, initial = segmented([preprocessed], rig, segment_s)
     bare = fit_ratios(problem, rods_estimate(model.unknowns, initial), held=range(len(UNKNOWN_RATIOS)))
-    held_out = not model.used(preprocessed.run.sha256)
-    if not model.effects:
-        return Followed(preprocessed, bare, bare, MAX_STEP, bare.predicted, held_out)
-    fitted = _with_effects(bare, initial, rig, model)
-    return Followed(preprocessed, bare, fitted, STEP, fitted.predicted, held_out)
+    fitted = _with_effects(bare, initial, rig, model) if model.effects else bare
+    return Followed(preprocessed, bare, fitted, held_out=not model.used(preprocessed.run.sha256))
 
 
 def _with_effects(bare: RatioFit, measured: Array, rig: Rig, model: Model) -> RatioFit:
@@ -261,10 +259,10 @@ def compare_followed(followed: Followed) -> Comparison:
         RunError: the model cannot follow the readings.
     """
     run, noise = followed.preprocessed.run, followed.preprocessed.noise
-    t, measured = run.t, run.theta[:, 1:]
+    t, measured, tracked = run.t, run.theta[:, 1:], followed.fitted.predicted
     freely = free_run_from(followed, t[0])
     predictable = t <= freely.horizon_s
-    segment_rms, free_run_rms = _rms(measured - followed.tracked), _rms((measured - freely.theta)[predictable])
+    segment_rms, free_run_rms = _rms(measured - tracked), _rms((measured - freely.theta)[predictable])
     if not np.isfinite([*segment_rms, *free_run_rms]).all():
         raise RunError(
             f"{run.file or run.name}: the model cannot follow these readings: check zero, unit, sign and order of the"
@@ -277,7 +275,7 @@ def compare_followed(followed: Followed) -> Comparison:
         t=t,
         measured=measured,
         free_run=freely.theta,
-        tracked=followed.tracked,
+        tracked=tracked,
         horizon_s=freely.horizon_s,
         noise_rad=np.sqrt(np.diag(noise.covariance)),
         segments=followed.bare.segments,

@@ -136,7 +136,7 @@ def _first_followed(followed: Followed) -> float:
     run, offsets = followed.preprocessed.run, followed.bare.problem.segments.offsets
     measured, noise = run.theta[:, 1:], np.diag(followed.preprocessed.noise.covariance)
     counts = np.diff(offsets)[:, None]
-    misfits = np.add.reduceat((measured - followed.tracked) ** 2, offsets[:-1]) / counts
+    misfits = np.add.reduceat((measured - followed.fitted.predicted) ** 2, offsets[:-1]) / counts
     usual = BANDS.unlike**2 * np.nanmedian(misfits, axis=0)
     tried = min(BANDS.starts, len(misfits))
     for k in range(tried):
