@@ -76,10 +76,9 @@ def validation(
         models: models before and after correction
         swings: free runs of all recordings by model, the fitted ones first
     """
-    compared = [
-        _Compared(dict(zip(swings, of_models, strict=True)), horizon(of_models[-1]))
-        for of_models in zip(*(of_model.each for of_model in swings.values()), strict=True)
-    ]
+    by_run = zip(*(of_model.each for of_model in swings.values()), strict=True)
+    pairs = [dict(zip(swings, of_models, strict=True)) for of_models in by_run]
+    compared = [_Compared(pair, horizon(pair["after"])) for pair in pairs]
     samples = [run.samples for run in compared]
     parts = {name: sources(problem, model, recordings.rig) for name, model in models.items()}
     variances = {name: mean_squares(parts[name], swings[name], samples) for name in models}

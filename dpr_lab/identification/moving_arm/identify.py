@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from dpr_lab.identification.moving_arm.doubts import failures, stop_sentence
 from dpr_lab.identification.moving_arm.fit import ArmFit, covariance_of, fit_moving_arm, fit_segments
 from dpr_lab.identification.moving_arm.input_rows import other_input
 from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel
-from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
+from dpr_lab.identification.moving_arm.problem import ArmRecording, arm_problem, recordings_of
 from dpr_lab.identification.moving_arm.scale import absolute_values, estimated, motor_notes, scale_of_arm
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -53,56 +54,69 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
         IdentificationError: the values of the rig file cannot be simulated, or the runs determine no parameter.
     """
     recordings = recordings_of(runs, rig)
+    fit = _fitted(recordings, rig)
+    covariance = _finite_covariance(fit)
+    unknowns, std = fit.problem.unknowns, np.sqrt(np.diag(covariance))
+    names = [unknowns.name(parameter) for parameter in unknowns.free]
+    estimates = [*map(estimated, fit.values.tolist(), std.tolist())]
+    seen = [estimate.std <= ARM_WARNINGS.hardly_seen * abs(estimate.value) for estimate in estimates]
+    determined, scale = [*compress(unknowns.free, seen)], scale_of_arm(fit, covariance, rig)
+    return MovingArmModel(
+        rig=RigFacts.of(rig),
+        mounted="both" if unknowns.scale == "b" else "inner",
+        input=unknowns.input if any(run.arm_mode == "driven" for run in runs) else "",
+        scale=unknowns.scale,
+        ratios=dict(compress(zip(names, estimates, strict=True), seen)),
+        undetermined={
+            name: undetermined(name, estimate)
+            for name, estimate, is_seen in zip(names, estimates, seen, strict=True)
+            if not is_seen
+        },
+        covariance=covariance.tolist(),
+        unknowns=names,
+        absolute=absolute_values(fit, covariance, scale, seen),
+        scale_sentence=scale.sentence,
+        swing=fit.p.tolist(),
+        fit=_summary(fit, recordings),
+        runs=[_used(run, fit, k) for k, run in enumerate(runs)],
+        notes=motor_notes(fit, scale, rig, determined),
+        warnings=[*_warnings(fit), *filter(None, [other_input(fit, runs, rig)])],
+        failures=failures(fit, recordings, rig, gain_seen="gain" in determined),
+        version=__version__,
+    )
+
+
+def _fitted(recordings: Sequence[ArmRecording], rig: Rig) -> ArmFit:
+    """Fit the recordings; if this fails because the arm hits a stop, the error names the stop."""
     try:
-        fit = fit_moving_arm(recordings, rig)
+        return fit_moving_arm(recordings, rig)
     except IdentificationError as error:
         if stop := next(filter(None, (stop_sentence(recording.run, rig) for recording in recordings)), ""):
             raise IdentificationError(stop) from error
         raise
+
+
+def _finite_covariance(fit: ArmFit) -> Array:
     covariance = covariance_of(fit)
     if not (np.isfinite(covariance).all() and np.isfinite(fit.values).all()):
         raise IdentificationError(
             "these runs do not determine the arm and rods: no finite uncertainty. Record larger motions, and check"
             " zero, unit, sign and order of the angles"
         )
-    unknowns, std = fit.problem.unknowns, np.sqrt(np.diag(covariance))
-    names = [unknowns.name(parameter) for parameter in unknowns.free]
-    estimates = dict(zip(names, map(estimated, fit.values.tolist(), std.tolist()), strict=True))
-    is_determined = {
-        name: estimate.std <= ARM_WARNINGS.hardly_seen * abs(estimate.value) for name, estimate in estimates.items()
-    }
-    determined = [parameter for parameter in unknowns.free if is_determined[unknowns.name(parameter)]]
-    scale = scale_of_arm(fit, covariance, rig)
+    return covariance
+
+
+def _summary(fit: ArmFit, recordings: Sequence[ArmRecording]) -> ArmFitSummary:
     noise = np.sqrt(np.mean([recording.std**2 for recording in recordings], axis=0))
-    read = np.any(fit.problem.read, axis=0).tolist()
-    return MovingArmModel(
-        rig=RigFacts.of(rig),
-        mounted="both" if unknowns.scale == "b" else "inner",
-        input=unknowns.input if any(run.arm_mode == "driven" for run in runs) else "",
-        scale="b" if unknowns.scale == "b" else "a",
-        ratios={name: estimate for name, estimate in estimates.items() if is_determined[name]},
-        undetermined={
-            name: undetermined(name, estimate) for name, estimate in estimates.items() if not is_determined[name]
-        },
-        covariance=covariance.tolist(),
-        unknowns=names,
-        absolute=absolute_values(fit, covariance, scale, [is_determined[name] for name in names]),
-        scale_sentence=scale.sentence,
-        swing=fit.p.tolist(),
-        fit=ArmFitSummary(
-            rms_rad={name: float(fit.rms[k]) for k, name in enumerate(JOINTS_READ) if read[k]},
-            noise_rad={name: float(noise[k]) for k, name in enumerate(JOINTS_READ) if read[k]},
-            segments=len(fit.problem.segments),
-            segment_s=float(np.median(fit.problem.lengths_s)),
-            chi2_per_dof=fit.misfit,
-            converged=fit.converged,
-            merges=list(fit.merges),
-        ),
-        runs=[_used(run, fit, k) for k, run in enumerate(runs)],
-        notes=motor_notes(fit, scale, rig, determined),
-        warnings=[*_warnings(fit), *filter(None, [other_input(fit, runs, rig)])],
-        failures=failures(fit, recordings, rig, gain_seen="gain" in determined),
-        version=__version__,
+    read = np.any(fit.problem.read, axis=0)
+    return ArmFitSummary(
+        rms_rad=dict(compress(zip(JOINTS_READ, fit.rms.tolist(), strict=True), read)),
+        noise_rad=dict(compress(zip(JOINTS_READ, noise.tolist(), strict=True), read)),
+        segments=len(fit.problem.segments),
+        segment_s=float(np.median(fit.problem.lengths_s)),
+        chi2_per_dof=fit.misfit,
+        converged=fit.converged,
+        merges=list(fit.merges),
     )
 
 

@@ -8,6 +8,7 @@ c0 of the arm. No recording separates these two terms.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -43,7 +44,7 @@ POSITIVE = ("a", "e1", "A", "L0")
 class Unknowns:
     """Unknowns of a set of recordings."""
 
-    scale: str
+    scale: Literal["a", "b"]
     """Inertia by which ratios are divided, `a` or `b`."""
     free: tuple[str, ...]
     """Names of the fitted parameters, as in `SWING_PARAMETERS`."""
