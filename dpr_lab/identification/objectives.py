@@ -68,14 +68,12 @@ class ObjectiveChoice:
         """
         from dpr_lab.dynamics.rollout import segment_errors  # compiled, slow to import
 
-        parts = [
-            (prepared.run, *self.swings(_seen_as_one(prepared, rig), prepared.run.setup.held)) for prepared in runs
-        ]
+        parts = [(prepared.run, self.swings(_seen_as_one(prepared, rig), prepared.run.setup.held)) for prepared in runs]
 
         def errors(candidates: Array) -> Array:
             columns = [
-                segment_errors(_rows(candidates, run, rig), *swings).sum(axis=1) / divisor
-                for run, *swings, divisor in parts
+                segment_errors(_rows(candidates, run, rig), swings, initial, targets, whitening).sum(axis=1) / divisor
+                for run, (swings, initial, targets, whitening, divisor) in parts
             ]
             return np.stack(columns, axis=1)
 

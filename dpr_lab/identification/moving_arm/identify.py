@@ -59,22 +59,22 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
     unknowns, std = fit.problem.unknowns, np.sqrt(np.diag(covariance))
     names = [unknowns.name(parameter) for parameter in unknowns.free]
     estimates = [*map(estimated, fit.values.tolist(), std.tolist())]
-    seen = [estimate.std <= ARM_WARNINGS.hardly_seen * abs(estimate.value) for estimate in estimates]
-    determined, scale = [*compress(unknowns.free, seen)], scale_of_arm(fit, covariance, rig)
+    is_determined = [estimate.std <= ARM_WARNINGS.hardly_seen * abs(estimate.value) for estimate in estimates]
+    determined, scale = [*compress(unknowns.free, is_determined)], scale_of_arm(fit, covariance, rig)
     return MovingArmModel(
         rig=RigFacts.of(rig),
         mounted="both" if unknowns.scale == "b" else "inner",
         input=unknowns.input if any(run.arm_mode == "driven" for run in runs) else "",
         scale=unknowns.scale,
-        ratios=dict(compress(zip(names, estimates, strict=True), seen)),
+        ratios=dict(compress(zip(names, estimates, strict=True), is_determined)),
         undetermined={
             name: undetermined(name, estimate)
-            for name, estimate, is_seen in zip(names, estimates, seen, strict=True)
-            if not is_seen
+            for name, estimate, known in zip(names, estimates, is_determined, strict=True)
+            if not known
         },
         covariance=covariance.tolist(),
         unknowns=names,
-        absolute=absolute_values(fit, covariance, scale, seen),
+        absolute=absolute_values(fit, covariance, scale, is_determined),
         scale_sentence=scale.sentence,
         swing=fit.p.tolist(),
         fit=_summary(fit, recordings),
