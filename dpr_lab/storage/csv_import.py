@@ -126,9 +126,5 @@ def _in_memory(path: Path, swing: Understood, metadata: RunMetadata) -> Run:
         rig_sha256=metadata.rig.sha256,
         read=Gathered(_parts=[samples]),
         summary=RunSummary(release_tick=swing.release, notes=swing.remarks),
-        stopped="",
-        samples_announced=None,
-        samples_counted=None,
-        damage="",
     )
     return replace(run_of(stored), name=table_name(path), file=None)

@@ -72,13 +72,13 @@ class Scan:
     """Samples, first release and last clock fit, collected chunk by chunk."""
     summary: RunSummary | None
     """End record of the run; None if the file has no end record."""
-    stopped: str
+    stopped: str = ""
     """Reason why the recording ended early, from the writer; empty if it did not end early."""
-    samples_announced: int | None
+    samples_announced: int | None = None
     """Number of samples according to the end record."""
-    samples_counted: int | None
+    samples_counted: int | None = None
     """Number of samples according to the MCAP statistics."""
-    damage: str
+    damage: str = ""
     """Reason why reading stopped; empty if the file is complete."""
 
     @property

@@ -14,7 +14,7 @@ from pathlib import Path
 from dpr_lab.errors import RunError
 from dpr_lab.storage.metadata import RunMetadata
 from dpr_lab.storage.sidecar import sidecar_of, write_sidecar
-from dpr_lab.storage.writer import RunWriter
+from dpr_lab.storage.writer import RunWriter, exists_already
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ def _publish(part: Path, path: Path) -> None:
             part.rename(path)
     except OSError as error:
         if isinstance(error, FileExistsError):
-            raise _exists(path) from error
+            raise exists_already(path) from error
         with suppress(OSError):
             sidecar_of(path).unlink(missing_ok=True)
         raise RunError(f"{path}: cannot be written: {error.strerror}") from error
@@ -77,11 +77,7 @@ def _publish(part: Path, path: Path) -> None:
 
 def _refuse_existing(path: Path) -> None:
     if path.exists():
-        raise _exists(path)
-
-
-def _exists(path: Path) -> RunError:
-    return RunError(f"{path}: exists already; a run is never overwritten, choose another name")
+        raise exists_already(path)
 
 
 def _remove_stale(folder: Path) -> None:

@@ -373,9 +373,14 @@ def _create(path: Path) -> BufferedWriter:
     try:
         return path.open("xb")
     except FileExistsError as error:
-        raise RunError(f"{path}: exists already; a run is never overwritten, choose another name") from error
+        raise exists_already(path) from error
     except OSError as error:
         raise RunError(f"{path}: cannot be created: {error.strerror}") from error
+
+
+def exists_already(path: Path) -> RunError:
+    """Create the error for the name of an existing run."""
+    return RunError(f"{path}: exists already; a run is never overwritten, choose another name")
 
 
 def _by_kind(torques: ArrayLike | None) -> Array:
