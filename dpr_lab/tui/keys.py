@@ -63,7 +63,8 @@ class KeyNames:
 
 def bindings(section: str) -> list[BindingType]:
     """Return the default keys of a section of `keys.toml`."""
-    return [Binding(**{"id": f"{section}.{name}", "action": name} | row) for name, row in _DEFAULTS[section].items()]
+    rows = _DEFAULTS[section].items()
+    return [Binding(**(dict[str, Any](id=f"{section}.{name}", action=name) | row)) for name, row in rows]
 
 
 def keys_file() -> Path:
