@@ -26,28 +26,24 @@ def compare(
     Example: dpr-lab compare runs/*.mcap --model model.json --out report
     """
     from dpr_lab.cli.listener import Listener
-    from dpr_lab.report.moving_arm import COMPARISON_COLUMNS as MOVING_ARM_COLUMNS
-    from dpr_lab.report.moving_arm import comparison_rows as moving_arm_rows
-    from dpr_lab.report.tables import COMPARISON_COLUMNS, COMPARISON_NOTE, comparison_rows
+    from dpr_lab.report import moving_arm, tables
     from dpr_lab.workflows.compare import CompareRequest
     from dpr_lab.workflows.compare_moving_arm import compare_moving_arm
 
     with Listener() as listener:
-        moving = compare_moving_arm(tuple(runs), model, out, any_clock, listener, torque)
-    if moving is not None:
-        if as_json:
-            emit(moving)
-        else:
-            table("Measured and simulated angles by segment", MOVING_ARM_COLUMNS, moving_arm_rows(moving))
-            line(f"report: {moving['report']}")
-            line(f"table: {moving['file']}")
-        return
-    with Listener() as listener:
         request = CompareRequest(tuple(runs), model, out, torque=torque, any_clock=any_clock)
-        compared = compare_runs(request, listener)
+        title, note, saved = "Measured and simulated angles", "", compare_moving_arm(request, listener)
+        if saved is not None:
+            title += " by segment"
+            columns, rows = moving_arm.COMPARISON_COLUMNS, moving_arm.comparison_rows(saved)
+        else:
+            compared = compare_runs(request, listener)
+            columns, rows = tables.COMPARISON_COLUMNS, tables.comparison_rows(compared.comparisons)
+            saved, note = compared.saved, tables.COMPARISON_NOTE
     if as_json:
-        emit(compared.saved)
+        emit(saved)
         return
-    rows = comparison_rows(compared.comparisons)
-    table("Measured and simulated angles", COMPARISON_COLUMNS, rows, note=COMPARISON_NOTE)
-    line(f"report: {compared.saved['report']}")
+    table(title, columns, rows, note=note)
+    line(f"report: {saved['report']}")
+    if "file" in saved:
+        line(f"table: {saved['file']}")

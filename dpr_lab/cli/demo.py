@@ -59,7 +59,7 @@ def _write_tables(out: Path, as_json: bool) -> None:
 
     rig, *tables = write_sample_tables(out)
     if as_json:
-        emit({"rig": str(rig), "tables": [str(file) for file in tables]})
+        emit({"rig": rig, "tables": tables})
         return
     for file in (rig, *tables):
         line(file)
@@ -71,13 +71,13 @@ def _record(done: "DemoResult") -> dict[str, Any]:
 
     known, hidden = done.known, done.hidden
     return {
-        "runs": [str(file) for file in known.runs],
-        "model": str(known.model_file),
+        "runs": known.runs,
+        "model": known.model_file,
         "report": known.report,
         "ratios": {name: estimate.model_dump() for name, estimate in known.model.ratios.items()},
         "plant": known.ratios,
         "deviations_std": {name: row[-1] for name, row in known.comparison.items()},
-        "trial": opening(hidden.opened) | {"folder": str(hidden.trial.folder), "report": hidden.report},
+        "trial": opening(hidden.opened) | {"folder": hidden.trial.folder, "report": hidden.report},
     }
 
 

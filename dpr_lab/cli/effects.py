@@ -117,7 +117,7 @@ def _described(effect: "Effect") -> dict[str, Any]:
         "equation": effect.equation,
         "stage": effect.stage,
         "parameters": parameters,
-        "indistinguishable_from": list(effect.twins),
+        "indistinguishable_from": effect.twins,
         "bench_check": effect.bench_check,
         "source": effect.source,
     }

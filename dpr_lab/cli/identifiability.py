@@ -37,7 +37,7 @@ def identifiability(
     with Listener() as listener:
         result = judge(IdentifiabilityRequest(rig, tuple(runs or ()), torque), listener)
     if as_json:
-        request = {"rig": result.rig, "runs": [str(path) for path in runs or []], "torques": list(result.torques)}
+        request = {"rig": result.rig, "runs": runs or [], "torques": result.torques}
         emit(result.identifiability.to_json() | request)
     else:
         if result.torques:

@@ -65,7 +65,7 @@ def identify(
     with Listener() as listener:
         model = identify_runs(request, listener).model
     if as_json:
-        emit(model.model_dump() | {"model": str(out)})
+        emit(model.model_dump() | {"model": out})
     else:
         if isinstance(model, MovingArmModel):
             show_moving_arm(model)

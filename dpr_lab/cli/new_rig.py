@@ -190,7 +190,7 @@ def new(
         if finding.state == "odd":
             say(f"warning: {finding.key}: {finding.text}")
     if as_json:
-        emit({"file": str(file)})
+        emit({"file": file})
     else:
         line(f"{file}: review and complete this file, then run dpr-lab rig check {file}")
 

@@ -47,7 +47,7 @@ def paper(
     with Listener() as listener:
         reproduction = run_again(PaperRequest(out, seeds, generations, workers or os.cpu_count() or 1), listener)
     if as_json:
-        emit(reproduction.record | {"page": str(reproduction.page)})
+        emit(reproduction.record | {"page": reproduction.page})
         return
     for shown in reproduction.reproduction.tables:
         table(shown.title, shown.columns, shown.rows)

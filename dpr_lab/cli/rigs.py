@@ -32,7 +32,7 @@ def list_(as_json: AnyJson = False) -> None:
 
     rigs = {name: load_rig(name) for name in built_in("rigs")}
     if as_json:
-        emit([{"name": name, "file": str(rig.path), "poses": list(rig.poses)} for name, rig in rigs.items()])
+        emit([{"name": name, "file": rig.path, "poses": list(rig.poses)} for name, rig in rigs.items()])
         return
     rows = [(name, ", ".join(rig.poses) or "none", find_config("rigs", name)) for name, rig in rigs.items()]
     table("Built-in rigs", ("name", "poses", "file"), rows)

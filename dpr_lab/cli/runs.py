@@ -58,7 +58,7 @@ def verify(files: RunFiles, as_json: JsonEach = False) -> None:
         checked = verify_run(file)
         for fault in checked.faults:
             say(f"{file}: {fault}")
-        return {"file": str(file), **asdict(checked)}
+        return {"file": file, **asdict(checked)}
 
     def show(outcome: dict[str, Any]) -> None:
         if outcome["ok"]:
@@ -83,7 +83,7 @@ def recover(
     recover_run(file, out)
     summary = asdict(inspect_run(out))
     if as_json:
-        emit({"out": str(out), **summary})
+        emit({"out": out, **summary})
     else:
         line(f"{out}: {summary['samples']} samples, {summary['duration_s']:.3f} s recovered")
         if summary["stopped"]:
@@ -122,7 +122,7 @@ def export(
 
     written = export_run(load_run(file), out or file.with_suffix(".nc"))
     if as_json:
-        emit({"out": str(written)})
+        emit({"out": written})
     else:
         line(written)
 
@@ -153,7 +153,7 @@ def layout(
         raise RunError(f"{file}: exists already; choose another name")
     write_text(file, source.read_text(encoding="utf-8"), RunError)
     if as_json:
-        emit({"out": str(file)})
+        emit({"out": file})
     else:
         line(file)
 
@@ -170,7 +170,7 @@ def _each(
             if len(files) == 1:
                 raise
             say(str(error))
-            summaries.append({"file": str(file), "error": str(error), "exit_code": error.exit_code})
+            summaries.append({"file": file, "error": str(error), "exit_code": error.exit_code})
         else:
             if not json:
                 show(summaries[-1])

@@ -115,7 +115,7 @@ def draw(
         wanted = PlantRequest(kind, level, seed, *_centres(rig, plant, arm), arm)
         trial = draw_trial(TrialRequest(wanted, out), listener)
     if as_json:
-        emit({"trial": str(out), "seal": trial.seal, "asked": trial.asked, "runs": [str(run) for run in trial.runs]})
+        emit({"trial": out, "seal": trial.seal, "asked": trial.asked, "runs": trial.runs})
         return
     line(f"seal: {trial.seal}")
     line(f"next: dpr-lab trials run {out}")

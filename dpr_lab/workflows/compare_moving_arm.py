@@ -1,6 +1,5 @@
 """Comparison of runs with a model of a rig whose arm is free or driven."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.workflows.checks import check_folder_writable
@@ -15,20 +14,15 @@ if TYPE_CHECKING:
     from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
+    from dpr_lab.workflows.compare import CompareRequest
 
 
-def compare_moving_arm(
-    runs: tuple[Path, ...],
-    model: Path,
-    out: Path,
-    any_clock: bool = False,
-    on_event: OnEvent = ignore,
-    torque: str | None = None,
-) -> dict[str, Any] | None:
+def compare_moving_arm(request: "CompareRequest", on_event: OnEvent = ignore) -> dict[str, Any] | None:
     """Compare runs by segment with a model of a moving arm.
 
-    The result is None if the model has no moving arm. `report.html` with its figures, and the measured and simulated
-    angles as `comparison.csv`, are written to `out`. Events: `RunRead`, `ArmRunCompared`.
+    The result is None if the model has no moving arm, or if the request names no folder. `report.html` with its
+    figures, and the measured and simulated angles as `comparison.csv`, are written to the folder. Events: `RunRead`,
+    `ArmRunCompared`.
 
     Raises:
         ConfigError: a file with the name of the folder exists.
@@ -37,8 +31,8 @@ def compare_moving_arm(
     from dpr_lab.errors import RunError
     from dpr_lab.identification.moving_arm.model import load_moving_arm_model
 
-    loaded = load_moving_arm_model(model)
-    if loaded is None:
+    loaded, out = load_moving_arm_model(request.model), request.out
+    if loaded is None or out is None:
         return None
     from dpr_lab.estimation.usable_runs import refuse_repeated
     from dpr_lab.report.pages.moving_arm import write_arm_report
@@ -47,8 +41,11 @@ def compare_moving_arm(
     from dpr_lab.workflows.reading import read_runs
 
     check_folder_writable(out)
-    rigs = [stored_rig(file) for file in runs]
-    recorded = [read_runs([file], rig, on_event, any_clock, torque)[0] for file, rig in zip(runs, rigs, strict=True)]
+    rigs = [stored_rig(file) for file in request.runs]
+    recorded = [
+        read_runs([file], rig, on_event, request.any_clock, request.torque)[0]
+        for file, rig in zip(request.runs, rigs, strict=True)
+    ]
     refuse_repeated(recorded)
     compared: list[ArmComparison] = []
     for run, rig in zip(recorded, rigs, strict=True):

@@ -59,7 +59,7 @@ class SimulatorDiagnosis:
         """
         return self.result.to_json() | {
             "simulator": {
-                "file": str(self.simulator),
+                "file": self.simulator,
                 "format": self.format,
                 "joints": list(self.joints),
                 "causes": [asdict(cause) for cause in self.least.causes],

@@ -91,8 +91,7 @@ class EnsembleResult:
 
     def to_json(self) -> dict[str, Any]:
         """Return the output of `dpr-lab export --ensemble --json`."""
-        paths = {"file": str(self.file), "folders": [str(folder) for folder in self.folders]}
-        return {"schema": 1, **asdict(self), **paths}
+        return {"schema": 1, **asdict(self)}
 
 
 def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> EnsembleResult:

@@ -34,8 +34,7 @@ class ExportedInto:
 
     def to_json(self) -> dict[str, Any]:
         """Return the output of `dpr-lab export --into --json`."""
-        passive = {"passive_file": str(self.passive_file) if self.passive_file else None}
-        return {"schema": 1, **asdict(self), "file": str(self.file), "diff_file": str(self.diff_file), **passive}
+        return {"schema": 1, **asdict(self)}
 
 
 def export_into(

@@ -42,7 +42,7 @@ class RigFromModel:
 
     def to_json(self) -> dict[str, Any]:
         """Return the output of `dpr-lab rig from --json`."""
-        return {"schema": 1, **asdict(self), "file": str(self.file)}
+        return {"schema": 1, **asdict(self)}
 
 
 def rig_from_model(

@@ -76,14 +76,14 @@ def compare(control: JobControl, *, request: CompareRequest, keep: KeptCompariso
     Afterwards, answer each `FreeRunStart` with a free run until the job is cancelled. If the arm moves, only segments
     are compared, and no free run is simulated.
     """
-    folder, of_arm = request.out, []
+    of_arm = []
 
     def report(event: object) -> None:
         if isinstance(event, ArmRunCompared):
             of_arm.append(event.comparison)
         control.report(event)
 
-    if folder and compare_moving_arm(request.runs, request.model, folder, request.any_clock, report, request.torque):
+    if compare_moving_arm(request, report):
         _keep(keep, of_arm)
         control.report(ComparisonSaved(()))
         return
