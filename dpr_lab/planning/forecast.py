@@ -32,12 +32,12 @@ with the beta-binomial probability
 
 If no gap is visible, a small effect may become visible with further releases. Its alternatives must then be excluded as
 well. Therefore the score tests after each planned release are simulated. Let G be the information about the tested
-amplitudes, with the unknowns of the model fitted, and z_i the estimate of amplitude i in standard deviations. l_i is
-the largest estimate that excludes its effect. The hypotheses are that no effect is present, or that one effect alone is
-present. This effect has only its most significant amplitude i, with a flat prior of its size. The probabilities have
-the ratio
+amplitudes, with the unknowns of the model fitted, and z_i the estimate of amplitude i in standard deviations. The
+hypotheses are that no effect is present, or that one effect alone is present. This effect has only its most significant
+amplitude i, with a flat prior of its size. The criterion by which a diagnosis selects effects (BIC) approximates their
+odds, with the penalty p_i of this amplitude and of the shapes of its effect:
 
-    1 : at_limit exp((z_i^2 - l_i^2) / 2).
+    1 : exp((z_i^2 - p_i) / 2).
 
 The releases add the information D. Let a be the size of the present amplitude i. The score of each amplitude j
 increases by its mean response to a, and by noise:
@@ -48,30 +48,23 @@ D depends on the start pose, and a manually placed pose differs from the planned
 most of D, a small difference removes it. D is therefore computed for several random placement errors, not averaged.
 
 The improvement by an effect is its largest z'^2 minus the penalty of its parameters. A draw settles the question if all
-effects are excluded, or if the best effect is named and decided. It is named if its improvement exceeds chance and the
-gap closes on held-out data. Its probability follows from the improvements of the best effect, of its best alternatives
+effects are excluded, or if the best effect is named and decided. It is named if its improvement exceeds chance. Its
+probability follows from the improvements of the best effect, of its best alternatives
 and of no effect, as in a diagnosis. It is decided if this probability reaches `SURE`. An effect that becomes visible
 thus stays undecided if another effect has a similar signature, unless no release separates them. The recordings end
 with the first release that settles the question. Effects that are excluded now are included, because the estimate of an
 effect that is present grows. Earlier releases do not count as `failed`, because the reason for the missing decision is
 known.
 
-The gap of a visible effect is far below the noise. Its excess chi2 is z'^2 + e, and e remains if the effect is in the
-model. The noise of N readings causes e ~ N(0, N). The verdict is "named" if the excess is positive, and if the 90 %
-interval of the closed share 1 - sqrt(e / (z'^2 + e)) reaches `VERDICT.closes` = c. With the standard error sqrt(N) of e
-between blocks of segments, the second condition is
-
-    e - 1.645 sqrt(N) <= q (z'^2 + e - 1.645 sqrt(N)),    q = (1 - c)^2.
-
 Sources: H. Jeffreys (1946), An invariant form for the prior probability in estimation problems, Proceedings of the
-Royal Society A 186, 453-461. J. G. Skellam (1948), A probability distribution derived from the binomial distribution by
+Royal Society A 186, 453-461. R. E. Kass & A. E. Raftery (1995), Bayes factors, Journal of the American Statistical
+Association 90, 773-795. J. G. Skellam (1948), A probability distribution derived from the binomial distribution by
 regarding the probability of success as variable between the sets of trials, Journal of the Royal Statistical Society B
 10, 257-261.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from statistics import NormalDist
 from typing import NamedTuple
 
@@ -80,9 +73,7 @@ import numpy as np
 from dpr_lab.acceptance.judge import SURE
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects import EFFECTS
-from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.classes.calibration import CALIBRATION
-from dpr_lab.gap.conclusion.verdict import VERDICT
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
@@ -110,12 +101,6 @@ class ForecastSettings:
     """Minimum d^2 at which two causes count as separable; odds of 20 to 1 then result on average."""
     repeats: int = 6
     """Maximum number of further releases whose d^2 may be summed to reach `separable`."""
-    at_limit: float = 0.25
-    """Odds of an effect at the limit of exclusion against no effect.
-
-    Of 1, 1/2, 1/4 and 1/8, the values 1/4 and 1/8 have the smallest Brier scores on 18 plants (0.100 and 0.096, against
-    0.112 for even odds). The difference of both is within chance.
-    """
     placements: int = 8
     """Number of random placement errors of each planned release."""
     tests: int = 64
@@ -138,6 +123,8 @@ class TestedEffects(NamedTuple):
     """Column of the most significant amplitude of each effect."""
     prices: Array
     """(effects,) penalty of the parameters of each effect, in units of chi2."""
+    probabilities: Array
+    """(1 + effects,) probability of no effect, and of each effect alone."""
     separation: Array
     """(effects, effects) d^2 that repeated releases add between two effects.
 
@@ -159,31 +146,25 @@ class TestedEffects(NamedTuple):
         columns = [np.flatnonzero(names == effect.name).tolist() for effect in effects]
         largest = [max(of_effect, key=lambda i: abs(z[i]) - limits[i]) for of_effect in columns]
         prices = PENALTY.parameter * np.array([len(effect.amplitudes) + len(effect.shapes) for effect in effects])
+        shapes = np.array([len(effect.shapes) for effect in effects])
+        log_odds = np.append(0.0, 0.5 * (z[largest] ** 2 - PENALTY.parameter * (1 + shapes)))
+        odds = np.exp(log_odds - log_odds.max())
         repeated = amplitudes.after + FORECAST.repeats / releases * (amplitudes.after - amplitudes.before)
         D2 = _distances(repeated, largest) - _distances(amplitudes.after, largest)
         power = np.diag(amplitudes.after)[largest, None]
-        return cls(z, limits, columns, largest, prices, D2 / power / CALIBRATION.temperature)
+        return cls(z, limits, columns, largest, prices, odds / odds.sum(), D2 / power / CALIBRATION.temperature)
 
-    @property
-    def odds(self) -> Array:
-        """Odds (1 + effects,) of no effect, and of each effect alone."""
-        z, limits = self.z[self.largest], self.limits[self.largest]
-        log_odds = np.append(0.0, np.log(FORECAST.at_limit) + 0.5 * (z**2 - limits**2))
-        return np.exp(log_odds - log_odds.max())
-
-    def settled(self, z: Array, excess: Array, readings: float) -> Flags:
+    def settled(self, z: Array) -> Flags:
         """Return the (draws,) mask of draws that exclude every effect or decide on one.
 
         Args:
             z: (draws, n) estimates of the amplitudes, in standard deviations
-            excess: (draws,) chi2 above its expected value, due to the noise of the readings
-            readings: number of readings
         """
         excluded = np.all(np.abs(z) < self.limits, axis=1)
         improvement = np.stack([np.max(z[:, columns] ** 2, axis=1) for columns in self.columns], axis=1) - self.prices
         best, largest = improvement.argmax(axis=1), improvement.max(axis=1)
         explained = largest + self.prices[best]
-        named = (largest >= THRESHOLDS.chance) & gap_closes(explained, excess, readings)
+        named = largest >= THRESHOLDS.chance
         weights = np.exp((improvement - largest[:, None]) / (2 * CALIBRATION.temperature))
         of_none = np.exp(-largest / (2 * CALIBRATION.temperature))
         alike = explained[:, None] * self.separation[best] < FORECAST.separable
@@ -191,18 +172,6 @@ class TestedEffects(NamedTuple):
         others = alternatives[:, -CALIBRATION.alternatives :].sum(axis=1) + of_none
         sure = (1 - CALIBRATION.outside_when_closed) * cause >= SURE * (cause + others)
         return np.asarray(excluded | (named & sure), dtype=np.bool_)
-
-
-def gap_closes(explained: Array, excess: Array, readings: float) -> Flags:
-    """Return whether a diagnosis states that a visible effect closes the gap on held-out data.
-
-    Args:
-        explained: (n,) chi2 that the effect explains
-        excess: (n,) chi2 above its expected value, due to the noise of the readings
-        readings: number of readings
-    """
-    remaining, share = excess - NORMAL_Q90 * np.sqrt(readings), (1 - VERDICT.closes) ** 2
-    return np.asarray((explained + excess > 0.0) & (remaining <= share * (explained + remaining)), dtype=np.bool_)
 
 
 def decision_probability(
@@ -254,7 +223,7 @@ def _decided(p: Array, d2: Array, alike: Flags) -> float:
     return total / max(float(p.sum()), 1e-12)
 
 
-def settled_probabilities(paths: Sequence[Sequence[OpenAmplitudes]], readings: Sequence[float]) -> list[float]:
+def settled_probabilities(paths: Sequence[Sequence[OpenAmplitudes]]) -> list[float]:
     """Return the probability that further releases settle the presence of every small effect.
 
     The result has one probability for each number of further releases.
@@ -262,16 +231,15 @@ def settled_probabilities(paths: Sequence[Sequence[OpenAmplitudes]], readings: S
     Args:
         paths: for each random placement error, all tested amplitudes with the present information and the information
             after one release, after two releases and so on
-        readings: number of readings now, after one release and so on
     """
     if not paths[0][0].tested:
         return [1.0] * len(paths[0])
     rng = np.random.default_rng(0)
-    mean: list[float] = np.mean([_settled(path, readings, rng) for path in paths], axis=0).tolist()
+    mean: list[float] = np.mean([_settled(path, rng) for path in paths], axis=0).tolist()
     return mean
 
 
-def _settled(path: Sequence[OpenAmplitudes], readings: Sequence[float], rng: np.random.Generator) -> Array:
+def _settled(path: Sequence[OpenAmplitudes], rng: np.random.Generator) -> Array:
     """Return the (releases,) probabilities of `settled_probabilities` for one path."""
     draws, first = FORECAST.tests, path[0].before
     tests = [TestedEffects.of(amplitudes, number) for number, amplitudes in enumerate(path, 1)]
@@ -279,17 +247,15 @@ def _settled(path: Sequence[OpenAmplitudes], readings: Sequence[float], rng: np.
     largest = present_test.largest
     sizes = (present_test.z[largest] + rng.standard_normal((draws, 1))) * std[largest]
     present = np.pad(sizes, ((0, 0), (1, 0)))  # the first hypothesis is that no effect is present
-    scores, excess = np.tile(present_test.z / std, (draws, 1)), np.sqrt(readings[0]) * rng.standard_normal(draws)
+    scores = np.tile(present_test.z / std, (draws, 1))
     settled, probabilities, before = np.zeros(present.shape, dtype=np.bool_), list[float](), first
-    for test, amplitudes, (fewer, more) in zip(tests, path, pairwise(readings), strict=True):
+    for test, amplitudes in zip(tests, path, strict=True):
         powers, directions = np.linalg.eigh(amplitudes.after - before)
         scores += (rng.standard_normal(scores.shape) * np.sqrt(np.maximum(powers, 0.0))) @ directions.T
-        excess += np.sqrt(more - fewer) * rng.standard_normal(draws)
         responses = present[:, :, None] * (amplitudes.after - first)[[0, *largest]]
         z = (scores[:, None] + responses) / np.sqrt(np.diag(amplitudes.after))
-        of_each = test.settled(z.reshape(-1, z.shape[2]), np.repeat(excess, z.shape[1]), more)
-        settled |= of_each.reshape(settled.shape)
-        probabilities.append(float(settled.mean(axis=0) @ test.odds / test.odds.sum()))
+        settled |= test.settled(z.reshape(-1, z.shape[2])).reshape(settled.shape)
+        probabilities.append(float(settled.mean(axis=0) @ test.probabilities))
         before = amplitudes.after
     return np.array(probabilities)
 

@@ -12,9 +12,7 @@ import numpy as np
 from dpr_lab.acceptance.judge import SURE
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects import EFFECTS
-from dpr_lab.fitting.projection import TINY
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
-from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.candidates import bent, placements
 from dpr_lab.planning.forecast import FORECAST, decision_probability, settled_probabilities
 from dpr_lab.planning.information import informed
@@ -138,7 +136,7 @@ def _forecast(
     if diagnosis is None or not steps:
         return [None] * len(steps)
     if diagnosis.verdict == "no_gap":  # two releases decide a named cause although other effects are not excluded
-        settled = settled_probabilities(*_further_tests(objective.known, diagnosis, steps))
+        settled = settled_probabilities(_further_tests(objective.known, steps))
         return [
             probability * decision_probability(pairs, d2, number, alike)
             for number, (probability, d2) in enumerate(zip(settled, gained, strict=True), 1)
@@ -148,21 +146,13 @@ def _forecast(
     return [decision_probability(pairs, d2, number, alike, failed, confirmed) for number, d2 in enumerate(gained, 1)]
 
 
-def _further_tests(
-    known: Knowledge, diagnosis: Diagnosis, steps: Sequence[SequenceStep]
-) -> tuple[list[list[OpenAmplitudes]], list[float]]:
-    """Return the arguments of `settled_probabilities` for the planned releases, with random placement errors."""
+def _further_tests(known: Knowledge, steps: Sequence[SequenceStep]) -> list[list[OpenAmplitudes]]:
+    """Return the argument of `settled_probabilities` for the planned releases."""
     rng = np.random.default_rng(1)  # another stream than that of the simulated score tests
     added = np.cumsum([_placed(known, step, rng) for step in steps], axis=0)
-    paths = [
+    return [
         [OpenAmplitudes.of(known, known.information + F, excluded=True) for F in path] for path in added.swapaxes(0, 1)
     ]
-    recordings = diagnosis.evidence.recordings if diagnosis.evidence else []
-    fitted = [recording for recording in recordings if not recording.held_out]
-    duration = sum(recording.duration_s for recording in fitted)
-    durations = np.cumsum([duration, *(step.release.duration_s for step in steps)])
-    rate = sum(recording.readings for recording in fitted) / max(duration, TINY)
-    return paths, (rate * durations).tolist()
 
 
 def _placed(known: Knowledge, step: SequenceStep, rng: np.random.Generator) -> list[Array]:

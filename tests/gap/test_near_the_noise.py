@@ -53,6 +53,7 @@ def test_a_significant_effect_that_leaves_nearly_all_of_a_residual_is_not_accept
         (0.2, 0.43, 1.0, True),  # 0.2 of the noise: the interval decides
         (0.2, 0.43, VERDICT.closes - 0.01, False),
         (0.2, -0.1, 1.0, False),  # no reduction at all
+        (0.0, 0.0, 1.0, True),  # the noise hides the whole gap: the test of each effect decides
         (3.0, 0.43, 1.0, False),  # far above the noise the estimate decides
         (3.0, 0.6, 0.7, True),
     ],

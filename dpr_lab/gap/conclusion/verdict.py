@@ -131,9 +131,12 @@ def shows_reduction(transferred: Transfer) -> bool:
     """Return whether held-out data show that the gap closes.
 
     If the gap is far below the noise, the noise in the excess limits the share. It is then sufficient that the interval
-    of the share reaches the minimum.
+    of the share reaches the minimum. If the noise hides the whole gap, there is no share. The tests of the effects then
+    decide alone.
     """
     closed = transferred.closed
+    if transferred.gap_ratio == 0.0:
+        return True
     far_below_noise = 0.0 < closed.value and transferred.gap_ratio < VERDICT.gap_from
     return (closed.interval90[1] if far_below_noise else closed.value) >= VERDICT.closes
 
