@@ -207,15 +207,13 @@ class Problem:
         of_model = self.model.slopes(self.segments, estimate, [p for p in free if p.block != "zeros"], of_rods)
         if not zeros:
             return of_model
-        states = self.segments.states
-        slopes, run = np.zeros((*of_model.shape[:2], len(free) + states)), self.segments.run[self.owner]
-        others = np.delete(np.arange(len(free) + states), zeros).tolist()
-        for i, column in zip(others, np.moveaxis(of_model, -1, 0), strict=True):  # faster than one indexed assignment
-            slopes[:, :, i] = column
+        run = self.segments.run[self.owner]
+        slopes = np.zeros((len(free) + self.segments.states, *of_model.shape[:2]))
+        slopes[np.delete(np.arange(len(slopes)), zeros)] = np.moveaxis(of_model, -1, 0)
         for i in zeros:
             of_run, joint = divmod(free[i].place - ZEROS_BEGIN, 2)
-            slopes[run == of_run, joint, i] = 1.0
-        return slopes
+            slopes[i, run == of_run, joint] = 1.0
+        return np.moveaxis(slopes, 0, -1)
 
     def chi2_by_segment(self, predicted: Array) -> Array:
         """Return the (segments,) sum of squared whitened residuals; inf after a failed simulation."""
