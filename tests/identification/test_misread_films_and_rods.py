@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from dpr_lab.errors import IdentificationError
-from dpr_lab.identification.misread import energy
+from dpr_lab.identification.misread import energy, tried
 from dpr_lab.identification.misread.energy import ENERGY, energy_rise
 from dpr_lab.identification.misread.local_motion import shows_a_period
 from dpr_lab.identification.misread.readings import readings
@@ -117,3 +118,16 @@ def test_a_rod_whose_zero_is_opposite_is_not_called_slow(tmp_path: Path, few_rea
     run = replace(Run("swing", t, theta, None, "", rig.name, "", 100.0), mounting="inner")
     with pytest.raises(IdentificationError, match=r"another interpretation fits: the zero of the angles is in the opp"):
         refuse_misread([run], rig)
+
+
+@pytest.mark.parametrize(("chi2_per_dof", "accepted"), [(0.5, True), (1.5, False)])
+def test_a_reading_that_leaves_only_noise_is_accepted_although_the_noise_is_large(
+    monkeypatch: pytest.MonkeyPatch, paper: Rig, chi2_per_dof: float, accepted: bool
+) -> None:
+    """Positions of a cart in steps of 10 mm cause errors of the angle of more than 2 % of the swing."""
+    reading, ratio_fit = readings(paper)[0], SimpleNamespace(chi2_per_dof=chi2_per_dof)
+    monkeypatch.setattr(tried, "_otherwise", lambda *_: [(reading, ratio_fit)])
+    monkeypatch.setattr(tried, "_larger_noise", lambda *_: 1.0)
+    monkeypatch.setattr(tried, "residual", lambda _: 0.023)
+    explaining = [*tried._explaining([reading], [], paper, 12.5, 3.3)]
+    assert bool(explaining) == accepted

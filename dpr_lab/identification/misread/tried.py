@@ -212,7 +212,8 @@ def _explaining(
     limit = max(min(SETTINGS.explained, limit), chi2_per_dof / SETTINGS.far_better)
     for reading, other in _otherwise(tried, runs, rig, limit):
         compared = other.chi2_per_dof * _larger_noise(reading, runs, rig) ** 2
-        if residual(other) < SETTINGS.suspicious and compared < max(limit, chi2_per_dof / SETTINGS.better):
+        fits = residual(other) < SETTINGS.suspicious or other.chi2_per_dof < 1.0  # coarse readings of an arm are noise
+        if fits and compared < max(limit, chi2_per_dof / SETTINGS.better):
             yield reading, other
 
 
