@@ -209,11 +209,10 @@ def _explaining(
 
     See `better_readings` for the other arguments.
     """
-    limit = max(min(SETTINGS.explained, limit), chi2_per_dof / SETTINGS.far_better)
+    better, limit = SETTINGS.better, max(min(SETTINGS.explained, limit), chi2_per_dof / SETTINGS.far_better)
     for reading, other in _otherwise(tried, runs, rig, limit):
-        compared = other.chi2_per_dof * _larger_noise(reading, runs, rig) ** 2
         fits = residual(other) < SETTINGS.suspicious or other.chi2_per_dof < 1.0  # coarse readings of an arm are noise
-        if fits and compared < max(limit, chi2_per_dof / SETTINGS.better):
+        if fits and other.chi2_per_dof * _larger_noise(reading, runs, rig) ** 2 < max(limit, chi2_per_dof / better):
             yield reading, other
 
 
