@@ -68,10 +68,11 @@ def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Recor
     """
     alone = replace(recordings, ratios=None).only([record])
     undriven = Estimate.of(ratios, effect_params({}), np.zeros((0, 4)))
-    until = _pushed_until(alone, *fitted_starts(alone, undriven, LENGTHS.first))
+    problem, fitted = fitted_starts(alone, undriven, LENGTHS.first)
+    until = _pushed_until(alone, problem, fitted)
     evidence = "the rods gain energy until {:.2g} s: a hand still pushes, so these readings are excluded"
     if until is None:
-        until = _held_until(alone, undriven)
+        until = _held_until(alone, problem, fitted)
         evidence = "until {:.2g} s the rods do not swing freely: a hand or a latch still acts; excluded"
     if until is None:
         return record
@@ -142,21 +143,22 @@ def _first_followed(level: Array, top: int) -> int:
     return top + int(followed[0]) if len(followed) else top
 
 
-def _held_until(recordings: Recordings, undriven: Estimate) -> float | None:
+def _held_until(recordings: Recordings, problem: Problem, fitted: Fit) -> float | None:
     """Return the time, s, until which something holds the rods.
 
     The time lies in the first segment. From then on, the model of undriven rods fits as well as in other segments. The
     result is None if nothing holds the rods.
     """
     (recording,) = recordings.records
-    problem, fitted = fitted_starts(recordings, undriven, LENGTHS.first)
     level = fitted.linear.chi2_by_segment / np.diff(problem.segments.offsets)
     if len(level) < 4 or not np.isfinite(level).all():
         return None
     usual = max(float(level[1:].max()), 1.0)
+    if level[0] < HAND.first * usual:
+        return None
     # The model of undriven rods does not fit held rods, so the speeds are estimated from the readings.
     speed = np.abs(recordings.cut(LENGTHS.first)[1][:, 2:]).max(axis=1)
-    if level[0] < HAND.first * usual or speed[0] > HAND.at_rest * speed.max():
+    if speed[0] > HAND.at_rest * speed.max():
         return None
     duration = float(problem.t[problem.segments.offsets[1]] - problem.t[0])  # longer than LENGTHS.first at a low rate
     first = np.flatnonzero(recording.t < recording.t[0] + HAND.held * duration)[1:]
@@ -165,8 +167,8 @@ def _held_until(recordings: Recordings, undriven: Estimate) -> float | None:
         free = recording.only((recording.t >= begin) & (recording.t < begin + duration))
         if len(free.t) < MIN_SAMPLES:
             return None
-        of_free_rods, fitted = fitted_starts(recordings.only([free]), undriven, LENGTHS.first)
-        if float(fitted.linear.chi2_by_segment.sum()) < usual * len(of_free_rods.t):
+        of_free_rods, from_here = fitted_starts(recordings.only([free]), fitted.estimate, LENGTHS.first)
+        if float(from_here.linear.chi2_by_segment.sum()) < usual * len(of_free_rods.t):
             return begin
     return None
 

@@ -293,13 +293,12 @@ def _initial_states(record: Record, slices: Sequence[slice], relative2: bool) ->
         theta1, theta2, omega1, omega2, and theta0, omega0 of a moving arm, rad and rad/s
     """
     begins = np.array([segment_start(float(record.t[s.start])) for s in slices])
-    near = [_near(record, s.start, begin) for s, begin in zip(slices, begins, strict=True)]
+    first, last = _near(record, np.array([s.start for s in slices], dtype=np.int64), begins)
     axes = record.joints.shape[1]
     states = np.empty((len(slices), 2 * axes))
-    sizes = np.array([len(window) for window in near])
-    for size in np.unique(sizes):
-        alike = np.flatnonzero(sizes == size)
-        windows = np.array([near[i] for i in alike])
+    for size in np.unique(last - first):
+        alike = np.flatnonzero(last - first == size)
+        windows = first[alike, None] + np.arange(size)
         since_begin = record.t[windows] - begins[alike, None]
         reach = np.abs(since_begin).max(axis=1)
         powers = (since_begin / reach[:, None])[:, :, None] ** np.arange(4)
@@ -328,24 +327,24 @@ def _with_arm(record: Record, slices: Sequence[slice], relative2: bool) -> Array
     return np.column_stack([states, np.full(len(states), held), np.zeros(len(states))])
 
 
-def _near(record: Record, start: int, begin: float) -> Integers:
-    """Return the indices of the readings near an instant, between the breaks around it.
+def _near(record: Record, starts: Integers, begins: Array) -> tuple[Integers, Integers]:
+    """Return the ranges of the readings near instants, between the breaks around them.
 
-    If these readings are too few, the readings near the start of the segment are returned.
+    If these readings are too few, the range contains the readings near the start of the segment.
+
+    Args:
+        record: the run
+        starts: (n,) indices of the first readings of segments
+        begins: (n,) instants at which the segments start, s
+
+    Returns:
+        (n,) index of the first reading, and (n,) index after the last reading
     """
-    first, last = np.searchsorted(record.t, _between(record.breaks, float(record.t[start]))).tolist()
-    i = max(first, int(np.searchsorted(record.t, begin - GUESS.near_s, side="right")))
-    j = min(last, int(np.searchsorted(record.t, begin + GUESS.near_s)))
-    if j - i < GUESS.fewest:
-        i, j = max(first, start - GUESS.before), min(last, start + GUESS.fewest)
-    return np.arange(i, j)
-
-
-def _between(breaks: Array, t: float) -> tuple[float, float]:
-    """Return the last break before an instant and the first break after it, s.
-
-    A time is infinite if there is no such break.
-    """
-    after = int(np.searchsorted(breaks, t, side="right"))
-    edges = [-np.inf, *breaks.tolist(), np.inf]
-    return edges[after], edges[after + 1]
+    edges = np.array([-np.inf, *record.breaks, np.inf])
+    part = np.searchsorted(record.breaks, record.t[starts], side="right")
+    first, last = (np.searchsorted(record.t, edges[side]) for side in (part, part + 1))
+    i = np.maximum(first, np.searchsorted(record.t, begins - GUESS.near_s, side="right"))
+    j = np.minimum(last, np.searchsorted(record.t, begins + GUESS.near_s))
+    few = j - i < GUESS.fewest
+    i = np.where(few, np.maximum(first, starts - GUESS.before), i)
+    return i, np.where(few, np.minimum(last, starts + GUESS.fewest), j)

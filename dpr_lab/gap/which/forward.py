@@ -163,7 +163,7 @@ def _nearly_equal(score: Score, other: Score) -> bool:
 
 def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothesis], last: bool) -> float:
     """Return the excess below which a further set can be extended or accepted."""
-    sound = [model for model in _ranked(sets, best, level) if not any(_doubts(sets, best, level, model))]
+    sound = sorted((m for m in level if not any(_doubts(sets, best, level, m))), key=lambda model: model.cost)
     ahead = [*sound[:1], *_runners_up(sets, sound[0], sound[1:])] if sound else []
     if last:
         return min([most_excess(sets.bare, best), *(model.bounded_excess for model in ahead[:1])])

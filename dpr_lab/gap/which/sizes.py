@@ -101,8 +101,8 @@ def off_axis(problem: Problem, model: Hypothesis) -> tuple[str, ...]:
     """
     effect, constants = COM_OFFSET_LINK1, problem.model.constants
     free = [i for i, parameter in enumerate(model.fit.free) if parameter.effect == effect.name]
-    torque, sizes = _gravity_torque(problem, model), named_params(model.estimate.params)
-    if not free or torque is None or effect.name not in sizes:
+    sizes = named_params(model.estimate.params)
+    if not free or effect.name not in sizes or (torque := _gravity_torque(problem, model)) is None:
         return ()
     (offset,) = sizes[effect.name].values()
     least = constants.m1 * constants.g * (abs(offset) - errors(model)[free[0]])
