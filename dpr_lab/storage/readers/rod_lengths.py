@@ -71,6 +71,7 @@ def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:
     Raises:
         RunError: the points are not the ends of a rod.
     """
+    from scipy.special import ndtri
     from scipy.stats import median_abs_deviation
 
     lengths = np.hypot(*rods[-1].T)
@@ -78,7 +79,7 @@ def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:
     if not len(valid) or not np.median(valid) > 0:
         raise RunError(f"{path}: the ends of the rod of {axis} were never detected together")
     length = float(np.median(valid))
-    scatter = float(median_abs_deviation(valid, scale="normal"))
+    scatter = float(median_abs_deviation(valid, scale=ndtri(0.75)))
     if scatter > LENGTHS.scatter * length:
         raise RunError(
             f"{path}: the rod of {axis} changes its length by {percent(scatter / length)}: these points"
@@ -88,7 +89,7 @@ def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:
     by_pose = _by_pose(rods, away)
     away -= by_pose
     off = np.abs(lengths - length - by_pose)
-    scatter, varies = float(median_abs_deviation(away, scale="normal", nan_policy="omit")), float(np.ptp(by_pose))
+    scatter, varies = float(median_abs_deviation(away[np.isfinite(away)], scale=ndtri(0.75))), float(np.ptp(by_pose))
     alike = _autocorrelation(away)
     significant = alike > LENGTHS.correlated / np.sqrt(len(valid))
     correlation = min(alike, LENGTHS.most_alike) if significant else 0.0
