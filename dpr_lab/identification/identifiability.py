@@ -176,7 +176,7 @@ def identifiability(
     lengths: bool = True,
     visible: Sequence[int] | None = None,
 ) -> Identifiability:
-    """Analyse which parameters recordings and measured values identify.
+    """Analyse which parameters are identifiable from recordings and measured values.
 
     Args:
         information: (5, 5) Fisher information of the ratios, or (6, 6) with b, from a fit or from

@@ -213,7 +213,7 @@ class _Changes:
         return self._inside(np.sum(components * weights, axis=1)), np.einsum("nij,nj->ni", axes, weights)
 
     def steps(self, joint: int) -> tuple[Array, Array]:
-        """Compute the best step in the reading of one joint just before each sample.
+        """Fit a step to the reading of one joint before each sample.
 
         Returns:
             (samples,) gain, and (samples,) size, rad

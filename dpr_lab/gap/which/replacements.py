@@ -39,7 +39,7 @@ RICHER_FORM = Move(
 
 
 def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    """Accept a replacement that explains as much, within the indifference margin.
+    """Accept a replacement that explains as much as the set, within the indifference margin.
 
     Above the noise floor a richer form may compensate for an effect outside the set. It must then explain more.
     """
