@@ -39,6 +39,7 @@ from dpr_lab.gap.where.locate import locate
 from dpr_lab.gap.which.applicable import applicable
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.select import forward, refined
+from dpr_lab.gap.which.sizes import refuse_rising
 from dpr_lab.identification.misread.refuse import refuse_impossible_scale
 from dpr_lab.identification.misread.solvable import solvable
 from dpr_lab.progress import StageBegan
@@ -182,6 +183,7 @@ def _selected(drafted: Drafted) -> Selected:
         selection = refined(drafted.search)
     fitted, bare, chosen = drafted.fitted, selection.bare, selection.chosen
     refuse_impossible_scale(chosen.estimate.ratios, fitted.request.runs, fitted.request.rig, chosen.effects)
+    refuse_rising(fitted.problem, chosen)
     _begin(fitted.request, "classes")
     if bare is not fitted.bare:
         fitted = replace(fitted, bare=bare, places=locate(fitted.problem, bare))

@@ -8,6 +8,7 @@ import pytest
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import effect_params
+from dpr_lab.errors import IdentificationError
 from dpr_lab.fitting.estimate import ratio_parameters
 from dpr_lab.gap.which import sizes
 
@@ -65,8 +66,13 @@ def test_gravity_lifts_a_rod_only_beyond_two_standard_deviations(monkeypatch, to
     free = ratio_parameters(estimate, [RATIOS.index("a/b"), RATIOS.index("e1/b")])
     monkeypatch.setattr(sizes, "considered", lambda *_: np.diag([100.0, std**2]))
     monkeypatch.setattr(sizes, "_gravity_torque", lambda *_: torque)
-    model: Any = Fake(fit=Fake(free=free), estimate=estimate, inflation=1.0)
+    model: Any = Fake(fit=Fake(free=free), estimate=estimate, inflation=1.0, effects=("spring_joint1",))
     problem: Any = Fake()
     assert sizes.rises(problem, model) is lifted
+    if lifted:
+        with pytest.raises(IdentificationError, match=r"wrong sign \(e1 / b = -3 1/s\^2\).* contains spring_joint1"):
+            sizes.refuse_rising(problem, model)
+    else:
+        sizes.refuse_rising(problem, model)
     fixed: Any = Fake(fit=Fake(free=free[:1]), estimate=estimate, inflation=1.0)
     assert not sizes.rises(problem, fixed)

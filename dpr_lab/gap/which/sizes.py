@@ -18,6 +18,7 @@ from dpr_lab.effects.effect import Effect, Params
 from dpr_lab.effects.encoder_scale import ENCODER_SCALE
 from dpr_lab.effects.limits import oversized
 from dpr_lab.effects.spring import SPRING
+from dpr_lab.errors import IdentificationError
 from dpr_lab.fitting.covariance import considered
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.fitting.problem import Problem
@@ -120,6 +121,21 @@ def rises(problem: Problem, model: Hypothesis) -> bool:
     if not free or torque is None or torque >= 0.0:
         return False
     return bool(torque + errors(model)[free[0]] < 0.0)
+
+
+def refuse_rising(problem: Problem, model: Hypothesis) -> None:
+    """Check that the gravity torque of the inner rod does not lift the rod.
+
+    Raises:
+        IdentificationError: the gravity torque is significantly negative.
+    """
+    if not rises(problem, model):
+        return
+    described = f" The model contains {', '.join(model.effects)}, which may replace gravity." if model.effects else ""
+    raise IdentificationError(
+        f"the gravity torque of the inner rod has the wrong sign (e1 / b = {_gravity_torque(problem, model):.3g} 1/s^2)."
+        f"{described} Check the sign, the unit and the zero of each angle, also of the arm (--scale, --unit, --zero)."
+    )
 
 
 def _gravity_torque(problem: Problem, model: Hypothesis) -> float | None:
