@@ -76,7 +76,8 @@ def diagnose(
 
     Raises:
         RunError: there are no runs, a run is given twice, belongs to another rig, is too short, or contains no motion.
-        IdentificationError: the known torques or masses fit only with a negative inertia.
+        IdentificationError: the known torques or masses fit only with a negative inertia, or the weight of the inner
+            rod acts upwards in the selected model.
     """
     started = time.perf_counter()
     to_fit = as_runs(runs)
@@ -183,7 +184,6 @@ def _selected(drafted: Drafted) -> Selected:
         selection = refined(drafted.search)
     fitted, bare, chosen = drafted.fitted, selection.bare, selection.chosen
     refuse_impossible_scale(chosen.estimate.ratios, fitted.request.runs, fitted.request.rig, chosen.effects)
-    refuse_rising(fitted.problem, chosen)
     _begin(fitted.request, "classes")
     if bare is not fitted.bare:
         fitted = replace(fitted, bare=bare, places=locate(fitted.problem, bare))
@@ -205,6 +205,8 @@ def _transferred(selected: Selected) -> Transferred:
     }
     transferred = transfer(selected, swings)
     described = description(recordings.records, rig, problem, selection, transferred)
+    if not described.withholds:
+        refuse_rising(problem, chosen)
     doubtful = described.forced or not (transferred.tested or chosen.at_noise_floor)
     budget = gap_budget(recordings, everything, problem, selection)
     remainder = discrepancy(problem, chosen)

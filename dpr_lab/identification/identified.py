@@ -175,8 +175,7 @@ def _scale(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, b
     """Return the scale of absolute sizes, which the runs or the rig file determine.
 
     The scale is the inertia `b`. Bounds of the rig file may shift it away from the estimate of the runs. The interval
-    then
-    contains both values.
+    then contains both values.
     """
     if SCALE not in ratio_fit.visible:
         return scale_of(b, ratio_fit.fit.estimate.ratios, rig, ratio_fit.visible)

@@ -49,12 +49,11 @@ most of D, a small difference removes it. D is therefore computed for several ra
 
 The improvement by an effect is its largest z'^2 minus the penalty of its parameters. A draw settles the question if all
 effects are excluded, or if the best effect is named and decided. It is named if its improvement exceeds chance. Its
-probability follows from the improvements of the best effect, of its best alternatives
-and of no effect, as in a diagnosis. It is decided if this probability reaches `SURE`. An effect that becomes visible
-thus stays undecided if another effect has a similar signature, unless no release separates them. The recordings end
-with the first release that settles the question. Effects that are excluded now are included, because the estimate of an
-effect that is present grows. Earlier releases do not count as `failed`, because the reason for the missing decision is
-known.
+probability follows from the improvements of the best effect, of its best alternatives and of no effect, as in a
+diagnosis. It is decided if this probability reaches `SURE`. An effect that becomes visible thus stays undecided if
+another effect has a similar signature, unless no release separates them. The recordings end with the first release that
+settles the question. Effects that are excluded now are included, because the estimate of an effect that is present
+grows. Earlier releases do not count as `failed`, because the reason for the missing decision is known.
 
 Sources: H. Jeffreys (1946), An invariant form for the prior probability in estimation problems, Proceedings of the
 Royal Society A 186, 453-461. R. E. Kass & A. E. Raftery (1995), Bayes factors, Journal of the American Statistical

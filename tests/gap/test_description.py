@@ -21,6 +21,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.plain import as_json
 from dpr_lab.rig import Rig, load_rig, parse_rig
 from dpr_lab.run import Run
+from dpr_lab.setup import ArmMotion
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.workflows.diagnose import failures
@@ -300,3 +301,13 @@ def test_a_motor_that_is_not_described_changes_the_energy_of_the_rod(
     result = unbalanced([run], rig)
     assert result.forced == forced
     assert ("friction and known torques do not explain" in result.hint) == forced
+
+
+def test_the_motion_of_a_prescribed_arm_supplies_energy(tmp_path: Path) -> None:
+    rig = bench_rigs.one_rod(0.69, 0.115, 4000, np.random.default_rng(1))
+    rod = replace(bench_rigs.Rod(21.4, 0.04, 0.0, 9e-3), torque=lambda t: 15.0 * np.sin(7.3 * t))
+    t = np.arange(0.0, 4.0, 0.02)
+    run = bench_rigs.table(tmp_path, "swing", rig, {"t_s": t, "theta1_rad": bench_rigs.rod_swing(rod, 1.2, t)})
+    arm = ArmMotion(run.t, np.sin(run.t), np.cos(run.t))
+    assert unbalanced([run], rig).forced
+    assert not unbalanced([replace(run, arm=arm)], rig).forced

@@ -89,9 +89,10 @@ def unbalanced(runs: Sequence[Run], rig: Rig) -> Description:
     """Describe a change of the rods' energy that neither friction nor known torques explain.
 
     Effects with many amplitudes can imitate the force that causes it (decision 89). Zero errors are effects themselves
-    and may have any size.
+    and may have any size. Recordings with a prescribed arm or inner rod are not tested, because that motion supplies
+    energy.
     """
-    for run in (run.swing for run in runs if run.inner is None):
+    for run in (run.swing for run in runs if run.inner is None and run.arm is None):
         residual = residual_near(run.t, run.theta[:, 1:], run.torques, rig, zero_error_rad=np.inf)
         if ENERGY.unexplained[run.torques is not None] < residual < np.inf:
             change = f"{percent(residual)} of" if residual < 1 else "more than"

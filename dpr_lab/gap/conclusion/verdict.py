@@ -110,7 +110,10 @@ def _verdict(state: Transferred) -> Verdict:
 
 
 def _passes_all_tests(transferred: Transfer) -> bool:
-    """Return whether neither sizes nor free runs nor other recordings contradict the effects."""
+    """Return whether neither sizes nor free runs nor other recordings contradict the effects.
+
+    Other recordings without a gap do not contradict them.
+    """
     if transferred.worse_free_run or transferred.oversized:
         return False
     tested = transferred.tested and transferred.basis != "one release"

@@ -1,9 +1,8 @@
 """Free runs: simulations of whole recordings from fitted initial states.
 
 The initial state is fitted to the first readings only. `FreeSwing` contains the sensitivities to all uncertain inputs.
-Let J0 and J be the Jacobians of the readings r with respect to the initial state and to the fitted values, and W the
-inverse of the noise. The initial state is fitted to the first readings h. A change dr of the readings also changes this
-initial state, so that
+Let J0 be the Jacobian of the readings r with respect to the initial state, and W the inverse of the noise. The initial
+state is fitted to the first readings h. A change dr of the readings also changes this initial state, so that
 
     dr - J0 (J0_h^T W^2 J0_h)^-1 J0_h^T W^2 dr_h
 

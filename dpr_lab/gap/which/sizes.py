@@ -124,7 +124,7 @@ def rises(problem: Problem, model: Hypothesis) -> bool:
 
 
 def refuse_rising(problem: Problem, model: Hypothesis) -> None:
-    """Check that the gravity torque of the inner rod does not lift the rod.
+    """Check that the weight of the inner rod does not lift the rod.
 
     Raises:
         IdentificationError: the gravity torque is significantly negative.
@@ -133,8 +133,9 @@ def refuse_rising(problem: Problem, model: Hypothesis) -> None:
         return
     described = f" The model contains {', '.join(model.effects)}, which may replace gravity." if model.effects else ""
     raise IdentificationError(
-        f"the gravity torque of the inner rod has the wrong sign (e1 / b = {_gravity_torque(problem, model):.3g} 1/s^2)."
-        f"{described} Check the sign, the unit and the zero of each angle, also of the arm (--scale, --unit, --zero)."
+        "the weight of the inner rod acts upwards (gravity torque divided by b:"
+        f" {_gravity_torque(problem, model):.3g} 1/s^2).{described}"
+        " Check the sign, the unit and the zero of each angle, also of the arm (--scale, --unit, --zero)."
     )
 
 

@@ -207,11 +207,12 @@ def _explaining(
 ) -> Iterator[tuple[Misreading, RatioFit]]:
     """Yield the interpretations `tried` that explain the runs far better, with their fits.
 
-    See `better_readings` for the other arguments.
+    An interpretation that leaves only noise is accepted even if the noise is large relative to the swing, for example
+    with coarse readings of an arm. See `better_readings` for the other arguments.
     """
     better, limit = SETTINGS.better, max(min(SETTINGS.explained, limit), chi2_per_dof / SETTINGS.far_better)
     for reading, other in _otherwise(tried, runs, rig, limit):
-        fits = residual(other) < SETTINGS.suspicious or other.chi2_per_dof < 1.0  # coarse readings of an arm are noise
+        fits = residual(other) < SETTINGS.suspicious or other.chi2_per_dof < 1.0
         if fits and other.chi2_per_dof * _larger_noise(reading, runs, rig) ** 2 < max(limit, chi2_per_dof / better):
             yield reading, other
 
@@ -259,8 +260,7 @@ def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
     """Explain why the rig cannot have the fitted inertia b, kg m^2; empty if it can.
 
     An incorrect unit of known torques changes only b, so the residual does not show it. Without known torques, the
-    motion
-    does not determine b, and only the sign of b can contradict the rig.
+    motion does not determine b, and only the sign of b can contradict the rig.
     """
     nominal = float(unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))[SCALE])
     known = any(run.torques is not None or run.arm_input is not None for run in runs)
