@@ -182,6 +182,7 @@ STAND_INS = (
     StandIn(r"pytest (?=tests)", f"pytest --rootdir {ROOT} --collect-only --quiet {ROOT}/", "they run without this"),
     StandIn(r"^(\.venv/bin/)?python tests/golden/cases.py .*", "", "it generates the golden results"),
     StandIn(r"^(dpr-lab conform 'sim://' .*)$", r"\1 || \1 || \1", "a busy machine may not keep the simulated rate"),
+    StandIn(r"^(dpr-lab capture .*--link \S*SERIAL.*(?<!--yes))$", r"\1 --yes", "nobody presses Enter in a test"),
     StandIn(r"^dpr-lab tui ", "python -m tests.on_a_terminal tui ", "a terminal, and somebody who leaves"),
     StandIn(r"trials campaign( --n \d+)?", "trials campaign --n 1", "one trial of many"),
     StandIn(r"(--pose \$name)", r"\1" if FULL else r"\1 --duration-s 3", "three of eight seconds: a third of the time"),
