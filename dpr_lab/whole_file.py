@@ -113,7 +113,7 @@ def whole_folder(out: Path, record: str, depends: str = "") -> Iterator[Path]:
     those that were not moved remain in the temporary folder, and `out` contains no record.
 
     If the new files lack `depends`, an earlier file of this name in `out` belongs to the earlier record. It is renamed
-    `outdated.NAME`.
+    `outdated.NAME`, and an earlier file of that name is overwritten.
 
     Raises:
         DprError: a folder or a file cannot be written.
@@ -128,6 +128,7 @@ def whole_folder(out: Path, record: str, depends: str = "") -> Iterator[Path]:
         _remove_all_but(fresh, record)
         raise
     with _writing_to(out, f"the files that were not moved are in {fresh}"):
+        (out / record).unlink(missing_ok=True)
         if (out / depends).is_file() and not (fresh / depends).exists():
             (out / depends).replace(out / f"outdated.{depends}")
         _move_all(fresh, out, record)
@@ -143,7 +144,6 @@ def _writing_to(folder: Path, remedy: str = "choose another folder") -> Iterator
 
 
 def _move_all(fresh: Path, out: Path, record: str) -> None:
-    (out / record).unlink(missing_ok=True)
     files = [file.relative_to(fresh) for file in fresh.rglob("*") if file.is_file()]
     for file in sorted(files, key=lambda file: str(file) == record):
         (out / file).parent.mkdir(parents=True, exist_ok=True)

@@ -46,14 +46,15 @@ def test_an_interruption_keeps_the_former_files_and_the_new_record(tmp_path: Pat
 
 
 def test_a_record_never_describes_the_files_of_another_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "a.json").write_text("old")
+    for name in ("a.json", "b.json"):
+        (tmp_path / name).write_text("old")
 
     def refused(self: Path, target: Path) -> Path:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "replace", refused)
     with pytest.raises(DprError, match=f"{tmp_path}: cannot be written: No space left"):
-        with whole_folder(tmp_path, "a.json") as folder:
+        with whole_folder(tmp_path, "a.json", "b.json") as folder:
             (folder / "a.json").write_text("new")
     assert not (tmp_path / "a.json").exists()
     assert (folder / "a.json").read_text() == "new"

@@ -232,7 +232,10 @@ class Device:
         return self.info.simulated_time and self._software
 
     def clock(self) -> tuple[ClockFit | None, str]:
-        """Return the clock fit of the last stream, or the reason why it is missing."""
+        """Return the clock fit of the last stream, or None, and the reason if it is missing.
+
+        The reason is empty for simulated time.
+        """
         if self.simulated_time:
             return None, ""
         with self._lock:

@@ -207,7 +207,7 @@ def load_certificate(path: Path, max_mb: int = 16) -> Certificate:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
     except ValidationError as error:
         fault = f"is not a valid certificate of policy {POLICY}: {first_fault(error)}"
-        raise RunError(f"{path}: {fault}: give the file that {WRITER} has written") from error
+        raise RunError(f"{path}: {fault}; give the file that {WRITER} has written") from error
     except (ValueError, RecursionError) as error:
         raise RunError(f"{path}: {not_json(error, 'a certificate', 'certificate.json', WRITER)}") from error
 

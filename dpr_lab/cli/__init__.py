@@ -78,7 +78,7 @@ def _end(message: str, exit_code: int) -> NoReturn:
 
 
 def _leave_stdout() -> None:
-    """Redirect stdout to the null device, so that its failure causes no error.
+    """Redirect stdout to the null device, so that Python reports no error if the output fails.
 
     The output may be closed, as in `dpr-lab ... | head`, or the disk may be full.
     """
@@ -179,7 +179,7 @@ def _interrupt(signum: int, frame: object) -> None:
 
 
 def _open_streams() -> None:
-    """Open closed standard streams on the null device.
+    """Connect closed standard streams to the null device.
 
     Characters without an encoding are escaped.
     """

@@ -191,7 +191,8 @@ def _without_insignificant(
         gain = covariance[:, places] @ np.linalg.pinv(covariance[np.ix_(places, places)], hermitian=True)
         steps = gain @ np.array([fitted[name] for name in zero])
         changes = dict(zip(posterior.free, steps.tolist(), strict=True))
-        values |= {name: fitted[name] - changes[name] for name in changes.keys() & fitted.keys()}  # others are zero
+        # parameters whose estimate is zero are not in `fitted`
+        values |= {name: fitted[name] - changes[name] for name in changes.keys() & fitted.keys()}
     return signed(values | dict.fromkeys(zero, 0.0))
 
 

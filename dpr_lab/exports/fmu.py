@@ -108,7 +108,7 @@ class {name}(Fmi3Slave):
 
 @dataclass(frozen=True, slots=True)
 class UnitPorts:
-    """Inputs, states and Python class of a unit."""
+    """Inputs and states of a unit, and the name of its Python class."""
 
     name: str
     kind: str

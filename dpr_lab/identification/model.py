@@ -176,7 +176,7 @@ class Identifiable(ModelPart):
 
 
 class FitSummary(ModelPart):
-    """Quality of the fit to all segments, with free initial states."""
+    """Quality of the fit to the runs, in segments with free initial states."""
 
     rms_rad: Annotated[dict[str, Number], AfterValidator(by_name(RODS))]
     """Rms residual of `theta1` and `theta2`, rad."""

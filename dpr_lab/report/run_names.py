@@ -42,7 +42,7 @@ def run_name(run: Path) -> str:
 
 
 def run_label(stem: str) -> str:
-    """Return pose and time of a run, as `run_name`, without a file extension."""
+    """Return pose and time from a file name without extension, like `run_name`."""
     file = Path(f"{stem}.mcap")
     when = recorded(file)
     return f"{run_pose(file)} ({when})" if when else stem

@@ -89,7 +89,7 @@ def _without_namespaces(root: Element) -> None:
 
 
 def _complete(root: Element, path: Path) -> None:
-    """Add the link `world` if only a joint names it.
+    """Add the link `world` if a joint names it but the file lacks it.
 
     Raises:
         ConfigError: two links have the same name, or a joint names a link that does not exist.

@@ -115,7 +115,8 @@ def _in_memory(path: Path, swing: Understood, metadata: RunMetadata) -> Run:
     """Create the run that a run file with an interpreted table would contain."""
     theta = swing.theta
     if swing.options.arm == "prescribed" and "theta0" not in swing.columns:
-        theta = np.where([True, False, False], np.nan, theta)  # `run_of` refuses an unknown angle
+        # the column of the arm is missing, so `prescribed_arm` must refuse it
+        theta = np.where([True, False, False], np.nan, theta)
     ticks = np.arange(len(theta))
     samples = Samples(ticks, swing.since_first_s, theta, swing.counts, tuple(swing.torques.values()))
     stored = Scan(

@@ -78,7 +78,7 @@ def sample_texts(
     counts: Integers | None,
     torques: Array,
 ) -> Bytes | None:
-    """Return (n, w) JSON texts of samples, or None without a fixed width.
+    """Return (n, w) JSON texts of samples; None if a number has no fixed width.
 
     Args:
         tick: (n,)
@@ -171,7 +171,7 @@ def sample_columns(texts: Bytes) -> list[Array | Integers | None] | None:
 
 
 def _with_blanks(row: Bytes, start: int, stop: int) -> tuple[int, int]:
-    """Return the position of a number with its leading blanks, (-1, -1) if missing."""
+    """Return start and stop of a number with its leading blanks; (-1, -1) means no number."""
     while start > 0 and row[start - 1] == _BLANK:
         start -= 1
     return start, stop

@@ -110,7 +110,7 @@ def _bus_capacity(bitrate: int) -> Capacity:
 
 
 def _matching_channels(url: LinkUrl, pattern: str) -> list[str]:
-    """Return the channels that match a pattern, or a name without `*` unchanged."""
+    """Return the channels that match a pattern; a name without `*` is its only match."""
     if pattern and "*" not in pattern:
         return [pattern]
     try:

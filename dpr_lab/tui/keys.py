@@ -1,4 +1,6 @@
-"""Key bindings of the screen: the defaults in `keys.toml`, which a file of the operator can replace.
+"""Key bindings of the screen.
+
+`keys.toml` contains the defaults, and `app.py` the keys of the steps. A file of the operator can replace both.
 
 Example of such a file:
 

@@ -44,7 +44,7 @@ def check_file_writable(out: Path) -> None:
 
 
 def _try_to_write(out: Path, folder: Path, least_bytes: int = 1 << 16) -> None:
-    """Write a temporary file to the folder of `out`, or to its nearest existing parent."""
+    """Write a temporary file to a folder, or to its nearest existing parent; an error names `out`."""
     existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     try:
         with TemporaryFile(dir=existing) as probe:

@@ -114,7 +114,8 @@ def draft_rig(measures: RigMeasures) -> str:
     for name, size in sizes.items():
         number = size.value if isinstance(size, Measure) else size
         if number is not None and not 0 < number < math.inf:
-            raise ConfigError(f"{name} must be above 0 and finite, not {number:g}")
+            remedy = "; omit --mb if the mass is unknown" if name == "mb" else ""
+            raise ConfigError(f"{name} must be above 0 and finite, not {number:g}{remedy}")
     mb = m.mb or Measure(DRAFT.elbow[1] * (m.m1.value + m.m2.value) if m.m2 else 0.0)
     carried = m.m1.value + (m.m2.value + mb.value if m.m2 else 0.0)
     text = rendered(

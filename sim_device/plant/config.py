@@ -218,18 +218,19 @@ def chosen_plant(name: str | Path | None, rig: Rig, seed: int | None = None) -> 
 
     Raises:
         ConfigError: the file is not found or not valid; or there is no name, the arm of the rig is free or driven, and
-            no built-in plant belongs to the rig.
+            no built-in plant with such an arm belongs to the rig.
     """
     if name is not None:
         return load_plant(name, seed)
+    moving = {"free", "driven"}
     if rig.name in built_in("rigs") and rig.name in built_in("plants", BUILTIN):
         plant = load_plant(rig.name, seed)
-        if (plant.arm.mode == "driven") == (rig.arm.mode == "driven"):
+        if plant.arm.mode == rig.arm.mode or not {plant.arm.mode, rig.arm.mode} & moving:
             return plant
-    if rig.arm.mode in ("free", "driven"):
+    if rig.arm.mode in moving:
         raise ConfigError(
-            f"the arm of rig {rig.name} is {rig.arm.mode}, and no built-in plant belongs to it: write a plant file,"
-            " and give it as sim://?plant=FILE"
+            f"the arm of rig {rig.name} is {rig.arm.mode}, and no built-in plant with such an arm belongs to it: write"
+            " a plant file, and give it as --link 'sim://?plant=FILE' (python -m sim_device: --plant FILE)"
         )
     parameters: dict[str, float] = dict(zip(PARAMETERS, rig.nominal.tolist(), strict=True))
     return PlantConfig(name=rig.name, seed=1 if seed is None else seed, parameters=parameters)

@@ -155,7 +155,7 @@ def test_a_diagnosis_that_starts_from_a_model_is_not_certified(folder: Path, tmp
         ("", "is not a certificate"),
         ("[]", "is not a certificate"),
         ("{}", "is not a certificate: give the file that `dpr-lab certify` has written"),
-        ('{"schema": 2}', "policy: is missing: give the file that `dpr-lab certify` has written"),
+        ('{"schema": 2}', "policy: is missing; give the file that `dpr-lab certify` has written"),
         ("\x00", "is not a certificate"),
         ("[" * 100_000, "is not a certificate"),
         ('{"policy": 2, "policy": 2}', "occurs twice"),

@@ -145,7 +145,7 @@ def test_flags_describe_an_inner_rod_that_is_prescribed(cli, tmp_path: Path) -> 
         ),
         ((*FLAGS[:-1], "-1"), 3, "m2 must be above 0 and finite, not -1"),
         ((*FLAGS, "--l1", "-0.3"), 3, "L1 must be above 0 and finite, not -0.3"),
-        ((*FLAGS, "--mb", "nan"), 3, "mb must be above 0 and finite, not nan"),
+        ((*FLAGS, "--mb", "nan"), 3, "mb must be above 0 and finite, not nan; omit --mb if the mass is unknown"),
         ((*FLAGS, "--l1", "300"), 3, "rig.L1 = 300"),
         ((*FLAGS, "--out", "rig.txt"), 3, "ends in .toml"),
     ],

@@ -171,6 +171,9 @@ def test_a_rig_without_a_named_plant_gets_its_own_plant():
     assert chosen_plant(None, paper, 5) == load_plant("paper", 5)
     clamped = furuta.model_copy(update={"arm": ArmTable()})
     np.testing.assert_array_equal(chosen_plant(None, clamped).Z, furuta.nominal)
+    free = paper.model_copy(update={"arm": ArmTable(mode="free")})
+    with pytest.raises(ConfigError, match="arm of rig paper is free, and no built-in plant with such an arm"):
+        chosen_plant(None, free)
     other = furuta.model_copy(update={"rig": furuta.rig.model_copy(update={"name": "mine"})})
     with pytest.raises(ConfigError, match=r"arm of rig mine is driven.*write a plant file.*sim://\?plant=FILE"):
         chosen_plant(None, other)

@@ -58,7 +58,7 @@ def test_a_clock_of_any_width_is_suggested_where_the_readings_continue(tmp_path:
 
 def test_durations_of_rows_are_no_times(tmp_path: Path, paper) -> None:
     durations = np.tile([40.0, 40.0, 39.0, 41.0], len(T) // 4 + 1)[: len(T)]
-    with pytest.raises(RunError, match=r"near 40, like the duration of a row: .* \(--rate-hz\)$"):
+    with pytest.raises(RunError, match=r"near 40, which are probably the durations .* \(--rate-hz\) instead$"):
         import_csv(table(tmp_path / "a.csv", durations, "t", "g"), paper, ImportOptions(keep_rest=True))
 
 

@@ -103,7 +103,7 @@ class DescriptionEditor(Editor):
     def _move(
         self, edit: XmlEdit, owner: int, label: str, measure: Callable[[SimulatorModel], Vector], shift: Vector
     ) -> None:
-        """Move an element so that a derived position shifts by (3,), m.
+        """Move an element so that a derived position shifts by `shift` (3,), m.
 
         `measure` returns this position for a changed model, in the world frame.
         """

@@ -32,7 +32,7 @@ CHANGE = ChangeSettings()
 
 @dataclass(frozen=True, slots=True)
 class ModelCause:
-    """A number of the file that differs from the rig, in the terms of the file."""
+    """A number of the file that differs from the rig, named as in the file."""
 
     joint: str
     """Name of the joint in the file."""

@@ -30,7 +30,7 @@ KIND = "moving_arm"
 
 
 class ArmFitSummary(ModelPart):
-    """Quality of the fit to all segments, with free initial states."""
+    """Quality of the fit to the runs, in segments with free initial states."""
 
     rms_rad: dict[str, Number]
     """Rms residual of the encoder readings of each joint, rad."""

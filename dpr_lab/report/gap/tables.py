@@ -255,7 +255,7 @@ def step_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[s
 
 
 def steps(diagnosis: Diagnosis) -> list[tuple[str, float]]:
-    """Return label and gap, rad, of the models with none to all effects."""
+    """Return label and gap, rad, of each model, from no effect to all effects."""
     return [
         ("bare model", per_reading(diagnosis.gap, "before_rad")),
         *(

@@ -64,6 +64,7 @@ def _objects(path: Path, file: Any) -> list[tuple[str, Any]]:
     """List each group and data set of a file once, together with its name.
 
     Links to other files are not followed. Internal groups of MATLAB, whose names begin with `#`, are left out.
+    An object that `#refs#` also contains is left out.
     """
     objects: list[tuple[str, Any]] = []
 

@@ -123,8 +123,8 @@ def check_forwards(table: Table, t: Array, options: ImportOptions, readings: Map
             raise RunError(f"{place}: time decreases in all rows: sort the rows by time")
         if 2 * np.count_nonzero(np.diff(t[known]) <= 0) >= len(known) - 1 and np.ptp(t[known]) < np.median(t[known]):
             raise RunError(
-                f"{place}: time decreases. All values are near {np.median(t[known]) / unit:g}, like the duration of a"
-                " row: give the rate of the rows instead (--rate-hz)"
+                f"{place}: the time column contains values near {np.median(t[known]) / unit:g}, which are probably the"
+                " durations of the rows, not times: state the rate of the rows (--rate-hz) instead"
             )
         raise RunError(
             f"{place}: time decreases by {t[before] - t[row]:g} s, to {t[row]:.10g} s; split the table there, because"

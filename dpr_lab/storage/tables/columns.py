@@ -362,7 +362,7 @@ def _said_time_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
 
 
 def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, str]:
-    """Assign unnamed columns by order: time if present, arm if three others, both rods."""
+    """Assign unnamed columns by order: time (if present), arm (if three columns remain), both rods."""
     if table.settled or not all(_NO_NAME.fullmatch(name) for name in table.names if name != time):
         return {}
     others = [name for name in table.names if name != time]

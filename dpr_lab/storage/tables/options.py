@@ -136,10 +136,14 @@ class ImportOptions:
     keep_rest: Annotated[bool, Typed("Keep all rows, including rows in which the rods seem to be held.")] = False
     """Whether all rows are used, including rows in which the rods seem to be held."""
     recorded_at: Annotated[
-        str, Typed("Time of the recording, e.g. 2026-03-01 or 2026-03-01T14:30; local time without a zone.")
+        str,
+        Typed(
+            "Time of the recording, e.g. 2026-03-01 or 2026-03-01T14:30; local time without a zone. Default: from the"
+            " time stamps, or from one date in the file name."
+        ),
     ] = ""
     """Time of the recording: ISO 8601 date, or date and time; local time without a zone. Empty: from the time stamps
-    of the table, otherwise unknown.
+    of the table, or from one date in the file name; otherwise unknown.
     """
     note: Annotated[str, Typed("Note to store with the run. `drift --by label` groups runs by their notes.")] = ""
     """Note of the operator; `drift --by label` groups runs by it."""

@@ -64,7 +64,11 @@ PLAUSIBLE = Plausible()
 
 
 def check_spacing(path: Path, t: Array) -> None:
-    """Check that the times (n,), s, are neither too far apart nor too long.
+    """Check the interval between rows and the duration of the table.
+
+    Args:
+        path: the table
+        t: (n,) times since the first row, s, ascending
 
     Raises:
         RunError: a limit is exceeded; the unit of time is then probably wrong.

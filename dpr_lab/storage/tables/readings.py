@@ -171,7 +171,7 @@ def _conserves(fit: EnergyFit | None) -> bool:
 
 
 def _with_other_zeros(read: InterpretedTable) -> OtherReading | None:
-    """Find other zeros that conserve the energy of a free swing, or return None."""
+    """Return other zeros with which a free swing conserves its energy, or None."""
     rods = read.rods(read.values, read.options)
     added = energy_zeros(read.t, rods, read.rig)
     if added is None or not _conserves(energy_fit(read.t, rods + added, None, read.rig)):

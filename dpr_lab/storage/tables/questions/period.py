@@ -38,7 +38,7 @@ SETTINGS = PeriodSettings()
 
 
 def period_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn if the period of a column suggests much smaller angles.
+    """Warn if the period of a column depends too little on its amplitude.
 
     The period of a freely swinging rod is T = T0 / agm(1, cos(A/2)), where A is the amplitude, T0 the period of small
     swings and agm the arithmetic-geometric mean. A position in mm that is read as degrees has the period of another
