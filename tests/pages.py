@@ -177,6 +177,7 @@ STAND_INS = (
     StandIn(r"'can://socketcan/can0\?bitrate=1000000'", '"$CAN"', "a simulated device behind a CAN adapter's line"),
     StandIn(r"^make -C firmware_protocol/c run$", "", "tests/firmware_c/test_c_cortex_m.py makes it and runs it"),
     StandIn(r"^make (\w+)", rf"make --dry-run --directory {ROOT} \1 > made.txt", "the tests are a part of it"),
+    StandIn(r"^python3 -m venv \.venv$", "", "what the tests run in"),
     StandIn(r"^\.venv/bin/(?=python|pytest)", "", "what the tests run in"),
     StandIn(r"^(\.venv/bin/)?pip install .*", "", "no network; tests/test_package.py, test_lock_file.py"),
     StandIn(r"pytest (?=tests)", f"pytest --rootdir {ROOT} --collect-only --quiet {ROOT}/", "they run without this"),
