@@ -6,7 +6,8 @@ If cause t is true, further releases increase its log odds against each other ca
 of mean d^2 / 2 and variance d^2 (`dpr_lab.planning.worth.criteria`). The true cause is drawn from its posterior, and
 the amount is drawn from this distribution. The probability of a decision is the share of draws in which one cause
 reaches `SURE`. If the cause is outside the library, no release decides it. Causes that no release separates count as
-one cause, as in the stopping rule, because a bench check distinguishes them.
+one cause, as in the stopping rule, because a bench check distinguishes them. After each planned release, this rule
+refers to the information at that time, because the next plan will apply it then.
 
 A release may also reveal another effect or another alternative. The causes then stay undecided until a further release.
 The setting `confirmed` takes this into account. It is a fraction that was measured in blind trials. The trials contain
@@ -179,7 +180,7 @@ def decision_probability(
     releases: int = 1,
     inseparable: Sequence[Flags] | None = None,
     failed: int = 0,
-    confirmed: float | None = None,
+    confirmed: float = FORECAST.confirmed,
 ) -> float:
     """Return the probability that further releases decide the cause of every named effect.
 
@@ -190,9 +191,8 @@ def decision_probability(
         inseparable: (n, n) pairs of causes that no release separates, for each named effect; such causes count as one
             cause; None: every pair is separable
         failed: number of recorded releases that did not decide the causes as expected
-        confirmed: fraction of the releases that decide the causes as expected; None: the usual fraction
+        confirmed: fraction of the releases that decide the causes as expected
     """
-    confirmed = FORECAST.confirmed if confirmed is None else confirmed
     weight = FORECAST.weight + failed + np.arange(releases)
     probability = 1.0 - np.prod(1.0 - confirmed * FORECAST.weight / weight)
     if inseparable is None:

@@ -4,6 +4,7 @@ The plan contains the reasons for the releases, the forecast, and the causes tha
 """
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Literal
 
@@ -42,11 +43,12 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     known = objective.known
     after = np.cumsum([known.information, *(step.information for step in steps)], axis=0)
     reasons = _reasons(objective, after)
-    alike = inseparable_pairs(objective, steps) if steps else []
-    stuck = inseparable(objective, alike) if steps else []
-    state = _state(known, {name for pair in stuck for name in pair.causes})
+    knowledge = [replace(known, information=F) for F in after]
+    alike = [inseparable_pairs(Objective.of(then), steps) for then in knowledge] if steps else []
+    stuck = [inseparable(objective, pairs) for pairs in alike] or [[]]
+    state = _state(known, _names(stuck[0]))
     gained = [_gained(objective, step, F) for step, F in zip(steps, after[1:], strict=True)]
-    forecast = _forecast(objective, steps, gained, alike) if state == "record" else [None] * len(steps)
+    forecast = _forecast(objective, steps, gained, alike[1:]) if state == "record" else [None] * len(steps)
     releases = [
         _planned(k, step, after[k], objective, reason.text, d2, decided)
         for k, (step, reason, d2, decided) in enumerate(zip(steps, reasons, gained, forecast, strict=True), 1)
@@ -59,7 +61,7 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
         forecast=[decided for decided in forecast if decided is not None],
         ratio_std=shown_ratio_std(known, known.information),
         detectable=_detectable(known, after[-1]),
-        inseparable=stuck,
+        inseparable=stuck[0],
         limits=limit_forecasts(known, after[-1], limits, [step.release for step in steps]),
         assumptions=_assumptions(known, releases),
         seconds=seconds,
@@ -126,24 +128,28 @@ def _planned(
 
 
 def _forecast(
-    objective: Objective, steps: Sequence[SequenceStep], gained: Sequence[Sequence[Array]], alike: Sequence[Flags]
+    objective: Objective,
+    steps: Sequence[SequenceStep],
+    gained: Sequence[Sequence[Array]],
+    alike: Sequence[Sequence[Flags]],
 ) -> list[float | None]:
     """Return, for each number of releases, the probability that they decide the causes.
 
-    It is None before any recording. The pairs of causes in `alike` count as one cause.
+    It is None before any recording. After each release, the pairs of causes in `alike` count as one cause.
     """
     diagnosis, pairs = objective.known.diagnosis, objective.pairs
     if diagnosis is None or not steps:
         return [None] * len(steps)
-    if diagnosis.verdict == "no_gap":  # two releases decide a named cause although other effects are not excluded
-        settled = settled_probabilities(_further_tests(objective.known, steps))
-        return [
-            probability * decision_probability(pairs, d2, number, alike)
-            for number, (probability, d2) in enumerate(zip(settled, gained, strict=True), 1)
-        ]
     failed = recorded_releases(diagnosis) - 1  # there is no forecast for the first release
-    confirmed = FORECAST.revealed if diagnosis.gap.remainder_Nm else FORECAST.confirmed
-    return [decision_probability(pairs, d2, number, alike, failed, confirmed) for number, d2 in enumerate(gained, 1)]
+    confirmed, settled = FORECAST.confirmed, [1.0] * len(steps)
+    if diagnosis.verdict == "no_gap":  # two releases decide a named cause although other effects are not excluded
+        failed, settled = 0, settled_probabilities(_further_tests(objective.known, steps))
+    elif diagnosis.gap.remainder_Nm:
+        confirmed = FORECAST.revealed
+    return [
+        probability * decision_probability(pairs, d2, number, same, failed, confirmed)
+        for number, (probability, d2, same) in enumerate(zip(settled, gained, alike, strict=True), 1)
+    ]
 
 
 def _further_tests(known: Knowledge, steps: Sequence[SequenceStep]) -> list[list[OpenAmplitudes]]:
@@ -209,6 +215,10 @@ def inseparable(objective: Objective, alike: Sequence[Flags]) -> list[Inseparabl
     return stuck
 
 
+def _names(stuck: Sequence[Inseparable]) -> list[str]:
+    return list(dict.fromkeys(name for pair in stuck for name in pair.causes))
+
+
 def _state(known: Knowledge, together: Collection[str]) -> State:
     if known.diagnosis is None:
         return "first"
@@ -218,8 +228,17 @@ def _state(known: Knowledge, together: Collection[str]) -> State:
 
 
 def _sentence(
-    state: State, known: Knowledge, releases: Sequence[PlannedRelease], stuck: Sequence[Inseparable], note: str
+    state: State, known: Knowledge, releases: Sequence[PlannedRelease], stuck: Sequence[list[Inseparable]], note: str
 ) -> str:
+    """Return the main sentence of a plan.
+
+    Args:
+        state: state of the plan
+        known: the current knowledge
+        releases: the planned releases
+        stuck: pairs of causes that no further release separates, before the first release and after each release
+        note: sentence about the releases that may not be necessary
+    """
     diagnosis = known.diagnosis
     if diagnosis is not None and state == "enough":
         causes = [effect.name for effect in diagnosis.effects]
@@ -237,19 +256,19 @@ def _sentence(
         verb = "is" if len(releases) == 1 else "are"
         return f"Before any recording: {count} {verb} expected to distinguish {share} the effects of the library.{note}"
     if state == "bench check":
-        pairs = listed([f"{a} and {b}" for a, b in (inseparable.causes for inseparable in stuck)])
+        pairs = listed([f"{a} and {b}" for a, b in (inseparable.causes for inseparable in stuck[0])])
         return (
             f"Even {FORECAST.repeats} more releases on this rig would not separate {pairs}: do this bench check."
-            f" {stuck[0].check}"
+            f" {stuck[0][0].check}"
         )
     chances = [release.decided or 0.0 for release in releases]
-    together = list(dict.fromkeys(name for pair in stuck for name in pair.causes))
     number = next((k for k, chance in enumerate(chances, 1) if chance >= FORECAST.likely), len(chances))
     more = f"{number} more release{'s' * (number > 1)}"
     advice = "Record release 1, diagnose and plan again. " if len(chances) > 1 else ""
     if diagnosis is not None:
-        reason = undecided(diagnosis, together)
+        reason = undecided(diagnosis, _names(stuck[0]))
         advice = f"{reason[:1].upper()}{reason[1:]}. {advice}"
+    together = _names(stuck[number])
     apart = f", except between {listed(together)}," if together else ""
     return f"{advice}With {more} the probability that the causes are decided{apart} is {chances[number - 1]:.2f}.{note}"
 

@@ -7,6 +7,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
+from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.planning.forecast import FORECAST, settled_probabilities
@@ -14,6 +15,7 @@ from dpr_lab.planning.information import informed
 from dpr_lab.planning.knowledge import known_before
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.result import Plan
 from dpr_lab.planning.sequence import SequenceStep
 from dpr_lab.planning.stopping import Causes, causes_of
 from dpr_lab.planning.summary import summed_up
@@ -128,6 +130,32 @@ def test_a_failed_test_on_the_quarters_of_one_release_is_no_cause_outside_the_li
     failed = failed.model_copy(update={"effects": [failed.effects[0].model_copy(update=effect)]})
     (one,), (two,) = (list(causes_of(of_runs(failed, *runs))) for runs in (("P1",), ("P1", "P2")))
     assert (one.outside, two.outside) == (0.02, pytest.approx(0.51))
+
+
+def test_causes_count_as_one_if_the_plan_after_the_release_will_recommend_the_bench_check(paper: Rig) -> None:
+    """Six repeated releases separate the drift from the offset before the next release, but not after it.
+
+    The first release has 0.3 times the information of the next one. The d^2 of six releases is then 6 / (0.3 T) from
+    the uncertainty of the drift rate, and 6 / (1.3 T) after the next release.
+    """
+    pair = ("encoder_offset_joint1", "encoder_drift_joint1")
+    class_of = {"name": pair[0], "members": [*pair], "odds": dict.fromkeys(pair, 0.5)}
+    effect, known = one_cause().effects[0].model_copy(update=class_of), known_before(paper)
+    diagnosis = one_cause().model_copy(update={"effects": [effect]})
+    (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
+    step, plans = SequenceStep(swing.release, swing.information, swing.horizon_s, 1.0, 0.0, 1.0), list[Plan]()
+    for share, runs in ((0.3, ["P1"]), (1.3, ["P1", "P2"])):
+        result = of_runs(diagnosis, *runs)
+        information, causes = known.information + share * swing.information, tuple(causes_of(result))
+        after = replace(known, information=information, causes=causes, named=frozenset(pair[:1]), diagnosis=result)
+        objective = Objective.of(after)
+        (d2,) = objective.gained(information + FORECAST.repeats * swing.information)
+        assert d2.max() == pytest.approx(FORECAST.repeats / share / CALIBRATION.temperature, rel=0.01)
+        plans.append(summed_up(objective, [step], PlanLimits(), 0.0))
+    assert [made.state for made in plans] == ["record", "bench check"]
+    assert not plans[0].inseparable
+    assert plans[0].forecast == [pytest.approx(FORECAST.confirmed * effect.probability)]
+    assert f"decided, except between {pair[0]} and {pair[1]}," in plans[0].sentence
 
 
 def test_a_candidate_without_a_column_counts_against_a_decision(paper: Rig) -> None:
