@@ -173,6 +173,7 @@ END = '[ -z "$scheduler" ] || { kill $worker $scheduler; wait; }; '
 LISTENS = f'until python -c "{CONNECT}" 2> refused.txt; do sleep 1; done'
 
 STAND_INS = (
+    StandIn(r"^(dpr-lab capture (?!.*--yes).*'serial:.*)$", r"\1 --yes", "nobody presses Enter in a test"),
     StandIn(r"'serial:///dev/(?:ttyACM0|pts/3)\?baud=921600'", '"$SERIAL"', "a simulated device on a pseudo terminal"),
     StandIn(r"'can://socketcan/can0\?bitrate=1000000'", '"$CAN"', "a simulated device behind a CAN adapter's line"),
     StandIn(r"^make -C firmware_protocol/c run$", "", "tests/firmware_c/test_c_cortex_m.py makes it and runs it"),
@@ -183,7 +184,6 @@ STAND_INS = (
     StandIn(r"pytest (?=tests)", f"pytest --rootdir {ROOT} --collect-only --quiet {ROOT}/", "they run without this"),
     StandIn(r"^(\.venv/bin/)?python tests/golden/cases.py .*", "", "it generates the golden results"),
     StandIn(r"^(dpr-lab conform 'sim://' .*)$", r"\1 || \1 || \1", "a busy machine may not keep the simulated rate"),
-    StandIn(r"^(dpr-lab capture .*--link \S*SERIAL.*(?<!--yes))$", r"\1 --yes", "nobody presses Enter in a test"),
     StandIn(r"^dpr-lab tui ", "python -m tests.on_a_terminal tui ", "a terminal, and somebody who leaves"),
     StandIn(r"trials campaign( --n \d+)?", "trials campaign --n 1", "one trial of many"),
     StandIn(r"(--pose \$name)", r"\1" if FULL else r"\1 --duration-s 3", "three of eight seconds: a third of the time"),

@@ -82,9 +82,9 @@ def from_menu(now: Situation) -> tuple[CandidateRelease, Plan | None]:
     poses = [_release(now.rig, pose.theta1, pose.theta2) for pose in now.rig.poses.values()]
     alone = now.rig.rods.mounting in ("inner", "outer")
     menu = [
-        replace(_release(now.rig, *choice.theta), added=choice.added or now.rig.added_mass)
-        for choice in MENU
-        if choice.added is None or not alone
+        replace(_release(now.rig, choice.theta1_rad, choice.theta2_rad), added=choice.added_mass or now.rig.added_mass)
+        for choice in MENU.values()
+        if choice.added_mass is None or not alone
     ]
     return (*poses, *menu)[len(now.runs) % (len(poses) + len(menu))], None
 

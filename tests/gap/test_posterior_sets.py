@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace as Fake
 from typing import Any, cast
 from unittest.mock import Mock
 
@@ -16,6 +17,7 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.detectable import comparable_size
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import ScoreTest
+from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.select import forward, refined
 from dpr_lab.gap.which.selected import Selection
@@ -46,12 +48,17 @@ def test_a_set_of_lower_cost_is_as_probable_as_the_selected_one_at_most(
     viscous = replace(chosen, effects=tuple(OTHER), curves={})
     worse, other = (costing(viscous, chosen.cost + sign * np.log(4.0) * unit) for sign in (1, -1))
 
+    def weighed(selection: Selection) -> list[PosteriorComponent]:
+        fitted: Any = Fake(problem=problem, recordings=Fake(rig=paper))
+        state: Any = Fake(fitted=fitted, selection=selection, remainder=None)
+        return components(state)
+
     def of(selection: Selection) -> dict[frozenset[str], float]:
-        return {frozenset(one.effects): one.probability for one in components(problem, selection, paper, None)}
+        return {frozenset(one.effects): one.probability for one in weighed(selection)}
 
     both = replace(result, fitted={chosen.key: chosen, OTHER: other})
     for fitted, expected in ((worse, [0.8, 0.2]), (other, [0.5, 0.5])):  # the other is not significantly better
-        made = components(problem, replace(both, fitted={chosen.key: chosen, OTHER: fitted}), paper, None)
+        made = weighed(replace(both, fitted={chosen.key: chosen, OTHER: fitted}))
         assert [one.probability for one in made] == pytest.approx(expected)
     gap = replace(base.residuals, chi2=1e4 * base.residuals.dof, autocorrelation=0.99)
     lacking = costing(replace(base, residuals=gap), chosen.cost + 20 * unit + gap.inflation * base.penalty)
@@ -60,9 +67,7 @@ def test_a_set_of_lower_cost_is_as_probable_as_the_selected_one_at_most(
     impossible = replace(both, impossible=frozenset({OTHER}))
     assert of(impossible) == {chosen.key: 1.0}
     larger = costing(replace(chosen, effects=(*chosen.effects, "base_tilt")), chosen.cost - unit)
-    weights = [
-        one.probability for one in components(problem, replace(result, fitted={larger.key: larger}), paper, None)
-    ]
+    weights = [one.probability for one in weighed(replace(result, fitted={larger.key: larger}))]
     assert max(weights) == weights[0] > 0.9  # what hundreds of candidates explain by chance is no evidence
 
 
