@@ -256,7 +256,7 @@ def _sentence(
         verb = "is" if len(releases) == 1 else "are"
         return f"Before any recording: {count} {verb} expected to distinguish {share} the effects of the library.{note}"
     if state == "bench check":
-        pairs = listed([f"{a} and {b}" for a, b in (inseparable.causes for inseparable in stuck[0])])
+        pairs = listed([f"{a} and {b}" for a, b in (pair.causes for pair in stuck[0])])
         return (
             f"Even {FORECAST.repeats} more releases on this rig would not separate {pairs}: do this bench check."
             f" {stuck[0][0].check}"

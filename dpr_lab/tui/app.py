@@ -81,7 +81,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
     """
 
     TITLE = "dpr-lab"
-    VERTICAL_BREAKPOINTS = [(30, "-tall")]  # noqa: RUF012
+    VERTICAL_BREAKPOINTS = [(30, "-tall")]  # noqa: RUF012 - Textual declares it as an instance variable
     CSS_PATH = Path(__file__).with_name("app.tcss")
     BINDINGS: ClassVar[list[BindingType]] = [
         *(Binding(f"{n}", f"go({n})", show=False, id=f"app.step_{n}") for n in range(1, len(STEPS) + 1)),

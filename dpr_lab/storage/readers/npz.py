@@ -39,7 +39,7 @@ def read_numpy(path: Path, take: Sequence[str]) -> Table:
 
 @contextmanager
 def _plain_arrays(path: Path) -> Iterator[None]:
-    """Provide a context in which pickled objects cause an error message of their own."""
+    """Refuse pickled objects with a message for the operator."""
     try:
         yield
     except ValueError as error:
