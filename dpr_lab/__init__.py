@@ -17,7 +17,6 @@ Names in `__all__` that do not start with an underscore are stable. Before such 
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
-from warnings import warn
 
 from dpr_lab.version import __version__ as __version__
 
@@ -118,20 +117,8 @@ _FROM = {
     for name in names
 }
 
-_FORMER = {"identify_moving_arm": "identify", "compare_moving_arm": "compare"}
-"""Present names of functions by their former names. The present function takes the same arguments. Former names are
-removed after one minor version."""
-
 
 def __getattr__(name: str) -> Any:
-    if name in _FORMER:
-        present = _FORMER[name]
-        warn(
-            f"dpr_lab.{name} is now dpr_lab.{present}, which accepts every mode of the arm",
-            DeprecationWarning,
-            stacklevel=2,
-        )
-        return __getattr__(present)
     if name not in _FROM:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, attribute = _FROM[name]

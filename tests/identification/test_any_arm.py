@@ -52,10 +52,3 @@ def test_a_model_of_a_clamped_arm_does_not_take_a_run_of_a_moving_one(pendulum):
     run, rig = pendulum
     with pytest.raises(dpr.DprError, match="its arm was free, but the arm of the model is clamped"):
         dpr.compare(run, rig, dpr.Model.model_construct())
-
-
-def test_the_former_names_give_a_warning():
-    with pytest.warns(DeprecationWarning, match=r"identify_moving_arm is now dpr_lab\.identify"):
-        assert dpr.identify_moving_arm is dpr.identify
-    with pytest.warns(DeprecationWarning, match=r"compare_moving_arm is now dpr_lab\.compare"):
-        assert dpr.compare_moving_arm is dpr.compare
