@@ -5,6 +5,7 @@ Results are shown as a heading and a table, and `help()` uses short type names.
 
 import ast
 import inspect
+import shlex
 import textwrap
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -12,6 +13,7 @@ from dataclasses import is_dataclass
 from functools import cache
 from html import escape
 from itertools import pairwise
+from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, ForwardRef, Literal, Union, get_args, get_origin
 
@@ -54,6 +56,11 @@ class Shown(ABC):
 def listed(names: Sequence[str]) -> str:
     """Join names with commas and `and`, for example `a, b and c`."""
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
+
+
+def in_command(path: Path | str) -> str:
+    """Quote a path for a command that the user can copy to a shell."""
+    return shlex.quote(str(path))
 
 
 def counted(number: int, noun: str) -> str:

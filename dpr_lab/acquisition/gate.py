@@ -207,7 +207,7 @@ def _gap(judged: JudgedRun) -> Check | None:
     steps = np.diff(judged.run.t) * judged.run.rate_hz
     if not len(steps):
         return None
-    worst = float(steps.max()) - 1
+    worst = float(np.round(steps.max())) - 1
     sentence = f"the longest gap misses {worst:.0f} samples in a row (limit {limit}): check cable and rate"
     return Check("gap", worst <= limit, worst, limit, "samples", sentence)
 

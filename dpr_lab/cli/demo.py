@@ -7,6 +7,7 @@ import typer
 
 from dpr_lab.cli.checks import Json
 from dpr_lab.cli.console import emit, line, table
+from dpr_lab.shown import in_command
 
 if TYPE_CHECKING:
     from dpr_lab.workflows.demo import DemoResult
@@ -63,7 +64,8 @@ def _write_tables(out: Path, as_json: bool) -> None:
         return
     for file in (rig, *tables):
         line(file)
-    line(f"Next: dpr-lab import table {rig.with_name('side.csv')} --rig {rig} --dry-run")
+    table = in_command(rig.with_name("side.csv"))
+    line(f"Next: dpr-lab import table {table} --rig {in_command(rig)} --dry-run")
 
 
 def _record(done: "DemoResult") -> dict[str, Any]:

@@ -166,7 +166,7 @@ def _rig(name: str) -> str:
     from dpr_lab.rig import load_rig
 
     rig = load_rig(name)
-    return f"{rig.name}: poses {', '.join(rig.poses) or 'none'}, {rig.link.rate_hz} Hz on {rig.link.url}"
+    return f"{rig.name}: poses {', '.join(rig.poses) or 'none'}, {rig.link.rate_hz} Hz, default link {rig.link.url}"
 
 
 def _device(url: str, rig: str | None) -> str:

@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 
 
 def identify(
-    runs: Annotated[
-        list[Path], typer.Argument(help="Run files (.mcap) of releases from at least two different poses.")
-    ],
+    runs: Annotated[list[Path], typer.Argument(help="Run files (.mcap), preferably of two or more poses.")],
     rig: RigName,
     objective: Annotated[
         str,

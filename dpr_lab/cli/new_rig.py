@@ -13,6 +13,7 @@ import typer
 from dpr_lab.cli.checks import AnyJson, positive
 from dpr_lab.cli.console import emit, line, say
 from dpr_lab.cli.option_groups import with_groups
+from dpr_lab.shown import in_command
 
 if TYPE_CHECKING:
     from dpr_lab.workflows.rig_drive import MotorMeasures
@@ -192,7 +193,7 @@ def new(
     if as_json:
         emit({"file": file})
     else:
-        line(f"{file}: review and complete this file, then run dpr-lab rig check {file}")
+        line(f"{file}: review and complete this file, then run dpr-lab rig check {in_command(file)}")
 
 
 def _asked(ask: bool, flag: str, question: str, default: str | None = None, kind: type = str) -> str:

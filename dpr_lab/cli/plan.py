@@ -7,7 +7,7 @@ import typer
 
 from dpr_lab.cli.checks import AnyClock, Json, RigName, TorqueKind, require_runs
 from dpr_lab.cli.console import emit, line, table
-from dpr_lab.shown import percent
+from dpr_lab.shown import in_command, percent
 
 if TYPE_CHECKING:
     from dpr_lab.planning.result import Detectable, Plan, PlannedRelease
@@ -139,7 +139,7 @@ def commands(made: "Plan") -> list[str]:
     return [
         f"to record release {release.number}: "
         + (f"let the device replay {release.input} from the release on, and " if release.input else "")
-        + f"dpr-lab capture --rig {release.rig} --link LINK"
+        + f"dpr-lab capture --rig {in_command(release.rig)} --link LINK"
         f" --pose {release.pose} --duration {release.duration_s:g} --out runs"
         for release in made.releases[: None if made.state == "first" else 1]
         if release.pose

@@ -10,6 +10,7 @@ from dpr_lab.cli.checks import AnyJson, complete_rig, names_in, positive
 from dpr_lab.cli.console import emit, line, table, text
 from dpr_lab.cli.listing import Listing
 from dpr_lab.cli.new_rig import new
+from dpr_lab.shown import in_command
 
 app = typer.Typer(
     help="List, show, create and check rig files. docs/rig-file.md documents every key.",
@@ -97,7 +98,7 @@ def from_model(
         table("Effects that a rig file cannot contain", ("joint", "quantity", "value", "unit"), rows)
     for note in read.notes:
         line(f"note: {note}")
-    line(f"next: give counts_per_rev of your encoders in {read.file}, then dpr-lab rig check {read.file}")
+    line(f"next: give counts_per_rev of your encoders in {read.file}, then dpr-lab rig check {in_command(read.file)}")
 
 
 app.command("new")(new)

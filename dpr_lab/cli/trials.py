@@ -9,7 +9,7 @@ import typer
 from dpr_lab.cli.checks import Json, complete_rig
 from dpr_lab.cli.console import emit, line, say, table
 from dpr_lab.cli.listing import Listing
-from dpr_lab.shown import counted
+from dpr_lab.shown import counted, in_command
 from dpr_lab.trials.sealing import DRAWN, ON_ARM, Kind, Level, TrialArm
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def draw(
         emit({"trial": out, "seal": trial.seal, "asked": trial.asked, "runs": trial.runs})
         return
     line(f"seal: {trial.seal}")
-    line(f"next: dpr-lab trials run {out}")
+    line(f"next: dpr-lab trials run {in_command(out)}")
 
 
 @app.command()
@@ -138,7 +138,7 @@ def run(folder: Folder, as_json: Json = False) -> None:
         return
     show(trial.diagnosis, Path(trial.files["report"]).parent)
     line(f"report: {trial.files['report']}")
-    line(f"next: dpr-lab trials open {folder}")
+    line(f"next: dpr-lab trials open {in_command(folder)}")
 
 
 @app.command("open")

@@ -40,6 +40,7 @@ from dpr_lab.storage.layout import (
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.row_text import message_texts
 from dpr_lab.storage.samples import STRANGE, Gathered, Samples, json_object
+from dpr_lab.storage.sidecar import SIDECAR_SUFFIX
 from dpr_lab.whole_file import regular
 
 DAMAGE = (
@@ -175,6 +176,8 @@ def scan(path: Path) -> Scan:
     collected = _Collected()
     with mapped(path) as file:
         if file[: len(MCAP0_MAGIC)] != MCAP0_MAGIC:
+            if path.suffix == SIDECAR_SUFFIX:
+                raise RunError(f"{path}: is the hash of a run, not the run itself: give only the .mcap files")
             raise RunError(f"{path}: is not a run file: it has no MCAP header; import a table with `import table`")
         sha256, size = hashlib.sha256(file).hexdigest(), len(file)
         damage = _collect(file, collected)
@@ -243,6 +246,8 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
     except IsADirectoryError as error:
         raise RunError(f"{path}: is a folder: give the run files in this folder, {path}/*.mcap") from error
     except OSError as error:
+        if "*" in path.name:
+            raise RunError(f"{path}: no such file; write * outside quotation marks") from error
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
 
 

@@ -10,13 +10,16 @@ from dpr_lab.configs import sha256_of
 from dpr_lab.errors import RunError, printable
 from dpr_lab.whole_file import regular, write_text
 
+SIDECAR_SUFFIX = ".sha256"
+"""Suffix that is appended to the name of a run for its hash file."""
+
 LONGEST_NOTE = 10_000
 """Maximum number of characters of a note."""
 
 
 def sidecar_of(path: Path) -> Path:
     """Return the path of the file that contains the hash of a run."""
-    return path.with_name(path.name + ".sha256")
+    return path.with_name(path.name + SIDECAR_SUFFIX)
 
 
 def write_sidecar(path: Path, content: Path | None = None) -> None:

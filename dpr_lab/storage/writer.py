@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from dpr_lab.arrays import Array, Integers
 from dpr_lab.errors import RunError
 from dpr_lab.rig import JOINTS
+from dpr_lab.shown import in_command
 from dpr_lab.storage.chunk_index import keep_on_disk, write_rows
 from dpr_lab.storage.layout import (
     CLOCK,
@@ -349,7 +350,7 @@ class RunWriter:
             self._failure = RunError(
                 f"{self.path}: cannot be written: {error.strerror}; {self.samples_written} samples were"
                 f" received, the file is kept: free some disk space, then run"
-                f" `dpr-lab run recover {self.path} --out NEW_FILE`"
+                f" `dpr-lab run recover {in_command(self.path)} --out NEW_FILE`"
             )
             raise self._failure from error
         except BaseException:

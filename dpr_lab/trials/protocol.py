@@ -21,6 +21,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.plain import write_json
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
+from dpr_lab.shown import in_command
 from dpr_lab.storage.reader import load_run
 from dpr_lab.trials.score import TrialOutcome, score
 from dpr_lab.trials.sealing import PlantRequest, ask
@@ -130,7 +131,9 @@ def open_trial(trial: Trial) -> Opened:
         DprError: the truth does not match the seal.
     """
     if not trial.diagnosis.is_file():
-        raise RunError(f"{trial.folder}: is not diagnosed yet, so it stays sealed: dpr-lab trials run {trial.folder}")
+        raise RunError(
+            f"{trial.folder}: is not diagnosed yet, so it stays sealed: dpr-lab trials run {in_command(trial.folder)}"
+        )
     diagnosis = _diagnosis(trial.diagnosis)
     opened = ask("--unseal", str(trial.folder / DEVICE))
     truth = unsealed(opened, trial.seal)

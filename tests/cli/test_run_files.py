@@ -35,6 +35,13 @@ def test_many_runs_are_verified_at_once(runs: list[Path], damaged: Path, tmp_pat
     assert f"{tmp_path}: is a folder: give the run files in this folder" in cli("run", "verify", tmp_path).err
 
 
+def test_a_hash_file_and_a_quoted_pattern_have_messages_of_their_own(runs: list[Path], tmp_path: Path, cli) -> None:
+    done = cli("run", "info", sidecar_of(runs[0]))
+    assert (done.code, "give only the .mcap files" in done.err) == (3, True)
+    done = cli("run", "info", tmp_path / "*.mcap")
+    assert (done.code, "write * outside quotation marks" in done.err) == (3, True)
+
+
 @pytest.mark.slow
 def test_the_json_of_one_file_is_an_object_and_of_many_a_list(runs: list[Path], damaged: Path, cli) -> None:
     for command in ("verify", "info"):

@@ -1,6 +1,7 @@
 """Sample tables of `demo --table`: their content equals recordings of the simulated device."""
 
 import runpy
+import shlex
 import tomllib
 from pathlib import Path
 
@@ -26,6 +27,13 @@ def test_the_demo_writes_tables_films_and_their_rig_file(cli: Cli, tmp_path: Pat
     assert files == ["bench.toml", *sorted([*tables, *(f"film_{name}" for name in tables)])]
     assert sum(file.stat().st_size for file in (tmp_path / "sample").iterdir()) < 300_000
     assert load_rig(tmp_path / "sample" / "bench.toml").name == "bench"
+
+
+def test_the_next_command_can_be_copied_if_the_folder_has_a_space(cli: Cli, tmp_path: Path) -> None:
+    out = tmp_path / "my sample"
+    proposed = cli("demo", "--table", "--out", out).out.splitlines()[-1]
+    assert proposed.startswith("Next: dpr-lab ")
+    assert cli(*shlex.split(proposed)[2:]).code == 0
 
 
 def test_the_points_of_a_film_are_the_angles_of_its_table(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from dpr_lab.exports.into.passive import PassiveForces
 from dpr_lab.exports.rigid_bodies import Bodies
 from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
+from dpr_lab.shown import in_command
 from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
 from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.simulator_models.tree import SimulatorModel, Vector
@@ -129,7 +130,7 @@ def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None
         if in_file is None or abs(in_file - wanted) > PATCH.same * wanted:
             raise ConfigError(
                 f"{path}: its {name} is {in_file:.6g}, but the model has {wanted:.6g}: start from the rig file"
-                f" that `dpr-lab rig from {path.name}` writes"
+                f" that `dpr-lab rig from {in_command(path)}` writes"
             )
 
 
@@ -159,7 +160,7 @@ def arm_to_change(model: AnyModel, chain: ModelChain, rig: Rig, path: Path) -> C
     if abs(chain.arm.length - rig.L0) > PATCH.same * rig.L0:
         raise ConfigError(
             f"{path}: its L0 is {chain.arm.length:.6g}, but that of the rig is {rig.L0:.6g}: start from the rig file"
-            f" that `dpr-lab rig from {path.name}` writes"
+            f" that `dpr-lab rig from {in_command(path)}` writes"
         )
     return chain.arm
 

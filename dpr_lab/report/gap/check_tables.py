@@ -9,6 +9,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.angles import RADIANS
 from dpr_lab.report.digits import NONE
 from dpr_lab.report.words import in_words, named, size_words
+from dpr_lab.shown import in_command
 
 MOVED_COLUMNS = ("cause", "probability before", "probability after", "Bayes factor")
 MOVED_NOTE = (
@@ -35,7 +36,7 @@ def how_to_record(diagnosis: Diagnosis, file: str) -> str:
     """
     first = {check.kind: check for check in reversed(diagnosis.checks) if check.kind in CHECK_KINDS}
     options = [f"{CHECK_KINDS[kind].form(first[kind])} ({kind})" for kind in CHECK_KINDS if kind in first]
-    return f"To record the result: dpr-lab check {file} CHECK, followed by {' or '.join(options)}."
+    return f"To record the result: dpr-lab check {in_command(file)} CHECK, followed by {' or '.join(options)}."
 
 
 def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:
