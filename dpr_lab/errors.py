@@ -137,7 +137,10 @@ class LinkError(DprError):
 
 
 class LinkUrlError(LinkError):
-    """Raised if a link URL has an unknown kind, option or port, or a wrong value."""
+    """Raised if a link URL is not valid.
+
+    The URL has an unknown kind, option or port, or a wrong value.
+    """
 
     exit_code = 2
 

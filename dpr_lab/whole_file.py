@@ -65,7 +65,10 @@ def not_json(error: Exception, what: str, file: str, writer: str) -> str:
 
 
 def in_folder(path: Path, name: str) -> Path:
-    """Return the path of a result, given its file or the folder of the file `name`."""
+    """Return the path of a result.
+
+    `path` is its file, or the folder that contains the file `name`.
+    """
     return path / name if path.is_dir() else path
 
 

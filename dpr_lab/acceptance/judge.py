@@ -266,7 +266,10 @@ def _untrusted(diagnosis: Diagnosis) -> str:
 
 
 def _confused(diagnosis: Diagnosis, effect: str) -> str:
-    """Return why this effect may be the cause instead of a named one; empty if it cannot."""
+    """Explain why this effect may be the cause instead of a named one.
+
+    The text is empty if it cannot be the cause.
+    """
     if any(named.name == effect for named in diagnosis.effects):
         return ""
     for named in diagnosis.effects:
@@ -289,7 +292,10 @@ def _undetermined(diagnosis: Diagnosis, ratio: str) -> str:
 
 
 def _doubted(named: NamedEffect) -> str:
-    """Return why the ratios depend on an uncertain named effect; empty if its class is certain."""
+    """Explain why the ratios depend on an uncertain named effect.
+
+    The text is empty if the class of the effect is certain.
+    """
     if named.probability >= SURE:
         return ""
     return f"the ratios depend on the cause, and {named.name} has a probability of only {percent(named.probability)}"

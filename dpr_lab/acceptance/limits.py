@@ -115,7 +115,10 @@ class Limits(RigTable):
 
 
 def friction_quantity(joint: str, limit: FrictionLimit) -> str:
-    """Name the quantity of a friction limit, for example `friction of joint1 up to 6 rad/s`."""
+    """Name the quantity of a friction limit.
+
+    An example is `friction of joint1 up to 6 rad/s`.
+    """
     return f"friction of {joint} up to {limit.speed_rad_s:g} rad/s"
 
 

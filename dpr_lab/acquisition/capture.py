@@ -206,7 +206,7 @@ def _metadata(device: Device, rig: Rig, pose_name: str, rate_hz: int, note: str)
 
 
 def _drives(info: DeviceInfo, rig: Rig) -> dict[str, str]:
-    """Return the metadata on the torques of a run, or on the input of its arm.
+    """Return the metadata on the torques of a run, or on the arm's input.
 
     The result is empty for a device without drives.
 

@@ -232,9 +232,9 @@ class Device:
         return self.info.simulated_time and self._software
 
     def clock(self) -> tuple[ClockFit | None, str]:
-        """Return the clock fit of the last stream, or None, and the reason if it is missing.
+        """Return the clock fit of the last stream.
 
-        The reason is empty for simulated time.
+        If there is no fit, the result is None and the reason. The reason is empty for simulated time.
         """
         if self.simulated_time:
             return None, ""

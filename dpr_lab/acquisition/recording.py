@@ -172,7 +172,10 @@ class Recording:
         return judge(JudgedRun(run, self.rig, duration, self._hanging, self._limits, word))
 
     def since(self, first: int) -> tuple[Array, Array]:
-        """Return times since the release (n,), s, and angles (n, 3), rad, from sample `first` on."""
+        """Return times and angles from sample `first` on.
+
+        The times (n,) are in s since the release; the angles (n, 3) are in rad.
+        """
         ticks, counts = self.samples.newest(len(self.samples) - first)
         return (ticks - (self.release_tick or 0)) / self.rate_hz, self.rig.mounted_theta(counts)
 

@@ -191,7 +191,9 @@ class Certificate(_Part):
 
 
 def load_certificate(path: Path, max_mb: int = 16) -> Certificate:
-    """Read a certificate of limited size; that of a thousand recordings is smaller than 1 MB.
+    """Read a certificate of limited size.
+
+    The certificate of a thousand recordings is smaller than 1 MB.
 
     Raises:
         RunError: the file cannot be read, is not a certificate, or belongs to another policy.

@@ -78,9 +78,10 @@ def _end(message: str, exit_code: int) -> NoReturn:
 
 
 def _leave_stdout() -> None:
-    """Redirect stdout to the null device, so that Python reports no error if the output fails.
+    """Redirect stdout to the null device.
 
-    The output may be closed, as in `dpr-lab ... | head`, or the disk may be full.
+    Python then reports no error if the output fails. The output may be closed, as in `dpr-lab ... | head`, or the disk
+    may be full.
     """
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)
 

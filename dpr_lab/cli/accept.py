@@ -40,9 +40,10 @@ def accept(
     torque: TorqueKind = None,
     as_json: Json = False,
 ) -> None:
-    """Test whether a rig meets the limits in a file: pass, fail or not decidable, by equivalence tests at 95 %.
+    """Test whether a rig meets the limits in a file.
 
-    The exit code is 1 if a limit fails. It is 9 if no limit fails but at least one is not decidable with these
+    The result is pass, fail or not decidable, by equivalence tests at 95 %. The exit code is 1 if a limit fails. It is
+    9 if no limit fails but at least one is not decidable with these
     recordings.
 
     Example: dpr-lab accept runs/*.mcap --rig paper --limits limits.toml --out out/acceptance

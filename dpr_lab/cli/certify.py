@@ -36,9 +36,10 @@ def certify(
     out: Annotated[Path, typer.Option(help="The certificate.")] = Path("certificate.json"),
     as_json: Annotated[bool, typer.Option("--json", help="Also print the certificate on stdout.")] = False,
 ) -> None:
-    """Diagnose runs and write a certificate with all claims, all options, and the hashes of recordings, rig and code.
+    """Diagnose runs and write a certificate of the claims.
 
-    `dpr-lab verify` repeats the diagnosis and compares each claim. docs/certificates.md explains what this proves.
+    The certificate contains all claims, all options, and the hashes of recordings, rig and code. `dpr-lab verify`
+    repeats the diagnosis and compares each claim. docs/certificates.md explains what this proves.
 
     Example: dpr-lab certify runs/*.mcap --rig paper --out certificate.json
     """

@@ -42,9 +42,10 @@ def check(
     out: Annotated[Path | None, typer.Option(help="Folder for the new diagnosis.json and its report.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the new diagnosis as JSON on stdout.")] = False,
 ) -> None:
-    """Record the result of a recommended check and update the probabilities of the causes.
+    """Record the result of a check and update the diagnosis.
 
-    The result is a measured value, or one or more runs. A value that none of the candidate causes predicts is refused
+    The probabilities of the causes are updated. The result is a measured value, or one or more runs. A value that none
+    of the candidate causes predicts is refused
     unless --force is given. With --force, the value is evidence for a cause outside the candidates.
 
     Example: dpr-lab check diagnosis/diagnosis.json 1-3fa2 --value '2.1 mN m' --std '0.2 mN m' --out checked

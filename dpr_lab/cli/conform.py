@@ -17,9 +17,9 @@ def conform(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Test a device against the protocol: run every mandatory exchange and measure its timing.
+    """Test a device against the protocol.
 
-    The exit code is 1 if an exchange fails.
+    Every mandatory exchange is run and its timing is measured. The exit code is 1 if an exchange fails.
 
     Example: dpr-lab conform sim:// --rods-off
     """

@@ -79,7 +79,9 @@ def diagnose(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Explain the gap between simulation and rig: location, causes, probabilities and gap reduction on held-out data.
+    """Explain the gap between simulation and rig.
+
+    The result states location, causes, probabilities and gap reduction on held-out data.
 
     Example: dpr-lab diagnose runs/*.mcap --rig paper --out out/diagnosis
 

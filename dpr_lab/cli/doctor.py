@@ -46,7 +46,9 @@ def doctor(
     rig: Annotated[str | None, typer.Option(help="Rig file to check and to compare with the device.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Check ports, buses, packages, permissions and the handshake with the device, and report problems with remedies.
+    """Check ports, buses, packages, permissions and the device.
+
+    For each problem a remedy is stated.
 
     Example: dpr-lab doctor --link sim:// --rig paper
     """

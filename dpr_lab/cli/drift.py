@@ -35,7 +35,9 @@ def drift(
     torque: TorqueKind = None,
     as_json: Json = False,
 ) -> None:
-    """Find the parameters of a rig that changed between groups of runs, with the size of each change.
+    """Find parameters that changed between groups of runs.
+
+    The size of each change is stated.
 
     Example: dpr-lab drift runs/*.mcap --rig paper --by day --fail-on-drift --out drift
     """

@@ -67,9 +67,10 @@ def export(
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("export"),
     as_json: Json = False,
 ) -> None:
-    """Export a model to MuJoCo, Python, URDF, SDFormat or FMI, and report its accuracy there.
+    """Export a model to MuJoCo, Python, URDF, SDFormat or FMI.
 
-    With --into, the command instead changes the identified numbers in a copy of your own MJCF, URDF or SDFormat file
+    With --check, the accuracy of the exported model is reported. With --into, the command instead changes the
+    identified numbers in a copy of your own MJCF, URDF or SDFormat file
     and shows the difference. --check then compares both files on recordings. With --ensemble, the command writes models
     sampled from the posterior of parameters and causes, for domain randomisation.
 

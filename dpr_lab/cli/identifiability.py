@@ -24,7 +24,9 @@ def identifiability(
     torque: TorqueKind = None,
     as_json: Json = False,
 ) -> None:
-    """Find the parameters of a rig that recordings identify, and recommend bench measurements for the others.
+    """Find the parameters that recordings identify.
+
+    For the other parameters, bench measurements are recommended.
 
     Example: dpr-lab identifiability runs/*.mcap --rig paper
     """

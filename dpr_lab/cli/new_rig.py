@@ -145,9 +145,9 @@ def new(
     out: Annotated[Path | None, typer.Option(help="File to write. Default: NAME.toml.")] = None,
     as_json: AnyJson = False,
 ) -> None:
-    """Write a rig file from lengths and masses, with plausible bounds of all parameters.
+    """Write a rig file from lengths and masses.
 
-    On a terminal, the command asks for missing values.
+    Plausible bounds of all parameters are added. On a terminal, the command asks for missing values.
 
     Example: dpr-lab rig new --name bench --l1 0.3 --l2 0.25 --m1 0.21+-0.001 --m2 0.12 --out my_rig.toml
 

@@ -34,7 +34,9 @@ def paper(
     workers: Annotated[int, typer.Option(min=0, help="Number of searches run in parallel; 0: one per core.")] = 0,
     as_json: Json = False,
 ) -> None:
-    """Reproduce the published tables, searches and figures, and list the numbers that cannot be reproduced.
+    """Reproduce the published tables, searches and figures.
+
+    Numbers that cannot be reproduced are listed.
 
     Example: dpr-lab paper --out out/paper
     """

@@ -60,7 +60,9 @@ def plan(
     torque: TorqueKind = None,
     as_json: Json = False,
 ) -> None:
-    """Plan the next recordings: start pose, duration, rods, mass, input and expected information of each recording.
+    """Plan the next recordings.
+
+    The plan states start pose, duration, rods, mass, input and expected information of each recording.
 
     Example: dpr-lab plan runs/*.mcap --rig paper --budget 10min
     """

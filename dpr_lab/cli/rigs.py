@@ -76,7 +76,9 @@ def from_model(
     ] = None,
     as_json: AnyJson = False,
 ) -> None:
-    """Write a rig file from a simulator model with two hinges in a chain, and list the parts that are not imported.
+    """Write a rig file from a simulator model with two hinges.
+
+    The hinges must be in a chain. The parts that are not imported are listed.
 
     Example: dpr-lab rig from robot.xml --joints shoulder,elbow --out rig.toml
     """

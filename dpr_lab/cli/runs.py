@@ -45,9 +45,10 @@ def info(files: RunFiles, as_json: JsonEach = False) -> None:
 
 @app.command()
 def verify(files: RunFiles, as_json: JsonEach = False) -> None:
-    """Check the hash, the CRC of every chunk, the ticks and the end of run files. The exit code is 3 if a check fails.
+    """Check the integrity of run files.
 
-    `dpr-lab run recover` saves the valid part of a damaged file.
+    The hash, the CRC of every chunk, the ticks and the end of each file are checked. The exit code is 3 if a check
+    fails. `dpr-lab run recover` saves the valid part of a damaged file.
 
     Example: dpr-lab run verify runs/*.mcap
     """
@@ -73,7 +74,9 @@ def recover(
     out: Annotated[Path, typer.Option(help="Run file to write.")],
     as_json: Json = False,
 ) -> None:
-    """Write a valid run from a damaged one, with all samples up to the first damage.
+    """Write a valid run from a damaged one.
+
+    The new run contains all samples up to the first damage.
 
     Example: dpr-lab run recover broken.mcap --out whole.mcap
     """
@@ -140,7 +143,9 @@ def layout(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a layout of Foxglove or PlotJuggler that shows the angles, torques and losses of run files.
+    """Write a layout for run files in Foxglove or PlotJuggler.
+
+    The layout shows angles, torques and losses.
 
     Example: dpr-lab run layout foxglove --out dpr-lab.foxglove.json
     """

@@ -143,7 +143,9 @@ def run(folder: Folder, as_json: Json = False) -> None:
 
 @app.command("open")
 def open_(folder: Folder, as_json: Json = False) -> None:
-    """Reveal the truth of a diagnosed trial, check its seal and score the diagnosis.
+    """Reveal and score a diagnosed trial.
+
+    The revealed values are compared with the seal.
 
     Example: dpr-lab trials open trial
     """

@@ -188,7 +188,9 @@ def base_from_ratios(ratios: ArrayLike) -> Array:
 
 
 def rows(base: ArrayLike, L1: float, g: float) -> Array:
-    """Divide b, d, e1, e2, c1 and c2 of each candidate by a, for the batch kernel.
+    """Compute the quotients by a of the base parameters, for the batch kernel.
+
+    The parameters are b, d, e1, e2, c1 and c2.
 
     Args:
         base: (..., 6) base parameters, at any scale

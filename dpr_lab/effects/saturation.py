@@ -6,9 +6,9 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def clipped(torque: float, share: float, limit_Nm: float) -> float:
-    """Return acting minus known torque, N m: a fraction of the excess over the limit.
+    """Return the difference between acting and known torque, N m.
 
-    The sign is opposite to that of the excess.
+    Only the part of the known torque above the limit is lost: the difference is minus `share` times the excess.
     """
     return share * (min(max(torque, -limit_Nm), limit_Nm) - torque)
 

@@ -9,7 +9,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def rescaled(torque: float, excess: float) -> float:
-    """Return acting minus known torque, N m: `excess` times the known torque."""
+    """Return the difference between acting and known torque, N m.
+
+    It is `excess` times the known torque.
+    """
     return excess * torque
 
 

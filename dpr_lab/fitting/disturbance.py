@@ -189,9 +189,9 @@ def _derivatives(push: Array, reference: Trajectory) -> tuple[Array, Array]:
     """Return the first and second time derivative, (n, 4) each, of `push`.
 
     `push` is the change of the initial state that is equivalent to a push. An error e of a prescribed angle acts
-    through its second derivative. Integrating by parts twice gives two contributions to the readings: -out slope e at
-    the same instant, and out times the integral of bend e afterwards. Here slope and bend are the first and the second
-    derivative, and out is the derivative of the readings with respect to the initial state.
+    through the second derivative of e. Two integrations by parts move both derivatives from e to `push`. The readings
+    then change by -out push' e at the same instant, and by out times the integral of push'' e afterwards. Here out is
+    the derivative of the readings with respect to the initial state.
     """
     slope, bend = np.empty_like(push), np.empty_like(push)
     for first, last in pairwise(reference.edges):

@@ -54,7 +54,10 @@ class ColumnSpace:
         return ColumnSpace(self.scale[columns], self.H[columns][:, columns], self.gradient[columns])
 
     def with_prior(self, A: Array, e: Array) -> "ColumnSpace":
-        """Add prior rows A (n, k) and e (n,), and scale all columns to unit norm."""
+        """Add rows of a prior, and scale all columns to unit norm.
+
+        The rows are A (n, k) and e (n,).
+        """
         H = self.H / self.scale[:, None] / self.scale + A.T @ A
         scale = 1 / np.maximum(np.sqrt(np.diag(H)), TINY)
         return ColumnSpace(scale, H * scale[:, None] * scale, (self.gradient / self.scale + A.T @ e) * scale)

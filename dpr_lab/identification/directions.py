@@ -19,9 +19,10 @@ SEEN = 1.0
 
 
 def _decompose(rows: Array) -> tuple[Array, Array]:
-    """Return singular values (..., n) and right singular vectors (..., n, n) of matrices (..., m, n).
+    """Compute singular values and right singular vectors of matrices.
 
-    If m < n, the last n - m singular values are zero.
+    The shapes are (..., m, n) of the matrices, (..., n) of the values and (..., n, n) of the vectors. If m < n, the
+    last n - m singular values are zero.
     """
     _, s, Vt = np.linalg.svd(rows)
     missing = np.zeros((*s.shape[:-1], Vt.shape[-1] - s.shape[-1]))

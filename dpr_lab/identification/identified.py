@@ -197,9 +197,9 @@ def _identifiable(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig:
 
 
 def _misread(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> list[str]:
-    """Return a note if the fit is poor and another interpretation of the columns fits better.
+    """Return a note if another interpretation of the columns fits better.
 
-    The list is empty if no interpretation does.
+    The list is empty if the fit is good, or if no interpretation fits better.
     """
     look = second_look(runs, rig) if ratio_fit.chi2_per_dof > SETTINGS.doubted else None
     return [look.sentence] if look and look.sentence else []

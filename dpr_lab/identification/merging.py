@@ -120,7 +120,7 @@ def _piece(ratio_fit: RatioFit, index: int) -> _Piece:
 
 
 def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece] | None:
-    """Extend a segment into the next segment, as far as its free run predicts the readings.
+    """Extend a segment as far as its free run predicts the next segment.
 
     Returns:
         The extended segment and the remaining part of the next segment; None if the predicted part or the remaining
@@ -159,7 +159,10 @@ def _step_for(ratio_fit: RatioFit, index: int, piece: _Piece) -> float | None:
 
 
 def _followed(ratio_fit: RatioFit, index: int, tolerance: float) -> int:
-    """Count the samples of the next segment that a free run predicts within the tolerance, rad."""
+    """Count the samples of the next segment that a free run predicts.
+
+    The prediction error must be within the tolerance, rad.
+    """
     begin, border, end = ratio_fit.problem.segments.offsets[index : index + 3]
     layout = ratio_fit.problem.segments
     # known torques are given for each sample, so a driven free run needs all samples

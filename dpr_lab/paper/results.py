@@ -34,7 +34,7 @@ class Reproduction:
 
     @property
     def best(self) -> SearchResult:
-        """Search shown in the figures: the one with the smallest angle error E from X1.
+        """Search with the smallest angle error E from X1; the figures show it.
 
         Only searches with the true values on the coding grid are considered. Values of the objective H in different
         interpretations are not comparable.

@@ -143,9 +143,9 @@ def ratios(results: Sequence[SearchResult], rig: Rig) -> PaperTable:
 
 
 def verdicts(results: Sequence[SearchResult], rig: Rig) -> list[str]:
-    """Describe the agreement with the publication, one sentence for each cost and grid.
+    """Describe the agreement with the publication in sentences.
 
-    A cost is an interpretation of H.
+    There is one sentence for each grid and for each interpretation of the objective H.
     """
     return [
         _verdict(reading, grid, group, rig)

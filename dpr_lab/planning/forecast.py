@@ -126,9 +126,9 @@ class TestedEffects(NamedTuple):
     probabilities: Array
     """(1 + effects,) probability of no effect, and of each effect alone."""
     separation: Array
-    """(effects, effects) d^2 that repeated releases add between two effects.
+    """(effects, effects) increase of d^2 between two effects by repeated releases.
 
-    The effect of the row has an estimate of one standard deviation.
+    It holds if the estimated size of the effect of the row is one standard deviation.
     """
 
     @classmethod

@@ -43,7 +43,10 @@ def with_interval(value: float, low: float, high: float) -> str:
 
 
 def with_unit(text: str, unit: str) -> str:
-    """Add a unit, for example `0.80 mN m (0.70 to 0.90)` or `(8 (7 to 9))e-4 m`."""
+    """Add a unit to a value.
+
+    Examples are `0.80 mN m (0.70 to 0.90)` and `(8 (7 to 9))e-4 m`.
+    """
     if text.startswith("("):  # value and interval share a power of ten
         return f"{text} {unit}".strip()
     value, _, interval = text.partition(" (")

@@ -62,9 +62,9 @@ def negative_words(effect: str, name: str, value: float) -> str:
 
 
 def size_words(effect: str, name: str, angles: AngleUnit = RADIANS, *values: float) -> str:
-    """Format a size with or without its interval, for example `0.80 mN m (0.70 to 0.90)`.
+    """Format a size with or without its interval.
 
-    A selected integer has no interval.
+    An example is `0.80 mN m (0.70 to 0.90)`. A selected integer has no interval.
 
     Args:
         effect: name of the effect

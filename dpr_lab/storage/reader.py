@@ -54,7 +54,10 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
 
 
 def run_of(stored: Scan) -> Run:
-    """Convert the content of a run file, or of a table in memory, to a run; see `load_run` for the errors."""
+    """Convert the content of a run file, or of a table in memory, to a run.
+
+    `load_run` lists the errors.
+    """
     samples, path = stored.samples(), str(stored.path)
     if not len(samples.ticks):
         raise RunError(f"{path}: contains no samples{_because(stored)}")

@@ -171,7 +171,10 @@ def sample_columns(texts: Bytes) -> list[Array | Integers | None] | None:
 
 
 def _with_blanks(row: Bytes, start: int, stop: int) -> tuple[int, int]:
-    """Return start and stop of a number with its leading blanks; (-1, -1) means no number."""
+    """Return start and stop of a number with its leading blanks.
+
+    (-1, -1) means no number.
+    """
     while start > 0 and row[start - 1] == _BLANK:
         start -= 1
     return start, stop

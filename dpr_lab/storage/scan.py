@@ -213,7 +213,7 @@ def stored_messages(path: Path) -> Generator[Stored]:
 
 
 def _ending(path: Path, collected: _Collected) -> tuple[RunSummary | None, str, int | None]:
-    """Return the end record of the run, the reason for an early end, and the sample count.
+    """Return the end record, the reason for an early end, and the sample count.
 
     The count is that of the end record.
     """

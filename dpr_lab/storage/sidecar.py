@@ -62,7 +62,10 @@ def write_note(path: Path, note: str) -> None:
 
 
 def read_note(path: Path, recorded: str) -> str:
-    """Read the note on a run from its note file, or return the note of the recording."""
+    """Read the note on a run.
+
+    The note file is preferred to the note of the recording.
+    """
     try:
         return printable(regular(note_of(path), RunError).read_text(encoding="utf-8", errors="replace")[:LONGEST_NOTE])
     except OSError:

@@ -231,7 +231,10 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
             self.notify(news, timeout=NOTICES.news_s)
 
     def on_resize(self, event: events.Resize) -> None:
-        """Adapt the list of steps to the width, or report that the window is too small."""
+        """Adapt the list of steps to the width.
+
+        If the window is too small, this is reported.
+        """
         width, height = event.size
         main = self.screen_stack[0]
         small = width < LEAST[0] or height < LEAST[1]

@@ -83,7 +83,10 @@ class Workspace:
 
     @property
     def driven_by(self) -> str | None:
-        """The text `commanded` if it is selected and a run contains both kinds of torques; otherwise None."""
+        """The text `commanded` if commanded torques are selected and available.
+
+        They are available if a run contains both kinds of torques. Otherwise the value is None.
+        """
         return (self.torque or None) if self.both_torques else None
 
     def basis(self) -> dict[str, str]:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def check_folder_writable(out: Path) -> None:
-    """Check before a job that results can be written to a folder.
+    """Check whether results can be written to a folder, before a job starts.
 
     Raises:
         ConfigError: a file with this name exists, or nothing can be written.
@@ -44,7 +44,10 @@ def check_file_writable(out: Path) -> None:
 
 
 def _try_to_write(out: Path, folder: Path, least_bytes: int = 1 << 16) -> None:
-    """Write a temporary file to a folder, or to its nearest existing parent; an error names `out`."""
+    """Write a temporary file to a folder, or to its nearest existing parent.
+
+    An error message names `out`.
+    """
     existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     try:
         with TemporaryFile(dir=existing) as probe:

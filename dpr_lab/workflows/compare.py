@@ -44,7 +44,9 @@ class CompareResult:
     """Output of `compare --json`."""
 
     def free_run(self, run: int, at_s: float) -> "FreeRun":
-        """Return the free run of a run, from the start of the segment at an instant.
+        """Return the free run of a run from a given instant.
+
+        The free run begins with the segment that starts there.
 
         Args:
             run: index of the run

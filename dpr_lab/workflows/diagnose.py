@@ -189,9 +189,10 @@ def _refuse_trials(runs: "Sequence[Run]") -> None:
 
 @contextmanager
 def diagnosis_folder(diagnosis: "Diagnosis", out: Path) -> "Iterator[Path]":
-    """Yield a temporary folder with the diagnosis; its files are moved to `out` at the end.
+    """Yield a temporary folder for the results of a diagnosis.
 
-    If a step after the diagnosis fails, the error also states the verdict and the file of the diagnosis.
+    At the end, its files are moved to `out`. If a step after the diagnosis fails, the error also states the verdict and
+    the file of the diagnosis.
 
     Raises:
         DprError: a file cannot be written, or re-raised with verdict and file.

@@ -77,7 +77,9 @@ class SimulatorDiagnosis:
 def diagnose_simulator(
     request: DiagnoseRequest, simulator: Path, joints: Sequence[str] = (), on_event: OnEvent = ignore
 ) -> SimulatorDiagnosis:
-    """Explain the gap between a simulator model and the rig; correct a copy of the model.
+    """Explain the gap between a simulator model and the rig.
+
+    A copy of the model is corrected.
 
     Args:
         request: as for `diagnose`; with an empty `rig`, `rig_from_model` writes the rig file from the model

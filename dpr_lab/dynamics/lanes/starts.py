@@ -118,7 +118,10 @@ def _leave_idle(k: int, samples: LaneSamples, after: Array) -> None:
 
 @subroutine
 def _set_samples(k: int, piece: Piece, block: LaneBlock, samples: LaneSamples) -> float:
-    """Set the sampling times of lane k; return the first one of the next segment, s."""
+    """Set the sampling times of lane k.
+
+    The result is the first sampling time of the next segment, s.
+    """
     t, required, (c, s) = block.segments.t, block.required, piece
     i, j = block.segments.offsets[s], block.segments.offsets[s + 1]
     count, until = j - i, t[min(j, len(t) - 1)]

@@ -90,9 +90,10 @@ def _parts(
     first: Integers,
     last: Integers,
 ) -> Integers:
-    """Return kind, candidate, first and last segment (4, tracks) of the marked candidates.
+    """Return the kind, the candidate, and the first and last segment of each track.
 
-    Neighbouring tracks belong to candidates of the same segment where possible, so that neighbouring lanes have the
+    The result is (4, tracks). The tracks belong to the marked candidates. Neighbouring tracks belong to candidates of
+    the same segment where possible, so that neighbouring lanes have the
     same
     times.
     """

@@ -247,9 +247,9 @@ def _terms_of_table(
 
 
 def _terms(moving: LocalMotion, torques: Array | None, rig: Rig) -> Array:
-    """Return the terms (m, k) of the balance with the values of the rig file, J.
+    """Return the terms (m, k) of the balance, J.
 
-    The terms are, in this order:
+    They are computed with the values of the rig file. The terms are, in this order:
 
     - the kinetic energy of each rod
     - d w1 w2, multiplied by the cosine and by the sine of th1 - th2

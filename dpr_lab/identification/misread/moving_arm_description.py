@@ -82,7 +82,7 @@ def wrong_sign(rig: Rig, before: float, after: float, *, of_rods: bool) -> str:
 
 
 def wrong_input(kind: str, gain: float) -> str:
-    """Return a message if the sign or unit of the input of a drive is wrong.
+    """Return a message if the input of a drive has a wrong sign or unit.
 
     The text is empty if both can be correct.
 

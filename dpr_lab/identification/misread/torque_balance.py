@@ -147,9 +147,9 @@ class TorqueBalance:
         return np.concatenate([inner, outer]) if self.rig.rods.mounting == "both" else inner + outer
 
     def _nominal(self) -> list[float]:
-        """Return the base parameters of the rig file, then the largest gravity torque e2 on the outer rod.
+        """Return the base parameters of the rig file.
 
-        The unit of e2 is N m.
+        The last element is the largest gravity torque e2 on the outer rod. The unit of e2 is N m.
         """
         base = mounted_base(self.rig, self.rig.nominal).tolist()
         return [*base, base[2] * self.rig.g / self.rig.L1]
@@ -160,7 +160,10 @@ class TorqueBalance:
         return max(float(np.hypot(std1, std2)), float(np.finfo(float).tiny))
 
     def _gravity_of_outer(self, rods: Array) -> Array:
-        """Return the column of the gravity torque on the outer rod, a part of the column of d."""
+        """Return the column of the gravity torque on the outer rod.
+
+        It is a part of the column of d.
+        """
         _, _, _, e1, _, _, e2 = self._nominal()
         torque = -e2 * np.sin(rods[:, 1])
         return self._of_joints(np.zeros_like(torque), torque) / self._size(rods, e1, e2)

@@ -257,9 +257,10 @@ def impossible(ratios: Array, rig: Rig) -> str:
 
 
 def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
-    """Explain why the rig cannot have the fitted inertia b, kg m^2; empty if it can.
+    """Explain why the rig cannot have the fitted inertia b, kg m^2.
 
-    An incorrect unit of known torques changes only b, so the residual does not show it. Without known torques, the
+    The text is empty if the rig can have it. An incorrect unit of known torques changes only b, so the residual does
+    not show it. Without known torques, the
     motion does not determine b, and only the sign of b can contradict the rig.
     """
     nominal = float(unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))[SCALE])
@@ -275,7 +276,10 @@ def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
 
 
 def impossible_fit(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> str:
-    """Explain why the rig cannot have the fitted ratios or the inertia b; empty if it can."""
+    """Explain why the rig cannot have the fitted ratios or the inertia b.
+
+    The text is empty if the rig can have them.
+    """
     unknown = ratio_fit.fit.estimate.ratios
     if all(run.mounting == "inner" for run in runs):
         weight = float(unknown[RATIOS.index("e1/b")] - unknown[ON_ELBOW] * rig.g / rig.L1) / alone_share(unknown)
@@ -331,7 +335,10 @@ def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> boo
 
 
 def _ending_early(limit: float) -> GaussNewton:
-    """Return the settings of a fit that stops if it will hardly reach `limit`, a reduced chi-square."""
+    """Return fit settings that stop a fit without a chance to reach `limit`.
+
+    `limit` is a reduced chi-square.
+    """
     return replace(GAUSS_NEWTON, preliminary=SETTINGS.small_reduction, far=SETTINGS.out_of_reach * limit)
 
 
@@ -377,9 +384,10 @@ def _preprocessed(runs: Sequence[Run], rig: Rig, seconds: float, thinned: bool =
 
 
 def _slowness(run: Run, rig: Rig) -> float:
-    """Return the ratio of the observed period to that of a point mass at L1, at most 8.
+    """Return the ratio of the observed period to that of a point mass.
 
-    The period is that of theta1. A ratio above 1 indicates slow motion. Ratios up to the threshold `slow` are returned
+    The mass is at the distance L1. The ratio is limited to 8. The period is that of theta1. A ratio above 1 indicates
+    slow motion. Ratios up to the threshold `slow` are returned
     as 1. The observed half period is the mean time between two passages through the middle of the range. A motion
     within a tenth of the range around its middle is not a passage.
     """

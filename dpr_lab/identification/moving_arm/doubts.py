@@ -150,7 +150,10 @@ def _reversed(recording: ArmRecording) -> ArmRecording:
 
 
 def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
-    """Return messages about a wrong sign or unit of the input; empty if both can be right."""
+    """Return messages about a wrong sign or unit of the input.
+
+    The result is empty if sign and unit can be right.
+    """
     unknowns, motor = fit.problem.unknowns, rig.motor
     if "gain" not in unknowns.free or motor is None:
         return []

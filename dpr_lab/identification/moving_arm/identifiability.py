@@ -314,7 +314,10 @@ def _answers(
 
 
 def _of_one_rod(instrument: Instrument) -> Instrument:
-    """Adapt a measurement to a single rod, which does not carry the encoder of joint 2."""
+    """Adapt a measurement to a rig with a single rod.
+
+    A single rod does not carry the encoder of joint 2.
+    """
     quantity = replace(instrument.quantity, name=instrument.quantity.name.replace(JOINT2_ENCODER, ""))
     return replace(instrument, how=instrument.how.replace(JOINT2_ENCODER, ""), quantity=quantity)
 

@@ -87,7 +87,10 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
 
 
 def _fitted(recordings: Sequence[ArmRecording], rig: Rig) -> ArmFit:
-    """Fit the recordings; if this fails because the arm hits a stop, the error names the stop."""
+    """Fit the recordings.
+
+    If this fails because the arm hits a stop, the error names the stop.
+    """
     try:
         return fit_moving_arm(recordings, rig)
     except IdentificationError as error:

@@ -151,9 +151,10 @@ def _pairs(trials: tuple[list[_Trial], list[_Trial]]) -> list[tuple[_Trial, ...]
 
 
 def _smooth_reduction(angle: Array, basis: Array, rest: Array) -> float:
-    """Compute the factor by which a smooth torque of the arm reduces the residual `rest` (k,).
+    """Compute the factor by which a smooth torque reduces a residual.
 
-    The torque is K2 q^2 + K3 q^3, where q (k,) is the angle of the arm.
+    The torque acts on the arm. `rest` (k,) is the residual. The torque is K2 q^2 + K3 q^3, where q (k,) is the angle of
+    the arm.
     """
     relative = (angle - angle.mean()) / np.ptp(angle)
     columns = np.column_stack([relative**2, relative**3])

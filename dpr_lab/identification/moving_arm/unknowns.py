@@ -125,7 +125,10 @@ def scale_parameters(rig: Rig) -> tuple[str, ...]:
 
 
 def arm_start(rig: Rig) -> tuple[float, float]:
-    """Return the initial total inertia, kg m^2, and viscous friction, N m s/rad, of the arm."""
+    """Return the initial inertia and viscous friction of the arm.
+
+    The inertia is the total one, kg m^2. The friction is in N m s/rad.
+    """
     masses = MASSES if rig.rods.mounted == "both" else ("m1",)
     carried = sum(rig.nominal[PARAMETERS.index(name)] for name in masses) * rig.L0**2
     total = best(rig.arm.A, 2.0 * carried)

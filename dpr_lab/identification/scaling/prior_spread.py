@@ -137,7 +137,10 @@ def _of_std(value: ParameterValue) -> Interval90 | None:
 
 
 def _interval(median: float, log_std: float, lower: float, upper: float, value: float) -> Interval90:
-    """Clip a lognormal 90 % interval to the bounds, and extend it to the value in use."""
+    """Clip a lognormal 90 % interval to the bounds.
+
+    The interval is then extended to the value in use.
+    """
     low, high = lognormal90(median, log_std)
     return float(min(max(low, lower), value)), float(max(min(high, upper), value))
 

@@ -40,7 +40,7 @@ class Objective:
 
     known: Knowledge
     pairs: tuple[OpenPairs, ...]
-    """Candidate causes of each named effect that a release shows."""
+    """For each named effect, the candidate causes that a release can show."""
     before: tuple[Array, ...]
     """(n, n) D^2 between the causes from the runs recorded so far, for each named effect."""
     ratios: float

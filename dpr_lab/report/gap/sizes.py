@@ -73,9 +73,9 @@ def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RA
 
 
 def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float]) -> str:
-    """Format the true sizes of an effect for a table cell, at the inertia b of the diagnosis.
+    """Format the true sizes of an effect for a table cell.
 
-    Ratios come first if only ratios are identified.
+    The sizes are stated at the inertia b of the diagnosis. Ratios come first if only ratios are identified.
     """
     words = {name: size_words(effect, name, RADIANS, value) for name, value in sizes.items()}
     scaled = {p.name: p for p in EFFECTS[effect].parameters if p.name in sizes and p.scale_power}
@@ -88,7 +88,7 @@ def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float
 
 
 def _ratios_first(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, str], ratios: Mapping[str, str]) -> list[str]:
-    """Return the texts of ratios, of their sizes at the assumed inertia b, and of other sizes.
+    """Return the texts of ratios, of sizes at the assumed b, and of other sizes.
 
     Ratios are omitted if the scale is known.
     """

@@ -104,10 +104,11 @@ def _autocorrelation(values: Array) -> float:
 
 
 def _by_pose(rods: Sequence[Array], lengths: Array) -> Array:
-    """Compute how the length (n,) of the last rod depends on the directions of the rods.
+    """Compute the part of the apparent length that depends on the directions of the rods.
 
-    The result is 0 if the dependence is not significant. Two harmonics of each direction are fitted by least squares. n
-    errors with autocorrelation r have the effective number n (1 - r) / (1 + r).
+    The length is that of the last rod. The result is (n,), or 0 if the dependence is not significant. Two harmonics of
+    each direction are fitted by least squares. n errors with autocorrelation r have the effective number
+    n (1 - r) / (1 + r).
     """
     angles = np.arctan2(*np.stack(rods).transpose(2, 0, 1))
     harmonics = [wave(k * angle) for angle in angles for k in (1, 2) for wave in (np.cos, np.sin)]

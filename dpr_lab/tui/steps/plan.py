@@ -173,7 +173,10 @@ diagnosed first.
         self.post_message(self.Done())
 
     def _refuse_changed_setup(self, release: "PlannedRelease") -> None:
-        """Refuse a release that was planned for other rods or masses than in the rig file."""
+        """Refuse a release that was planned for other rods or masses.
+
+        The rods and masses of the rig file are compared with those of the plan.
+        """
         rig = load_rig(self.workspace.rig)
         mounting = "clamped" if release.elbow == "clamped" else release.mounted
         if (mounting, release.added_mass) != (rig.rods.mounting, rig.added_mass):

@@ -112,7 +112,10 @@ class CellFrame:
         return "".join(out)
 
     def _put(self, x: int, y: int, strip: Strip) -> int:
-        """Write a strip of text that starts at a cell; return the column after its end."""
+        """Write a strip of text that starts at a cell.
+
+        The result is the column after the end of the text.
+        """
         row = self._wanted[y] if 0 <= y < self.height else None
         for segment in strip:
             if segment.control:

@@ -155,7 +155,10 @@ class CaptureView(Vertical):
 
 
 def _lengths(rig: Rig) -> Lengths:
-    """Return the lengths of the drawn rods; a single rod is drawn as the inner one."""
+    """Return the lengths of the drawn rods.
+
+    A single rod is drawn as the inner one.
+    """
     outer = rig.L2 or rig.L1
     if rig.rods.number == 2:
         return Lengths(rig.L0, rig.L1, outer)

@@ -20,7 +20,7 @@ LETTERS = "acdefhjkmnpqrtuvwxyz"
 
 
 def new_code(chance: random.Random, without: frozenset[str]) -> str:
-    """Draw a code of different letters, without the release keys `without`."""
+    """Draw a code of different letters, none of which is in `without`."""
     return "".join(chance.sample([letter for letter in LETTERS if letter not in without], SIGHT.code_length))
 
 
