@@ -1,4 +1,4 @@
-"""Timing of a capture; limits of rest, and of a good recording."""
+"""Settings of a capture: timing, definition of rest, and limits of the quality checks."""
 
 from dataclasses import dataclass
 

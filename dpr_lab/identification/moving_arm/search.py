@@ -84,6 +84,6 @@ def _range(name: str, problem: ArmProblem, rng: np.random.Generator) -> tuple[fl
 
 
 def _positive(low: float, high: float) -> tuple[float, float]:
-    """Return the ends of a range, changed so that they are positive and different."""
+    """Return a range whose ends are positive and different."""
     low = max(low, 1e-9)
     return low, max(high, 1.01 * low)
