@@ -45,8 +45,8 @@ def check(
     """Record the result of a check and update the diagnosis.
 
     The probabilities of the causes are updated. The result is a measured value, or one or more runs. A value that none
-    of the candidate causes predicts is refused
-    unless --force is given. With --force, the value is evidence for a cause outside the candidates.
+    of the candidate causes predicts is refused unless --force is given. With --force, the value is evidence for a cause
+    outside the candidates.
 
     Example: dpr-lab check diagnosis/diagnosis.json 1-3fa2 --value '2.1 mN m' --std '0.2 mN m' --out checked
     """

@@ -70,9 +70,9 @@ def export(
     """Export a model to MuJoCo, Python, URDF, SDFormat or FMI.
 
     With --check, the accuracy of the exported model is reported. With --into, the command instead changes the
-    identified numbers in a copy of your own MJCF, URDF or SDFormat file
-    and shows the difference. --check then compares both files on recordings. With --ensemble, the command writes models
-    sampled from the posterior of parameters and causes, for domain randomisation.
+    identified numbers in a copy of your own MJCF, URDF or SDFormat file and shows the difference. --check then compares
+    both files on recordings. With --ensemble, the command writes models sampled from the posterior of parameters and
+    causes, for domain randomisation.
 
     Example: dpr-lab export out/diagnosis --rig paper --to mjcf,python --check runs/x1.mcap --out export
 

@@ -14,8 +14,8 @@ def serve(
     """Run identifications and diagnoses for other programs by JSON-RPC 2.0.
 
     All jobs run in one process, which keeps the compiled code. Each line of stdin is one request. Each line of stdout
-    is one response or progress notification. At the end of stdin
-    the server finishes the queued jobs and exits. There is no network port, and no method moves or releases a rod.
+    is one response or progress notification. At the end of stdin the server finishes the queued jobs and exits. There
+    is no network port, and no method moves or releases a rod.
 
     Example: echo '{"jsonrpc": "2.0", "id": 1, "method": "status"}' | dpr-lab serve --stdio
     """

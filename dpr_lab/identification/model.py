@@ -291,10 +291,7 @@ class Model(FittedModel):
 
     @property
     def all_ratios(self) -> "dict[str, EstimatedValue]":
-        """The five ratios of the fit.
-
-        For a single rod, the rig file supplies the undetermined ratios.
-        """
+        """The five ratios of the fit; for a single rod, partly from the rig file."""
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     def with_ratios(self, values: Sequence[float]) -> "Model":
@@ -366,9 +363,7 @@ class Model(FittedModel):
 
 
 def load_model(path: Path | str) -> Model:
-    """Read a model that `identify` or `diagnose --out` has written.
-
-    `path` is the file of the model, or the folder that contains it.
+    """Read a model from the file or folder that `identify` or `diagnose` has written.
 
     Raises:
         RunError: the file is missing, not JSON, or not a model; the message names the key.

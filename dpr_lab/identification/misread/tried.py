@@ -260,8 +260,7 @@ def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
     """Explain why the rig cannot have the fitted inertia b, kg m^2.
 
     The text is empty if the rig can have it. An incorrect unit of known torques changes only b, so the residual does
-    not show it. Without known torques, the
-    motion does not determine b, and only the sign of b can contradict the rig.
+    not show it. Without known torques, the motion does not determine b, and only the sign of b can contradict the rig.
     """
     nominal = float(unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))[SCALE])
     known = any(run.torques is not None or run.arm_input is not None for run in runs)
@@ -276,10 +275,7 @@ def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
 
 
 def impossible_fit(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> str:
-    """Explain why the rig cannot have the fitted ratios or the inertia b.
-
-    The text is empty if the rig can have them.
-    """
+    """Explain why the fitted ratios or the inertia b are impossible; empty if they are possible."""
     unknown = ratio_fit.fit.estimate.ratios
     if all(run.mounting == "inner" for run in runs):
         weight = float(unknown[RATIOS.index("e1/b")] - unknown[ON_ELBOW] * rig.g / rig.L1) / alone_share(unknown)
@@ -335,10 +331,7 @@ def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> boo
 
 
 def _ending_early(limit: float) -> GaussNewton:
-    """Return fit settings that stop a fit without a chance to reach `limit`.
-
-    `limit` is a reduced chi-square.
-    """
+    """Return settings that end a fit if its reduced chi-square will hardly reach `limit`."""
     return replace(GAUSS_NEWTON, preliminary=SETTINGS.small_reduction, far=SETTINGS.out_of_reach * limit)
 
 
@@ -384,12 +377,11 @@ def _preprocessed(runs: Sequence[Run], rig: Rig, seconds: float, thinned: bool =
 
 
 def _slowness(run: Run, rig: Rig) -> float:
-    """Return the ratio of the observed period to that of a point mass.
+    """Return the ratio of the observed period of theta1 to that of a point mass.
 
-    The mass is at the distance L1. The ratio is limited to 8. The period is that of theta1. A ratio above 1 indicates
-    slow motion. Ratios up to the threshold `slow` are returned
-    as 1. The observed half period is the mean time between two passages through the middle of the range. A motion
-    within a tenth of the range around its middle is not a passage.
+    The mass is at the distance L1. The ratio is limited to 8. A ratio above 1 indicates slow motion. Ratios up to the
+    threshold `slow` are returned as 1. The observed half period is the mean time between two passages through the
+    middle of the range. A motion within a tenth of the range around its middle is not a passage.
     """
     angle, t = run.swing.theta[:, 1], run.swing.t
     away = (angle - 0.5 * (angle.max() + angle.min())) / max(float(np.ptp(angle)), 1e-12)
