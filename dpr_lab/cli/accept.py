@@ -42,8 +42,8 @@ def accept(
 ) -> None:
     """Test whether a rig meets the limits in a file.
 
-    The result is pass, fail or not decidable, by equivalence tests at 95 %. The exit code is 1 if a limit fails. It is 9
-    if no limit fails but at least one is not decidable with these recordings.
+    The result is pass, fail or not decidable, by equivalence tests at 95 %. The exit code is 1 if a limit fails. It is
+    9 if no limit fails but at least one is not decidable with these recordings.
 
     Example: dpr-lab accept runs/*.mcap --rig paper --limits limits.toml --out out/acceptance
     """
