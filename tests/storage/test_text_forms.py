@@ -264,18 +264,36 @@ def test_frames_under_the_name_of_a_time_are_explained(tmp_path, one, step):
 
 
 @pytest.mark.parametrize(
+    ("unit", "sentence"), [("s", "too few rows per period.*ms"), ("ms", "the column is not an angle")]
+)
+def test_neither_unit_of_time_is_proposed_for_another_quantity(tmp_path, one, unit, sentence):
+    """The size of the acceleration at a swinging rod, in thousandths of g."""
+    milliseconds = np.arange(0, 1200, 10)
+    size = 1000 + 300 * np.sin(0.02 * milliseconds) + np.random.default_rng(1).normal(0, 50, len(milliseconds))
+    np.savetxt(tmp_path / "a.csv", np.column_stack([milliseconds, size]), delimiter=",", header="t,angle", comments="")
+    with pytest.raises(RunError, match=sentence):
+        import_csv(tmp_path / "a.csv", one, ImportOptions(unit=None, time_unit=unit))
+
+
+@pytest.mark.parametrize(
     ("driven", "ends"),
-    [((0, 3), r"from 3\.\d+ s on \(--start-s 3"), ((7, 10), r"in the first 6\.\d+ s \(--duration-s 6"), ((0, 10), "")],
+    [
+        ((0, 3), r"from 3\.\d+ s on \(--start-s 3"),
+        ((7, 10), r"in the first 6\.\d+ s \(--duration-s 6"),
+        ((0, 10), ""),
+        ((0.6, 1.2), ""),  # the free part is shorter than a period
+    ],
 )
 def test_the_part_of_a_swing_without_a_hidden_drive_is_named(tmp_path, one, driven, ends):
     """A coil increases the amplitude of a rod without a torque column, before or after a free decay."""
+    lasts = driven[1] if driven[1] < 2 else 10
 
     def change(t: float, state: np.ndarray) -> list[float]:
-        damping = -0.8 if driven[0] <= t < driven[1] else 0.2
+        damping = -8 / lasts if driven[0] <= t < driven[1] else 0.2
         return [state[1], -45.3 * np.sin(state[0]) - damping * state[1]]
 
-    t = np.arange(0, 10, 0.01)
-    angle = solve_ivp(change, (0, 10), [0.2, 0], t_eval=t, max_step=0.01).y[0]
+    t = np.arange(0, lasts, 0.01)
+    angle = solve_ivp(change, (0, lasts), [0.2, 0], t_eval=t, max_step=0.01).y[0]
     rows = "".join(f"{t:.2f},{angle:.6f}\n" for t, angle in zip(t, angle, strict=True))
     (tmp_path / "a.csv").write_text("t,angle\n" + rows)
     remarks = " ".join(import_csv(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).notes)

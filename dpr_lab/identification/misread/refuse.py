@@ -57,7 +57,7 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
     driven = any(run.torques is not None for run in runs)
     if ratio_fit is None or not possible or residual(ratio_fit) > SETTINGS.hopeless:
         raise IdentificationError(
-            "these recordings are not compatible with a double pendulum with the lengths and masses of the rig file"
+            "these recordings are not compatible with the lengths and masses of the rig file"
             + (f": {contradiction}" if contradiction else "")
             + ". Zeros in the opposite direction and other signs, units or orders of the angles do not explain them."
             " Check the zero of each angle (--offset or zero_counts), --wrap, the unit of time"

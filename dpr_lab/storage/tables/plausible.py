@@ -11,7 +11,7 @@ import numpy as np
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig
-from dpr_lab.storage.tables.columns import AXES, TO_RADIANS
+from dpr_lab.storage.tables.columns import AXES, TO_RADIANS, TO_SECONDS
 from dpr_lab.storage.tables.options import ImportOptions
 
 
@@ -73,14 +73,12 @@ def check_spacing(path: Path, t: Array) -> None:
     Raises:
         RunError: a limit is exceeded; the unit of time is then probably wrong.
     """
-    step = float(np.median(np.diff(t)))
+    step = np.median(np.diff(t))
     if step > PLAUSIBLE.step_s:
-        unit, factor = min(
-            (("ms", 1e-3), ("us", 1e-6)), key=lambda choice: abs(math.log(step * choice[1] / PLAUSIBLE.usual_step_s))
-        )
+        unit = min(TO_SECONDS, key=lambda name: abs(math.log(step * TO_SECONDS[name] / PLAUSIBLE.usual_step_s)))
         raise RunError(
             f"{path}: rows are {step:g} s apart, which is too far to follow a swing: the times are probably in"
-            f" {unit}, and the rows then {step * factor:.3g} s apart (--time-unit {unit})"
+            f" {unit}, and the rows then {step * TO_SECONDS[unit]:.3g} s apart (--time-unit {unit})"
         )
     if t[-1] > PLAUSIBLE.duration_s:
         raise RunError(

@@ -57,7 +57,7 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
     if others:
         others = [as_posed(table, other) for other in others]
         return [read_otherwise(BROKEN, others)], others
-    doubts = []
+    notes = []
     unexplained = ENERGY.unexplained[table.torques is not None]
     if residual > unexplained:
         residual = residual_near(read.t, read.theta[:, 1:], read.torques, table.rig)
@@ -72,26 +72,27 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
         filmed += table.drive and f"; {table.drive}: record the torques of the motors, or a free swing"
         counted = table.options.unit == "counts"
         angles = "counts_per_rev, zero_counts, --offset" if counted else "--unit, --zero, --offset, --angles"
-        doubts.append(
-            TableQuestion(
-                f"the energy of the swing changes by {share} the energy exchanged by gravity, which friction and known"
-                f" torques do not explain: check {angles}, --columns, --time-unit, --torque"
-                f" (in N m) and --arm, and lengths and masses of the rig{filmed}"
-            )
+        notes.append(
+            f"the energy of the swing changes by {share} the energy exchanged by gravity, which friction and known"
+            f" torques do not explain: check {angles}, --columns, --time-unit, --torque"
+            f" (in N m) and --arm, and lengths and masses of the rig{filmed}"
         )
     elif fit is not None and table.free and abs(math.log(fit.time_scale)) >= math.log(SETTINGS.time_scale):
-        doubts.append(
-            TableQuestion(
-                f"the rods swing {fit.time_scale:.3g} times as fast as predicted from lengths and masses of the rig"
-                " file: check L1, masses and inertias of the rig, --rate-hz or --time-unit"
-            )
+        notes.append(
+            f"the rods swing {fit.time_scale:.3g} times as fast as predicted from lengths and masses of the rig"
+            " file: check L1, masses and inertias of the rig, --rate-hz or --time-unit"
         )
-    upright = table.options.zero == "upright" and table.options.unit != "counts" and not residual <= READ.right
-    upright = upright and table.torques is None and table.ignored is None  # drives can hold rods up
-    upright = upright and (table.options.pose is None or not table.arm_moves)  # the pose reveals a wrong zero
+    upright = (
+        table.options.zero == "upright"
+        and table.options.unit != "counts"
+        and not residual <= READ.right
+        and table.torques is None
+        and table.ignored is None  # drives can hold rods up
+        and (table.options.pose is None or not table.arm_moves)  # the pose reveals a wrong zero
+    )
     radians = table.free and table.options.unit in (None, "rad")
     odd = odd_notes(table.t[table.swing], table.theta[table.swing], upright, table.rig.rods.number, radians)
-    return [TableQuestion(note) for note in odd] + doubts, []
+    return [TableQuestion(note) for note in (*odd, *notes)], []
 
 
 def _nearest(read: InterpretedTable, residual: float) -> str:
@@ -103,32 +104,31 @@ def _nearest(read: InterpretedTable, residual: float) -> str:
     turned = _turned(read)
     others = (other for other in other_readings(read) if other.mend and (not turned or other.scale == (1.0, 1.0)))
     fits = sorted((energy_residual(read, other), other.sentence) for other in (*others, *turned))
-    tried = [(unbalance, sentence) for unbalance, sentence in fits if math.isfinite(unbalance)]
+    (least, sentence), (second, _) = [*fits, *[(math.inf, "")] * 2][:2]
     lead, most = SETTINGS.nearest
-    if not tried or tried[0][0] > min(
-        most, *(other / lead for other in [residual, *(other for other, _ in tried[1:2])])
-    ):
-        return ""
-    return f"; it changes by {percent(tried[0][0])} if {tried[0][1]}"
+    near = least <= min(most, residual / lead, second / lead)
+    return f"; it changes by {percent(least)} if {sentence}" if near else ""
 
 
 def _explained_part(table: InterpretedTable) -> str:
     """Name the longest part of a free swing whose energy is explained.
 
     The text is the end of a sentence. A coil, a hand or a motor drives the rods in the other part. A sixteenth of the
-    swing next to that part is excluded, too. The text is empty if no part of at least half the swing is explained.
+    swing next to that part is excluded, too. The text is empty if no part of at least half the swing, and of at least
+    one period, is explained.
     """
     rows, before = table.looked_at, table.options.start_s - table.t[0]
     t, rods = table.t[rows], table.theta[rows, 1:]
-    cuts = np.linspace(0, 0.5, 9)[1:] * (t[-1] - t[0])
-    for cut, safe in pairwise(cuts) if table.free else ():
+    lasts = t[-1] - t[0]
+    cuts = np.linspace(0, 0.5, 9)[1:] * lasts
+    for cut, safe in pairwise(cuts[cuts <= lasts - periods(table.rig)[0]]) if table.free else ():
         later, earlier = t >= t[0] + cut, t <= t[-1] - cut
         if residual_near(t[later], rods[later], None, table.rig) <= READ.sure:
             begins = f"{round(t[0] + safe + before, 2):g}"
             return f"; they explain it from {begins} s on (--start-s {begins}): did a drive or a hand act before?"
         if residual_near(t[earlier], rods[earlier], None, table.rig) <= READ.sure:
-            lasts = f"{round(t[-1] - safe - table.t[0], 2):g}"
-            return f"; they explain it in the first {lasts} s (--duration-s {lasts}): did a drive or a hand act later?"
+            ends = f"{round(t[-1] - safe - table.t[0], 2):g}"
+            return f"; they explain it in the first {ends} s (--duration-s {ends}): did a drive or a hand act later?"
     return ""
 
 
@@ -176,9 +176,13 @@ def _unit_of_time(table: InterpretedTable, unit: str, scale: float | None = None
         causes = f"{rows}, about {float(f'{1 / (now * scale * step):.2g}'):g} Hz), or {causes}"
     elif numbered and step == 1:
         causes += f", or {rows})"
+    causes += ", or the angles in another unit (--unit)"
+    if np.median(steps) * TO_SECONDS[unit] > periods(table.rig)[1] / SETTINGS.refused_rows_a_period:
+        causes = (
+            f"the column is not an angle (--columns), or in another unit (--unit). In {unit} its rows are too far apart"
+        )
     return (
         f"{table.path}: in {table.options.time_unit or 's'} the table lasts {lasts:.4g} s and its rods"
         f" {'hardly move' if unit != 's' else 'turn far too fast'}; the rods of the rig swing with periods of"
-        f" {' and '.join(dict.fromkeys(f'{period:.2g} s' for period in periods(table.rig)))}:"
-        f" {causes}, or the angles in another unit (--unit)"
+        f" {' and '.join(dict.fromkeys(f'{period:.2g} s' for period in periods(table.rig)))}: {causes}"
     )

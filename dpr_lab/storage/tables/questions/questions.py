@@ -65,7 +65,7 @@ def _refuse_dead(table: InterpretedTable, theta: Array) -> None:
         return
     names = [table.columns.get(axis, axis) for axis in ("theta1", "theta2")]
     moved1, moved2 = np.ptp(theta[:, 1:], axis=0).tolist()
-    most, joint2 = max(moved1, moved2), float(np.ptp(theta[:, 2] - theta[:, 1]))
+    most, joint2 = max(moved1, moved2), np.ptp(theta[:, 2] - theta[:, 1])
     if table.rig.rods.elbow == "clamped" or not most > 0:
         return
     if np.array_equal(table.values["theta1"], table.values["theta2"]):
@@ -102,7 +102,7 @@ def refuse_push(table: InterpretedTable, origin: float) -> None:
     if start == rest or not table.free:
         return
     hung = apart(np.median(table.theta[rest:start, 1:], axis=0), np.array([np.pi, np.pi]))
-    excursion = float(np.ptp(table.theta[table.swing, 1:], axis=0).max())
+    excursion = np.ptp(table.theta[table.swing, 1:], axis=0).max()
     if hung <= PUSH.hanging_rad and excursion > max(PUSH.pushed_rad, PUSH.pushed_ratio * hung):
         begins = table.t[start] - origin
         raise RunError(
@@ -120,7 +120,7 @@ def _few(table: InterpretedTable, t: Array) -> list[TableQuestion]:
         RunError: there are too few rows to follow a swing.
     """
     slow, fast = periods(table.rig)
-    step, lasts = float(np.median(np.diff(t))), float(t[-1] - t[0])
+    step, lasts = np.median(np.diff(t)), t[-1] - t[0]
     doubts = []
     if step > fast / SETTINGS.refused_rows_a_period:
         raise RunError(
