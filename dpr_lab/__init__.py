@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from dpr_lab.storage.csv_import import ImportOptions
     from dpr_lab.storage.csv_import import import_csv as import_table
     from dpr_lab.storage.reader import load_run
-    from dpr_lab.workflows.compare_moving_arm import compare_any_run as compare
+    from dpr_lab.workflows.compare_run import compare_any_run as compare
 
 __all__ = [
     "ArmComparison",
@@ -106,7 +106,7 @@ _PLACES = {
     "run": ("Run",),
     "storage.csv_import": ("ImportOptions", "import_table=import_csv"),
     "storage.reader": ("load_run",),
-    "workflows.compare_moving_arm": ("compare=compare_any_run",),
+    "workflows.compare_run": ("compare=compare_any_run",),
 }
 """Exported names by module, each as `name` or `name=name in the module`. A name is imported on first use,
 so that commands start fast."""

@@ -27,23 +27,22 @@ def compare(
     """
     from dpr_lab.cli.listener import Listener
     from dpr_lab.report import moving_arm, tables
+    from dpr_lab.report.figures import by_kind
     from dpr_lab.workflows.compare import CompareRequest
-    from dpr_lab.workflows.compare_moving_arm import compare_moving_arm
 
     with Listener() as listener:
         request = CompareRequest(tuple(runs), model, out, torque=torque, any_clock=any_clock)
-        title, note, saved = "Measured and simulated angles", "", compare_moving_arm(request, listener)
-        if saved is not None:
-            title += " by segment"
-            columns, rows = moving_arm.COMPARISON_COLUMNS, moving_arm.comparison_rows(saved)
-        else:
-            compared = compare_runs(request, listener)
-            columns, rows = tables.COMPARISON_COLUMNS, tables.comparison_rows(compared.comparisons)
-            saved, note = compared.saved, tables.COMPARISON_NOTE
+        compared = compare_runs(request, listener)
+    saved, title = compared.saved, "Measured and simulated angles"
     if as_json:
         emit(saved)
         return
-    table(title, columns, rows, note=note)
+    if "file" in saved:
+        table(f"{title} by segment", moving_arm.COMPARISON_COLUMNS, moving_arm.comparison_rows(saved))
+    else:
+        _, of_rods = by_kind(compared.comparisons)
+        rows = tables.comparison_rows(of_rods)
+        table(title, tables.COMPARISON_COLUMNS, rows, note=tables.COMPARISON_NOTE)
     line(f"report: {saved['report']}")
     if "file" in saved:
         line(f"table: {saved['file']}")

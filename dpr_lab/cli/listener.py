@@ -94,7 +94,7 @@ class Listener:
             case events.CaptureDone():
                 self._close()
                 say(f"{event.name}: {event.captured.run_file.name}: {event.captured.quality.sentence}")
-            case events.RunCompared() | events.ArmRunCompared() | events.RunLeftOut():
+            case events.RunCompared() | events.RunLeftOut():
                 pass
 
     def _say_notes(self) -> None:

@@ -39,7 +39,7 @@ NOISE_SIGMAS = 2
 """Half height of the noise band, in standard deviations."""
 NO_COMPARISON = "No run was compared."
 
-Compared: TypeAlias = Comparison | ArmComparison | Sequence[Comparison] | Sequence[ArmComparison]
+Compared: TypeAlias = Comparison | ArmComparison | Sequence[Comparison | ArmComparison]
 """One or several comparisons, either all with a clamped arm or all with a moving arm."""
 
 _EVOLUTION = {
@@ -95,7 +95,7 @@ def response_figure(comparisons: Compared) -> Figure:
     beyond it. The axis range is that of the measured angles, so that a diverging free run leaves the panel. With a
     moving arm, there is one row for each pair of a run and a joint.
     """
-    arms, comparisons = _by_kind(comparisons)
+    arms, comparisons = by_kind(comparisons)
     if arms:
         return _arm_response(arms)
     with style.house_style():
@@ -120,7 +120,7 @@ def error_figure(comparisons: Compared) -> Figure:
     with fitted initial states. The panels of the inner rod are above those of the outer rod. With a moving arm, the
     residual of each run and joint is drawn.
     """
-    arms, comparisons = _by_kind(comparisons)
+    arms, comparisons = by_kind(comparisons)
     if arms:
         return _arm_errors(arms)
     with style.house_style():
@@ -134,7 +134,7 @@ def error_figure(comparisons: Compared) -> Figure:
         return figure
 
 
-def _by_kind(comparisons: Compared) -> tuple[list[ArmComparison], list[Comparison]]:
+def by_kind(comparisons: Compared) -> tuple[list[ArmComparison], list[Comparison]]:
     """Separate comparisons with a moving arm from comparisons with a clamped arm."""
     every = [comparisons] if isinstance(comparisons, Comparison | ArmComparison) else list(comparisons)
     arms = [comparison for comparison in every if isinstance(comparison, ArmComparison)]

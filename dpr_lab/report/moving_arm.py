@@ -1,7 +1,9 @@
 """Create the tables of an identification and a comparison with a moving arm."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import plus_minus
@@ -10,6 +12,7 @@ from dpr_lab.report.tables import ratio_row
 from dpr_lab.shown import counted
 
 if TYPE_CHECKING:
+    from dpr_lab.identification.moving_arm.identify import ArmComparison
     from dpr_lab.identification.moving_arm.model import MovingArmModel
 
 RATIO_COLUMNS = ("ratio", "value", "90 % interval", "unit")
@@ -49,7 +52,7 @@ def absolute_rows(model: "MovingArmModel") -> list[list[str]]:
 
 
 def comparison_rows(compared: Mapping[str, Any]) -> list[list[str]]:
-    """Return one row per run and joint of the result of `compare_moving_arm`."""
+    """Return one row per run and joint of the output of `dpr-lab compare --json`."""
     return [
         [
             run_label(run["run"]),
@@ -61,3 +64,18 @@ def comparison_rows(compared: Mapping[str, Any]) -> list[list[str]]:
         for run in compared["runs"]
         for joint, rms in run["rms_rad"].items()
     ]
+
+
+def angles_csv(compared: "Sequence[ArmComparison]") -> str:
+    """Return the measured and simulated angles as CSV text.
+
+    Joints without an encoder have the value nan. Instants at which no joint was simulated are omitted.
+    """
+    rows = [
+        ",".join([comparison.run, *(f"{value:.9g}" for value in (t, *measured, *simulated))])
+        for comparison in compared
+        for t, measured, simulated in zip(comparison.t, comparison.measured, comparison.simulated, strict=True)
+        if np.isfinite(simulated).any()
+    ]
+    names = [f"{kind}_joint{joint}_rad" for kind in ("measured", "simulated") for joint in range(3)]
+    return "\n".join([",".join(["run", "t_s", *names]), *rows]) + "\n"

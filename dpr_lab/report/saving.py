@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dpr_lab.acceptance.judge import Acceptance
-from dpr_lab.errors import ConfigError, DprError
+from dpr_lab.errors import ConfigError, DprError, RunError
 from dpr_lab.exports import FORMATS, ExportFormat
 from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.corrected import corrected_model
@@ -14,33 +14,49 @@ from dpr_lab.exports.cost import Replayed, Yardstick, yardstick
 from dpr_lab.exports.refit import fitted_for
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.compare import Comparison
-from dpr_lab.identification.model import Model
-from dpr_lab.report.figures import save_figures
+from dpr_lab.identification.moving_arm.identify import ArmComparison
+from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.report.figures import by_kind, save_figures
 from dpr_lab.report.gap.figures import save_gap_figures
 from dpr_lab.report.gap.html import write_gap_report
 from dpr_lab.report.html import write_report
+from dpr_lab.report.moving_arm import angles_csv
+from dpr_lab.report.pages.moving_arm import write_arm_report
 from dpr_lab.report.plain import write_json as write_json
 from dpr_lab.report.words import named
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-from dpr_lab.whole_file import write_whole
+from dpr_lab.whole_file import write_text, write_whole
 
 AXES = ("theta1", "theta2")
 
 
-def save_comparison(model: Model, comparisons: Sequence[Comparison], out: Path) -> dict[str, Any]:
+def save_comparison(model: AnyModel, comparisons: Sequence[Comparison | ArmComparison], out: Path) -> dict[str, Any]:
     """Write figures and report of a comparison, and return the output of `dpr-lab compare --json`.
+
+    For a model of a moving arm, the angles are written as `comparison.csv`.
 
     Raises:
         DprError: the folder or a file cannot be written.
     """
-    figures = save_figures(model, comparisons, out)
-    report = write_report(model, comparisons, out, figures)
+    of_arm, of_rods = by_kind(comparisons)
+    if isinstance(model, MovingArmModel):
+        return _save_arm_comparison(model, of_arm, out)
+    figures = save_figures(model, of_rods, out)
+    report = write_report(model, of_rods, out, figures)
     return {
         "report": str(report),
         "figures": {name: str(path) for name, path in figures.items()},
-        "runs": [_record(comparison) for comparison in comparisons],
+        "runs": [_record(comparison) for comparison in of_rods],
     }
+
+
+def _save_arm_comparison(model: MovingArmModel, compared: Sequence[ArmComparison], out: Path) -> dict[str, Any]:
+    file = out / "comparison.csv"
+    write_text(file, angles_csv(compared), RunError)
+    keys = ("run", "held_out", "segment_s", "rms_rad", "noise_rad")
+    saved = {"file": str(file), "runs": [{key: getattr(comparison, key) for key in keys} for comparison in compared]}
+    return saved | {"report": str(write_arm_report(model, compared, saved, out))}
 
 
 def save_diagnosis(

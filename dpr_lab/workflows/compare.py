@@ -11,6 +11,10 @@ from dpr_lab.workflows.events import OnEvent, RunCompared, RunLeftOut, ignore
 if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison, Followed, FreeRun
     from dpr_lab.identification.model import Model
+    from dpr_lab.identification.moving_arm.identify import ArmComparison
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
+    from dpr_lab.rig import Rig
+    from dpr_lab.run import Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +40,9 @@ class CompareRequest:
 class CompareResult:
     """Runs compared with the model."""
 
-    comparisons: "tuple[Comparison, ...]"
+    comparisons: "tuple[Comparison | ArmComparison, ...]"
     followed: "tuple[Followed, ...]"
-    """Fit of each comparison, from which `free_run` starts; only for use in this process."""
+    """Fit of each comparison, from which `free_run` starts; empty for a moving arm. Only for use in this process."""
     left_out: tuple[Path, ...]
     saved: dict[str, Any]
     """Output of `compare --json`."""
@@ -60,36 +64,47 @@ class CompareResult:
 def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResult:
     """Compare runs with a model.
 
+    If the arm moves, only segments are compared. The angles are then also written to the folder, as `comparison.csv`.
+
     Events: `RunRead`, `RunCompared`, `RunLeftOut`.
 
     Raises:
         ConfigError: a file with the name of the folder exists.
-        RunError: the model cannot be read; two runs contain the same recording; a run cannot be compared or, with
-            `leave_out`, no run can be compared.
+        RunError: the model cannot be read, or is a model of a moving arm and no folder is given; two runs contain the
+            same recording; a run cannot be compared or, with `leave_out`, no run can be compared.
     """
     from dpr_lab.estimation.usable_runs import refuse_repeated
-    from dpr_lab.identification.compare import compare_followed
-    from dpr_lab.identification.model import load_model
+    from dpr_lab.identification.compare import compare_followed, follow
+    from dpr_lab.identification.model import load_model as load_rods_model
+    from dpr_lab.identification.moving_arm.model import MovingArmModel, load_model
     from dpr_lab.report.saving import save_comparison, write_json
+    from dpr_lab.workflows.compare_run import compare_arm_run
 
     if request.out is not None:
         check_folder_writable(request.out)
-    model = load_model(request.model)
+    model = load_rods_model(request.model) if request.out is None else load_model(request.model)
+    recorded: list[Run] = []
     followed: list[Followed] = []
-    comparisons: list[Comparison] = []
+    comparisons: list[Comparison | ArmComparison] = []
     left_out: list[Path] = []
     for file in request.runs:
         try:
-            followed.append(_follow(file, model, request, on_event))
+            run, rig = _read(file, model, request, on_event)
+            if isinstance(model, MovingArmModel):
+                comparisons.append(compare_arm_run(run, rig, model))
+            else:
+                swing = follow(run, rig, model)
+                comparisons.append(compare_followed(swing))
+                followed.append(swing)
         except RunError as error:
             if not request.leave_out:
                 raise
             left_out.append(file)
             on_event(RunLeftOut(file, str(error)))
             continue
-        comparisons.append(compare_followed(followed[-1]))
+        recorded.append(run)
         on_event(RunCompared(comparisons[-1]))
-    refuse_repeated([recording.preprocessed.run for recording in followed])
+    refuse_repeated(recorded)
     if not comparisons:
         without = f"skipped: {', '.join(file.stem for file in left_out)}"
         raise RunError(f"no run can be compared ({without}): choose other runs")
@@ -99,8 +114,12 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
     return CompareResult(tuple(comparisons), tuple(followed), tuple(left_out), saved)
 
 
-def _follow(file: Path, model: "Model", request: CompareRequest, on_event: OnEvent) -> "Followed":
-    from dpr_lab.identification.compare import follow
+def _read(file: Path, model: "Model | MovingArmModel", request: CompareRequest, on_event: OnEvent) -> "tuple[Run, Rig]":
+    """Read a run and its rig.
+
+    Raises:
+        RunError: the run cannot be read, or the model belongs to another rig.
+    """
     from dpr_lab.storage.reader import stored_rig
     from dpr_lab.workflows.reading import read_runs
 
@@ -111,4 +130,4 @@ def _follow(file: Path, model: "Model", request: CompareRequest, on_event: OnEve
             f" {model.rig.L1:g} m: give a model of this rig"
         )
     (run,) = read_runs([file], rig, on_event, request.any_clock, request.torque)
-    return follow(run, rig, model)
+    return run, rig

@@ -50,14 +50,7 @@ class RunRead:
 class RunCompared:
     """A run was compared with the model."""
 
-    comparison: "Comparison"
-
-
-@dataclass(frozen=True, slots=True)
-class ArmRunCompared:
-    """A run was compared with the model of a rig whose arm moves."""
-
-    comparison: "ArmComparison"
+    comparison: "Comparison | ArmComparison"
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +154,6 @@ Event: TypeAlias = (
     | ImportProgress
     | RunRead
     | RunCompared
-    | ArmRunCompared
     | RunLeftOut
     | DeviceGreeted
     | CaptureBegan

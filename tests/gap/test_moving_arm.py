@@ -18,7 +18,7 @@ from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
-from dpr_lab.workflows.compare_moving_arm import compare_arm_run
+from dpr_lab.workflows.compare_run import compare_arm_run
 from sim_device.options import Options
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.trial import drawn_trial

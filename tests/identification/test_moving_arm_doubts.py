@@ -25,8 +25,7 @@ from dpr_lab.identification.moving_arm.soft_stop import SoftStopSettings, soft_s
 from dpr_lab.rig import load_rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.options import ImportOptions
-from dpr_lab.workflows.compare import CompareRequest
-from dpr_lab.workflows.compare_moving_arm import compare_moving_arm
+from dpr_lab.workflows.compare import CompareRequest, compare
 from dpr_lab.workflows.identify import IdentifyRequest, identify
 from tests.identification.test_moving_arm_fit import NOISE, PUSH, T, drawn, recorded, rig_with
 from tests.thinned import FULL
@@ -336,8 +335,7 @@ def test_a_clamped_run_of_one_rod_on_a_rig_with_a_motor_gives_its_own_ratios_onl
     assert isinstance(done.model, MovingArmModel)
     assert set(done.model.ratios) == {"e1/a", "c1/a"}
     assert done.model.ratios["e1/a"].value == pytest.approx(e1 / a, rel=1e-3)
-    compared = compare_moving_arm(CompareRequest((run,), done.file, tmp_path / "report"))
-    assert compared is not None
+    compared = compare(CompareRequest((run,), done.file, tmp_path / "report")).saved
     assert compared["runs"][0]["rms_rad"]["joint 1"] < 4e-4
     page = Path(compared["report"]).read_text(encoding="utf-8")
     assert all(part in page for part in ("e1/a", "joint 1", "data:image/png;base64"))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.identification.model import EstimatedValue
+from dpr_lab.identification.moving_arm.identify import ArmComparison
 from dpr_lab.report import moving_arm, run_names, tables
 
 
@@ -192,3 +193,11 @@ def test_the_tables_of_a_moving_arm_state_units_and_label_runs_like_those_of_a_c
 )
 def test_a_compared_run_has_the_name_of_its_pose_once(run: str, pose: str | None, label: str) -> None:
     assert run_names.compared_name(Mock(run=run, pose=pose)) == label
+
+
+def test_the_table_of_a_comparison_contains_rods_without_an_encoder():
+    """A corrected model of a single rod has no angle of joint 2; its table was empty."""
+    angles = np.array([[0.1, 3.1, np.nan], [0.2, 3.2, np.nan], [np.nan, np.nan, np.nan]])
+    compared = ArmComparison("r1", True, np.arange(3.0), angles, angles, 0.5, {"joint 0": 0.0}, {"joint 0": 1e-3})
+    _, *rows = moving_arm.angles_csv([compared]).splitlines()
+    assert rows == ["r1,0,0.1,3.1,nan,0.1,3.1,nan", "r1,1,0.2,3.2,nan,0.2,3.2,nan"]

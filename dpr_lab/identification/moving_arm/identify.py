@@ -172,6 +172,34 @@ class ArmComparison(Shown):
     noise_rad: dict[str, float]
     """Standard deviation of the noise of the readings of each joint, rad."""
 
+    @classmethod
+    def of(
+        cls,
+        run: Run,
+        model: MovingArmModel,
+        t: Array,
+        measured: Array,
+        simulated: Array,
+        segment_s: float,
+        noise: Array,
+    ) -> "ArmComparison":
+        """Compare readings with the simulation by a model.
+
+        Args:
+            run: the run
+            model: the model
+            t: (n,) times since the release, s
+            measured: (n, 3) readings, rad; nan without an encoder
+            simulated: (n, 3) simulated readings, rad; nan without an encoder
+            segment_s: length of a segment, s
+            noise: (3,) standard deviation of the noise of each joint, rad
+        """
+        residual = measured - simulated
+        read = {name: k for k, name in enumerate(JOINTS_READ) if np.isfinite(measured[:, k]).any()}
+        rms = {name: float(np.sqrt(np.nanmean(residual[:, k] ** 2))) for name, k in read.items()}
+        noise_rad = {name: float(noise[k]) for name, k in read.items()}
+        return cls(run.name, not model.used(run.sha256), t, measured, simulated, segment_s, rms, noise_rad)
+
     def _heading(self) -> str:
         role = "held out" if self.held_out else "used in the fit"
         return f"Comparison with run {self.run} ({role}), segments of {self.segment_s:g} s"
@@ -198,14 +226,7 @@ def compare_moving_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: flo
         fit = fit_segments(problem, Estimate(np.array(model.swing), initial), states_only=True)
     except IdentificationError as error:
         raise RunError(f"{run.file or run.name}: the model cannot follow these readings") from error
-    read = {name: k for k, name in enumerate(JOINTS_READ) if problem.read[:, k].any()}
-    return ArmComparison(
-        run.name,
-        not model.used(run.sha256),
-        recordings[0].run.t,
-        np.where(problem.read, problem.measured, np.nan),
-        np.where(problem.read, problem.predict(fit.estimate), np.nan),
-        segment_s,
-        {name: float(fit.rms[k]) for name, k in read.items()},
-        {name: float(recordings[0].std[k]) for name, k in read.items()},
+    measured, simulated = (
+        np.where(problem.read, readings, np.nan) for readings in (problem.measured, problem.predict(fit.estimate))
     )
+    return ArmComparison.of(run, model, recordings[0].run.t, measured, simulated, segment_s, recordings[0].std)

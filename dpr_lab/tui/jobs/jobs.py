@@ -14,10 +14,8 @@ from dpr_lab.tui.jobs.job_control import JobControl
 from dpr_lab.tui.jobs.kept_comparison import KeptComparison
 from dpr_lab.workflows.compare import CompareRequest
 from dpr_lab.workflows.compare import compare as compare_runs
-from dpr_lab.workflows.compare_moving_arm import compare_moving_arm
 from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult
 from dpr_lab.workflows.diagnose import diagnose as diagnose_runs
-from dpr_lab.workflows.events import ArmRunCompared
 from dpr_lab.workflows.identify import IdentifyRequest, IdentifyResult
 from dpr_lab.workflows.identify import identify as identify_runs
 from dpr_lab.workflows.plan import PlanRequest, PlanResult
@@ -76,26 +74,15 @@ def compare(control: JobControl, *, request: CompareRequest, keep: KeptCompariso
     Afterwards, answer each `FreeRunStart` with a free run until the job is cancelled. If the arm moves, only segments
     are compared, and no free run is simulated.
     """
-    of_arm = []
-
-    def report(event: object) -> None:
-        if isinstance(event, ArmRunCompared):
-            of_arm.append(event.comparison)
-        control.report(event)
-
-    if compare_moving_arm(request, report):
-        _keep(keep, of_arm)
-        control.report(ComparisonSaved(()))
-        return
     result = compare_runs(request, control.report)
     if not result.left_out:
         _keep(keep, result.comparisons)
     control.report(ComparisonSaved(result.left_out))
-    for start in control.questions():
+    for start in control.questions() if result.followed else ():
         control.report(FreeRunFrom(start, result.free_run(start.run, start.at_s)))
 
 
-def _keep(keep: KeptComparison | None, comparisons: "Sequence[Comparison] | Sequence[ArmComparison]") -> None:
+def _keep(keep: KeptComparison | None, comparisons: "Sequence[Comparison | ArmComparison]") -> None:
     """Store comparisons for a faster display.
 
     Errors are ignored, because missing comparisons are simulated again.

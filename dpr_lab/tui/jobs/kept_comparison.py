@@ -24,7 +24,7 @@ class KeptComparison:
     subject: str
     """Description of the current model and runs. Stored comparisons of other inputs are ignored."""
 
-    def save(self, comparisons: "Sequence[Comparison] | Sequence[ArmComparison]") -> None:
+    def save(self, comparisons: "Sequence[Comparison | ArmComparison]") -> None:
         """Save the comparisons in one file, atomically.
 
         Raises:
@@ -42,7 +42,7 @@ class KeptComparison:
 
         write_whole(self.file, write)
 
-    def load(self) -> "list[Comparison] | list[ArmComparison]":
+    def load(self) -> "Sequence[Comparison | ArmComparison]":
         """Return the stored comparisons for the same inputs.
 
         The list is empty if none are stored or the file is invalid.

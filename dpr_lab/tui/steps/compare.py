@@ -1,5 +1,6 @@
 """Step Compare: compare model and measurement, with free runs from any run and time."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +26,7 @@ from dpr_lab.tui.texts import counted_runs, following
 from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.tui.widgets.slider import Slider
 from dpr_lab.workflows.compare import CompareRequest
-from dpr_lab.workflows.events import ArmRunCompared, RunCompared, RunLeftOut
+from dpr_lab.workflows.events import RunCompared, RunLeftOut
 
 if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison, FreeRun
@@ -171,11 +172,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         """Show a compared or skipped run, the saved comparison, or a requested free run."""
         match value:
             case RunCompared(comparison):
-                self._comparisons.append(comparison)
-                self._offer_runs()
-            case ArmRunCompared(comparison):
-                self._of_arm.append(comparison)
-                self._offer_runs()
+                self.show([*self._comparisons, *self._of_arm, comparison])
             case RunLeftOut(why=why):
                 self._left_out += 1
                 raise RunError(why)
@@ -218,7 +215,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         """Move the start of the free run by a number of steps."""
         self.query_one(Slider).action_move(steps)
 
-    def show(self, comparisons: "list[Comparison] | list[ArmComparison]") -> None:
+    def show(self, comparisons: "Sequence[Comparison | ArmComparison]") -> None:
         """Draw the current selection."""
         from dpr_lab.identification.compare import Comparison
 

@@ -125,10 +125,12 @@ class SecondCurve(Guarded, Horizontal):
 
     @on(JobHeard)
     def _heard(self, message: JobHeard) -> None:
+        from dpr_lab.identification.compare import Comparison
+
         if message.job is not self._job:
             return
         match message.event:
-            case JobProgress(RunCompared(comparison)):
+            case JobProgress(RunCompared(Comparison() as comparison)):
                 self._model[comparison.run] = comparison
             case JobProgress(ComparisonSaved()):
                 self._end()

@@ -1,0 +1,54 @@
+"""Comparison of one run with a model of any arm."""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dpr_lab.identification.compare import Comparison
+    from dpr_lab.identification.model import Model
+    from dpr_lab.identification.moving_arm.identify import ArmComparison
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
+    from dpr_lab.rig import Rig
+    from dpr_lab.run import Run
+
+
+def compare_any_run(
+    run: "Run", rig: "Rig", model: "Model | MovingArmModel", segment_s: float = 0.5
+) -> "Comparison | ArmComparison":
+    """Simulate a run by segments with a model of any arm.
+
+    Only the initial states are fitted. If the arm is clamped or prescribed, the result also contains one free run, from
+    the initial state of the first segment.
+
+    Args:
+        run: the measurement
+        rig: its rig, whose encoders determine the noise floor
+        model: model of `identify` or `corrected_model`
+        segment_s: length of a segment, s
+
+    Raises:
+        RunError: the run or the model belongs to another rig, the model belongs to another mode of the arm, or the
+            model cannot follow the readings.
+    """
+    from dpr_lab.estimation.usable_runs import refuse_other_rigs
+    from dpr_lab.identification.compare import compare_run
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
+
+    refuse_other_rigs([run], rig.name)
+    if isinstance(model, MovingArmModel):
+        return compare_arm_run(run, rig, model, segment_s)
+    return compare_run(run, rig, model, segment_s)
+
+
+def compare_arm_run(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: float = 0.5) -> "ArmComparison":
+    """Simulate a run by segments with a model of a moving arm and its effects.
+
+    See `compare_any_run` for arguments and errors.
+    """
+    from dpr_lab.exports.moving_arm.replay import follow_with_arm
+    from dpr_lab.identification.moving_arm.identify import ArmComparison
+    from dpr_lab.identification.moving_arm.identify import compare_moving_arm as compare_bare
+
+    if not model.effects:
+        return compare_bare(run, rig, model, segment_s)
+    followed = follow_with_arm(run, rig, model, segment_s)
+    return ArmComparison.of(run, model, followed.t, followed.measured, followed.simulated, segment_s, followed.noise)
