@@ -24,6 +24,7 @@ from dpr_lab.identification.model import ParameterValue
 from dpr_lab.identification.ratio_fit import fit_ratios
 from dpr_lab.identification.scaling.prior_spread import loose90
 from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.rig_tables import Parameter
 from dpr_lab.shown import Row, Shown
 
 
@@ -107,30 +108,48 @@ class LengthError:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Identifiability(Shown):
-    """Results of an identifiability analysis: information, free directions and recommended measurements.
+class Directions(Shown):
+    """Determined and free directions in the space of the parameters, and recommended measurements.
 
     The information is that of recordings and measured values together.
     """
 
     rank: int
-    """Number of directions, of nine, that the recordings determine: at most five, or six with a known added mass."""
+    """Number of directions that the recordings determine."""
     singular_values: tuple[float, ...]
-    """Non-zero singular values of the whitened sensitivity to relative changes of the nine parameters."""
+    """Singular values of the whitened sensitivity to relative changes of the parameters."""
+    null_space: tuple[Mapping[str, float], ...]
+    """Directions that recordings and measured values do not determine, as relative changes of the parameters."""
+    advice: tuple[Advice, ...]
+    """All bench measurements that are not in the rig file, largest gain first."""
+    sequence: tuple[Advice, ...]
+    """Sequence of best measurements until all parameters are determined."""
+
+    def _json(self) -> dict[str, Any]:
+        return {
+            "rank": self.rank,
+            "singular_values": list(self.singular_values),
+            "null_space": [dict(direction) for direction in self.null_space],
+            "advice": [advice.to_json() for advice in self.advice],
+            "sequence": [advice.to_json() for advice in self.sequence],
+        }
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Identifiability(Directions):
+    """Results of an identifiability analysis with a clamped arm.
+
+    The recordings determine at most five directions, or six with a known added mass.
+    """
+
     unknowns: Mapping[str, float]
     """Values of the five ratios, and of b if a known added mass makes it identifiable."""
     cramer_rao_std: Mapping[str, float]
     """Cramér-Rao bound of the standard deviation of each unknown; inf if there is no information."""
-    null_space: tuple[Mapping[str, float], ...]
-    """Directions that recordings and measured values do not determine, as relative changes of the parameters."""
     parameters: Mapping[str, ParameterValue]
     """Source of each of the nine parameters, and its standard deviation if it is determined."""
     helps: Mapping[str, tuple[str, ...]]
     """For each measured value, the other parameters that would be less accurate without it."""
-    advice: tuple[Advice, ...]
-    """All bench measurements that are not in the rig file, largest gain first."""
-    sequence: tuple[Advice, ...]
-    """Sequence of best measurements until all nine parameters are determined."""
     length_error: LengthError | None
     """Effect of an error of L1; None if there are no poses to simulate, or if it was not requested."""
 
@@ -152,19 +171,70 @@ class Identifiability(Shown):
 
     def to_json(self) -> dict[str, Any]:
         """Return the analysis as JSON values."""
-        return {
-            "rank": self.rank,
-            "singular_values": list(self.singular_values),
+        return self._json() | {
             "unknowns": {
                 name: {"value": value, "cramer_rao_std": std if np.isfinite(std := self.cramer_rao_std[name]) else None}
                 for name, value in self.unknowns.items()
             },
-            "null_space": [dict(direction) for direction in self.null_space],
             "parameters": {name: value.model_dump() for name, value in self.parameters.items()},
             "helps": {name: list(others) for name, others in self.helps.items()},
-            "advice": [advice.to_json() for advice in self.advice],
-            "sequence": [advice.to_json() for advice in self.sequence],
             "length_error": None if self.length_error is None else asdict(self.length_error),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class InformationRows:
+    """Information as whitened rows; the n columns belong to relative changes of the parameters."""
+
+    names: tuple[str, ...]
+    """Names of the n parameters."""
+    of_recordings: Array
+    """(k, n) rows of the recordings."""
+    measured: Array
+    """Rows (measured values, n) of the measured values."""
+    bounds: Array
+    """Rows (other parameters, n) of the bounds of the other parameters."""
+
+    @classmethod
+    def of(cls, of_recordings: Array, parameters: Mapping[str, Parameter | None], values: Array) -> "InformationRows":
+        """Add the information of the rig file to that of the recordings.
+
+        A bound acts like the standard deviation of a uniform distribution between the bounds. Without bounds, the
+        relative standard deviation is 1.
+
+        Args:
+            of_recordings: (k, n) rows of the recordings
+            parameters: entry of the rig file for each parameter; None if there is no entry
+            values: (n,) values of the parameters, SI
+        """
+        measured, bounds = list[Array](), list[Array]()
+        for parameter, value, unit in zip(parameters.values(), values.tolist(), np.eye(len(values)), strict=True):
+            if parameter and parameter.std:
+                measured.append(value / parameter.std * unit)
+            elif parameter and parameter.upper and parameter.lower:
+                bounds.append(value * 12**0.5 / (parameter.upper - parameter.lower) * unit)
+            else:
+                bounds.append(unit)
+        none = np.zeros((0, len(values)))
+        return cls(tuple(parameters), of_recordings, np.array(measured or none), np.array(bounds or none))
+
+    @property
+    def known(self) -> Array:
+        """Rows (m, n) of recordings and measured values."""
+        return np.vstack([self.of_recordings, self.measured])
+
+    def directions(self, answers: Mapping[Measurement, Array]) -> dict[str, Any]:
+        """Return the fields of `Directions` by name.
+
+        `answers` contains the whitened readings (k, n) of each possible bench measurement.
+        """
+        singular_values = np.linalg.svd(self.of_recordings, compute_uv=False)
+        return {
+            "rank": int(np.sum(singular_values >= SEEN)),
+            "singular_values": tuple(singular_values.tolist()),
+            "null_space": tuple(simple_basis(free_directions(self.known), self.names)),
+            "advice": tuple(sorted(_advice(answers, self.known, self).values(), key=_worth, reverse=True)),
+            "sequence": _bench_sequence(answers, self),
         }
 
 
@@ -191,20 +261,14 @@ def identifiability(
     values = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))[places]
     root = information_root(information, values)
     of_recordings = root @ unknown_jacobian(Z, rig)[places] * Z
-    known = np.vstack([of_recordings, _measured_rows(rig, Z)])
-    bounds = _bound_rows(rig, Z)
-    singular_values = np.linalg.svd(of_recordings, compute_uv=False)
+    rows = InformationRows.of(of_recordings, {name: rig.parameters[name] for name in PARAMETERS}, Z)
     answers: dict[Measurement, Array] = {i: i.rows(Z, rig) * Z for i in INSTRUMENTS if not already_made(i, rig)}
     return Identifiability(
-        rank=int(np.sum(singular_values >= SEEN)),
-        singular_values=tuple(singular_values.tolist()),
+        **rows.directions(answers),
         unknowns=_named([UNKNOWN_RATIOS[i] for i in places], values),
         cramer_rao_std=_named([UNKNOWN_RATIOS[i] for i in places], values * spread(root * values)),
-        null_space=tuple(simple_basis(free_directions(known))),
-        parameters=_parameters(known, bounds, rig, Z, places),
-        helps=_helps(of_recordings, bounds, rig, Z),
-        advice=bench_advice(answers, known, bounds),
-        sequence=bench_sequence(answers, known, bounds),
+        parameters=_parameters(rows, rig, Z, places),
+        helps=_helps(rows, rig),
         length_error=_length_error(rig, Z) if lengths and rig.poses else None,
     )
 
@@ -216,16 +280,6 @@ def summary(analysis: Identifiability) -> dict[str, Any]:
         "null_space": [dict(direction) for direction in analysis.null_space],
         "advice": [advice.sentence for advice in analysis.advice],
     }
-
-
-def _measured_rows(rig: Rig, Z: Array) -> Array:
-    std = np.array([rig.parameters[name].std or np.inf for name in PARAMETERS])
-    return np.diag(Z / std)[~rig.searched]
-
-
-def _bound_rows(rig: Rig, Z: Array) -> Array:
-    lower, upper = rig.bounds
-    return np.diag(Z * np.sqrt(12) / np.where(rig.searched, upper - lower, 1.0))[rig.searched]
 
 
 def already_made(instrument: Instrument, rig: Rig) -> bool:
@@ -240,14 +294,8 @@ def _bounded_spread(known: Array, bounds: Array) -> Array:
     return spread(np.vstack([known, bounds]), least=0.0)
 
 
-def _parameters(
-    known: Array,
-    bounds: Array,
-    rig: Rig,
-    Z: Array,
-    visible: Sequence[int],
-) -> dict[str, ParameterValue]:
-    loose, std = np.isinf(spread(known)), Z * _bounded_spread(known, bounds)
+def _parameters(rows: InformationRows, rig: Rig, Z: Array, visible: Sequence[int]) -> dict[str, ParameterValue]:
+    loose, std = np.isinf(spread(rows.known)), Z * _bounded_spread(rows.known, rows.bounds)
     reach = NORMAL_Q90 * std
     wide = loose90(Z, unknown_ratios(whole_parameters(Z, rig.L1, rig.g)), rig, visible)
     return {
@@ -261,52 +309,32 @@ def _parameters(
     }
 
 
-def _helps(of_recordings: Array, bounds: Array, rig: Rig, Z: Array) -> dict[str, tuple[str, ...]]:
-    measured = _measured_rows(rig, Z)
+def _helps(rows: InformationRows, rig: Rig) -> dict[str, tuple[str, ...]]:
+    measured = rows.measured
     names = [name for name in PARAMETERS if rig.parameters[name].measured is not None]
-    with_all = _bounded_spread(np.vstack([of_recordings, measured]), bounds)
+    with_all = _bounded_spread(rows.known, rows.bounds)
     helped = {}
     for i, name in enumerate(names):
         weak = measured[i : i + 1] * 1e-6  # small instead of zero, because a measured value may have no bounds
-        without = _bounded_spread(np.vstack([of_recordings, np.delete(measured, i, axis=0), weak]), bounds)
+        others = np.delete(measured, i, axis=0)
+        without = _bounded_spread(np.vstack([rows.of_recordings, others, weak]), rows.bounds)
         helped[name] = tuple(
             p for p, grown in zip(PARAMETERS, without > SETTINGS.helps * with_all, strict=True) if grown and p != name
         )
     return helped
 
 
-def bench_advice(
-    answers: Mapping[Measurement, Array],
-    known: Array,
-    bounds: Array,
-    names: Sequence[str] = PARAMETERS,
-) -> tuple[Advice, ...]:
-    """Compute the expected gain of each bench measurement, largest first.
-
-    Args:
-        answers: (k, n) whitened readings of each measurement, for relative changes of the parameters
-        known: (m, n) rows of recordings and measured values
-        bounds: (l, n) rows of the bounds
-        names: names of the n parameters
-    """
-    return tuple(sorted(_advice(answers, known, bounds, names).values(), key=_worth, reverse=True))
-
-
-def _advice(
-    answers: Mapping[Measurement, Array],
-    known: Array,
-    bounds: Array,
-    names: Sequence[str],
-) -> dict[Measurement, Advice]:
-    loose, before = np.isinf(spread(known)), _bounded_spread(known, bounds)
+def _advice(answers: Mapping[Measurement, Array], known: Array, rows: InformationRows) -> dict[Measurement, Advice]:
+    """Compute the expected gain of each bench measurement, in addition to the rows `known` (m, n)."""
+    loose, before = np.isinf(spread(known)), _bounded_spread(known, rows.bounds)
     advice = {}
     for instrument, answer in answers.items():
         more = np.vstack([known, answer])
         freed = loose & ~np.isinf(spread(more)) if loose.any() else loose
-        gain = np.sum(np.log2(before / _bounded_spread(more, bounds)))
-        frees = tuple(name for name, is_freed in zip(names, freed, strict=True) if is_freed)
+        gain = np.sum(np.log2(before / _bounded_spread(more, rows.bounds)))
+        frees = tuple(name for name, is_freed in zip(rows.names, freed, strict=True) if is_freed)
         advice[instrument] = Advice(
-            instrument.name, instrument.how, frees, float(gain), instrument.quantity, len(names)
+            instrument.name, instrument.how, frees, float(gain), instrument.quantity, len(rows.names)
         )
     return advice
 
@@ -315,19 +343,15 @@ def _worth(advice: Advice) -> tuple[int, float]:
     return len(advice.frees), advice.gain_bits
 
 
-def bench_sequence(
-    answers: Mapping[Measurement, Array],
-    known: Array,
-    bounds: Array,
-    names: Sequence[str] = PARAMETERS,
-) -> tuple[Advice, ...]:
+def _bench_sequence(answers: Mapping[Measurement, Array], rows: InformationRows) -> tuple[Advice, ...]:
     """Choose the best measurement repeatedly until all parameters are determined.
 
-    The sequence also ends if no measurement has a worthwhile gain. See `bench_advice` for the arguments.
+    The sequence also ends if no measurement has a worthwhile gain.
     """
+    known = rows.known
     open_measurements, taken = dict(answers), []
     while open_measurements and np.isinf(spread(known)).any():
-        advice = _advice(open_measurements, known, bounds, names)
+        advice = _advice(open_measurements, known, rows)
         best = max(advice, key=lambda instrument: _worth(advice[instrument]))
         if advice[best].gain_bits < SETTINGS.worthwhile_bits:
             break

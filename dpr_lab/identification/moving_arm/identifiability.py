@@ -19,9 +19,9 @@ from dpr_lab.dynamics.moving_arm.followed import FOLLOW
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS, swing_segments
 from dpr_lab.errors import ConfigError
 from dpr_lab.fitting.estimate import Estimate
-from dpr_lab.identification.directions import SEEN, free_directions, simple_basis, spread
+from dpr_lab.identification.directions import spread
 from dpr_lab.identification.expected import RELEASES, information_root
-from dpr_lab.identification.identifiability import Advice, already_made, bench_advice, bench_sequence
+from dpr_lab.identification.identifiability import Directions, InformationRows, already_made
 from dpr_lab.identification.instruments import INSTRUMENTS, JOINT2_ENCODER, BenchReading, Instrument, Measurement
 from dpr_lab.identification.moving_arm.fit import ArmFit, fit_moving_arm, fit_segments
 from dpr_lab.identification.moving_arm.problem import ArmRecording, arm_problem, recordings_of
@@ -29,7 +29,7 @@ from dpr_lab.identification.moving_arm.unknowns import Unknowns, best, mode_numb
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.rig_tables import Parameter, Pose
 from dpr_lab.run import Run
-from dpr_lab.shown import Row, Shown
+from dpr_lab.shown import Row
 
 SINGLE_ROD = ("l1", "m1", "c1", "J1")
 """Names of the parameters of the inner rod alone."""
@@ -95,11 +95,8 @@ ARM_INSTRUMENTS = (
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ArmIdentifiability(Shown):
-    """Results of an identifiability analysis with a moving arm: information and undetermined directions.
-
-    The information is that of recordings and measured values together.
-    """
+class ArmIdentifiability(Directions):
+    """Results of an identifiability analysis with a moving arm."""
 
     arm: tuple[str, ...]
     """Modes of the arm in the recordings."""
@@ -107,26 +104,16 @@ class ArmIdentifiability(Shown):
     """Kind of the input of the arm; empty if there is no input."""
     simulated: bool
     """Whether the recordings were simulated with the values of the rig file; no value is then a result."""
-    rank: int
-    """Number of directions that the recordings determine."""
-    singular_values: tuple[float, ...]
-    """Singular values of the whitened sensitivity to relative changes of the parameters."""
     combinations: Mapping[str, float]
     """Expected relative standard deviations of the determined combinations of parameters."""
     values: Mapping[str, float]
     """Estimates of the determined combinations of parameters, SI; empty for simulated recordings."""
     unseen: tuple[str, ...]
     """Combinations of parameters that are not determined."""
-    null_space: tuple[Mapping[str, float], ...]
-    """Directions that recordings and measured values do not determine, as relative changes of the parameters."""
     fixed_by: Mapping[str, str]
     """Source of each parameter: `data`, `measured` or `bound`."""
     spread: Mapping[str, float]
     """Relative standard deviation of each determined parameter."""
-    advice: tuple[Advice, ...]
-    """All bench measurements that are not in the rig file, largest gain first."""
-    sequence: tuple[Advice, ...]
-    """Sequence of best measurements until all parameters are determined."""
 
     @property
     def heading(self) -> str:
@@ -145,24 +132,19 @@ class ArmIdentifiability(Shown):
 
     def to_json(self) -> dict[str, Any]:
         """Return the analysis as JSON values."""
-        return {
+        return self._json() | {
             "arm": list(self.arm),
             "input": self.input,
             "simulated": self.simulated,
-            "rank": self.rank,
-            "singular_values": list(self.singular_values),
             "combinations": {
                 name: {"relative_std": std} | ({"value": self.values[name]} if name in self.values else {})
                 for name, std in self.combinations.items()
             },
             "unseen": list(self.unseen),
-            "null_space": [dict(direction) for direction in self.null_space],
             "parameters": {
                 name: {"fixed_by": source} | ({"relative_std": self.spread[name]} if name in self.spread else {})
                 for name, source in self.fixed_by.items()
             },
-            "advice": [advice.to_json() for advice in self.advice],
-            "sequence": [advice.to_json() for advice in self.sequence],
         }
 
 
@@ -182,37 +164,29 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
     modes = tuple(sorted({run.arm_mode for run in runs} or {rig.arm.mode}))
     fit = fit_moving_arm(recordings_of(runs, rig), rig) if runs else _simulated(rig)
     unknowns = fit.problem.unknowns
-    sizes, rows = _physical(rig, unknowns)
-    parameters, names = _of_rig_file(rig, sizes), tuple(sizes)
+    sizes, slopes = _physical(rig, unknowns)
+    parameters = _of_rig_file(rig, sizes)
     scatter = max(1.0, fit.chi2_per_dof) if runs else 1.0  # a misfit is already in the weights of the fit
     root = information_root(fit.information / scatter, fit.values) * fit.values
-    of_recordings = root @ rows
-    known = np.vstack([of_recordings, _measured_rows(parameters, sizes)])
-    bounds = _bound_rows(parameters, sizes)
-    singular_values = np.linalg.svd(of_recordings, compute_uv=False)
+    rows = InformationRows.of(root @ slopes, parameters, np.array(list(sizes.values())))
     combinations = [unknowns.name(name) for name in unknowns.free]
     relative = dict(zip(combinations, spread(root).tolist(), strict=True))
     determined = {name: std for name, std in relative.items() if np.isfinite(std)}
-    of_parameters = dict(zip(names, spread(known).tolist(), strict=True))
+    of_parameters = dict(zip(sizes, spread(rows.known).tolist(), strict=True))
     values = dict(zip(combinations, fit.values.tolist(), strict=True)) if runs else {}
-    answers = _answers(sizes, parameters, rig)
     return ArmIdentifiability(
+        **rows.directions(_answers(sizes, parameters, rig)),
         arm=modes,
         input=unknowns.input if "driven" in modes else "",
         simulated=not runs,
-        rank=int(np.sum(singular_values >= SEEN)),
-        singular_values=tuple(singular_values.tolist()),
         combinations=determined,
         values={name: value for name, value in values.items() if name in determined},
         unseen=tuple(name for name in relative if name not in determined),
-        null_space=tuple(simple_basis(free_directions(known), names)),
         fixed_by={
             name: "measured" if _std(parameters[name]) else "data" if np.isfinite(std) else "bound"
             for name, std in of_parameters.items()
         },
         spread={name: std for name, std in of_parameters.items() if np.isfinite(std)},
-        advice=bench_advice(answers, known, bounds, names),
-        sequence=bench_sequence(answers, known, bounds, names),
     )
 
 
@@ -263,29 +237,6 @@ def _of_rig_file(rig: Rig, names: Iterable[str]) -> dict[str, Parameter | None]:
 def _std(parameter: Parameter | None) -> float:
     """Return the standard uncertainty of a measured parameter, or 0 without a measurement."""
     return (parameter and parameter.std) or 0.0
-
-
-def _measured_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[str, float]) -> Array:
-    stds = np.array([_std(parameters[name]) for name in sizes])
-    rows = np.diag([*sizes.values()] / np.where(stds > 0, stds, np.inf))
-    return rows[stds > 0]
-
-
-def _bound_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[str, float]) -> Array:
-    """Return information rows (k, n) of the k parameters that are not measured.
-
-    The n columns belong to relative changes of all parameters.
-
-    A bound acts like the standard deviation of a uniform distribution between the bounds. Without two positive bounds,
-    the relative standard deviation is 1.
-    """
-    rows = [
-        sizes[name] * 12**0.5 / (parameter.upper - parameter.lower)
-        if parameter and parameter.upper and parameter.lower
-        else 1.0
-        for name, parameter in parameters.items()
-    ]
-    return np.diag(rows)[[not _std(parameter) for parameter in parameters.values()]]
 
 
 def _answers(
