@@ -47,6 +47,10 @@ class Torques:
         """
         return _arm_knots(self)
 
+    def arm_means(self, instants: Array) -> Array:
+        """Return the (m - 1,) mean torques on the arm between successive times (m,), N m."""
+        return np.diff(np.interp(instants, *self.arm_knots)) / np.diff(instants)
+
     @property
     def knots(self) -> tuple[Array, Array]:
         """Times (n + 2,), s, and integrals (n + 2, 2) of the generalised torques, N m s.

@@ -78,12 +78,12 @@ def identify(
 
 def show_moving_arm(model: "MovingArmModel") -> None:
     """Print the model of a rig with a moving arm as tables on stdout."""
-    from dpr_lab.report import moving_arm
+    from dpr_lab.report import moving_arm, tables
     from dpr_lab.report.digits import superscripts
 
     line(moving_arm.summary(model))
     reference = "the inertia a of the inner rod" if model.scale == "a" else "the inertia b of the outer rod"
-    table(f"Ratios to {reference}", moving_arm.RATIO_COLUMNS, moving_arm.ratio_rows(model))
+    table(f"Ratios to {reference}", tables.RATIO_COLUMNS, tables.ratio_rows(model))
     note = f"{superscripts(model.scale_sentence)} A is the total inertia about the arm's axis."
     table("Absolute values", moving_arm.ABSOLUTE_COLUMNS, moving_arm.absolute_rows(model), note=note)
     for name, sentence in model.undetermined.items():

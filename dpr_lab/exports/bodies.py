@@ -11,7 +11,7 @@ from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.effects.effect import Words
 from dpr_lab.effects.effect_kernels import active_effects, arm_model
 from dpr_lab.effects.quantities import HELD_ARM
-from dpr_lab.exports.module_parts import known_effects
+from dpr_lab.exports.module_parts import base_of, known_effects
 from dpr_lab.exports.moving_arm.bodies import arm_bodies
 from dpr_lab.exports.rigid_bodies import Arm, Bodies, rod_about_joint, words_of_joint
 from dpr_lab.identification.model import Model
@@ -77,7 +77,7 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
     """
     if isinstance(model, MovingArmModel):
         return arm_bodies(model, rig, expressed)
-    a, b, d, e1, c1, c2 = (model.base[name].value for name in ("a", "b", "d", "e1", "c1", "c2"))
+    a, b, d, e1, _, c1, c2 = base_of(model)
     m1, m2, mb = _masses(model)
     values, constants = list(expressed.values()), rig_constants(rig)
     length = model.rig.L1 + sum(words.get("added_length", 0.0) for words in values)

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from dpr_lab.dynamics.arm import with_gravity
+from dpr_lab.dynamics.base import BASE
 from dpr_lab.dynamics.encoder_errors import read_at
 from dpr_lab.dynamics.lanes.interpolation import cubic
 from dpr_lab.dynamics.step import RigModel, RigState, accelerations_at, stepped
@@ -19,6 +21,8 @@ from dpr_lab.effects.effect_kernels import AT_RELEASE, STEPPED, required_by
 from dpr_lab.effects.quantities import ArmModel, BaseParameters, RigConstants
 from dpr_lab.effects.stages import Requirements
 from dpr_lab.exports.source import PREAMBLE, Rewrite, sources
+from dpr_lab.identification.model import Model
+from dpr_lab.identification.moving_arm.model import MovingArmModel
 
 _EVERY = """
 effect_torques load_torques dry_limits arm_model free_arm_model arm_torques arm_drives whole_torques arm_delay
@@ -153,22 +157,50 @@ def simulated_rig(base: BaseParameters, constants: RigConstants, arm: ArmModel, 
 
 
 def assembled(
-    head: str,
+    model: Model | MovingArmModel,
+    templates: tuple[str, str],
     rig: RigModel,
-    tail: str,
-    effects: Collection[str],
+    effects: Mapping[str, Mapping[str, float]],
+    mode: int,
     more: Mapping[str, Any],
     rewritten: Mapping[str, Rewrite],
-    mode: int,
+    **constants: object,
 ) -> str:
-    """Assemble a module from head, required functions, simulation class and tail."""
+    """Assemble a module from head, required functions, simulation class and tail.
+
+    Args:
+        model: the exported model
+        templates: templates of head and tail
+        rig: model of the rig in the module
+        effects: effects that the module contains
+        mode: mode of the arm
+        more: additional functions of dpr-lab, as for `sources`
+        rewritten: transformations of functions, as for `sources`
+        constants: further values of the head by name
+    """
+    head, tail = templates
+    head = head.format(
+        rig=model.rig.name,
+        scale=model.scale_sentence,
+        left_out=[name for name in model.effects if name not in effects],
+        effects=effects,
+        L1=model.rig.L1,
+        g=model.rig.g,
+        parameters="\n".join(_parameter_lines(effects)),
+        **constants,
+    )
     chosen: dict[str, Rewrite] = {name: partial(of_effects, effects=effects) for name in FOLDED}
     chosen |= {"effect_torques": partial(_driven, effects=effects)}
     functions = sources(FOLDED | _USED | dict(more), chosen | dict(rewritten))
     swing = SWING.format(
         model=rig, internal=tuple(AT_RELEASE[list(STEPPED)].tolist()), mode=mode, relative2=rig.constants.relative2
     )
-    return f"{head}{PREAMBLE}\n\n{functions}\n\n{swing}\n{tail}"
+    return f"{head}{PREAMBLE}\n\n{functions}\n\n{swing}\n{tail.format(mode=mode)}"
+
+
+def base_of(model: Model | MovingArmModel) -> BaseParameters:
+    """Return the base parameters of the rods, SI."""
+    return with_gravity([model.sizes[name] for name in BASE], model.rig.L1, model.rig.g)
 
 
 def known_effects(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
@@ -180,7 +212,7 @@ def known_effects(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[
     }
 
 
-def parameter_lines(effects: Iterable[str]) -> Iterable[str]:
+def _parameter_lines(effects: Iterable[str]) -> Iterable[str]:
     """Yield one line of source for each parameter, under the name used by the functions."""
     for name in effects:
         for p in EFFECTS[name].parameters:

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from dpr_lab.dynamics.arm import CLAMPED, FREE, with_gravity
+from dpr_lab.dynamics.arm import CLAMPED, FREE
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS, effect_params
 from dpr_lab.effects.effect_kernels import arm_model
 from dpr_lab.effects.quantities import HELD_ARM
-from dpr_lab.exports.module_parts import assembled, known_effects, parameter_lines, simulated_rig
+from dpr_lab.exports.module_parts import assembled, base_of, known_effects, simulated_rig
 from dpr_lab.exports.moving_arm.python_module import arm_module_text
 from dpr_lab.exports.source import Rewrite
 from dpr_lab.identification.model import Model
@@ -96,21 +96,9 @@ def python_module(
         return arm_module_text(model, rig, more, rewritten)
     effects = {name: values for name, values in model.effects.items() if name in OF_FREE_SWINGS}
     params = effect_params(known_effects(effects))
-    base = tuple(model.base[name].value for name in ("a", "b", "d", "e1", "c1", "c2"))
     constants = rig_constants(rig)._replace(L1=model.rig.L1, g=model.rig.g)
-    gravity = with_gravity(base, model.rig.L1, model.rig.g)
     arm = arm_model(constants, HELD_ARM, params.tolist(), np.isin(list(EFFECTS), list(effects)))
-    simulated = simulated_rig(gravity, constants, arm, effects)
-    head = _HEAD.format(
-        rig=model.rig.name,
-        scale=model.scale_sentence,
-        left_out=[name for name in model.effects if name not in effects],
-        effects=effects,
-        L1=model.rig.L1,
-        L2=constants.L2,
-        g=model.rig.g,
-        base=base,
-        parameters="\n".join(parameter_lines(effects)),
-    )
+    simulated = simulated_rig(base_of(model), constants, arm, effects)
     mode = FREE if simulated.required.arm else CLAMPED
-    return assembled(head, simulated, _CLAMPED.format(mode=mode), effects, more, rewritten, mode)
+    further = {"L2": constants.L2, "base": tuple(model.sizes.values())}
+    return assembled(model, (_HEAD, _CLAMPED), simulated, effects, mode, more, rewritten, **further)

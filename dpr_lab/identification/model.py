@@ -1,7 +1,7 @@
 """Result of an identification, which is stored in `model.json`."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
@@ -220,6 +220,7 @@ class FittedModel(Shown, ModelPart):
 
     if TYPE_CHECKING:
         runs: list[RunUsed]
+        effects: dict[str, dict[str, Number]]
 
     def used(self, sha256: str) -> bool:
         """Check whether the run with this hash was fitted; otherwise it is held out."""
@@ -232,6 +233,9 @@ class FittedModel(Shown, ModelPart):
             RunError: the file cannot be written.
         """
         write_text(path, self.model_dump_json(indent=1) + "\n", RunError)
+
+
+AnyFittedModel = TypeVar("AnyFittedModel", bound=FittedModel)
 
 
 class Model(FittedModel):
@@ -325,6 +329,11 @@ class Model(FittedModel):
         return [("", "value", "std", "determined by"), *rows]
 
     @property
+    def sizes(self) -> dict[str, float]:
+        """Base parameters at the scale of the model, SI."""
+        return {name: parameter.value for name, parameter in self.base.items()}
+
+    @property
     def ratio_values(self) -> Array:
         """(5,) ratios a/b, d/b, e1/b, c1/b, c2/b, defined in docs/theory.md."""
         return np.array([estimate.value for estimate in self.all_ratios.values()])
@@ -369,32 +378,48 @@ def load_model(path: Path | str) -> Model:
         RunError: the file is missing, not JSON, or not a model; the message names the key.
     """
     path = in_folder(Path(path), MODEL)
+    content = model_content(path)
+    if is_of_moving_arm(content):
+        raise RunError(f"{path}: is a model of a rig with a moving arm, which only `compare` and `export` accept")
+    return validated(Model, content, path)
+
+
+def model_content(path: Path) -> Any:
+    """Read the content of a model file.
+
+    Raises:
+        RunError: the file is missing, not JSON, or a diagnosis.
+    """
     try:
-        content = json.loads(read_text(path, RunError))
-        if isinstance(content, dict) and content.get("kind") == "moving_arm":
-            raise RunError(f"{path}: is a model of a rig with a moving arm, which only `compare` and `export` accept")
-        if isinstance(content, dict) and "verdict" in content:
-            raise RunError(f"{path}: is a diagnosis; its corrected model is model.json in the same folder")
-        model = Model.model_validate(all_printable(content))
-        refuse_unknown_effects(model.effects, path)
-        return model
+        content = all_printable(json.loads(read_text(path, RunError)))
+    except (ValueError, RecursionError) as error:  # other encoding, invalid JSON, a number of thousands of digits
+        raise RunError(f"{path}: {not_json(error, 'a model', MODEL, '`identify` or `diagnose --out`')}") from error
+    if isinstance(content, dict) and "verdict" in content:
+        raise RunError(f"{path}: is a diagnosis; its corrected model is model.json in the same folder")
+    return content
+
+
+def is_of_moving_arm(content: Any) -> bool:
+    """Check whether the content of a model file is that of a rig with a moving arm."""
+    return isinstance(content, dict) and content.get("kind") == "moving_arm"
+
+
+def validated(kind: type[AnyFittedModel], content: Any, path: Path) -> AnyFittedModel:
+    """Validate the content of a model file.
+
+    Raises:
+        RunError: a key is invalid, or an effect is unknown to this version.
+    """
+    try:
+        model = kind.model_validate(content)
     except ValidationError as error:
         fault = f"is not a model of dpr-lab: {first_fault(error)}"
         raise RunError(f"{path}: {fault}: give {MODEL}, which `identify` or `diagnose --out` has written") from error
-    except (ValueError, RecursionError) as error:  # other encoding, invalid JSON, a number of thousands of digits
-        raise RunError(f"{path}: {not_json(error, 'a model', MODEL, '`identify` or `diagnose --out`')}") from error
-
-
-def refuse_unknown_effects(effects: Mapping[str, Mapping[str, float]], path: Path) -> None:
-    """Check that this version knows the effects of a model file.
-
-    Raises:
-        RunError: an effect is unknown to this version.
-    """
-    for name, values in effects.items():
+    for name, values in model.effects.items():
         known = [parameter.name for parameter in EFFECTS[name].parameters] if name in EFFECTS else []
         if name not in EFFECTS or not set(values) <= set(known):
             raise RunError(
                 f"{path}: is not a model file (JSON): effects.{name}: unknown effect or parameters"
                 f" ({', '.join(values)}): update dpr-lab"
             )
+    return model

@@ -8,14 +8,12 @@ import numpy as np
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import plus_minus
 from dpr_lab.report.run_names import run_label
-from dpr_lab.report.tables import ratio_row
 from dpr_lab.shown import counted
 
 if TYPE_CHECKING:
     from dpr_lab.identification.moving_arm.identify import ArmComparison
     from dpr_lab.identification.moving_arm.model import MovingArmModel
 
-RATIO_COLUMNS = ("ratio", "value", "90 % interval", "unit")
 ABSOLUTE_COLUMNS = ("parameter", "value", "unit", "determined by")
 COMPARISON_COLUMNS = ("run", "role", "joint", "residual (mrad rms)", "noise (mrad)")
 
@@ -35,11 +33,6 @@ def summary(model: "MovingArmModel", angles: AngleUnit = RADIANS) -> str:
         f"{runs}, {segments} of {model.fit.segment_s:g} s; residual: {rms}; reduced chi-square"
         f" {model.fit.chi2_per_dof:.3g}"
     )
-
-
-def ratio_rows(model: "MovingArmModel") -> list[list[str]]:
-    """Return one row for each ratio that the recordings determine."""
-    return [ratio_row(name, ratio) for name, ratio in model.ratios.items()]
 
 
 def absolute_rows(model: "MovingArmModel") -> list[list[str]]:

@@ -16,7 +16,8 @@ from dpr_lab.shown import FIXED_BY
 
 if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison
-    from dpr_lab.identification.model import EstimatedValue, Model, ParameterValue
+    from dpr_lab.identification.model import Model, ParameterValue
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.planning.result import LimitForecast, Plan, PlannedRelease
 
 RATIO_COLUMNS = ("ratio", "value ± std", "90 % interval", "unit")
@@ -135,15 +136,18 @@ def ratio_title(model: "Model") -> str:
     return "Ratios to the inertia b of the outer rod"
 
 
-def ratio_rows(model: "Model") -> list[list[str]]:
+def ratio_rows(model: "Model | MovingArmModel") -> list[list[str]]:
     """Return one row for each ratio that the recordings determine, in the columns `RATIO_COLUMNS`."""
-    return [ratio_row(name, ratio) for name, ratio in model.ratios.items() if ratio.fixed_by == "data"]
-
-
-def ratio_row(name: str, ratio: "EstimatedValue") -> list[str]:
-    """Return the cells of one ratio: its name, its value, its interval and its unit."""
-    unit = superscripts(RATIO_UNITS.get(name, ""))
-    return [name, plus_minus(ratio.value, ratio.std), interval(*ratio.interval90, ratio.value, ratio.std), unit]
+    return [
+        [
+            name,
+            plus_minus(ratio.value, ratio.std),
+            interval(*ratio.interval90, ratio.value, ratio.std),
+            superscripts(RATIO_UNITS.get(name, "")),
+        ]
+        for name, ratio in model.ratios.items()
+        if ratio.fixed_by == "data"
+    ]
 
 
 def limit_forecast_rows(made: "Plan") -> list[tuple[str, ...]]:

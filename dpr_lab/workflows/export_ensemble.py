@@ -256,7 +256,6 @@ def _write(
 ) -> dict[str, int]:
     from dpr_lab.exports.bodies import bodies, in_words
     from dpr_lab.exports.ensemble.bands import level_of
-    from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.report.plain import write_json
 
     members, sets = [], dict[str, int]()
@@ -266,11 +265,10 @@ def _write(
             {"length_m": rod.length, "mass_kg": rod.mass, "centroid_m": rod.centroid, "inertia_kgm2": rod.inertia}
             for rod in made.rods
         ]
-        moving = isinstance(model, MovingArmModel)
         members.append(
             {
                 "ratios": {name: estimate.value for name, estimate in model.ratios.items()},
-                "base": model.sizes if moving else {name: value.value for name, value in model.base.items()},
+                "base": model.sizes,
                 "rods": rods,
                 "effects": model.effects,
             }

@@ -10,7 +10,6 @@ import pytest
 from dpr_lab.errors import RunError
 from dpr_lab.identification.model import load_model
 from dpr_lab.identification.moving_arm.model import load_model as load_any_model
-from dpr_lab.identification.moving_arm.model import load_moving_arm_model
 
 (MODEL,) = (Path(__file__).parents[1]).rglob("model.json")
 
@@ -62,7 +61,6 @@ def test_an_invalid_model_file_is_refused_with_a_sentence(tmp_path: Path, conten
 def test_a_model_is_read_from_the_folder_of_a_diagnosis(table, tmp_path: Path) -> None:
     written(tmp_path / "model.json", table)
     assert load_model(tmp_path) == load_any_model(tmp_path) == load_model(MODEL)
-    assert load_moving_arm_model(tmp_path) is None
 
 
 @pytest.mark.parametrize("effects", [{"gremlins": {}}, {"coulomb_joint1": {"torque": 1.0}}])

@@ -14,9 +14,8 @@ from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.step import motion_of
 from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.effects.effect_kernels import AT_RELEASE, STEPPED, active_effects, effect_torques
-from dpr_lab.effects.quantities import BaseParameters
 from dpr_lab.exports.mjcf import EngineFile, passive, rest_friction
-from dpr_lab.exports.module_parts import known_effects
+from dpr_lab.exports.module_parts import base_of, known_effects
 from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
 from dpr_lab.simulator_models.chain import ModelChain
@@ -64,9 +63,7 @@ def passive_forces(
 def _adds_inertia(name: str, values: Mapping[str, float], model: Model, rig: Rig) -> bool:
     """Check whether an effect contributes to the mass matrix."""
     params = effect_params({name: values})
-    base = {key: model.base[key].value for key in ("a", "b", "d", "e1", "c1", "c2")}
-    known = BaseParameters(e2=base["d"] * model.rig.g / model.rig.L1, **base)
     moving = motion_of(0.1, (0.0, 1.0, 2.0), (0.0, 1.0, -1.0), (0.1, 0.1), (1.0, 1.0), (1.0, -1.0))
     internal = tuple(AT_RELEASE[list(STEPPED)].tolist())
-    terms = effect_torques(moving, known, rig_constants(rig), internal, params, active_effects(params))
+    terms = effect_torques(moving, base_of(model), rig_constants(rig), internal, params, active_effects(params))
     return any((terms.a, terms.b, terms.coupling))

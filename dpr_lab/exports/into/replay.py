@@ -23,9 +23,8 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.into.target import PatchedModel
 from dpr_lab.exports.mjcf import CALLBACK
-from dpr_lab.exports.moving_arm.replay import arm_replays
 from dpr_lab.exports.programs import Replay
-from dpr_lab.exports.replay import release
+from dpr_lab.exports.replay import replays
 from dpr_lab.exports.xml import rendered
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.setup import drive_gain
@@ -80,9 +79,9 @@ def replay_files(
     file, patched = (Simulation.of(before, text, joints, rig.g, moving) for text in (None, after.text))
     gain = unit * patched.gear / file.gear  # the known torques were computed with the gear of the user's file
     forced = patched.with_module(after.passive.module, rig, gain) if after.passive.module else None
-    replays = []
+    file_replays = []
     for run in runs:
-        swings = arm_replays(run, rig, model) if isinstance(model, MovingArmModel) else [release(run, rig, model)]
+        swings = replays([run], rig, model)
         simulated = [
             [swing.simulated for swing in swings],
             [file.angles(swing, unit) for swing in swings],
@@ -91,8 +90,8 @@ def replay_files(
         ]
         lab, *errors = (_rms(swings, angles) for angles in simulated)
         passive = errors[2] if forced else None
-        replays.append(FileReplay(swings[0].run, float(swings[-1].t[-1]), errors[0], errors[1], lab, passive))
-    return replays
+        file_replays.append(FileReplay(swings[0].run, float(swings[-1].t[-1]), errors[0], errors[1], lab, passive))
+    return file_replays
 
 
 def _rms(swings: Sequence[Replay], simulated: Sequence[Array]) -> float:

@@ -14,7 +14,7 @@ from dpr_lab.arrays import Array, Flags
 from dpr_lab.errors import RunError
 from dpr_lab.exports.ensemble.bands import BANDS, PredictiveBand, quantiles_of
 from dpr_lab.exports.ensemble.starts import drawn_starts
-from dpr_lab.exports.moving_arm.replay import ARM_REPLAY, run_problem
+from dpr_lab.exports.moving_arm.replay import ARM_REPLAY, noise_of, run_problem
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.problem import Problem
@@ -46,8 +46,7 @@ def predictive_arm_band(members: Sequence[MovingArmModel], run: Run, rig: Rig, s
     compared = ~head & (segments.t <= segments.t[0] + BANDS.length_s) & (np.arange(len(head)) % stride == 0)
     started = replace(problem, weight=np.where(head[:, None], problem.weight, 0.0))
     drawn = np.array([_readings(member, started, initial, rig, compared, rng) for member in members])
-    noise = 1.0 / np.array([np.median(column[column > 0]) if column.any() else np.inf for column in problem.weight.T])
-    drawn += noise * rng.standard_normal(drawn.shape)
+    drawn += np.nan_to_num(noise_of(problem)) * rng.standard_normal(drawn.shape)
     if not np.isfinite(drawn).all(axis=(1, 2)).any():
         raise RunError(f"{run.file or run.name}: no model of the ensemble can follow these readings")
     order = [2, 0, 1]

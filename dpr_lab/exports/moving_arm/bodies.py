@@ -28,7 +28,7 @@ def arm_bodies(model: MovingArmModel, rig: Rig, expressed: Mapping[str, Words], 
     Raises:
         ConfigError: the recordings determine no inertia of the arm, or no bodies with positive masses have this motion.
     """
-    if "A" not in {name.split("/")[0] for name in model.ratios}:
+    if f"A/{model.scale}" not in model.ratios:
         raise ConfigError(
             "the recordings of this model do not determine the inertia of the arm, which a format of rigid"
             " bodies requires: identify from recordings with a free arm, or one that is driven by a torque,"

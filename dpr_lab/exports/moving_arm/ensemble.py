@@ -59,7 +59,7 @@ def _possible(rig: Rig, model: MovingArmModel) -> bool:
 
     The result is always True if the inertia of the arm is not determined.
     """
-    if "A" not in {name.split("/")[0] for name in model.ratios}:
+    if f"A/{model.scale}" not in model.ratios:
         return True
     try:
         arm_bodies(model, rig, {})

@@ -6,14 +6,14 @@ The module contains functions of dpr-lab.
 from collections.abc import Mapping
 from typing import Any
 
-from dpr_lab.dynamics.arm import DRIVEN, FREE, with_gravity
+from dpr_lab.dynamics.arm import DRIVEN, FREE
 from dpr_lab.dynamics.moving_arm.geared_motor import GearedState, arm_of_gear, stepped_with_gear
 from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.dynamics.step import with_arm
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.backlash import BACKLASH_JOINT0
 from dpr_lab.effects.quantities import ArmModel
-from dpr_lab.exports.module_parts import assembled, parameter_lines, simulated_rig
+from dpr_lab.exports.module_parts import assembled, base_of, simulated_rig
 from dpr_lab.exports.source import Rewrite
 from dpr_lab.identification.moving_arm.engine import engine_constants
 from dpr_lab.identification.moving_arm.model import MovingArmModel
@@ -158,24 +158,10 @@ def arm_module_text(model: MovingArmModel, rig: Rig, more: Mapping[str, Any], re
     gain = 1.0 if model.input == "acceleration" else sizes["gain"] if model.input else 0.0
     constants = engine_constants(model, rig)._replace(L1=model.rig.L1, g=model.rig.g)
     constants = constants_of_run(constants, Setup("both" if outer else "inner"))
-    base = with_gravity([sizes[name] for name in ("a", "b", "d", "e1", "c1", "c2")], model.rig.L1, model.rig.g)
     arm = ArmModel(sizes["A"], sizes["L0"] / model.rig.g, sizes["c0"], 0.0)
-    head = _HEAD.format(
-        rig=model.rig.name,
-        scale=model.scale_sentence,
-        input=model.input,
-        left_out=[name for name in model.effects if name not in effects],
-        effects=effects,
-        values=sizes,
-        L1=model.rig.L1,
-        g=model.rig.g,
-        gain=gain,
-        outer=outer,
-        parameters="\n".join(parameter_lines(effects)),
-    )
     mode = DRIVEN if model.input == "acceleration" else FREE
-    simulated = simulated_rig(base, constants, arm, effects)
-    tail = _TAIL.format(mode=mode)
+    simulated = simulated_rig(base_of(model), constants, arm, effects)
     of_gear = {"GearedState": GearedState, "arm_of_gear": arm_of_gear, "stepped_with_gear": stepped_with_gear}
     more = {"with_arm": with_arm, **(of_gear if BACKLASH_JOINT0.name in effects else {}), **more}
-    return assembled(head, simulated, tail, effects, more, rewritten, mode)
+    further = {"input": model.input, "values": sizes, "gain": gain, "outer": outer}
+    return assembled(model, (_HEAD, _TAIL), simulated, effects, mode, more, rewritten, **further)

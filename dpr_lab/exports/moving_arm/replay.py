@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from dpr_lab.arrays import Array, Integers
+from dpr_lab.dynamics.moving_arm.followed import FOLLOW
 from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.errors import RunError
 from dpr_lab.exports.programs import REPLAY, Replay
@@ -91,17 +92,22 @@ def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float)
     simulated, read = problem.predict(fitted), problem.read
     if not np.isfinite(simulated).all():
         raise RunError(f"{run.file or run.name}: the model cannot follow these readings")
-    order, weights = [2, 0, 1], (column[column > 0] for column in problem.weight.T)
-    noise = np.array([1.0 / np.median(column) if len(column) else np.nan for column in weights])
+    order = [2, 0, 1]
     return FollowedSegments(
         run.name,
         problem.t,
         np.where(read, problem.measured, np.nan)[:, order],
         np.where(read, simulated, np.nan)[:, order],
         problem.segments.offsets,
-        fitted.initial[:, [4, 0, 1, 5, 2, 3]],
-        noise[order],
+        fitted.initial[:, FOLLOW.order],
+        noise_of(problem)[order],
     )
+
+
+def noise_of(problem: Problem) -> Array:
+    """Return the noise (joints,) of the readings of each joint, rad; nan if a joint has no readings."""
+    weights = (column[column > 0] for column in problem.weight.T)
+    return np.array([1.0 / np.median(column) if len(column) else np.nan for column in weights])
 
 
 def arm_replays(run: Run, rig: Rig, model: MovingArmModel) -> list[Replay]:
@@ -129,5 +135,4 @@ def _inputs(run: Run, rig: Rig, steps: Array) -> Array:
     drives = record(run, rig).setup.torques
     if drives is None or drives.on_arm is None:
         return np.zeros((len(steps) - 1, 1))
-    t, impulse = drives.arm_knots
-    return (np.diff(np.interp(steps, t, impulse)) / np.diff(steps) / drive_gain(rig).value)[:, None]
+    return (drives.arm_means(steps) / drive_gain(rig).value)[:, None]

@@ -1,16 +1,13 @@
 """Result of an identification with a moving arm, stored in `model.json`."""
 
-import json
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from dpr_lab.configs import first_fault
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects.coulomb import COULOMB_JOINT0
 from dpr_lab.effects.spring import SPRING_JOINT0
-from dpr_lab.errors import RunError, all_printable
 from dpr_lab.identification.model import (
     MODEL,
     EstimatedValue,
@@ -20,13 +17,12 @@ from dpr_lab.identification.model import (
     Number,
     RigFacts,
     RunUsed,
-    refuse_unknown_effects,
+    is_of_moving_arm,
+    model_content,
+    validated,
 )
-from dpr_lab.identification.model import load_model as load_rods_model
 from dpr_lab.shown import Row
-from dpr_lab.whole_file import in_folder, read_text
-
-KIND = "moving_arm"
+from dpr_lab.whole_file import in_folder
 
 
 class ArmFitSummary(ModelPart):
@@ -51,7 +47,7 @@ class ArmFitSummary(ModelPart):
 class MovingArmModel(FittedModel):
     """Identified rig with a moving arm; only determined values are contained."""
 
-    kind: Literal["moving_arm"] = KIND
+    kind: Literal["moving_arm"] = "moving_arm"
     """Identifier of this kind of model file."""
     rig: RigFacts
     """Rig of the model."""
@@ -117,28 +113,6 @@ class MovingArmModel(FittedModel):
         return self.model_copy(update={"effects": effects, "swing": swing})
 
 
-def load_moving_arm_model(path: Path) -> MovingArmModel | None:
-    """Read a model from its file or folder; return None for other content.
-
-    Raises:
-        RunError: the file cannot be read, or is damaged; the message names the key.
-    """
-    path = in_folder(path, MODEL)
-    try:
-        content = json.loads(read_text(path, RunError))
-    except (ValueError, RecursionError):
-        return None
-    if not isinstance(content, dict) or content.get("kind") != KIND:
-        return None
-    try:
-        model = MovingArmModel.model_validate(all_printable(content))
-    except ValidationError as error:
-        fault = f"is not a model of dpr-lab: {first_fault(error)}"
-        raise RunError(f"{path}: {fault}: give {MODEL}, which `identify` or `diagnose --out` has written") from error
-    refuse_unknown_effects(model.effects, path)
-    return model
-
-
 def load_model(path: Path | str) -> Model | MovingArmModel:
     """Read a model that `identify` or `diagnose --out` has written.
 
@@ -151,4 +125,6 @@ def load_model(path: Path | str) -> Model | MovingArmModel:
     Raises:
         RunError: the file is missing, not JSON, or not a model; the message names the key.
     """
-    return load_moving_arm_model(Path(path)) or load_rods_model(path)
+    path = in_folder(Path(path), MODEL)
+    content = model_content(path)
+    return validated(MovingArmModel if is_of_moving_arm(content) else Model, content, path)

@@ -6,7 +6,7 @@ from typing import Any
 
 from dpr_lab.identification.moving_arm.identify import ArmComparison
 from dpr_lab.identification.moving_arm.model import MovingArmModel
-from dpr_lab.report import moving_arm
+from dpr_lab.report import moving_arm, tables
 from dpr_lab.report.figures import error_figure, response_figure, save_each
 from dpr_lab.report.pages.page import Items, PageTable, Section, page_html, pictures, write_page
 
@@ -54,7 +54,7 @@ def write_arm_report(
         Section(
             f"Ratios to {model.scale}",
             [
-                PageTable(moving_arm.RATIO_COLUMNS, moving_arm.ratio_rows(model)),
+                PageTable(tables.RATIO_COLUMNS, tables.ratio_rows(model)),
                 Items([f"{name}: {reason}" for name, reason in model.undetermined.items()]),
             ],
             is_open=True,

@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Group
 from rich.text import Text
 
-from dpr_lab.report import moving_arm
+from dpr_lab.report import moving_arm, tables
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.report.digits import pair, superscripts
 from dpr_lab.tui.steps.compare_charts import SETTINGS
@@ -30,15 +30,15 @@ def start_of_diagnosis(model: Path | None) -> Path | None:
 
     The diagnosis of a rig with a moving arm starts from the rig file.
     """
-    from dpr_lab.identification.moving_arm.model import load_moving_arm_model
+    from dpr_lab.identification.moving_arm.model import MovingArmModel, load_model
 
-    return None if model is None or load_moving_arm_model(model) is not None else model
+    return None if model is None or isinstance(load_model(model), MovingArmModel) else model
 
 
 def ratios(model: "MovingArmModel") -> Group:
     """Draw a table of the ratios that the recordings determine, followed by warnings."""
     inertia = "the inertia a of the inner rod" if model.scale == "a" else "the inertia b of the outer rod"
-    rows = table(f"Ratios to {inertia}", moving_arm.RATIO_COLUMNS, moving_arm.ratio_rows(model))
+    rows = table(f"Ratios to {inertia}", tables.RATIO_COLUMNS, tables.ratio_rows(model))
     return Group(rows, sentences("Warnings", [*model.failures, *model.warnings], mark="!"))
 
 

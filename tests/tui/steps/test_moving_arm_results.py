@@ -7,7 +7,7 @@ import pytest
 from textual.widgets import Select, Static
 
 from dpr_lab.acquisition.capture import CaptureOptions
-from dpr_lab.identification.moving_arm.model import load_moving_arm_model
+from dpr_lab.identification.moving_arm.model import MovingArmModel, load_model
 from dpr_lab.tui.steps.arm_results import start_of_diagnosis
 from dpr_lab.tui.steps.compare import CompareStep
 from dpr_lab.tui.steps.identify import IdentifyStep
@@ -36,8 +36,8 @@ async def test_a_driven_arm_is_identified_and_compared_on_the_screen(lab, until,
         identify, compare = pilot.app.query_one(IdentifyStep), pilot.app.query_one(CompareStep)
         await pilot.press("s")
         await until(pilot, lambda: identify.job is None)
-        model = load_moving_arm_model(pilot.app.workspace.out / "model.json")
-        assert model is not None
+        model = load_model(pilot.app.workspace.out / "model.json")
+        assert isinstance(model, MovingArmModel)
         assert all(name in text(pilot.app, "#ratios-text") for name in model.ratios)
         assert "Ratios to the inertia a of the inner rod" in text(pilot.app, "#ratios-text")
         assert "the scale of the rig file" in text(pilot.app, "#nine-text")
