@@ -11,7 +11,7 @@ factor s / b (1 + x_j), where x_j is the error of the torque constant of joint j
 numbers of the file, and s is one of x_i / u_i, b and b / (1 + x_j).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
@@ -46,6 +46,9 @@ from dpr_lab.simulator_models.chain import ModelChain
 BODY_TERMS = (("a", "e1"), ("b", "d"))
 """For each rod, the base parameters that the inertia and the centre of mass of its body determine."""
 
+Values = Mapping[str, float]
+"""Base parameters, or `SWING_PARAMETERS` of a moving arm, by name, SI."""
+
 
 @dataclass(frozen=True, slots=True)
 class LeastChange:
@@ -73,44 +76,36 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
     effects: Effects = model.effects
     longer = sum(words.get("added_length", 0.0) for words in words_of(effects).values())
     of_file = _base_of(chain, longer)
+    in_order = np.array(list(of_file.values()))
     # of the base parameters, only a contains the armature
     rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])
     gears = _gear_factors(effects, diagnosis, runs)
-    base = _base(of_file, rotor, model, diagnosis, np.array(list(gears.values())))
-    base = with_own_numbers(chain, base, of_file, longer)
-    factor = base[1] / model.base["b"].value
+    base = _base(in_order, rotor, model, diagnosis, np.array(list(gears.values())))
+    values = with_own_numbers(chain, dict(zip(BASE, base.tolist(), strict=True)), of_file, longer)
+    factor = values["b"] / model.base["b"].value
     effects = {name: as_in_file(diagnosis, chain, name, scaled(name, v, factor)) for name, v in effects.items()}
     effects = {name: values for name, values in effects.items() if name not in gears}
     effects |= _changed_gears(gears, factor, diagnosis)
     effects |= unseen(diagnosis, chain, effects, (0, 1))
-    uncorrected: list[tuple[list[ModelCause], Array]] = []
-    for number, terms in enumerate(BODY_TERMS):
-        places = [BASE.index(term) for term in terms]
-        if np.any(base[places] != of_file[places]):
-            uncorrected.append((body_rows(chain, base, of_file, number, longer), _replaced(base, of_file, places)))
-        damping = 4 + number
-        if base[damping] != of_file[damping]:
-            row = cause(chain, number, "damping", of_file[damping], base[damping], "N m s/rad")
-            uncorrected.append(([row], _replaced(base, of_file, [damping])))
 
     def error(tried: Model) -> float:
         return float(np.mean([np.mean(compare_run(run, rig, tried).segment_rms_rad ** 2) for run in runs]))
 
-    numbers = base, _base_of(chain, 0.0)
+    numbers = values, _base_of(chain, 0.0)
+    uncorrected = list(changed_rods(chain, values, of_file, longer))
     return ranked_change(chain, partial(_with, model, chain), error, numbers, effects, uncorrected)
 
 
-Numbers = TypeVar("Numbers")
 ModelKind = TypeVar("ModelKind", Model, MovingArmModel)
 
 
 def ranked_change(
     chain: ModelChain,
-    model_with: Callable[[Numbers, Effects], ModelKind],
+    model_with: Callable[[Values, Effects], ModelKind],
     error: Callable[[ModelKind], float],
-    numbers: tuple[Numbers, Numbers],
+    numbers: tuple[Values, Values],
     effects: Effects,
-    uncorrected: Sequence[tuple[list[ModelCause], Numbers]],
+    uncorrected: Sequence[tuple[list[ModelCause], Values]],
 ) -> LeastChange:
     """Rank the changed numbers by the error that results if they stay uncorrected.
 
@@ -138,13 +133,32 @@ def ranked_change(
     return LeastChange(least, ranked(errors, error(least), error(nothing)), unnamed)
 
 
-def _base_of(chain: ModelChain, longer: float) -> Array:
-    """Return the base parameters (6,) of the file with a longer inner rod.
+def changed_rods(
+    chain: ModelChain, values: Values, of_file: Values, longer: float
+) -> Iterator[tuple[list[ModelCause], Values]]:
+    """Yield the changed numbers of the rods.
+
+    Each change is yielded with a copy of all values, in which the changed numbers are those of the file. `longer` is
+    the increase of the length of the inner rod, m.
+    """
+    for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):
+        if any(values[name] != of_file[name] for name in terms):
+            rows = _body_rows(chain, values, of_file, number, longer)
+            yield rows, {**values, **{name: of_file[name] for name in terms}}
+        damping = f"c{number + 1}"
+        if values[damping] != of_file[damping]:
+            row = cause(chain, number, "damping", of_file[damping], values[damping], "N m s/rad")
+            yield [row], {**values, damping: of_file[damping]}
+
+
+def _base_of(chain: ModelChain, longer: float) -> dict[str, float]:
+    """Return the base parameters of the file with a longer inner rod.
 
     The additional length is `longer`, m.
     """
     values, length = chain.parameters, (chain.rods[0].length or 0.0) + longer
-    return base_parameters([values[name] for name in PARAMETERS], length, chain.gravity)
+    base = base_parameters([values[name] for name in PARAMETERS], length, chain.gravity)
+    return dict(zip(BASE, base.tolist(), strict=True))
 
 
 def _gear_factors(
@@ -208,19 +222,18 @@ def _same_gear(diagnosis: Diagnosis) -> float:
     return max(CHANGE.same, CHANGE.stds * float(np.log(high / low)) / (2 * NORMAL_Q90))
 
 
-def with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: float) -> Array:
-    """Adapt base parameters (6,) so that slightly changed bodies keep their numbers.
+def with_own_numbers(chain: ModelChain, values: Values, of_file: Values, longer: float) -> dict[str, float]:
+    """Adapt base parameters so that slightly changed bodies keep their numbers.
 
     The centre of mass or the inertia of a body keeps its value of the file if the base parameters change it only
     slightly.
     """
     length, carried = (chain.rods[0].length or 0.0) + longer, sum(r.mass for r in chain.rods[1:]) + chain.elbow_mass
-    changed = base.copy()
+    changed = dict(values)
     for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):
-        places = [BASE.index(term) for term in terms]
-        if np.all(base[places] == of_file[places]):
+        if all(values[name] == of_file[name] for name in terms):
             continue
-        file, estimated = (_bodies(chain, values, longer)[number] for values in (of_file, base))
+        file, estimated = (_bodies(chain, numbers, longer)[number] for numbers in (of_file, values))
         centroid, inertia = (
             in_file if abs(other / in_file - 1) < CHANGE.same else other
             for in_file, other in zip(file, estimated, strict=True)
@@ -228,46 +241,39 @@ def with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: flo
         mass = chain.rods[number].mass
         inertia_about_joint = inertia + mass * centroid**2
         if number:
-            changed[places] = inertia_about_joint, mass * length * centroid
+            changed |= {"b": inertia_about_joint, "d": mass * length * centroid}
         else:
-            changed[places] = (
-                inertia_about_joint + carried * length**2,
-                (mass * centroid + carried * length) * chain.gravity,
-            )
+            moment = (mass * centroid + carried * length) * chain.gravity
+            changed |= {"a": inertia_about_joint + carried * length**2, "e1": moment}
     return changed
 
 
-def _with(model: Model, chain: ModelChain, base: Array, effects: Mapping[str, Mapping[str, float]]) -> Model:
+def _with(model: Model, chain: ModelChain, values: Values, effects: Effects) -> Model:
     """Replace base parameters and effects of a model; use the file's masses."""
     inner, outer = chain.rods
     known = {"m1": inner.mass, "m2": outer.mass, "mb": chain.elbow_mass, "l1": inner.centroid, "l2": outer.centroid}
-    known |= {"J1": inner.inertia, "J2": float(base[1]) - outer.mass * outer.centroid**2}
+    known |= {"J1": inner.inertia, "J2": values["b"] - outer.mass * outer.centroid**2}
     nine = {
         name: value.model_copy(update={"value": known.get(name, value.value)})
         for name, value in model.parameters.items()
     }
     absolute = {
-        name: ParameterValue(value=float(value), std=model.base[name].std, fixed_by=model.base[name].fixed_by)
-        for name, value in zip(BASE, base, strict=True)
+        name: ParameterValue(value=values[name], std=entry.std, fixed_by=entry.fixed_by)
+        for name, entry in model.base.items()
     }
-    p_over_b = outer.mass * (inner.length or 0.0) ** 2 / float(base[1])
+    p_over_b = outer.mass * (inner.length or 0.0) ** 2 / values["b"]
     effects = {name: dict(values) for name, values in effects.items()}
     update = {"parameters": nine, "base": absolute, "p_over_b": p_over_b, "effects": effects}
-    return model.with_ratios(ratios(base).tolist()).model_copy(update=update)
+    of_base = ratios(np.array([values[name] for name in BASE]))
+    return model.with_ratios(of_base.tolist()).model_copy(update=update)
 
 
-def _replaced(base: Array, replacement: Array, places: Sequence[int]) -> Array:
-    changed = base.copy()
-    changed[list(places)] = replacement[list(places)]
-    return changed
-
-
-def body_rows(chain: ModelChain, base: Array, of_file: Array, number: int, longer: float) -> list[ModelCause]:
+def _body_rows(chain: ModelChain, values: Values, of_file: Values, number: int, longer: float) -> list[ModelCause]:
     """List the changes of the centre of mass and inertia of a body.
 
-    The mass of the body is kept. `longer` is the increase of the length of the inner rod, m.
+    The mass of the body is kept.
     """
-    before, after = (_bodies(chain, values, longer)[number] for values in (of_file, base))
+    before, after = (_bodies(chain, numbers, longer)[number] for numbers in (of_file, values))
     names = (
         ("centre of mass of the body along the rod", "m"),
         ("inertia of the body about its centre of mass", "kg m^2"),
@@ -279,17 +285,17 @@ def body_rows(chain: ModelChain, base: Array, of_file: Array, number: int, longe
     ]
 
 
-def _bodies(chain: ModelChain, base: Array, longer: float) -> list[tuple[float, float]]:
+def _bodies(chain: ModelChain, values: Values, longer: float) -> list[tuple[float, float]]:
     """Compute centre of mass, m, and inertia, kg m^2, of each rod.
 
-    They follow from base parameters (6,).
+    They follow from base parameters.
     """
     inner, *outer = chain.rods
-    a, b, d, e1 = base[:4]
+    a, b, d, e1 = (values[name] for name in ("a", "b", "d", "e1"))
     length, carried = (inner.length or 0.0) + longer, sum(rod.mass for rod in outer) + chain.elbow_mass
     first = (e1 / chain.gravity - carried * length) / inner.mass
-    values = [(first, a - carried * length**2 - inner.mass * first**2)]
+    bodies = [(first, a - carried * length**2 - inner.mass * first**2)]
     for rod in outer:
         second = d / (rod.mass * length)
-        values.append((second, b - rod.mass * second**2))
-    return values
+        bodies.append((second, b - rod.mass * second**2))
+    return bodies

@@ -7,7 +7,7 @@ one of the values x_i / u_i. If the torque per input is unchanged, s is the scal
 other parameters are unchanged instead, the gear of the motor changes.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -26,7 +26,7 @@ from dpr_lab.exports.into.in_file import (
     scaled,
     unseen,
 )
-from dpr_lab.exports.into.least_change import BODY_TERMS, LeastChange, body_rows, ranked_change, with_own_numbers
+from dpr_lab.exports.into.least_change import LeastChange, Values, changed_rods, ranked_change, with_own_numbers
 from dpr_lab.exports.moving_arm.corrected import with_swing
 from dpr_lab.exports.moving_arm.replay import follow_with_arm
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -36,9 +36,6 @@ from dpr_lab.identification.moving_arm.unknowns import parameter_of
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
 from dpr_lab.simulator_models.chain import ChainArm, ModelChain
-
-Values = Mapping[str, float]
-"""`SWING_PARAMETERS` by name, SI."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,8 +116,7 @@ def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[s
     for name in tolerance:
         if not stays(name, s):
             values[name] = u[name] * (1.0 if name == "L0" else s)
-    base, old = (np.array([parameters[name] for name in BASE]) for parameters in (values, of_file))
-    values |= dict(zip(BASE, with_own_numbers(chain, base, old, 0.0).tolist(), strict=True))
+    values = with_own_numbers(chain, values, of_file, 0.0)
     return values | ({"b": values["a"]} if model.scale == "a" else {})
 
 
@@ -142,27 +138,20 @@ def _tolerances(model: MovingArmModel) -> dict[str, float]:
 def _changed(
     chain: ModelChain, arm: ChainArm, values: Values, of_file: Values
 ) -> Iterator[tuple[list[ModelCause], Values]]:
-    """Yield the causes whose numbers differ from the file.
-
-    Each cause is yielded with a copy of all values, in which the numbers of this cause are those of the file.
-    """
-    base, old = (np.array([parameters[name] for name in BASE]) for parameters in (values, of_file))
-    for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):
-        if any(values[name] != of_file[name] for name in terms):
-            yield body_rows(chain, base, old, number, 0.0), {**values, **{name: of_file[name] for name in terms}}
+    """Yield the changed numbers of rods and arm, as `changed_rods` does for the rods."""
+    yield from changed_rods(chain, values, of_file, 0.0)
     gear = (arm.gear or 1.0) / of_file["gain"]
     of_rods = _carried(chain) * values["L0"] ** 2, _carried(chain) * of_file["L0"] ** 2
     numbers = [
-        *((f"c{i + 1}", i, "damping", 1.0, (0.0, 0.0), "N m s/rad") for i in range(len(chain.rods))),
-        ("A", ARM, "inertia of the arm about its axis", 1.0, of_rods, "kg m^2"),
-        ("c0", ARM, "damping", 1.0, (0.0, 0.0), "N m s/rad"),
-        ("gain", ARM, "gear of the motor", gear, (0.0, 0.0), ""),
-        ("L0", ARM, "distance of the rods from the axis of the arm", 1.0, (0.0, 0.0), "m"),
+        ("A", "inertia of the arm about its axis", 1.0, of_rods, "kg m^2"),
+        ("c0", "damping", 1.0, (0.0, 0.0), "N m s/rad"),
+        ("gain", "gear of the motor", gear, (0.0, 0.0), ""),
+        ("L0", "distance of the rods from the axis of the arm", 1.0, (0.0, 0.0), "m"),
     ]
-    for name, joint, quantity, unit_factor, (after, before), unit in numbers:
+    for name, quantity, unit_factor, (after, before), unit in numbers:
         if values[name] != of_file[name]:
             ends = unit_factor * of_file[name] - before, unit_factor * values[name] - after
-            yield [cause(chain, joint, quantity, *ends, unit)], {**values, name: of_file[name]}
+            yield [cause(chain, ARM, quantity, *ends, unit)], {**values, name: of_file[name]}
 
 
 def _with(model: MovingArmModel, values: Values, effects: Effects) -> MovingArmModel:
