@@ -1,7 +1,7 @@
 """Result of an identification, which is stored in `model.json`."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
@@ -18,12 +18,13 @@ from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
 from dpr_lab.search import search_words
-from dpr_lab.shown import FIXED_BY, Row, Shown
+from dpr_lab.shown import FIXED_BY, Row, Shown, counted
 from dpr_lab.whole_file import in_folder, not_json, read_text, write_text
 
 MODEL = "model.json"
 RODS = ("theta1", "theta2")
 Kept = TypeVar("Kept")
+AnyFittedModel = TypeVar("AnyFittedModel", bound="FittedModel")
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -235,9 +236,6 @@ class FittedModel(Shown, ModelPart):
         write_text(path, self.model_dump_json(indent=1) + "\n", RunError)
 
 
-AnyFittedModel = TypeVar("AnyFittedModel", bound=FittedModel)
-
-
 class Model(FittedModel):
     """Identified model: five ratios with intervals, and nine parameters with sources."""
 
@@ -290,8 +288,7 @@ class Model(FittedModel):
         rms = " and ".join(f"{1e3 * value:.3g} mrad ({name})" for name, value in self.fit.rms_rad.items())
         doubts = f"; {len(self.failures)} checks failed" if self.failures else ""
         search = search_words(self.search.algorithm)
-        runs = f"{len(self.runs)} run{'s' * (len(self.runs) != 1)}"
-        return f"Model of rig {self.rig.name} from {runs}, {search}: {rms}{doubts}"
+        return f"Model of rig {self.rig.name} from {counted(len(self.runs), 'run')}, {search}: {rms}{doubts}"
 
     @property
     def all_ratios(self) -> "dict[str, EstimatedValue]":
@@ -340,10 +337,7 @@ class Model(FittedModel):
 
     @property
     def scale_sentence(self) -> str:
-        """Sentence that states the inertia b with its uncertainty.
-
-        Masses, inertias and torques are computed with b.
-        """
+        """Sentence that states the inertia b of all masses, inertias and torques, with its uncertainty."""
         if self.scale is not None:
             share = self.fitted[0].value - (self.p_over_b or 0.0) if self.fitted else 1.0
             return (self.scale.as_inertia("a", share) if self.fitted else self.scale).sentence
@@ -353,9 +347,8 @@ class Model(FittedModel):
     @property
     def unknowns(self) -> Array:
         """Array (7,) of the five ratios, b and p/b."""
-        b = self.base["b"].value
-        p_over_b = self.p_over_b or self.parameters["m2"].value * self.rig.L1**2 / b
-        return np.append(self.ratio_values, [b, p_over_b])
+        b = self.sizes["b"]
+        return np.append(self.ratio_values, [b, self.p_over_b or self.parameters["m2"].value * self.rig.L1**2 / b])
 
     def starting_point(self, rig: Rig) -> Array:
         """Return the (7,) initial values of a fit: the five ratios, b and p/b.
@@ -364,62 +357,43 @@ class Model(FittedModel):
             RunError: the model belongs to another rig.
         """
         if (self.rig.name, self.rig.L1) != (rig.name, rig.L1):
-            raise RunError(
-                f"the model belongs to rig {self.rig.name}, L1 = {self.rig.L1:g} m, not to {rig.name}, L1 ="
-                f" {rig.L1:g} m: use the rig file of this model, or identify this rig first"
-            )
+            fitted, given = (f"{facts.name}, L1 = {facts.L1:g} m" for facts in (self.rig, rig))
+            advice = "use the rig file of this model, or identify this rig first"
+            raise RunError(f"the model belongs to rig {fitted}, not to {given}: {advice}")
         return self.unknowns
 
 
 def load_model(path: Path | str) -> Model:
-    """Read a model from the file or folder that `identify` or `diagnose` has written.
+    """Read a model of a clamped arm; see `read_model` for the file and the errors."""
+    return read_model(path, {"": Model})
+
+
+def read_model(path: Path | str, kinds: Mapping[str, type[AnyFittedModel]]) -> AnyFittedModel:
+    """Read a model from the file or the folder that `identify` or `diagnose --out` has written.
+
+    `kinds` contains the accepted classes by the key `kind` of the file, and the class of files without this key by "".
 
     Raises:
-        RunError: the file is missing, not JSON, or not a model; the message names the key.
+        RunError: the file is missing, not JSON, or not a model of these kinds; the message names the key.
     """
     path = in_folder(Path(path), MODEL)
-    content = model_content(path)
-    if is_of_moving_arm(content):
-        raise RunError(f"{path}: is a model of a rig with a moving arm, which only `compare` and `export` accept")
-    return validated(Model, content, path)
-
-
-def model_content(path: Path) -> Any:
-    """Read the content of a model file.
-
-    Raises:
-        RunError: the file is missing, not JSON, or a diagnosis.
-    """
     try:
         content = all_printable(json.loads(read_text(path, RunError)))
-    except (ValueError, RecursionError) as error:  # other encoding, invalid JSON, a number of thousands of digits
-        raise RunError(f"{path}: {not_json(error, 'a model', MODEL, '`identify` or `diagnose --out`')}") from error
-    if isinstance(content, dict) and "verdict" in content:
-        raise RunError(f"{path}: is a diagnosis; its corrected model is model.json in the same folder")
-    return content
-
-
-def is_of_moving_arm(content: Any) -> bool:
-    """Check whether the content of a model file is that of a rig with a moving arm."""
-    return isinstance(content, dict) and content.get("kind") == "moving_arm"
-
-
-def validated(kind: type[AnyFittedModel], content: Any, path: Path) -> AnyFittedModel:
-    """Validate the content of a model file.
-
-    Raises:
-        RunError: a key is invalid, or an effect is unknown to this version.
-    """
-    try:
-        model = kind.model_validate(content)
+        keys = content if isinstance(content, dict) else {}
+        kind = "moving_arm" if keys.get("kind") == "moving_arm" else ""
+        if kind not in kinds:
+            raise RunError(f"{path}: is a model of a rig with a moving arm, which only `compare` and `export` accept")
+        if "verdict" in keys:
+            raise RunError(f"{path}: is a diagnosis; its corrected model is model.json in the same folder")
+        model = kinds[kind].model_validate(content)
     except ValidationError as error:
         fault = f"is not a model of dpr-lab: {first_fault(error)}"
         raise RunError(f"{path}: {fault}: give {MODEL}, which `identify` or `diagnose --out` has written") from error
+    except (ValueError, RecursionError) as error:  # other encoding, invalid JSON, a number of thousands of digits
+        raise RunError(f"{path}: {not_json(error, 'a model', MODEL, '`identify` or `diagnose --out`')}") from error
     for name, values in model.effects.items():
-        known = [parameter.name for parameter in EFFECTS[name].parameters] if name in EFFECTS else []
-        if name not in EFFECTS or not set(values) <= set(known):
-            raise RunError(
-                f"{path}: is not a model file (JSON): effects.{name}: unknown effect or parameters"
-                f" ({', '.join(values)}): update dpr-lab"
-            )
+        effect = EFFECTS.get(name)
+        if effect is None or not set(values) <= {parameter.name for parameter in effect.parameters}:
+            fault = f"effects.{name}: unknown effect or parameters ({', '.join(values)}): update dpr-lab"
+            raise RunError(f"{path}: is not a model file (JSON): {fault}")
     return model

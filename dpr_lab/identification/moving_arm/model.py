@@ -9,7 +9,6 @@ from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects.coulomb import COULOMB_JOINT0
 from dpr_lab.effects.spring import SPRING_JOINT0
 from dpr_lab.identification.model import (
-    MODEL,
     EstimatedValue,
     FittedModel,
     Model,
@@ -17,12 +16,9 @@ from dpr_lab.identification.model import (
     Number,
     RigFacts,
     RunUsed,
-    is_of_moving_arm,
-    model_content,
-    validated,
+    read_model,
 )
-from dpr_lab.shown import Row
-from dpr_lab.whole_file import in_folder
+from dpr_lab.shown import Row, counted
 
 
 class ArmFitSummary(ModelPart):
@@ -88,8 +84,7 @@ class MovingArmModel(FittedModel):
 
     def _heading(self) -> str:
         rms = ", ".join(f"{1e3 * value:.3g} mrad ({name})" for name, value in self.fit.rms_rad.items())
-        runs = f"{len(self.runs)} run{'s' * (len(self.runs) != 1)}"
-        return f"Model of rig {self.rig.name} with a moving arm from {runs}: {rms}"
+        return f"Model of rig {self.rig.name} with a moving arm from {counted(len(self.runs), 'run')}: {rms}"
 
     def _rows(self) -> list[Row]:
         rows = [(name, f"{ratio.value:.5g}", f"{ratio.std:.2g}") for name, ratio in self.ratios.items()]
@@ -125,6 +120,4 @@ def load_model(path: Path | str) -> Model | MovingArmModel:
     Raises:
         RunError: the file is missing, not JSON, or not a model; the message names the key.
     """
-    path = in_folder(Path(path), MODEL)
-    content = model_content(path)
-    return validated(MovingArmModel if is_of_moving_arm(content) else Model, content, path)
+    return read_model(path, {"": Model, "moving_arm": MovingArmModel})
