@@ -16,7 +16,7 @@ from dpr_lab.certificate.lines import Verified
 from dpr_lab.configs import first_fault
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
-from dpr_lab.whole_file import not_json, read_text, regular
+from dpr_lab.whole_file import not_json, regular
 
 Policy = Literal[2]
 POLICY: Policy = get_args(Policy)[0]
@@ -201,12 +201,12 @@ def load_certificate(path: Path, max_mb: int = 16) -> Certificate:
     try:
         if regular(path, RunError).stat().st_size > max_mb << 20:
             raise RunError(f"{path}: is not a certificate: larger than {max_mb} MB")
-        text = read_text(path, RunError)
+        text = path.read_text(encoding="utf-8")
         document = json.loads(text, object_pairs_hook=_without_repeated_keys)
         _refuse_other_policies(path, document)
         return Certificate.model_validate_json(text)
     except OSError as error:
-        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+        raise RunError(f"{path}: cannot be read: {error.strerror}; give the file that {WRITER} has written") from error
     except ValidationError as error:
         fault = f"is not a valid certificate of policy {POLICY}: {first_fault(error)}"
         raise RunError(f"{path}: {fault}; give the file that {WRITER} has written") from error

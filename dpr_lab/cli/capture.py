@@ -85,15 +85,16 @@ def _must_confirm(rig: str, link: str | None, *, yes: bool) -> bool:
     """Return whether the operator has to confirm each release.
 
     Raises:
+        LinkUrlError: the link is not valid, or of an unknown kind.
         BadParameter: a real device would be released, and without a terminal nobody can confirm it.
     """
     if yes or sys.stdin.isatty():
         return not yes
     from dpr_lab.rig import load_rig
-    from dpr_lab.transports.url import parse_url
+    from dpr_lab.transports import known_link
 
     url = load_rig(rig).link.url if link is None else link
-    if parse_url(url).scheme != "sim":
+    if known_link(url).scheme != "sim":
         raise typer.BadParameter(
             f"{url}: without a terminal nobody can confirm the release with Enter; give --yes to release the rods as"
             " soon as the checks pass"

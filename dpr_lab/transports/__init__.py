@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from dpr_lab.errors import LinkUrlError
 from dpr_lab.plugins.rows import plugin_rows
-from dpr_lab.transports.url import parse_url
+from dpr_lab.transports.url import LinkUrl, parse_url
 
 if TYPE_CHECKING:
     from dpr_lab.transports.transport import Transport
@@ -55,9 +55,19 @@ def open_transport(url: str, *, rig_file: Path | None = None) -> Transport:
         LinkUrlError: the URL is not valid, for example an unknown scheme or option.
         LinkError: the link cannot be opened.
     """
-    parsed = parse_url(url)
-    if parsed.scheme not in TRANSPORTS:
+    link = known_link(url)
+    module, function = TRANSPORTS[link.scheme].opener.split(":")
+    return getattr(import_module(module), function)(link, rig_file)
+
+
+def known_link(url: str) -> LinkUrl:
+    """Parse a link URL of a known kind.
+
+    Raises:
+        LinkUrlError: the text is not a link URL, or its scheme is unknown.
+    """
+    link = parse_url(url)
+    if link.scheme not in TRANSPORTS:
         known = ", ".join(kind.example for kind in TRANSPORTS.values())
-        raise LinkUrlError(f"{url}: unknown kind of link {parsed.scheme!r}; use for example: {known}")
-    module, function = TRANSPORTS[parsed.scheme].opener.split(":")
-    return getattr(import_module(module), function)(parsed, rig_file)
+        raise LinkUrlError(f"{url}: unknown kind of link {link.scheme!r}; use for example: {known}")
+    return link

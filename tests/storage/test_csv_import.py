@@ -252,7 +252,7 @@ HEAD = "t,theta1,theta2\n"
         (b"t,theta1\n0,\x00\n", "binary file"),
         (f"{HEAD}0,1,2\n".encode(), "only 1 row remains"),
         (f"{HEAD}0,1,2\n0,1,2\n".encode(), "only 1 row remains"),
-        (f"{HEAD}0,1,2\n1,1,2\n0.5,1,2\n2,1,2\n".encode(), "line 4: time decreases by 0.5 s, to 0.5 s;"),
+        (f"{HEAD}0,1,2\n1,1,2\n0.5,1,2\n2,1,2\n".encode(), "line 4: time decreases by 0.5 s, to 0.5 s: split"),
         (f"{HEAD}0,1,2\n1,1\n2,1,2\n".encode(), "line 3 has 2 fields, but there are 3 columns"),
         (f"{HEAD}0,1,2\n1,one,2\n2,1,2\n".encode(), "line 3: 'one' in column 'theta1' is not a number"),
         (f"{HEAD}0,nan,2\n1,nan,2\n2,1,2\n".encode(), "2 of 3 rows have no value"),

@@ -26,8 +26,6 @@ FORMS = {
     "spreadsheet, Unicode text": ("Time (s)\tAngle (deg)\n" + lines("{t:.2f}\t{angle:.4f}\n")).encode("utf-16"),
     "units in a row": "time,angle\ns,deg\n" + lines("{t:.2f},{angle:.4f}\n"),
     "function of Arduino": "millis,angle_deg\n" + lines("{ms},{angle:.4f}\n"),
-    "plotter of Arduino": lines("t:{t:.2f},angle_deg:{angle:.4f}\n"),
-    "labels and blanks": "ready\n" + lines("time: {t:.2f} angle_deg: {angle:.4f}\n"),
     "minus sign for print": "t,angle_deg\n" + lines("{t:.2f},{angle:.4f}\n").replace("-", "\N{MINUS SIGN}"),
     "French unit": "Temps (s);Angle (degrés)\n" + lines("{t:.2f};{angle:.4f}\n"),
     "German unit": "Zeit (s);Winkel (Grad)\n" + lines("{t:.2f};{angle:.4f}\n").replace(".", ","),
@@ -35,9 +33,6 @@ FORMS = {
     "input with the letter of an angle": "time,angle,Q\n" + lines("{t:.2f},{angle:.6f},0\n", SWING),
     "columns twice": "t,theta (rad),,t,theta (rad)\n"
     + "".join(f"{t:.2f},{angle:.6f},,{t:.2f},{angle:.6f}\n" for t, angle in zip(T, SWING, strict=True)),
-    "units in the fields": "time,angle\n" + lines("{t:.2f} s,{angle:.4f}°\n"),
-    "separated thousands": "time_us;angle_deg\n"
-    + "".join(f"{1e6 * t + 1e6:,.0f};{angle:.4f}\n" for t, angle in zip(T, DEG, strict=True)),
     "blanks before units": "Time (s) Angle (deg)\n" + lines("{t:.2f} {angle:.4f}\n"),
     "empty last column": "\tmass A\t\nt\tangle_deg\t\n" + lines("{t:.2f}\t{angle:.4f}\t\n"),
     "tabs after the numbers alone": "Monday\t17:15\tPeriod : 4 ms\t\tOpen Loop\n\nt\tangle_deg\n"
@@ -47,10 +42,6 @@ FORMS = {
     "an absolute angle and rates": "timestamp,omega,absolute_theta,gyroZ\n"
     + lines("{t:.2f},0,{angle:.6f},{angle:.3f}\n", SWING),
     "a comment of names with another separator": "# t   theta   error\n" + lines("{t:.2f}\t{angle:.6f}\t0\n", SWING),
-    "a row for each quantity": "".join(",".join(f"{x:.6f}" for x in row) + "\n" for row in (T, SWING)),
-    "a name before each row": "".join(
-        name + "".join(f"\t{x:.6f}" for x in row) + "\n" for name, row in (("t", T), ("angle", SWING))
-    ),
     "a row for each message": "time,position,angle\n"
     + "".join(f"{t - 0.004:.3f},{t:.3f},\n{t:.3f},,{angle:.6f}\n" for t, angle in zip(T, SWING, strict=True)),
     "separators after the numbers, names in a comment": "# angle,t\n" + lines("{angle:.6f},{t:.2f},\n", SWING),
@@ -104,24 +95,20 @@ def test_coordinates_next_to_an_angle_are_no_cart(tmp_path, one):
     assert not any("cart" in note for note in notes)
 
 
-def test_a_row_that_lacks_a_label_is_refused(tmp_path, one):
-    (tmp_path / "a.csv").write_text(lines("t:{t:.2f},angle:{angle:.4f}\n") + "t:1.0\nt:1.01,angle:3\n")
-    with pytest.raises(RunError, match="line 101 has 1 fields"):
-        import_csv(tmp_path / "a.csv", one)
+UNREAD = {
+    "a name before each number": (lines("t:{t:.2f},angle:{angle:.4f}\n"), "without names and units in their fields"),
+    "units in all fields": ("time,angle\n" + lines("{t:.2f} s,{angle:.4f} deg\n"), "without names and units"),
+    "a unit in one field": ("time,angle\n" + lines("{t:.2f},{angle:.4f} deg\n"), "deg' in column 'angle' is not a"),
+    "separators of thousands": ("t_us;angle\n" + lines("1,000,{ms:03d};{angle:.4f}\n"), "'1,000,000' in column 't_us'"),
+    "a row for each quantity": ("".join(",".join(map(str, row)) + "\n" for row in (T, SWING)), "no single column"),
+}
 
 
-def test_separators_of_thousands_are_read(tmp_path):
-    (tmp_path / "a.csv").write_text("t;x;y\n1,5;1.234,5;-1.002.003,25\n2,5;0,5;7,0\n")
-    (tmp_path / "b.csv").write_text('t,x,y\n1.5,"1,234.5","-1,002,003.25"\n2.5,0.5,7\n')
-    for name in ("a.csv", "b.csv"):
-        table = read_table(tmp_path / name)
-        np.testing.assert_array_equal(np.column_stack(table.values), [[1.5, 1234.5, -1002003.25], [2.5, 0.5, 7.0]])
-
-
-def test_different_units_in_a_column_are_refused(tmp_path, one):
-    text = "time,angle\n" + lines("{t:.2f},{angle:.4f} deg\n") + "1.0,1.2 rad\n"
+@pytest.mark.parametrize("form", UNREAD)
+def test_fields_that_are_not_numbers_and_rows_of_quantities_are_refused(tmp_path, one, form):
+    text, message = UNREAD[form]
     (tmp_path / "a.csv").write_text(text)
-    with pytest.raises(RunError, match=r"line 102: '1.2 rad' in column 'angle \(deg\)' is not a number"):
+    with pytest.raises(RunError, match=message):
         import_csv(tmp_path / "a.csv", one)
 
 
@@ -225,32 +212,32 @@ def test_the_example_names_the_only_column_that_sounds_like_an_angle(tmp_path, o
 
 
 @pytest.mark.parametrize("zero", ["hanging", "upright"])
-def test_angles_in_mrad_are_named(tmp_path, one, zero):
+def test_angles_in_mrad_are_questioned_without_a_correction(tmp_path, one, zero):
     t = np.arange(0, 4, 0.02)
     swing = 1e3 * 1.1 * np.exp(-0.05 * t) * np.cos(2 * np.pi / 0.95 * t)
     np.savetxt(tmp_path / "a.csv", np.column_stack([t, swing]), "%.5g", ",", header="t,theta", comments="")
-    sentence, *others = [q for q in preview(tmp_path / "a.csv", one, ImportOptions(zero=zero)).questions if q.mend]
-    assert "the angles are in mrad" in sentence.sentence
-    assert sentence.mend == (*(("--zero", "hanging") if zero == "upright" else ()), "--scale", "0.001")
-    assert not others
+    shown = preview(tmp_path / "a.csv", one, ImportOptions(zero=zero))
+    assert "are the units right (--unit, --time-unit)?" in shown.questions[0].sentence
+    assert not shown.mend
 
 
-def test_degrees_are_not_questioned_as_mrad(tmp_path, one):
-    """In mrad, the swing of 20 degrees is so small that its energy is also conserved."""
+def small_swing(t: np.ndarray, start: float) -> np.ndarray:
+    return solve_ivp(lambda _, y: [y[1], -45.3 * np.sin(y[0]) - 0.1 * y[1]], (0, 6), [start, 0], t_eval=t).y[0]
+
+
+def test_a_swing_in_degrees_is_named(tmp_path, one):
     t = np.arange(0, 6, 0.01)
-    angle = solve_ivp(lambda _, y: [y[1], -45.3 * np.sin(y[0]) - 0.1 * y[1]], (0, 6), [np.deg2rad(20), 0], t_eval=t)
-    np.savetxt(tmp_path / "a.csv", np.column_stack([t, np.rad2deg(angle.y[0])]), "%.2f", ",", header="t,theta")
+    angle = np.rad2deg(small_swing(t, np.deg2rad(20)))
+    np.savetxt(tmp_path / "a.csv", np.column_stack([t, angle]), "%.2f", ",", header="t,theta")
     assert preview(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).mend == ("--unit", "deg")
 
 
-def test_whole_numbers_are_in_mrad_or_counts(tmp_path, one):
+def test_whole_numbers_of_a_swing_are_counts(tmp_path, one):
     t = np.arange(0, 6, 0.01)
-    angle = solve_ivp(lambda _, y: [y[1], -45.3 * np.sin(y[0]) - 0.1 * y[1]], (0, 6), [0.3, 0], t_eval=t).y[0]
-    np.savetxt(tmp_path / "a.csv", np.column_stack([100 * t, angle / 2 / np.pi * 4096]), "%d", ",", header="t,theta")
-    questions = preview(tmp_path / "a.csv", one, ImportOptions(zero="hanging", rate_hz=100)).questions
-    (named,) = [q for q in questions if "the angles are in mrad (--scale 0.001)" in q.sentence]
-    assert "or the angles are counts of the encoders (--unit counts)" in named.sentence
-    assert not named.mend
+    counts = small_swing(t, 0.3) / 2 / np.pi * 4096
+    np.savetxt(tmp_path / "a.csv", np.column_stack([100 * t, counts]), "%d", ",", header="t,theta")
+    shown = preview(tmp_path / "a.csv", one, ImportOptions(zero="hanging", rate_hz=100))
+    assert shown.mend == ("--unit", "counts")
 
 
 @pytest.mark.parametrize("step", [1, 2])

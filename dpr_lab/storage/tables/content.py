@@ -41,10 +41,6 @@ class TableLimits:
     block_bytes: int = 1 << 20
     expansion: int = 200
     """Maximum ratio of unpacked to compressed size. Rows of constant angles have a ratio of about 30."""
-    rows_as_columns: int = 7
-    """Maximum number of rows that can be quantities: a time, and for arm and two rods an angle and a speed each."""
-    instants: int = 5
-    """Minimum number of columns for each of these rows, so that the columns are instants."""
     named: int = 20
     """Maximum number of column names in a message."""
     small_bytes: int = 1 << 24
@@ -66,8 +62,8 @@ class Content:
     """
 
     def __init__(self, path: Path, limits: TableLimits, on_progress: OnImport) -> None:
-        self.comments: deque[Line] = deque(maxlen=1)
-        """Last comment before the current position."""
+        self.comments: deque[str] = deque(maxlen=limits.looked_at)
+        """Text of the last comments above the numbers."""
         self._path, self._limits, self._on_progress = path, limits, on_progress
         coding = _coding(path, limits)
         self._packed = path.open("rb")
@@ -117,7 +113,7 @@ class Content:
         text = line.strip(" \f")
         if text.startswith(COMMENTS):
             if not self._data:
-                self.comments.append((number, text))
+                self.comments.append(text.lstrip("#%/ "))
             return None
         self._data = self._data or bool(text)
         return (number, text) if text else None

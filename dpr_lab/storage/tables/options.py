@@ -139,11 +139,11 @@ class ImportOptions:
         str,
         Typed(
             "Time of the recording, e.g. 2026-03-01 or 2026-03-01T14:30; local time without a zone. Default: from the"
-            " time stamps, or from one date in the file name."
+            " time stamps, or from one date in the title lines or the file name."
         ),
     ] = ""
     """Time of the recording: ISO 8601 date, or date and time; local time without a zone. Empty: from the time stamps
-    of the table, or from one date in the file name; otherwise unknown.
+    of the table, or from one date in its title lines or in the file name; otherwise unknown.
     """
     note: Annotated[str, Typed("Note to store with the run. `drift --by label` groups runs by their notes.")] = ""
     """Note of the operator; `drift --by label` groups runs by it."""
@@ -255,12 +255,12 @@ def parse_recorded_at(text: str) -> str:
     return day.isoformat() if day is not None else instant.isoformat(timespec="seconds")
 
 
-def date_in_name(name: str) -> str:
-    """Return the date in the name of a file, such as `2026-03-01 swing`.
+def date_in(text: str) -> str:
+    """Return the date in a text, such as `2026-03-01 swing`, with its time in UTC if the text contains one.
 
-    The text is empty if the name contains no date, several dates, or a date in the future.
+    The result is empty if the text contains no date, several dates, or a date in the future.
     """
-    dates = set(re.findall(r"(?<!\d)\d{4}-\d\d-\d\d(?!\d)", name))
+    dates = set(re.findall(r"(?<!\d)\d{4}-\d\d-\d\d(?!\d)(?:[ T]\d\d:\d\d(?::\d\d)?)?", text))
     with suppress(ValueError):
         return parse_recorded_at(*dates) if len(dates) == 1 else ""
     return ""

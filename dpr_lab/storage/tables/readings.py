@@ -55,7 +55,6 @@ class ReadingSettings:
 
 
 READ = ReadingSettings()
-_MRAD = "the angles are in mrad"
 BROKEN = "the energy of the swing is not conserved, but it is"
 
 
@@ -120,20 +119,11 @@ def better_readings(fit: EnergyFit, read: InterpretedTable) -> list[OtherReading
     if not tried and free and (moved := _as_counts(read) or _with_other_zeros(read)):
         return [moved]
     best = min((residual for residual, _ in tried), default=np.inf)
-    likely = fewest_changes([reading for residual, reading in tried if residual <= READ.alike * best])
-    if read.torques is None and any(_MRAD in reading.causes for reading in likely) and (moved := _as_counts(read)):
-        likely.append(moved)  # whole numbers may be counts instead of mrad
-    return likely
+    return fewest_changes([reading for residual, reading in tried if residual <= READ.alike * best])
 
 
 def fewest_changes(readings: Sequence[OtherReading]) -> list[OtherReading]:
-    """Select the interpretations with the fewest differences from the given one.
-
-    An interpretation in mrad is omitted if there is one in degrees. A swing in degrees also conserves the energy in
-    mrad, because all swings are small in this unit.
-    """
-    if any(reading.options.unit == "deg" for reading in readings):
-        readings = [reading for reading in readings if _MRAD not in reading.causes]
+    """Select the interpretations with the fewest differences from the given one."""
     fewest = min((len(reading.causes) for reading in readings), default=0)
     return [reading for reading in readings if len(reading.causes) == fewest]
 
@@ -285,7 +275,7 @@ def _per_rod(option: str, value: Mapping[str, float], neutral: float) -> tuple[s
 
 def other_readings(read: InterpretedTable) -> Iterator[OtherReading]:
     """Yield interpretations with another zero, reference, sign, order, unit or scale."""
-    values, options = read.values, read.options
+    options = read.options
     counted, both_rods = options.unit == "counts", read.rig.rods.mounting == "both"
     zeros = (False,) if counted else (False, True)
     references = (False,) if counted or not both_rods else (False, True)
@@ -302,16 +292,11 @@ def other_readings(read: InterpretedTable) -> Iterator[OtherReading]:
                 words=("--unit", unit, *other.words),
                 options=replace(other.options, unit=unit),
             )
-    if options.unit in (None, "rad"):
-        milli = replace(read, values={**values, **{axis: values[axis] / 1000 for axis in AXES[1:]}})
-        for zero, reference in product(zeros, references):
-            other = _changed(milli, zero=zero, reference=reference)
-            yield replace(other, causes=(_MRAD, *other.causes), scale=(1e-3, 1e-3))
     yield from _scaled(read)
     for unit in TO_SECONDS if options.rate_hz is None else ():
         factor = TO_SECONDS[unit] / TO_SECONDS[options.time_unit or "s"]
         if factor != 1:
-            yield OtherReading((f"the times are in {unit}",), ("--time-unit", unit), values, options, factor)
+            yield OtherReading((f"the times are in {unit}",), ("--time-unit", unit), read.values, options, factor)
 
 
 def _scaled(read: InterpretedTable) -> Iterator[OtherReading]:

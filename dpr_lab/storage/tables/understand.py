@@ -29,7 +29,7 @@ from dpr_lab.storage.tables.arm_input import cart_note, known_inputs, stated_arm
 from dpr_lab.storage.tables.clock_wrap import check_forwards, unwrapped_times
 from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, numbers, with_still_joint2
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
-from dpr_lab.storage.tables.options import ImportOptions, date_in_name, parse_recorded_at
+from dpr_lab.storage.tables.options import ImportOptions, date_in, parse_recorded_at
 from dpr_lab.storage.tables.plausible import (
     PLAUSIBLE,
     check_spacing,
@@ -133,7 +133,8 @@ def understand(
     named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}
     ignored = _ignored(table, [*recorded, *table.other_lengths], options, rows)
     midnight = table.midnights.get(named.get("t", ""), 0.0)
-    read = _Rows(path, rows, t, values, inputs.torques(known, t, rows), named, options, ignored, drive, midnight)
+    torques, dated = inputs.torques(known, t, rows), table.recorded_at
+    read = _Rows(path, rows, t, values, torques, named, options, ignored, drive, midnight, dated)
     understood = replace(_understood(read, notes, rig, table.kind, inputs.pairs), film_noise=table.film_noise)
     return _at_edges(understood, rig)
 
@@ -158,7 +159,7 @@ def _readings(
     """
     t, carried = carried_times(_times(table, names, options))
     readings, empty = _recorded(table, {axis: table.column(names[axis]) for axis in AXES if axis in names})
-    check_forwards(table, t, options, readings)
+    check_forwards(table, t, options)
     t, rounded = even_times(t, readings)
     t, shared = spread_times(t, readings)
     outliers = drop_outliers(readings, rig, options)
@@ -185,6 +186,8 @@ class _Rows:
     """Sign in the table that an unknown torque drives the rods; empty if there is none."""
     midnight: float
     """Zero of times with dates, s since 1970; 0 for other times."""
+    dated: str
+    """Date, or date and time, in the lines above the numbers; empty if unknown."""
 
 
 def _ignored(
@@ -249,7 +252,7 @@ def _understood(
         {name: torque[rows] for name, torque in read.torques.items()},
         driving,
         tuple(doubts),
-        parse_recorded_at(options.recorded_at) if options.recorded_at else stamped or date_in_name(path.stem),
+        parse_recorded_at(options.recorded_at) if options.recorded_at else stamped or read.dated or date_in(path.stem),
     )
 
 
