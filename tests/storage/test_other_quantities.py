@@ -156,15 +156,12 @@ def test_digits_below_a_microsecond_and_dates_outside_the_clock_keep_the_times(
     assert run.recorded_utc[:4] == date
 
 
-@pytest.mark.parametrize("head", ["Timestamp,x,y\n", ""])
-def test_points_keep_the_date_of_their_stamps(tmp_path: Path, one: Rig, head: str) -> None:
-    """The table without a header contains the pivot and the end of the rod."""
-    pivot = "" if head else "0.1,0.2,"
+def test_points_keep_the_date_of_their_stamps(tmp_path: Path, one: Rig) -> None:
     rows = [
-        f"2025-07-01T12:00:0{t:.3f}Z,{pivot}{0.1 + 0.3 * np.sin(angle):.6f},{0.2 - 0.3 * np.cos(angle):.6f}\n"
+        f"2025-07-01T12:00:0{t:.3f}Z,{0.1 + 0.3 * np.sin(angle):.6f},{0.2 - 0.3 * np.cos(angle):.6f}\n"
         for t, angle in zip(T, SWING, strict=True)
     ]
-    (tmp_path / "a.csv").write_text(head + "".join(rows))
+    (tmp_path / "a.csv").write_text("Timestamp,x,y\n" + "".join(rows))
     assert import_csv(tmp_path / "a.csv", one).recorded_utc == "2025-07-01T12:00:00+00:00"
 
 

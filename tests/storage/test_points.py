@@ -124,18 +124,11 @@ def test_points_with_numbers_are_taken_in_their_order(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("timed", "pivoted"), [(True, False), (True, True), (False, False)])
-def test_points_without_a_header_are_recognised_by_the_constant_lengths(
-    tmp_path: Path, timed: bool, pivoted: bool
-) -> None:
+def test_points_without_a_header_need_names(tmp_path: Path, timed: bool, pivoted: bool) -> None:
     rows = np.column_stack([*([T] if timed else []), *pixels()[not pivoted :]])
-    run = read(text(tmp_path / "a.csv", rows), rate_hz=None if timed else 200.0)
-    assert is_the_swing(run, atol=1e-6)
-
-
-def test_angles_and_speeds_without_a_header_are_no_points(tmp_path: Path) -> None:
-    speeds = np.gradient(np.column_stack([THETA1, THETA2]), T, axis=0)
-    names = read_text(text(tmp_path / "a.csv", np.column_stack([T, THETA1, THETA2, speeds])), ()).names
-    assert names == ("1", "2", "3", "4", "5")
+    file = text(tmp_path / "a.csv", rows)
+    with pytest.raises(RunError, match="for points of a video add a first line with their names, for example t,x,y"):
+        read(file, rate_hz=None if timed else 200.0)
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from dpr_lab.storage.readers.circle import SETTINGS as CIRCLE
 from dpr_lab.storage.readers.circle import most_of_a_circle, radius_error
 from dpr_lab.storage.readers.coordinates import OTHER, coordinate, in_plane, only_coordinate
 from dpr_lab.storage.readers.downwards import points_downwards
-from dpr_lab.storage.readers.rod_lengths import LENGTHS, WANTED, rod_length
+from dpr_lab.storage.readers.rod_lengths import WANTED, rod_length
 from dpr_lab.storage.tables.columns import is_time, numbers
 from dpr_lab.storage.tables.table import Table, own_name, read_table, without_copies
 from dpr_lab.storage.tables.time_stamps import runs, varies
@@ -95,7 +95,6 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
     table = read_table(path, on_progress)
     if not (points or take):
         return table
-    table = _with_names(table)
     kind, tracked, note = _points(table)
     if not tracked:
         if take:
@@ -109,29 +108,6 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
         notes = (note,) if moving else ()
         return without_copies(replace(table, notes=(*table.notes, *notes)))
     return _angles(replace(table, kind=kind, notes=(*table.notes, note) if note else table.notes), tracked, take)
-
-
-def _with_names(table: Table) -> Table:
-    """Name unnamed columns that contain the ends of rods of constant length.
-
-    The names are t, x1, y1, x2, ... Angles and speeds of rods are not mistaken for points, because they do not have a
-    constant distance.
-    """
-    timed = len(table.names) % 2
-    xy = range(timed, len(table.names), 2)
-    steady = not timed or bool((np.diff(table.values[0]) > 0).all())
-    if not (len(xy) in (2, 3) and steady and all(name.isdecimal() for name in table.names)):
-        return table
-    points = [_Point(f"{k}", np.column_stack([table.values[k], table.values[k + 1]])) for k in xy]
-    try:
-        rods = [np.hypot(*(end.at - start.at).T) for start, end in pairwise(_chosen(table, points, ()))]
-    except RunError:  # the points are not on a circle
-        return table
-    if max(float(np.nanstd(rod) / np.nanmean(rod)) for rod in rods) > LENGTHS.scatter:
-        return table
-    names = ("t",) * timed + tuple(f"{axis}{number}" for number in range(1, len(xy) + 1) for axis in "xy")
-    renamed = dict(zip(table.names, names, strict=True))
-    return replace(table, names=names, midnights={renamed[name]: start for name, start in table.midnights.items()})
 
 
 def _points(table: Table, despite_angles: bool = False) -> tuple[str, list[_Point], str]:
