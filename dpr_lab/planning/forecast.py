@@ -52,9 +52,11 @@ The improvement by an effect is its largest z'^2 minus the penalty of its parame
 effects are excluded, or if the best effect is named and decided. It is named if its improvement exceeds chance. Its
 probability follows from the improvements of the best effect, of its best alternatives and of no effect, as in a
 diagnosis. It is decided if this probability reaches `SURE`. An effect that becomes visible thus stays undecided if
-another effect has a similar signature, unless no release separates them. The recordings end with the first release that
-settles the question. Effects that are excluded now are included, because the estimate of an effect that is present
-grows. Earlier releases do not count as `failed`, because the reason for the missing decision is known.
+another effect has a similar signature, unless no release separates them. Two effects are separated by the distance
+between the readings under the first effect and the nearest readings under the second one, at any of its amplitudes. The
+recordings end with the first release that settles the question. Effects that are excluded now are included, because the
+estimate of an effect that is present grows. The simulation contains the effects that a release may reveal.
+Therefore neither `confirmed` nor `failed` applies to it.
 
 Sources: H. Jeffreys (1946), An invariant form for the prior probability in estimation problems, Proceedings of the
 Royal Society A 186, 453-461. R. E. Kass & A. E. Raftery (1995), Bayes factors, Journal of the American Statistical
@@ -77,7 +79,7 @@ from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
-from dpr_lab.planning.worth.criteria import OpenAmplitudes, OpenPairs
+from dpr_lab.planning.worth.criteria import OpenAmplitudes, OpenPairs, given
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +152,7 @@ class TestedEffects(NamedTuple):
         log_odds = np.append(0.0, 0.5 * (z[largest] ** 2 - PENALTY.parameter * (1 + shapes)))
         odds = np.exp(log_odds - log_odds.max())
         repeated = amplitudes.after + FORECAST.repeats / releases * (amplitudes.after - amplitudes.before)
-        D2 = _distances(repeated, largest) - _distances(amplitudes.after, largest)
+        D2 = _distances(repeated, largest, columns) - _distances(amplitudes.after, largest, columns)
         power = np.diag(amplitudes.after)[largest, None]
         return cls(z, limits, columns, largest, prices, odds / odds.sum(), D2 / power / CALIBRATION.temperature)
 
@@ -259,11 +261,16 @@ def _settled(path: Sequence[OpenAmplitudes], rng: np.random.Generator) -> Array:
     return np.array(probabilities)
 
 
-def _distances(information: Array, columns: Sequence[int]) -> Array:
-    """Return the (n, n) squared distances D^2 between amplitudes.
+def _distances(information: Array, largest: Sequence[int], columns: Sequence[Sequence[int]]) -> Array:
+    """Return the (effects, effects) squared distances D^2 between effects.
 
-    An entry belongs to an amplitude of unit size (row) and another amplitude (column). It is the squared distance
-    between the readings of the first and the nearest readings under the second.
+    An entry belongs to an effect of unit size (row) and another effect (column). It is the squared distance between the
+    readings of the first and the nearest readings under the second, with all its amplitudes fitted.
+
+    Args:
+        information: (n, n) information about all amplitudes
+        largest: column of the amplitude of unit size, for each effect
+        columns: columns of all amplitudes of each effect
     """
-    G = information[np.ix_(columns, columns)]
-    return np.diag(G)[:, None] - G**2 / np.diag(G)
+    remaining = [np.diag(given(information, of_effect, largest)) for of_effect in columns]
+    return np.maximum(np.stack(remaining, axis=1), 0.0)

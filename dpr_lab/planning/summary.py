@@ -47,7 +47,7 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     alike = [inseparable_pairs(Objective.of(then), steps) for then in knowledge] if steps else []
     stuck = [inseparable(objective, pairs) for pairs in alike] or [[]]
     state = _state(known, _names(stuck[0]))
-    gained = [_gained(objective, step, F) for step, F in zip(steps, after[1:], strict=True)]
+    gained = [objective.gained(F) for F in after[1:]]
     forecast = _forecast(objective, steps, gained, alike[1:]) if state == "record" else [None] * len(steps)
     releases = [
         _planned(k, step, after[k], objective, reason.text, d2, decided)
@@ -81,15 +81,6 @@ def _reasons(objective: Objective, after: Array) -> list[Reason]:
         reason(before, then, 1 < number <= STOPPING.fewest, objective.known.diagnosis is not None)
         for number, (before, then) in enumerate(pairwise(expected), first)
     ]
-
-
-def _gained(objective: Objective, step: SequenceStep, F: Array) -> list[Array]:
-    """Return the squared distances d^2 added by all releases so far.
-
-    They are reduced by the simulated share.
-    """
-    share = 1.0 if step.simulated is None else min(step.simulated, 1.0)
-    return [share * d2 for d2 in objective.gained(F)]
 
 
 def _planned(
@@ -140,15 +131,13 @@ def _forecast(
     diagnosis, pairs = objective.known.diagnosis, objective.pairs
     if diagnosis is None or not steps:
         return [None] * len(steps)
-    failed = recorded_releases(diagnosis) - 1  # there is no forecast for the first release
-    confirmed, settled = FORECAST.confirmed, [1.0] * len(steps)
     if diagnosis.verdict == "no_gap":  # two releases decide a named cause although other effects are not excluded
-        failed, settled = 0, settled_probabilities(_further_tests(objective.known, steps))
-    elif diagnosis.gap.remainder_Nm:
-        confirmed = FORECAST.revealed
+        return [*settled_probabilities(_further_tests(objective.known, steps))]
+    failed = recorded_releases(diagnosis) - 1  # there is no forecast for the first release
+    confirmed = FORECAST.revealed if diagnosis.gap.remainder_Nm else FORECAST.confirmed
     return [
-        probability * decision_probability(pairs, d2, number, same, failed, confirmed)
-        for number, (probability, d2, same) in enumerate(zip(settled, gained, alike, strict=True), 1)
+        decision_probability(pairs, d2, number, same, failed, confirmed)
+        for number, (d2, same) in enumerate(zip(gained, alike, strict=True), 1)
     ]
 
 
