@@ -26,6 +26,9 @@ NEXT = "\x02"
 """Separator of the numbers of a vector within its field. Files with control characters are refused."""
 _STAMP = re.compile(r"^(\d{1,2}:\d{2}:\d{2}\.\d+) -> ?")
 """Pattern of the time that the serial monitor of Arduino writes before a line."""
+_LABEL = rf"([^\W\d]\w*)\s*[:=]\s*({_NUMBER})"
+_LABELLED = re.compile(rf"\s*{_LABEL}(?:[,;\s]+{_LABEL})*[,;\s]*", re.I)
+"""Pattern of a line with a name before each number, such as `angle:57.3,speed:0.1` for the plotter of Arduino."""
 UNIT_WORDS = r"rad|radians?|deg|degrees?|°|counts?|ticks?|m?s|us|sec|seconds|px|pixels?|[mc]?m"
 _RATE = re.compile(r"(rad|deg|degrees?|°|m)/s|omega|veloc|speed|^(?!.*(angle|pitch|roll|tilt)).*(gyro|acc(?!ura))")
 """Pattern of rates and accelerations in lower case; the angle of a gyroscope is no rate."""
@@ -34,6 +37,11 @@ _OTHER_UNIT = re.compile(rf"(?!\W*[xyXY]\b).*[(\[]\s*({_UNITS})\s*[)\]]\s*$")
 """Pattern of a name with the unit of another quantity, such as `Light (%)`. Voltages and coordinates give angles."""
 _INPUT = re.compile(r"(?!.*angle).*(?<![a-z])(tau|torque|effort|force|current|voltage)")
 """Pattern of names of inputs in lower case; `current angle` is no input."""
+QUANTITY = re.compile(rf"(.*[\d.,])\s*({UNIT_WORDS})", re.I)
+"""Pattern of a field with a number and its unit, such as `12.3 deg`."""
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?|[-+]?\d{1,3}(?:\.\d{3})+,\d*")
+"""Pattern of a number with separators between groups of three digits, such as `1,234.5` or `1.234,5`."""
+
 _NEWLINE, _BLANK = ord("\n"), ord(" ")
 
 
@@ -111,6 +119,15 @@ def may_be_angle(name: str) -> bool:
     return bool(name) and not (names_no_angle(name) or _INPUT.match(name.lower()))
 
 
+def labels_of(lines: list[str]) -> list[str]:
+    """Return the names of the columns if most lines have a name before each number.
+
+    The order is that of the first such line.
+    """
+    labelled = [line for line in lines if _LABELLED.fullmatch(line)]
+    return [name for name, _ in re.findall(_LABEL, labelled[0], re.I)] if 2 * len(labelled) > len(lines) else []
+
+
 def numbers_of(cells: Sequence[str]) -> list[str]:
     """Split the vectors in a row, so that each number has its own field."""
     return [part for cell in cells for part in (cell.strip()[1:].split(NEXT) if NEXT in cell else (cell,))]
@@ -126,8 +143,14 @@ def joined(line: str) -> str:
     return _VECTOR.sub(lambda match: match[1] + NEXT.join(re.split(r"[\s,;]+", match[2])), line)
 
 
-def cells_of(path: Path, line: str, delimiter: str | None) -> list[str]:
-    """Split a line into fields."""
+def cells_of(path: Path, line: str, delimiter: str | None, labels: Sequence[str]) -> list[str]:
+    """Split a line into fields.
+
+    If each number is preceded by a name, only the numbers are returned.
+    """
+    if labels:
+        named = dict(re.findall(_LABEL, line, re.I)) if _LABELLED.fullmatch(line) else {}
+        return [named[name] for name in labels if name in named]
     line = _STAMP.sub(rf"\1{delimiter or ' '}", joined(line), count=1)
     if delimiter is None:
         return line.split()
@@ -145,7 +168,11 @@ def is_data(row: list[str]) -> bool:
     row = [cell.strip() for cell in numbers_of(row)]
     numbers = sum(map(_is_number, row))
     empty = sum(cell.lower() in NOT_A_VALUE for cell in row)
-    return numbers > 0 and 2 * (numbers + empty) >= len(row)
+    quantities = sum(bool(match) and _is_number(match[1]) for match in map(QUANTITY.fullmatch, row))
+    with_units = quantities > 0 and numbers + quantities + empty == len(
+        row
+    )  # a header may contain names such as `10 cm`
+    return with_units or (numbers > 0 and 2 * (numbers + empty) >= len(row))
 
 
 def _is_number(cell: str) -> bool:
@@ -154,8 +181,11 @@ def _is_number(cell: str) -> bool:
 
 
 def value_of(word: str, decimal_comma: bool) -> float | None:
-    """Parse a number; return None for other words."""
+    """Parse a number with or without thousands separators; return None for other words."""
     try:
         return float(word.replace(",", ".") if decimal_comma else word)
     except ValueError:
-        return None
+        if not _THOUSANDS.fullmatch(word):
+            return None
+        thousands = "," if word.find(",") < word.find(".") or "." not in word else "."
+        return float(word.replace(thousands, "").replace(",", "."))

@@ -41,6 +41,10 @@ class TableLimits:
     block_bytes: int = 1 << 20
     expansion: int = 200
     """Maximum ratio of unpacked to compressed size. Rows of constant angles have a ratio of about 30."""
+    rows_as_columns: int = 7
+    """Maximum number of rows that can be quantities: a time, and for arm and two rods an angle and a speed each."""
+    instants: int = 5
+    """Minimum number of columns for each of these rows, so that the columns are instants."""
     named: int = 20
     """Maximum number of column names in a message."""
     small_bytes: int = 1 << 24

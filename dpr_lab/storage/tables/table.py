@@ -20,16 +20,19 @@ from dpr_lab.storage.tables.cells import (
     MINUS,
     NEXT,
     NOT_A_VALUE,
+    QUANTITY,
     UNIT_WORDS,
     cells_of,
     clean_rows,
     is_data,
     joined,
+    labels_of,
     numbers_of,
     value_of,
 )
 from dpr_lab.storage.tables.content import Content, TableLimits
 from dpr_lab.storage.tables.options import date_in
+from dpr_lab.storage.tables.time_stamps import runs
 
 DELIMITERS = (";", "\t", ",")  # The order matters: in a table with semicolons or tabs, a comma is the decimal sign.
 LIMITS = TableLimits()
@@ -118,8 +121,9 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
             head = list(islice(lines, LIMITS.looked_at))
             if not head:
                 raise RunError(f"{path}: contains no rows")
-            delimiter = _delimiter([joined(line) for _, line in head])
-            rows = ((number, cells_of(path, line, delimiter)) for number, line in chain(head, lines))
+            labels = labels_of([line for _, line in head])
+            delimiter = "," if labels else _delimiter([joined(line) for _, line in head])
+            rows = ((number, cells_of(path, line, delimiter, labels)) for number, line in chain(head, lines))
             early: list[list[str]] = []
             for begin in rows:
                 if is_data(begin[1]):
@@ -128,17 +132,14 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
                 if len(early) > LIMITS.head:
                     raise RunError(f"{path}: contains no row of numbers in its first {LIMITS.head} lines")
             else:
-                raise RunError(
-                    f"{path}: contains no row of numbers, so it is not a table of angles: export columns of numbers,"
-                    " without names and units in their fields"
-                )
+                raise RunError(f"{path}: contains no row of numbers, so it is not a table of angles")
             comments = list(content.comments)
             last_comment = [text.split(delimiter) for text in comments[-1:]]
-            if _ends_with_delimiter(begin[1], early or last_comment):
+            if not labels and _ends_with_delimiter(begin[1], early or last_comment):
                 begin = begin[0], begin[1][:-1]
             early = [_trimmed(other, len(begin[1])) for other in early]
-            names = _of_numbers(_names(early, comments, delimiter, len(begin[1])), begin[1])
-            if len(names) > len(begin[1]) and NEXT not in "".join(begin[1]):
+            names = labels or _of_numbers(_names(early, comments, delimiter, len(begin[1])), begin[1])
+            if len(names) > len(begin[1]) and not labels and NEXT not in "".join(begin[1]):
                 raise RunError(
                     f"{path}: the header has {len(names)} names ({', '.join(map(printable, names))}), but line"
                     f" {begin[0]} has {len(begin[1])} fields: remove the names that belong to no column"
@@ -151,13 +152,13 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
             for number, text in content.blocks():
                 if not columns.take_block(number, text, delimiter):
                     columns.take(
-                        (line_number, cells_of(path, line, delimiter))
+                        (line_number, cells_of(path, line, delimiter, labels))
                         for line_number, line in content.lines_of(number, text)
                     )
             columns.finish()
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
-    shown = tuple(printable(name.strip()) for name in names)
+    shown = tuple(printable(_with_unit(name.strip(), unit)) for name, unit in zip(names, columns.units, strict=True))
     heading = tuple(tuple(printable(cell.strip()) for cell in row) for row in early)
     strange = tuple(columns.strange)
     midnights = {}
@@ -166,7 +167,26 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
             midnights |= {name: start.timestamp()} if start else {}
     table = Table(path, shown, columns.arrays, strange, columns.line_numbers, columns.notes, heading=heading)
     title = " ".join(chain(comments, *early))
-    return replace(table, midnights=midnights, recorded_at=date_in(title))
+    return _in_columns(replace(table, midnights=midnights, recorded_at=date_in(title)))
+
+
+def _in_columns(table: Table) -> Table:
+    """Transpose a table with one quantity per row; keep other tables unchanged."""
+    # drop a column with the names of the rows
+    values = np.array([column for column in table.values if not np.isnan(column).all()])
+    few = 2 <= len(table.lines) <= LIMITS.rows_as_columns and len(values) > LIMITS.instants * len(table.lines)
+    if not (few and all(map(str.isdecimal, table.names)) and np.isfinite(values).all() and runs(values[:, 0])):
+        return table
+    names = tuple(str(number + 1) for number in range(values.shape[1]))
+    note = f"each line of the file contains one quantity: the lines are interpreted as columns {', '.join(names)}"
+    return replace(
+        table,
+        names=names,
+        values=tuple(np.ascontiguousarray(values.T)),
+        strange=("",) * len(names),
+        lines=np.arange(1, len(values) + 1),
+        notes=(*table.notes, note),
+    )
 
 
 class _Columns:
@@ -174,6 +194,8 @@ class _Columns:
 
     def __init__(self, path: Path, width: int, decimal_comma: bool) -> None:
         self.strange = [""] * width
+        self.units = [""] * width
+        """Unit of each column, from its fields; empty if they contain only numbers."""
         self.midnights: list[datetime | None] = [None] * width
         """Midnight before the first row for each column of times with dates."""
         self.notes: tuple[str, ...] = ()
@@ -251,7 +273,7 @@ class _Columns:
         """Convert a field to a number.
 
         A time such as `14:30:00.123` or `30:00.1` is converted to seconds. A time with an ISO date is converted to
-        seconds since the midnight before the first row.
+        seconds since the midnight before the first row. All fields of a column must have the same unit.
         """
         word = word.replace(MINUS, "-")
         if (value := value_of(word, self._comma)) is not None:
@@ -266,6 +288,11 @@ class _Columns:
                 )
                 return (stamp - midnight).total_seconds() + below_1us
             return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(",", "."))
+        if (quantity := QUANTITY.fullmatch(word)) and self.units[place] in ("", quantity[2]):
+            value = value_of(quantity[1], self._comma)
+        if quantity and value is not None:
+            self.units[place] = quantity[2]
+            return value
         if word.lower() not in NOT_A_VALUE and not self.strange[place]:
             self.strange[place] = f"line {line}: {printable(word[:40])!r}"
         return np.nan
