@@ -53,9 +53,10 @@ class Torques:
 
     @property
     def knots(self) -> tuple[Array, Array]:
-        """Times (n + 2,), s, and integrals (n + 2, 2) of the generalised torques, N m s.
+        """Times and integrals of the generalised torques.
 
-        The columns belong to theta1 and theta2. The integrals are linear between times.
+        The shapes are (n + 2,), s, and (n + 2, 2), N m s. The columns belong to theta1 and theta2. The integrals are
+        linear between times.
         """
         return _knots(self)
 

@@ -84,9 +84,9 @@ def _with(known: Knowledge, pairs: OpenPairs, cause: int, initial: Array) -> Est
 
 
 def _best_fit(known: Knowledge, pairs: OpenPairs, truth: int, other: int, initial: Array, free: list[int]) -> Estimate:
-    """Fit the cause `other` to the runs recorded so far by the linear solution.
+    """Fit a wrong cause to the recorded runs, in linear approximation.
 
-    `truth` is assumed to be the true cause.
+    `other` is the wrong cause, and `truth` is the true one.
     """
     true_places = list(pairs.places[truth])
     lost = known.information[np.ix_(free, true_places)] @ pairs.sizes[truth]

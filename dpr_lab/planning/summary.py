@@ -142,7 +142,7 @@ def _forecast(
 
 
 def _further_tests(known: Knowledge, steps: Sequence[SequenceStep]) -> list[list[OpenAmplitudes]]:
-    """Return the argument of `settled_probabilities` for the planned releases."""
+    """Return the effects to test after the planned releases, as `settled_probabilities` expects."""
     rng = np.random.default_rng(1)  # another stream than that of the simulated score tests
     added = np.cumsum([_placed(known, step, rng) for step in steps], axis=0)
     return [

@@ -54,7 +54,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
 
 
 def run_of(stored: Scan) -> Run:
-    """Convert the content of a run file, or of a table in memory, to a run.
+    """Convert the content of a run file or of a table to a run.
 
     `load_run` lists the errors.
     """

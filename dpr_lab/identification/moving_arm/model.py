@@ -62,7 +62,10 @@ class MovingArmModel(FittedModel):
     unknowns: list[str]
     """Names of all unknowns that were fitted."""
     absolute: dict[str, EstimatedValue]
-    """Absolute values, SI; `fixed_by` is `bound` if their scale is taken from the rig file and not measured."""
+    """Absolute values, SI; `fixed_by` is `bound` if their scale is taken from the rig file and not measured.
+
+    Standard deviations and intervals then do not contain the error of the scale.
+    """
     scale_sentence: str
     """Sentence on the source of the scale of absolute values."""
     swing: Annotated[list[Number], Field(min_length=12, max_length=12)]

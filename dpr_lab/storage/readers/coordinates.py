@@ -49,7 +49,7 @@ def coordinate(name: str) -> tuple[str, str]:
 
 
 def only_coordinate(name: str) -> tuple[str, str]:
-    """Return the point and the axis of a column that is named only by its axis."""
+    """Return point and axis of a column whose name contains only the axis."""
     match = _ALONE.fullmatch(name)
     return ("point", match[1].lower()) if match else OTHER
 

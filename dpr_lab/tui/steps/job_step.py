@@ -206,7 +206,9 @@ class JobStep(Step):
             self.job.cancel()
 
     def whole_number(self, name: str, least: int = 0, most: int = 2**32 - 1) -> int:
-        """Return the integer from a form field, by default within the range of a 32-bit seed.
+        """Return the integer from a form field.
+
+        By default, the range is that of a 32-bit seed.
 
         Raises:
             ConfigError: the text is not such a number.
