@@ -144,7 +144,7 @@ def commands(made: "Plan") -> list[str]:
         + f"dpr-lab capture --rig {in_command(release.rig)} --link LINK"
         f" --pose {release.pose} --duration {release.duration_s:g} --out runs"
         for release in made.releases[: None if made.state == "first" else 1]
-        if release.pose
+        if release.pose and release.rig
     ]
 
 

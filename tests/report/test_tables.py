@@ -204,9 +204,7 @@ def test_the_table_of_a_comparison_contains_rods_without_an_encoder():
 
 
 def test_an_absolute_value_at_an_assumed_scale_has_no_standard_deviation() -> None:
-    absolute = {
-        name: EstimatedValue(value=0.0148, std=1e-7, interval90=(0.0147, 0.0149), fixed_by=fixed_by)
-        for name, fixed_by in (("e1", "bound"), ("c1", "data"))
-    }
+    known = EstimatedValue(value=0.0148, std=1e-7, interval90=(0.0147, 0.0149))
+    absolute = {"e1": known.model_copy(update={"fixed_by": "bound"}), "c1": known}
     cells = [row[1] for row in moving_arm.absolute_rows(MovingArmModel.model_construct(absolute=absolute))]
     assert [cell.count("±") for cell in cells] == [0, 1]
