@@ -21,7 +21,6 @@ from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
 from dpr_lab.gap.which.replacements import (
     EXCHANGE,
     POSSIBLE_SIZE,
-    RICHER_FORM,
     SECOND_CAUSE,
     SEVERAL_CAUSES,
     SIMPLER_FORM,
@@ -76,7 +75,6 @@ CONVERGE = Move("converge", "the fit is continued to its minimum", _converged, _
 REFINE = (
     SMALLEST_ADEQUATE,
     DROP,
-    RICHER_FORM,
     SIMPLER_FORM,
     SECOND_CAUSE,
     SEVERAL_CAUSES,

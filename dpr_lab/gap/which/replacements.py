@@ -1,41 +1,20 @@
-"""Moves that replace effects: by simpler or richer forms, by several others, by another one."""
+"""Moves that replace effects: by simpler forms, by several others, by another one."""
 
 from collections.abc import Iterator
 
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 from dpr_lab.gap.hypothesis.imitation import follows_remainder
-from dpr_lab.gap.hypothesis.refits import refit_with, refit_without
 from dpr_lab.gap.hypothesis.significance import form_indifference
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.fitted_sets import FittedSets
-from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 from dpr_lab.gap.which.substitutes import simpler_forms
-
-
-def _richer(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets in which a richer form replaces an effect that this form contains.
-
-    The score test must show a contribution of the richer form.
-    """
-    test = sets.test(current)
-    for score in test.ranking:
-        inner = [name for name in score.effect.nested if name in current.effects]
-        if inner and score.gain > current.chance:
-            with_both = refit_with(sets.problem, current, test, score, iterations=EFFORT.fine)
-            richer = sets.keep(refit_without(sets.problem, with_both, inner[0], sets.bare))
-            yield Proposal(escaped(sets, richer) if current.cost - richer.cost > current.chance else richer)
 
 
 def _better_than_chance(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     better = current.cost - proposal.model.cost > current.chance
     return Decision(better, f"the criterion falls by {'more' if better else 'less'} than {current.chance:.3g}")
-
-
-RICHER_FORM = Move(
-    "richer form", "an effect is replaced by a richer one that contains it", _richer, _better_than_chance
-)
 
 
 def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
