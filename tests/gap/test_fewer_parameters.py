@@ -15,7 +15,7 @@ from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
-from dpr_lab.gap.which.replacements import POSSIBLE_SIZE, SECOND_CAUSE
+from dpr_lab.gap.which.replacements import POSSIBLE_SIZE
 from dpr_lab.gap.which.search import Proposal, SearchState, apply
 from tests.background_rigs import law, recordings
 
@@ -150,20 +150,6 @@ def test_no_removal_leads_to_a_size_that_is_typical_of_another_cause() -> None:
         assert free.model.effects == (spring,)
         proposed = list(move.propose(sets_of(*models, impossible=frozenset({spring})), models[1]))
         assert [proposal.model.effects for proposal in proposed] == ([(SCALE,)] if move is DROP else [])
-
-
-def test_a_second_cause_has_as_many_parameters_as_the_richer_form_adds_and_is_another_effect(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    drift, simple = "encoder_drift_joint1", "encoder_offset_joint1"
-    current, simpler = stated(400.0, 5, drift), stated(900.0, 4, simple)
-    scores = [SimpleNamespace(effect=EFFECTS[name], columns=range(n), gain=400.0)
-              for name, n in ((drift, 1), (COGGING, 4), (SCALE, 1))]  # fmt: skip
-    sets = sets_of(stated(1e6, 3), current)
-    monkeypatch.setattr("dpr_lab.gap.which.replacements.simpler_forms", lambda *_: [simpler])
-    sets.test = lambda model: SimpleNamespace(ranking=scores)
-    sets.with_one = lambda model, score: (*model.effects, score.effect.name)
-    assert [proposal.model for proposal in SECOND_CAUSE.propose(sets, current)] == [(simple, SCALE)]
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,6 @@ from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
 from dpr_lab.gap.which.replacements import (
     EXCHANGE,
     POSSIBLE_SIZE,
-    SECOND_CAUSE,
     SEVERAL_CAUSES,
     SIMPLER_FORM,
 )
@@ -76,10 +75,8 @@ REFINE = (
     SMALLEST_ADEQUATE,
     DROP,
     SIMPLER_FORM,
-    SECOND_CAUSE,
     SEVERAL_CAUSES,
     EXCHANGE,
-    SECOND_CAUSE,
     DROP,
     OWN_SHARE,
     CONVERGE,

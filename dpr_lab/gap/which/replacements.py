@@ -12,11 +12,6 @@ from dpr_lab.gap.which.search import Decision, Move, Proposal
 from dpr_lab.gap.which.substitutes import simpler_forms
 
 
-def _better_than_chance(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    better = current.cost - proposal.model.cost > current.chance
-    return Decision(better, f"the criterion falls by {'more' if better else 'less'} than {current.chance:.3g}")
-
-
 def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     """Accept a replacement that explains as much as the set, within the indifference margin.
 
@@ -63,21 +58,6 @@ POSSIBLE_SIZE = Move(
     _of_possible_size,
     then="repeat",
 )
-
-
-def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets in which a simpler form and another effect replace an effect.
-
-    The set may not have more parameters in total. The additional parameters of a richer form may imitate a second
-    cause. For example, unequal friction in the two directions imitates a zero offset, and a zero that drifts imitates a
-    constant zero error and an error of the scale.
-    """
-    for simpler in simpler_forms(sets, current):
-        room, replaced = len(current.fit.free) - len(simpler.fit.free), current.key - simpler.key
-        others = (score for score in sets.test(simpler).ranking if score.effect.name not in replaced)
-        score = next((score for score in others if len(score.columns) <= room), None)
-        if score is not None and score.gain > current.chance:
-            yield Proposal(sets.with_one(simpler, score))
 
 
 def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
@@ -134,21 +114,6 @@ def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposa
         return Decision(True, "fewer parameters explain nearly as much, with sizes that a rig can have")
     better = model.cost < current.cost and model.at_noise_floor >= current.at_noise_floor
     return Decision(better, f"fewer parameters explain {'more' if better else 'less'}")
-
-
-def _better_second_cause(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    fewer = len(proposal.model.fit.free) < len(current.fit.free)
-    return (_better_with_fewer_parameters if fewer else _better_than_chance)(sets, current, proposal)
-
-
-SECOND_CAUSE = Move(
-    "second cause",
-    "an effect is replaced by a simpler one and a second effect that explain more with fewer parameters, or"
-    " significantly more with as many",
-    _second_cause,
-    _better_second_cause,
-    then="repeat",
-)
 
 
 def _nearly_as_good_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
