@@ -15,8 +15,7 @@ from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
-from dpr_lab.gap.which.replacements import POSSIBLE_SIZE
-from dpr_lab.gap.which.search import Proposal, SearchState, apply
+from dpr_lab.gap.which.search import SearchState, apply
 from tests.background_rigs import law, recordings
 
 SCALE, COGGING, LENGTH, FRICTION = "encoder_scale_joint1", "detent_joint1", "wrong_length_L1", "coulomb_joint1"
@@ -150,18 +149,3 @@ def test_no_removal_leads_to_a_size_that_is_typical_of_another_cause() -> None:
         assert free.model.effects == (spring,)
         proposed = list(move.propose(sets_of(*models, impossible=frozenset({spring})), models[1]))
         assert [proposal.model.effects for proposal in proposed] == ([(SCALE,)] if move is DROP else [])
-
-
-@pytest.mark.parametrize(
-    ("impossible", "remaining", "named"),
-    [("drift", 1.7e4, "offset"), ("drift", 2e4, "drift"), ("drift offset", 1.7e4, "drift"), ("", 1.7e4, "drift")],
-    ids=["richer form", "simpler form explains too little", "both forms", "no form"],
-)
-def test_a_simpler_form_replaces_a_richer_one_of_impossible_size(impossible: str, remaining: float, named: str) -> None:
-    """`remaining` is the chi2 of the set with the simpler form; that of the richer form is 6000."""
-    effects = {"drift": "encoder_drift_joint1", "offset": "encoder_offset_joint1"}
-    drift, offset = stated(6e3, 5, effects["drift"]), stated(remaining, 4, effects["offset"])
-    sets, off = sets_of(stated(1e6, 3), drift, offset), {effects[name] for name in impossible.split()}
-    sets.oversized = lambda model: off & model.key
-    accepted = POSSIBLE_SIZE.accept(sets, drift, Proposal(offset)).accepted
-    assert (offset if accepted else drift).effects == (effects[named],)

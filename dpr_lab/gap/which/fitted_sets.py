@@ -231,7 +231,8 @@ class FittedSets:
         if parents and not smaller.at_noise_floor:
             parent = min(parents, key=lambda parent_model: parent_model.cost)
             (name,) = key - parent.key
-            smaller = min(smaller, self.grown(parent, name) or smaller, key=_chi2)
+            if (score := self.score(parent, name)) is not None:
+                smaller = min(smaller, self._best_shape(parent, score), key=_chi2)
         return self.keep(smaller)
 
     def _stuck(self, smaller: Hypothesis, model: Hypothesis) -> bool:
@@ -243,11 +244,6 @@ class FittedSets:
             return False
         previous, current = relative_chi2(smaller.fit), relative_chi2(model.fit)
         return bool(((previous > EFFORT.outstanding) & (current < 0.5 * previous)).any())
-
-    def grown(self, model: Hypothesis, effect: str) -> Hypothesis | None:
-        """Fit a set with one more effect without storing the fit; None without a score."""
-        score = self.score(model, effect)
-        return None if score is None else self._best_shape(model, score)
 
 
 def _chi2(model: Hypothesis) -> float:

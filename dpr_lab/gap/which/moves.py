@@ -18,12 +18,7 @@ from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
-from dpr_lab.gap.which.replacements import (
-    EXCHANGE,
-    POSSIBLE_SIZE,
-    SEVERAL_CAUSES,
-    SIMPLER_FORM,
-)
+from dpr_lab.gap.which.replacements import SEVERAL_CAUSES, SIMPLER_FORM
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 
@@ -71,17 +66,7 @@ def _fitted_to_the_end(sets: FittedSets, current: Hypothesis, proposal: Proposal
 
 CONVERGE = Move("converge", "the fit is continued to its minimum", _converged, _fitted_to_the_end)
 
-REFINE = (
-    SMALLEST_ADEQUATE,
-    DROP,
-    SIMPLER_FORM,
-    SEVERAL_CAUSES,
-    EXCHANGE,
-    DROP,
-    OWN_SHARE,
-    CONVERGE,
-    POSSIBLE_SIZE,
-)
+REFINE = (SMALLEST_ADEQUATE, DROP, SIMPLER_FORM, SEVERAL_CAUSES, DROP, OWN_SHARE, CONVERGE)
 """Moves after forward selection, in order."""
 
 SHORT = (SMALLEST_ADEQUATE, DROP, SIMPLER_FORM)

@@ -1,4 +1,4 @@
-"""Moves that replace effects: by simpler forms, by several others, by another one."""
+"""Moves that replace effects: by simpler forms, or by several others."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,6 @@ from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 from dpr_lab.gap.hypothesis.imitation import follows_remainder
 from dpr_lab.gap.hypothesis.significance import form_indifference
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
-from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 from dpr_lab.gap.which.substitutes import simpler_forms
@@ -33,29 +32,6 @@ SIMPLER_FORM = Move(
     "an effect is replaced by a simpler one that it contains, if this one explains as much",
     lambda sets, current: map(Proposal, simpler_forms(sets, current)),
     _as_good,
-    then="repeat",
-)
-
-
-def _of_possible_size(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    """Accept a simpler form if only the richer one has an impossible size.
-
-    The richer form then follows another cause. The excess may not increase so much that the simpler form is no
-    explanation either. At the noise floor, the residual of the simpler form must also be consistent with noise.
-    """
-    model = proposal.model
-    explains = model.at_noise_floor or not current.at_noise_floor
-    little = model.bounded_excess < THRESHOLDS.keeps * current.bounded_excess
-    if explains and little and set(sets.oversized(model)) < set(sets.oversized(current)):
-        return Decision(True, "the richer form has an impossible size")
-    return Decision(False, "explains less, or its size is not more plausible")
-
-
-POSSIBLE_SIZE = Move(
-    "possible size",
-    "at the end, a richer form of impossible size is replaced by a simpler one that it contains",
-    lambda sets, current: map(Proposal, simpler_forms(sets, current)) if sets.oversized(current) else iter(()),
-    _of_possible_size,
     then="repeat",
 )
 
@@ -131,49 +107,5 @@ SEVERAL_CAUSES = Move(
     ),
     _several_for_one,
     _nearly_as_good_with_fewer_parameters,
-    then="repeat",
-)
-
-
-def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the best set in which another effect, or another shape, replaces one effect.
-
-    Nothing is proposed if only noise remains.
-    """
-    if current.at_noise_floor or not current.effects:
-        return
-    best = current
-    for name in sets.unexpected(current):
-        smaller = sets.without(current, name)
-        if sets.library[name].shapes:
-            best = min(best, _reshaped(sets, current, name), key=lambda model: model.cost)
-        for score in sets.test(smaller).ranking[: EFFORT.replacements]:
-            if score.effect.name != name:
-                other = sets.with_one(smaller, score)
-                best = min(best, other, key=lambda model: model.cost) if sets.possible(other) else best
-    if best is not current:
-        yield Proposal(best)
-
-
-def _reshaped(sets: FittedSets, model: Hypothesis, effect: str) -> Hypothesis:
-    """Search again for the shape of one effect of a set, and refit the set."""
-    other = sets.grown(sets.without(model, effect), effect)
-    return sets.keep(model if other is None or other.cost >= model.cost else other)
-
-
-def _closer(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    model = proposal.model
-    if current.bounded_excess >= THRESHOLDS.slow * model.bounded_excess:
-        return Decision(True, f"the excess decreases by more than a factor of {THRESHOLDS.slow:g}")
-    if model.key == current.key:
-        return Decision(True, "the same effects with a better shape")
-    return Decision(False, f"the excess decreases by less than a factor of {THRESHOLDS.slow:g}")
-
-
-EXCHANGE = Move(
-    "exchange",
-    "while the residual exceeds the noise, each effect is replaced in turn by other effects and other shapes",
-    _exchanged,
-    _closer,
     then="repeat",
 )
