@@ -1,8 +1,8 @@
-"""Moves that replace effects: by simpler forms, or by several others."""
+"""Moves that replace an effect: by a simpler form, or by several other effects."""
 
 from collections.abc import Iterator
 
-from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.imitation import follows_remainder
 from dpr_lab.gap.hypothesis.significance import form_indifference
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
@@ -37,50 +37,26 @@ SIMPLER_FORM = Move(
 
 
 def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets in which several simple effects replace or join a curve.
+    """Propose sets in which effects with one amplitude replace a curve.
 
-    The set must have fewer parameters in total. On a small arc a curve of many parameters imitates a tilt, friction and
-    drag together, and is selected first.
+    On a small arc, a curve of many parameters imitates a tilt, friction and drag together, and is selected first. The
+    best effects are added one at a time, while the set has fewer parameters than the current one.
     """
-    for name in sets.unexpected(current):
-        if name not in current.curves:
+    for curve in sets.unexpected(current):
+        if curve not in current.curves:
             continue
-        model = sets.without(current, name)
-        if current.curves[name] > PENALTY.ordinary:
-            yield from _next_to(sets, model, name)
-        for widest in (1, len(current.fit.free)):
-            yield from _grown_to(sets, current, model, name, widest)
+        model = sets.without(current, curve)
+        while len(model.fit.free) + 1 < len(current.fit.free):
+            ranking = (score for score in sets.test(model).ranking if score.effect.name != curve)
+            score = next((score for score in ranking if len(score.columns) == 1), None)
+            if score is None or score.gain < current.chance:
+                break
+            model = sets.with_one(model, score)
+            if sets.possible(model):
+                yield Proposal(model)
 
 
-def _grown_to(sets: FittedSets, current: Hypothesis, model: Hypothesis, curve: str, widest: int) -> Iterator[Proposal]:
-    """Extend a set without the curve by the best effects, one at a time.
-
-    Each added effect has at most `widest` parameters. The extended set has fewer parameters than the current one.
-    """
-    while (room := min(len(current.fit.free) - 1 - len(model.fit.free), widest)) > 0:
-        ranking = (score for score in sets.test(model).ranking if score.effect.name != curve)
-        score = next((score for score in ranking if len(score.columns) <= room), None)
-        if score is None or score.gain < current.chance:
-            return
-        model = sets.with_one(model, score)
-        if sets.possible(model):
-            yield Proposal(model)
-
-
-def _next_to(sets: FittedSets, without_curve: Hypothesis, curve: str) -> Iterator[Proposal]:
-    """Propose the curve together with the simple effect that explains most of it.
-
-    The curve then fits only the remainder.
-    """
-    simple = next((score for score in sets.test(without_curve).ranking if len(score.columns) == 1), None)
-    if simple is not None and simple.gain > 0.0:
-        model = sets.with_one(without_curve, simple)
-        score = sets.score(model, curve)
-        if score is not None:
-            yield Proposal(sets.with_one(model, score))
-
-
-def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+def _nearly_as_good_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     model = proposal.model
     if (
         sets.possible(model)
@@ -88,15 +64,11 @@ def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposa
         and model.bounded_excess < THRESHOLDS.slow * current.bounded_excess
     ):
         return Decision(True, "fewer parameters explain nearly as much, with sizes that a rig can have")
-    better = model.cost < current.cost and model.at_noise_floor >= current.at_noise_floor
-    return Decision(better, f"fewer parameters explain {'more' if better else 'less'}")
-
-
-def _nearly_as_good_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    decision = _better_with_fewer_parameters(sets, current, proposal)
-    if not decision.accepted and follows_remainder(sets.bare, current, proposal.model):
+    if model.cost < current.cost and model.at_noise_floor >= current.at_noise_floor:
+        return Decision(True, "fewer parameters explain more")
+    if follows_remainder(sets.bare, current, model):
         return Decision(True, "the additional effect only fits the remainder of small unknown causes")
-    return decision
+    return Decision(False, "fewer parameters explain less")
 
 
 SEVERAL_CAUSES = Move(
