@@ -36,8 +36,6 @@ def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Propo
 
 def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     best, chance = proposal.model, significance(sets.bare, current, proposal.model)
-    if best.at_noise_floor < current.at_noise_floor:
-        return Decision(False, "the residual exceeds the noise")
     if explains_as_much(sets.bare, current, best):
         return Decision(False, "fewer parameters explain about as much")
     if current.cost - best.cost > chance:
