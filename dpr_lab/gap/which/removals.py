@@ -110,8 +110,8 @@ def _without_possible_compensations(sets: FittedSets, current: Hypothesis) -> di
     """Return the sets without one effect that may only compensate for the form of another effect.
 
     Two kinds of effects are kept: those that every rig has, and those whose removal increases the excess far above that
-    of the best fitted set. An effect is also kept if the search would then choose a richer form, or another set with
-    this effect, that explains less with more parameters.
+    of the best fitted set. An effect is also kept if the search would then choose a set that explains less with more
+    parameters.
     """
     closest = min(model.bounded_excess for model in sets.fits.values())
     limit = min(THRESHOLDS.keeps_if_small * closest, THRESHOLDS.still_open * sets.bare.bounded_excess)
@@ -121,44 +121,20 @@ def _without_possible_compensations(sets: FittedSets, current: Hypothesis) -> di
         if not sets.library[name].universal
         and (smaller := sets.without(current, name)).bounded_excess <= limit
         and sets.as_possible(smaller, current)
-        and not _between(sets, smaller, current)
         and not _returns(sets, smaller, current)
     }
 
 
-def _between(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
-    """Return whether the search would replace the smaller set by a worse richer form.
-
-    The richer form explains less than the larger set. It replaces two effects of the larger set, one of which is
-    missing in the smaller set: a simpler form of the richer form, and a second effect. The set with the richer form has
-    more parameters than the larger set.
-    """
-    removed = larger.key - smaller.key
-    replaced = (
-        sets.fits.get(larger.key - {simple, other} | {form.name})
-        for form in sets.library.values()
-        for simple in larger.key.intersection(form.nested)
-        for other in larger.key - {simple}
-        if not removed.isdisjoint({simple, other})
-    )
-    return any(
-        model is not None and len(model.fit.free) > len(larger.fit.free) and larger.cost < model.cost < smaller.cost
-        for model in replaced
-    )
-
-
 def _returns(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
-    """Return whether a search would return from the smaller set to the removed effect.
+    """Return whether the search would replace the smaller set by a set that is worse than the larger one.
 
-    In this case the best fitted set of at most the smaller size contains the removed effect, has more parameters than
-    the larger set, and explains less.
+    This set has at most as many effects as the smaller set. It explains less than the larger set, with more parameters.
     """
     others = (
         model for model in sets.fits.values() if len(model.effects) <= len(smaller.effects) and sets.possible(model)
     )
     best = min(others, key=lambda model: model.cost, default=smaller)
-    more = len(best.fit.free) > len(larger.fit.free)
-    return more and best.cost > larger.cost and not (larger.key - smaller.key).isdisjoint(best.key)
+    return best.cost > larger.cost and len(best.fit.free) > len(larger.fit.free)
 
 
 def _compensates_for_another_form(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
