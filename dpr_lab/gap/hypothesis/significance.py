@@ -36,23 +36,24 @@ def indifference(
 def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
     """Return the minimum significant reduction of cost from one set to a larger one.
 
+    The reduction must exceed chance, and chance is more probable if only noise remains without the additional effect.
+    While a residual remains with the effect, a reduction is also significant that is consistent among the segments.
+
     An effect that follows the noise of a tracker leaves residuals that are less correlated. The penalty of all
     parameters then decreases with the inflation of these residuals. If only noise remains without the effect, this
     decrease is not evidence. Both sets are then compared at the inflation of the larger one.
     """
-    limit = _significance(bare, before, after)
+    if not before.effects:
+        limit = after.chance
+    elif before.at_noise_floor:
+        limit = indifference(bare, after, independent=THRESHOLDS.chance_at_floor)
+    elif after.at_noise_floor:
+        limit = indifference(bare, after, share=THRESHOLDS.integrator_at_floor)
+    else:
+        limit = indifference(bare, after)
     if before.at_noise_floor:
         limit += max(before.inflation - after.inflation, 0.0) * before.penalty
     return limit if after.at_noise_floor else min(limit, scatter(before, after))
-
-
-def _significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
-    if not before.effects:
-        return after.chance
-    if after.at_noise_floor and not before.at_noise_floor:
-        return indifference(bare, after, share=THRESHOLDS.integrator_at_floor)
-    chance = THRESHOLDS.chance_at_floor if before.at_noise_floor else THRESHOLDS.chance
-    return indifference(bare, after, independent=chance)
 
 
 def scatter(before: Hypothesis, after: Hypothesis, errors: float = THRESHOLDS.consistent) -> float:
@@ -91,6 +92,10 @@ def most_excess(bare: Hypothesis, before: Hypothesis) -> float:
 def need(described: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:
     """Return the ratio of the evidence for the additional effect to the required evidence.
 
+    Above the noise floor, the evidence is the factor by which the excess increases without the effect. A factor of
+    `slow` is required of a large effect, and of an effect that improves every segment. Other effects require `keeps`,
+    and small effects `keeps_if_small`.
+
     Args:
         described: model whose excess is the whole gap (`FittedSets.described`)
         model: set with the effect
@@ -100,12 +105,12 @@ def need(described: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float
     if model.at_noise_floor:
         return loss / model.chance
     growth, factor = smaller.residuals.excess - model.bounded_excess, smaller.residuals.excess / model.bounded_excess
-    if loss > scatter(smaller, model):  # even if another effect is much larger, this effect improves every segment
+    share = growth / described.bounded_excess
+    if share > THRESHOLDS.large or loss > scatter(smaller, model):
         return factor / THRESHOLDS.slow
-    if growth < THRESHOLDS.small * described.bounded_excess and factor < THRESHOLDS.keeps_if_small:
+    if share < THRESHOLDS.small and factor < THRESHOLDS.keeps_if_small:
         return 0.0
-    large = growth > THRESHOLDS.large * described.bounded_excess
-    return factor / (THRESHOLDS.keeps_if_large if large else THRESHOLDS.keeps)
+    return factor / THRESHOLDS.keeps
 
 
 def explains_as_much(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> bool:

@@ -14,16 +14,17 @@ class Thresholds:
     unit of chi2 is `ResidualStatistics.inflation`, the chi2 of one independent reading.
     """
 
+    # noise and chance
     noise_floor: float = 4.0
     """Maximum residual that counts as noise, in standard deviations."""
     far: float = GAUSS_NEWTON.far
     """chi2 per degree of freedom above which fits may end in local minima."""
     chance: float = 30.0
     """Maximum reduction of chi2 that is attributed to chance: the largest reduction among about 600 shapes."""
-    promising: float = 0.5
-    """Minimum predicted reduction, as a fraction of the excess, for an effect that is fitted to few readings."""
     chance_at_floor: float = 90.0
     """Maximum reduction of chi2 by an additional effect that is attributed to chance if only noise remains."""
+    promising: float = 0.5
+    """Minimum predicted reduction, as a fraction of the excess, for an effect that is fitted to few readings."""
     consistent: float = 4.0
     """Minimum reduction of chi2 that counts as significant while a residual remains.
 
@@ -36,24 +37,25 @@ class Thresholds:
     """
     fewest_segments: int = 10
     """Minimum number of segments from which their scatter can be estimated."""
-    takes_over: float = 2.0
-    """Minimum growth factor of the amplitudes of a curve that replaces a removed effect."""
     integrator: float = 5e-4
     """Fraction of the explained chi2 that is uncertain because of the steps of the integrator."""
     integrator_at_floor: float = 5e-5
     """Fraction like `integrator` for a set that leaves only noise, which confirms that the steps are small enough."""
-    explained: float = 0.93
-    """Minimum share of the excess of the bare model that a set must explain to be the explanation of the gap.
 
-    In blind trials, correct sets explained at least 0.97 of the excess, and sets from a library without the cause at
-    most 0.91.
-    """
+    # factors of the excess
     slow: float = 1.3
-    """Minimum factor by which an additional effect must reduce the excess, unless it is large."""
+    """Minimum factor by which an additional effect must reduce the excess, unless it is large.
+
+    Without a large effect, the excess must increase by this factor for the effect to be kept.
+    """
     keeps: float = 3.0
     """Minimum factor by which the excess must increase without an effect for the effect to be kept."""
-    keeps_if_large: float = 1.3
-    """Minimum factor by which the excess must increase without a large effect for the effect to be kept."""
+    keeps_if_small: float = 30.0
+    """Minimum factor by which the excess must increase without a small effect for the effect to be kept."""
+    escaped: float = 10.0
+    """Minimum factor by which a repeated fit reduces chi2 for the first fit to count as a local minimum."""
+
+    # fractions of the gap
     large: float = 0.04
     """Minimum size of a large effect, as a fraction of the whole gap.
 
@@ -64,10 +66,21 @@ class Thresholds:
 
     The limit applies while a residual remains.
     """
-    keeps_if_small: float = 30.0
-    """Minimum factor by which the excess must increase without a small effect for the effect to be kept."""
-    contained: float = 0.003
-    """Minimum fraction of the explained chi2 that a richer form of an effect must add while a residual remains."""
+    secondary: float = 0.1
+    """Size of an effect, as a fraction of the gap, below which it may compensate for the form of a larger effect.
+
+    The limit applies even if only noise remains.
+    """
+    still_open: float = 0.5
+    """Maximum fraction of the gap that may remain without an effect for the test of `own_share` to apply."""
+    explained: float = 0.93
+    """Minimum share of the excess of the bare model that a set must explain to be the explanation of the gap.
+
+    In blind trials, correct sets explained at least 0.97 of the excess, and sets from a library without the cause at
+    most 0.91.
+    """
+
+    # similar explanations
     nearly_all: float = 0.9
     """Minimum reduction of the excess by simple effects that replace a curve, relative to the reduction by the curve.
 
@@ -78,21 +91,16 @@ class Thresholds:
 
     It is relative to the reduction by the vibration.
     """
+    contained: float = 0.003
+    """Minimum fraction of the explained chi2 that a richer form of an effect must add while a residual remains."""
     own_share: float = 0.15
     """Minimum own share of an effect while a residual remains.
 
     The own share is the fraction of an effect's reduction of chi2 that other functional forms of the remaining effects
     cannot explain.
     """
-    secondary: float = 0.1
-    """Size of an effect, as a fraction of the gap, below which it may compensate for the form of a larger effect.
-
-    The limit applies even if only noise remains.
-    """
-    still_open: float = 0.5
-    """Maximum fraction of the gap that may remain without an effect for the test of `own_share` to apply."""
-    escaped: float = 10.0
-    """Minimum factor by which a repeated fit reduces chi2 for the first fit to count as a local minimum."""
+    takes_over: float = 2.0
+    """Minimum growth factor of the amplitudes of a curve that replaces a removed effect."""
     likelier: float = 10.0
     """Minimum ratio of the prior probabilities of two sizes for an indistinguishable effect to replace a named one."""
     indistinguishable: float = 0.999

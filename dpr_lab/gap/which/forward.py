@@ -69,15 +69,9 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
     for room in range(max_effects - len(sets.unexpected(start)), 0, -1):
         if not (to_floor and front == [start]) and refutes_process_noise(sets, best):
             return
-        level: dict[frozenset[str], Hypothesis] = {}
-        for model in front:
-            level = _with_one_more(sets, best, model, level, last=last_rejected or room == 1)
-            if len(sets.unexpected(model)) + 2 <= max_effects and (pair := _with_two_losses(sets, model)):
-                level[pair.key] = pair
-        if not level:
+        ranked = _next_level(sets, best, front, max_effects, last=last_rejected or room == 1)
+        if not ranked:
             return
-        ranked = _ranked(sets, best, level.values())
-        ranked = _ranked(sets, best, [escaped(sets, ranked[0]), *ranked[1:]])
         largest = ranked[0]
         yield Proposal(largest)
         if accepted(sets.bare, best, largest) and not follows_remainder(sets.bare, largest, best):
@@ -89,6 +83,19 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
         if to_floor and best.at_noise_floor:
             return
         front = [largest] if largest.at_noise_floor else [largest, *_runners_up(sets, largest, ranked[1:])]
+
+
+def _next_level(
+    sets: FittedSets, best: Hypothesis, front: Sequence[Hypothesis], max_effects: int, *, last: bool
+) -> list[Hypothesis]:
+    """Return the sets with one effect more than a set of the front, or with two losses more, best first."""
+    level: dict[frozenset[str], Hypothesis] = {}
+    for model in front:
+        level = _with_one_more(sets, best, model, level, last=last)
+        if len(sets.unexpected(model)) + 2 <= max_effects and (pair := _with_two_losses(sets, model)):
+            level[pair.key] = pair
+    ranked = _ranked(sets, best, level.values())
+    return _ranked(sets, best, [escaped(sets, ranked[0]), *ranked[1:]]) if ranked else []
 
 
 def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
