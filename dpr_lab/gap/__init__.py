@@ -18,7 +18,7 @@
 Why was cause X preferred to Y? The field `search` of a diagnosis lists all trials of the search. The trial that rejects
 Y, or that replaces Y by X, states its move and the reason.
 
-Reading order. About 10,400 words contain the rules of this choice:
+Reading order. About 9,700 words contain the rules of this choice:
 
     `hypothesis.hypothesis`      the cost, by which sets are compared
     `hypothesis.thresholds`      the numbers in the rules
@@ -32,8 +32,8 @@ Reading order. About 10,400 words contain the rules of this choice:
     `which.alternatives`
     `classes.posterior`          the probabilities of X and Y, if both remain
 
-About 7,500 words contain the stages: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`, `which.select`,
-`corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 69,000 words. They are the
+About 7,800 words contain the stages: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`, `which.select`,
+`corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 70,000 words. They are the
 computations behind one decision each, and can be read when they are changed.
 
 Terms of all modules:
