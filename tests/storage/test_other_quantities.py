@@ -1,6 +1,5 @@
 """Columns that are no angles, points in space, dates in time stamps, and signs of unknown drives."""
 
-import re
 from datetime import datetime
 from pathlib import Path
 from types import SimpleNamespace
@@ -40,24 +39,6 @@ def test_a_quantity_with_another_unit_is_no_angle(tmp_path: Path, one: Rig, name
         import_csv(file, one)
     run = import_csv(file, one, ImportOptions(zero="hanging", columns={"theta1": name}))
     np.testing.assert_allclose(run.theta[:, 1] - np.pi, SWING, atol=1e-6)
-
-
-def test_an_acceleration_is_not_proposed_as_an_angle(tmp_path: Path, paper: Rig) -> None:
-    with pytest.raises(RunError, match="theta1=NAME,theta2=NAME; both rods are needed"):
-        import_csv(table(tmp_path, "stamp,phi,alpha1", T, SWING, -SWING), paper)
-
-
-@pytest.mark.parametrize(
-    ("head", "example"),
-    [
-        ("t,alpha1,beta1", "theta1=alpha1,theta2=beta1"),
-        ("t,current angle (deg),beta", "'theta1=current angle (deg),theta2=beta'"),
-        ("t,theta1,alpha1", "theta2=NAME"),
-    ],
-)
-def test_names_that_may_be_angles_are_proposed(tmp_path: Path, paper: Rig, head: str, example: str) -> None:
-    with pytest.raises(RunError, match=re.escape(f"--columns {example}")):
-        import_csv(table(tmp_path, head, T, SWING, -SWING), paper)
 
 
 @pytest.mark.parametrize("name", ["tip x (m)", "x (m)", "tip_y_px"])

@@ -216,14 +216,6 @@ def test_a_swing_that_is_appended_after_a_gap_is_named(tmp_path, one, appended):
     assert all("(--duration-s 2.8; --start-s 2.92)" in sentence for sentence in named)
 
 
-def test_the_example_names_the_only_column_that_sounds_like_an_angle(tmp_path, one):
-    (tmp_path / "a.csv").write_text(
-        "time,/trolley/data,/sway_angle/data\n" + lines("{t:.2f},{angle:.3f},{angle:.6f}\n", SWING)
-    )
-    with pytest.raises(RunError, match="for example --columns theta1=/sway_angle/data"):
-        import_csv(tmp_path / "a.csv", one)
-
-
 @pytest.mark.parametrize("zero", ["hanging", "upright"])
 def test_angles_in_mrad_are_questioned_without_a_correction(tmp_path, one, zero):
     t = np.arange(0, 4, 0.02)

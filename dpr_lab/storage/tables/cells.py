@@ -35,8 +35,6 @@ _RATE = re.compile(r"(rad|deg|degrees?|°|m)/s|omega|veloc|speed|^(?!.*(angle|pi
 _UNITS = "%|lu?x|[kmcd]?m|g|m?N|[hk]?Pa|°?[CFK]|m?A|m?W|[mµ]?T|dB|k?Hz"
 _OTHER_UNIT = re.compile(rf"(?!\W*[xyXY]\b).*[(\[]\s*({_UNITS})\s*[)\]]\s*$")
 """Pattern of a name with the unit of another quantity, such as `Light (%)`. Voltages and coordinates give angles."""
-_INPUT = re.compile(r"(?!.*angle).*(?<![a-z])(tau|torque|effort|force|current|voltage)")
-"""Pattern of names of inputs in lower case; `current angle` is no input."""
 QUANTITY = re.compile(rf"(.*[\d.,])\s*({UNIT_WORDS})", re.I)
 """Pattern of a field with a number and its unit, such as `12.3 deg`."""
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?|[-+]?\d{1,3}(?:\.\d{3})+,\d*")
@@ -112,11 +110,6 @@ def names_no_angle(name: str) -> bool:
 def names_rate(name: str) -> bool:
     """Check whether the name of a column states a rate or an acceleration."""
     return bool(_RATE.search(name.lower()))
-
-
-def may_be_angle(name: str) -> bool:
-    """Check whether a column may be proposed as an angle; unnamed columns are not."""
-    return bool(name) and not (names_no_angle(name) or _INPUT.match(name.lower()))
 
 
 def labels_of(lines: list[str]) -> list[str]:

@@ -2,7 +2,6 @@
 
 import math
 import re
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
-from dpr_lab.storage.tables.cells import may_be_angle, names_no_angle, names_rate
+from dpr_lab.storage.tables.cells import names_no_angle, names_rate
 from dpr_lab.storage.tables.options import AXES
 from dpr_lab.storage.tables.table import LIMITS, Table, bare, own_name
 from dpr_lab.storage.tables.time_stamps import never_falls, runs, varies
@@ -25,7 +24,6 @@ _TIME_NAME = r"(t|(date|clock|host|elapsed)?time(stamp)?|elapsed|tout|zeit|temps
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds|millis", "us": "us|usec|microseconds|micros"}
 _ANGLE_UNIT = r"(rad|radians?|deg|degrees?|degr[eé]s|gra(?:us|dos|di|den|d))"
 _ANGLE_WORD = "(theta|th|phi|q|angle|angulo|angolo|winkel|joint|pos|position|θ|φ)"
-_LIKELY = r"theta|angle|angulo|winkel|θ|(?<![a-z])(pitch|roll|tilt)(?![a-z])"
 _MEASURED = "(meas|measured|act|actual|exp|experimental?|obs|observed|real)"
 _ANGLE_NAME = (
     rf"{_ANGLE_WORD}{{axis}}{_ANGLE_UNIT}?|(enc|encoder){{axis}}{_ANGLE_UNIT}"
@@ -45,7 +43,6 @@ _ONE_ROD = re.compile(
 )
 _PLACE = re.compile("pos(ition)?([cm]?m)?")
 """Pattern of a position: the position of a cart if another column is an angle, otherwise the angle of the rod."""
-_ACCELERATION = re.compile(r"(?<![a-z])alpha\d")  # an angle if no other column has the name of an angle
 _COORDINATE = re.compile(r"\W*[xy][\W_]*([cm]?m|px|pixels?)?\W*|.*[\W_][xy][\W_]*([cm]?m|px|pixels?)\W*", re.I)
 _SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
 _SAID_UNIT = re.compile(
@@ -306,7 +303,8 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
             points += ", for example the integral of a rate" if any(map(names_rate, rated)) else ""
         raise RunError(
             f"{table.path}: no single column found for {' and '.join(missing)}; {available}."
-            f" Name {'them' if len(missing) > 1 else 'it'}, for example {_example(names, named, missing)}{needed}{rate}"
+            f" Name {'them' if len(missing) > 1 else 'it'}: --columns"
+            f" {','.join(f'{quantity}=NAME' for quantity in missing)}{needed}{rate}"
             f"{points}"
         )
     other = [name for name in named.values() if name in table.other_lengths]
@@ -315,27 +313,6 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
         raise RunError(
             f"{table.path}: columns of different length: {lengths} values, but the others have {len(table.lines):,}"
         )
-
-
-def _example(names: Sequence[str], named: Mapping[str, str], missing: Sequence[str]) -> str:
-    """Compose an example of the option that names the missing columns.
-
-    The example contains the remaining columns in their order if there are as many columns as missing quantities, or
-    the only column whose name contains a word for an angle.
-    """
-    rods = {named.get(axis, NO_ROD) for axis in ("theta1", "theta2")} - {NO_ROD}
-    angles = rods | {name for name in names if _ONE_ROD.fullmatch(re.sub(r"\d", "", bare(name)))}
-    plain = any(not _ACCELERATION.search(name.lower()) for name in angles)
-    names = [name for name in names if may_be_angle(name) and not (plain and _ACCELERATION.search(name.lower()))]
-    unknown = [name for name in names if name not in named.values() and name != NO_ROD]
-    likely = [name for name in unknown if re.search(_LIKELY, name.lower())]
-    # The arm is excluded, because its column may be a guess.
-    rest = unknown if len(unknown) == len(missing) else [name for name in names if name not in (named.get("t"), NO_ROD)]
-    rest = likely if len(likely) == len(missing) == 1 and "t" not in missing else rest
-    complete = len(rest) == len(missing) and not (set(rest) <= set(named.values()) or re.search("[,=]", "".join(rest)))
-    pairs = zip(missing, rest if complete else ["NAME"] * len(missing), strict=True)
-    text = ",".join(f"{quantity}={name}" for quantity, name in pairs)
-    return f"--columns {shlex.quote(text)}"
 
 
 def _said_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
