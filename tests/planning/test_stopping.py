@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dpr_lab.effects import effect_params
-from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.gap.result.diagnosis import UNCERTAIN
 from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.gap.result.posterior import PosteriorComponent
@@ -21,7 +19,7 @@ from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.sequence import Planner, SequenceStep
 from dpr_lab.planning.stopping import Causes, causes_of, decided, possible, reservation, significance, undecided
 from dpr_lab.planning.summary import inseparable, inseparable_pairs, summed_up
-from dpr_lab.planning.worth.criteria import OpenPairs, open_bits
+from dpr_lab.planning.worth.criteria import open_bits
 from dpr_lab.planning.worth.objective import Gain, Objective
 from dpr_lab.planning.worth.reasons import Expected, Reason, only_ratios_sentence, reason
 from dpr_lab.report.gap.next_steps import next_steps
@@ -159,16 +157,6 @@ def test_a_plan_tests_the_effects_that_keep_no_gap_undecided(paper: Rig) -> None
         after_one = replace(known, diagnosis=of_runs(nothing, "P1", exclusions=[tested]))
         assert open_bits(after_one, known.information) == pytest.approx(0.0, abs=1e-12)
         assert (open_bits(after_one, large) > 2 * open_bits(after_one, small)) is is_open
-
-
-def test_the_hidden_amplitude_of_a_richer_form_has_its_own_unit(paper: Rig) -> None:
-    """An offset of 1 mrad and a drift of 0.05 mrad/s count as equally large: both typical sizes have this ratio."""
-    names = ("encoder_offset_joint1", "encoder_drift_joint1")
-    known = known_before(paper)
-    offset = Estimate.of(known.model.estimate.ratios, effect_params({names[0]: {"offset_rad": 1e-3}}), np.zeros((0, 4)))
-    known = replace(known, model=replace(known.model, estimate=offset))
-    pairs = OpenPairs.of(known, Causes(names[0], dict.fromkeys(names, 0.49), 0.02))
-    assert pairs.sizes[1][-1] == pytest.approx(0.5 * 1e-4)
 
 
 @pytest.mark.parametrize(

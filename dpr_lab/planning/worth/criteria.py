@@ -35,11 +35,9 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
-from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.gap.advice.check_kind import expected_bits
 from dpr_lab.gap.classes.calibration import CALIBRATION
-from dpr_lab.gap.hypothesis.detectable import comparable_size
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.planning.knowledge import RATIO_COLUMNS, Knowledge
@@ -119,8 +117,7 @@ class OpenPairs:
             places = known.places[name]
             G = given(known.information, others, list(dict.fromkeys((*places, *about))))
             inverse = np.linalg.pinv(G[: len(places), : len(places)], rcond=1e-12, hermitian=True)
-            imitation = inverse @ (G[: len(places), len(places) :] @ target) if name != causes.about else target
-            sizes.append(_with_hidden(name, causes.about, places, known, imitation))
+            sizes.append(inverse @ (G[: len(places), len(places) :] @ target) if name != causes.about else target)
             spreads.append(inverse)
         return cls(
             causes.about,
@@ -168,36 +165,13 @@ class OpenPairs:
         return squared
 
     def gained(self, before: Array, F: Array) -> Array:
-        """Return the (n, n) squared distances d^2 that additional information adds.
-
-        They are distances between causes. A richer form that contains a simpler one never fits worse. The evidence for
-        the richer form is therefore the evidence for its additional amplitude.
+        """Return the (n, n) squared distances d^2 between causes that additional information adds.
 
         Args:
             before: (n, n) D^2 before the additional information
             F: (k, k) information that includes the additional information
         """
-        d2 = np.maximum(self.distances(F) - before, 0.0) / CALIBRATION.temperature
-        for i, name in enumerate(self.names):
-            for j, richer in enumerate(self.names):
-                if name in EFFECTS[richer].nested:
-                    d2[i, j] = d2[j, i]
-        return d2
-
-
-def _with_hidden(name: str, about: str, columns: Sequence[int], known: Knowledge, sizes: Array) -> Array:
-    """Return the sizes of a cause that are compared with the named effect.
-
-    If the cause is a richer form of the named effect, its additional amplitude has the largest size that could remain
-    undetected. A diagnosis keeps both forms in one class until this size would be detectable.
-    """
-    if about not in EFFECTS[name].nested or about not in known.places:
-        return sizes
-    shared, params = {known.model.columns[i].name for i in known.places[about]}, known.model.estimate.params
-    hidden = {p.name: CALIBRATION.hidden * comparable_size(params, EFFECTS[about], p) for p in EFFECTS[name].amplitudes}
-    names = [known.model.columns[i].name for i in columns]
-    least = np.array([0.0 if name in shared else hidden[name] for name in names])
-    return np.where(least > 0, np.maximum(np.abs(sizes), least), sizes)
+        return np.maximum(self.distances(F) - before, 0.0) / CALIBRATION.temperature
 
 
 def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
