@@ -13,12 +13,11 @@ from dpr_lab.gap.classes.posterior import (
     Alternative,
     _added_cost,
     _adds_nothing,
+    _alternatives,
     _class_members,
-    _cost,
     _in_one_class,
     _Place,
     _prior_odds,
-    _takes_over,
     effect_posterior,
     outside,
     probabilities,
@@ -87,41 +86,25 @@ def place(fitted: dict[frozenset[str], Any] | None = None, **selection: Any) -> 
     return _Place(Mock(**values | selection), NAME)
 
 
-def test_the_cost_of_an_alternative_comes_from_its_fit_or_from_its_score() -> None:
-    """Two amplitudes and one shape have a penalty of 9 times 2 each; 30 times 5 above the set is the best case."""
-    score = Mock(gain=500.0, columns=(3, 4))
-    score.effect = Mock(shapes=(Mock(),))
-    score.effect.name = "detent_joint1"
-    assert _cost(place(), score) == pytest.approx(1000.0 - 500.0 + 9.0 * 2.0 * 3)
-    score.gain = 900.0
-    assert _cost(place(), score) == pytest.approx(100.0 + 30.0 * 5.0)
-    other = Mock(cost_at=lambda inflation: 7.0 * inflation)
-    assert _cost(place({frozenset({"base_tilt", "detent_joint1"}): other}), score) == 35.0
+def test_an_alternative_is_an_effect_that_replaces_the_named_one_in_a_fitted_set() -> None:
+    """Costs are computed with the inflation of the selected set."""
+    names = ("detent_joint1", "latency_joint2", "clock_rate", "spring_joint1", "air_drag_outer")
+    keys = {name: frozenset({"base_tilt", name}) for name in names}
+    fitted = {
+        keys[name]: Mock(key=keys[name], cost_at=lambda inflation, size=size: size * inflation)
+        for size, name in enumerate(names[:4], 7)
+    }
+    test = Mock(cosine=lambda *_: 0.5)
+    fields = {"impossible": {keys["clock_rate"]}, "misleading": ("spring_joint1",), "tests_without": {NAME: test}}
+    alternatives = _alternatives(place(fitted, **fields), score(NAME, 1.0), {name: score(name, 1.0) for name in names})
+    assert alternatives == [Alternative("detent_joint1", 0.5, 35.0), Alternative("latency_joint2", 0.5, 40.0)]
 
 
-@pytest.mark.parametrize(
-    ("decay", "dismissed", "substitute", "taken"),
-    [
-        (False, False, None, False),
-        (False, True, None, True),
-        (True, True, "detent_joint1", False),
-        (False, False, "detent_joint1", True),
-        (False, False, "another", False),
-    ],
-)
-def test_a_curve_that_imitates_the_effect_or_the_remainder_is_no_alternative(
-    monkeypatch: pytest.MonkeyPatch, decay: bool, dismissed: bool, substitute: str | None, taken: bool
-) -> None:
+@pytest.mark.parametrize(("decay", "odds"), [(True, CALIBRATION.drifting), (False, 1.0)])
+def test_a_drift_along_one_decay_is_improbable(monkeypatch: pytest.MonkeyPatch, decay: bool, odds: float) -> None:
     monkeypatch.setattr(posterior, "follows_decay", lambda *_: decay)
-    monkeypatch.setattr(posterior, "is_dismissed", lambda *_: dismissed)
-    monkeypatch.setattr(posterior, "substitute_curve", lambda *_: substitute)
-    other = "detent_joint1"
-    instead, with_both = frozenset({"base_tilt", other}), frozenset({"base_tilt", NAME, other})
-    assert _takes_over(place({instead: Mock(), with_both: Mock()}), other) is taken
-    assert _takes_over(place({instead: Mock()}), other) is (dismissed and not decay)
-    assert not _takes_over(place({with_both: Mock()}), other)
-    assert _prior_odds(place({instead: Mock()}), other) == (CALIBRATION.drifting if decay else 1.0)
-    assert _prior_odds(place(), other) == 1.0
+    drift = "friction_drift_joint2"
+    assert _prior_odds(place({frozenset({"base_tilt", drift}): Mock()}), drift) == odds
 
 
 def test_a_richer_form_is_charged_the_indifference_beyond_chance(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -159,13 +142,11 @@ def test_an_effect_with_the_same_signature_and_cost_is_in_the_class(
     of_set = place(fits, final_test=Mock(absorbs=lambda *_: False), tests_without={NAME: test})
     named, other = score(NAME, 500.0), score("latency_joint2", gain)
     assert _in_one_class(of_set, named, other) is member
-    richer = score("latency_joint2", gain, NAME)
-    assert not _in_one_class(of_set, named, richer)
+    assert not _in_one_class(of_set, named, score("latency_joint2", gain, NAME))  # a richer form
     if cost is None:
-        assert not _in_one_class(of_set, score(NAME, 500.0, "latency_joint2"), other)  # a simpler form
         monkeypatch.setattr(of_set.selection.final_test, "absorbs", lambda *_: True)
         assert _in_one_class(of_set, named, other)
-        assert _in_one_class(of_set, named, score("latency_joint2", 0.0, absorbed={"a": "b"})) is False
+        assert not _in_one_class(of_set, named, score("latency_joint2", 0.0, absorbed={"a": "b"}))
     monkeypatch.setattr(posterior, "adds_less_than_remains", lambda *_: True)
     assert _in_one_class(of_set, score(NAME, 500.0, "latency_joint2"), other)
 

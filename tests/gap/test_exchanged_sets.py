@@ -10,14 +10,13 @@ from dpr_lab.gap.which.selected import Selection
 
 SCALE, COGGING, TILT, OFFSET = "encoder_scale_joint1", "detent_joint1", "base_tilt", "encoder_offset_joint2"
 ECCENTRICITY, SPRING, DRIFT = "encoder_eccentricity_joint1", "spring_joint1", "encoder_drift_joint1"
-VIBRATION = "base_vibration"
 CHOSEN = frozenset({SCALE, COGGING, TILT})
 REMOVED = 900.0
 """Cost of the selected set without the effect."""
 
 
-def costing(cost: float, *on_line: str) -> Any:
-    return Mock(cost=cost, cost_at=lambda _: cost, on_line=frozenset(on_line))
+def costing(cost: float) -> Any:
+    return Mock(cost=cost, cost_at=lambda _: cost)
 
 
 def selection(*other: str, cost: float = 120.0, **fields: Any) -> Selection:
@@ -68,22 +67,3 @@ def test_a_member_of_the_class_and_its_richer_form_count_as_the_effect(member: s
     exchanged = selection(COGGING, DRIFT)
     assert exchanged.cost_without(SCALE) == 120.0
     assert exchanged.cost_without(SCALE, [member]) == REMOVED
-
-
-@pytest.mark.parametrize(
-    ("cost", "on_line", "fields", "expected"),
-    [
-        (120.0, (VIBRATION,), {}, 120.0),
-        (60.0, (VIBRATION,), {}, 100.0),
-        (60.0, (), {}, REMOVED),
-        (60.0, (VIBRATION,), {"impossible": frozenset({frozenset({COGGING, TILT, VIBRATION})})}, REMOVED),
-        (60.0, (VIBRATION,), {"misleading": (VIBRATION,)}, REMOVED),
-        (60.0, (VIBRATION,), {"max_effects": 2}, REMOVED),
-    ],
-    ids=["higher cost", "lower cost", "another frequency", "impossible size", "misleading", "too many effects"],
-)
-def test_a_vibration_at_the_frequency_of_the_swing_represents_a_missing_law(
-    cost: float, on_line: tuple[str, ...], fields: dict[str, Any], expected: float
-) -> None:
-    fitted: Any = {frozenset({COGGING, TILT, VIBRATION}): costing(cost, *on_line)}
-    assert replace(selection(), fitted=fitted, **fields).cost_without(SCALE) == expected

@@ -14,7 +14,6 @@ from dpr_lab.gap.hypothesis.imitation import (
     curve_follows_remainder,
     follows_decay,
     follows_swing,
-    is_dismissed,
     substitute_curve,
 )
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
@@ -165,17 +164,6 @@ def test_a_curve_follows_a_small_remainder_unless_it_is_significant(excess: floa
     assert not curve_follows_remainder(BARE, curved, fitted(excess, (), cost=2_000.0))
     assert not curve_follows_remainder(BARE, curved, replace(simple, effects=(CURVE,)))
     assert not curve_follows_remainder(BARE, curved, fitted(10_001.0, cost=2_000.0))  # larger than the noise
-
-
-@pytest.mark.parametrize(("cost", "dismissed"), [(2_001.0, True), (2_000.0, False), (1_990.0, False)])
-def test_a_curve_of_lower_cost_is_an_alternative_but_a_vibration_on_a_swing_line_is_not(
-    cost: float, dismissed: bool
-) -> None:
-    chosen = fitted(1_000.0, cost=2_000.0)
-    curved = replace(fitted(0.0, (CURVE,), cost=cost), curves={CURVE: 0.05})
-    vibrating = replace(fitted(0.0, (VIBRATION,), cost=cost), on_line=frozenset({VIBRATION}))
-    assert is_dismissed(BARE, curved, chosen) is dismissed
-    assert is_dismissed(BARE, vibrating, chosen)
 
 
 def test_a_curve_that_grows_when_an_effect_is_removed_is_its_substitute() -> None:

@@ -55,8 +55,6 @@ class Calibration:
 
     The richer form is a probable alternative if these parameters are undetectable at this size.
     """
-    same_score: float = 1e-3
-    """Maximum relative difference between two linear scores that count as equal."""
     negligible: float = 50.0
     """Difference of the log probability beyond which a set has no weight."""
     least_left: float = 1e-6

@@ -10,8 +10,9 @@ A richer form of a member counts as the member under two conditions: all its add
 minimum detectable sizes, and together they improve the fit by less than their penalty. Both forms then differ by less
 than these sizes, and further recordings would not change their odds.
 
-The probability of a class is the softmax of the predictive costs of the sets in which it replaces the named effect, and
-of the best set without it (`Selection.cost_without`), multiplied by the probability that the cause is in the library.
+The probability of a class is the softmax of the predictive costs of the selected set, of the fitted sets in which
+another effect replaces the named one, and of the selected set without it. It is multiplied by the probability that the
+cause is in the library, and later by the factors of the validation (`dpr_lab.gap.transfer.transfer.judged`).
 No other set counts as more probable than the selected set, because the search would have selected a significantly
 better set. The odds of a cause outside the library are
 
@@ -38,8 +39,8 @@ from dpr_lab.effects import EFFECTS, effect_params, param_index, plausibility
 from dpr_lab.effects.effect import Effect
 from dpr_lab.gap.classes.calibration import CALIBRATION, Calibration
 from dpr_lab.gap.hypothesis.detectable import comparable_size, linear_exclusions
-from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
-from dpr_lab.gap.hypothesis.imitation import follows_decay, is_dismissed, substitute_curve
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.imitation import follows_decay
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.hypothesis.significance import adds_less_than_remains, form_indifference, indifference
 from dpr_lab.gap.which.selected import Selection
@@ -56,10 +57,7 @@ class Alternative:
     It is the part of the named effect that the alternative can imitate.
     """
     cost: float
-    """Predictive cost of the set in which this effect replaces the named one.
-
-    The cost comes from the score test if the set was not fitted.
-    """
+    """Predictive cost of the set in which this effect replaces the named one."""
     probability: float = 0.0
 
 
@@ -169,22 +167,20 @@ def _in_one_class(place: _Place, score: Score, other: Score) -> bool:
     equal. The signatures therefore also count as equal if the named effect absorbs the other effect in the selected
     fit.
 
-    A richer form has the same signature if the recordings show that its additional amplitude is zero. It is a member of
-    the class only if the recordings cannot show this (`_hidden`). A simpler form is a member if the named effect
-    improves on it by less than the unexplained remainder. The cause of the remainder can then imitate the difference.
+    A simpler form is also a member if the named effect improves on it by less than the unexplained remainder. The cause
+    of the remainder can then imitate the difference. A richer form is a member only if its additional parameters are
+    undetectable (`_hidden`).
     """
     selection, fitted = place.selection, place.filled(other.effect.name)
-    is_form = other.effect.name in score.effect.nested
-    if is_form and adds_less_than_remains(selection.chosen, fitted):
+    if other.effect.name in score.effect.nested and adds_less_than_remains(selection.chosen, fitted):
         return True
     absorbed = not other.absorbed and selection.final_test.absorbs(other.effect, score.effect)
-    if not (place.test.indistinguishable(score, other) or absorbed) or score.effect.name in other.effect.nested:
+    if score.effect.name in other.effect.nested or not (absorbed or place.test.indistinguishable(score, other)):
         return False
-    margin = indifference(selection.bare, selection.chosen)
-    if fitted is not None:
-        return fitted.cost - selection.chosen.cost < margin
-    as_good = score.gain - other.gain < max(margin, CALIBRATION.same_score * score.gain)
-    return not is_form and (as_good or absorbed)
+    if fitted is None and absorbed:
+        return True
+    worse = score.gain - other.gain if fitted is None else fitted.cost - selection.chosen.cost
+    return worse < indifference(selection.bare, selection.chosen)
 
 
 def _hidden(selection: Selection, effect: Effect) -> tuple[str, ...]:
@@ -231,37 +227,19 @@ def _plausibility(place: _Place, score: Score) -> float:
 
 
 def _alternatives(place: _Place, named: Score, others: Mapping[str, Score]) -> list[Alternative]:
-    """Return the best alternatives to the named effect, sorted by cost and name."""
+    """Return the best alternatives to the named effect, sorted by cost and name.
+
+    An alternative is an effect that replaces the named one in a fitted set of possible sizes. For every set, the
+    residual of the selected set counts as noise.
+    """
     alternatives = (
-        Alternative(other, place.test.cosine(named, score), _cost(place, score))
+        Alternative(other, place.test.cosine(named, score), fitted.cost_at(place.selection.chosen.inflation))
         for other, score in others.items()
-        if other not in place.selection.misleading
-        and place.without.key | {other} not in place.selection.impossible
-        and not _takes_over(place, other)
+        if (fitted := place.filled(other)) is not None
+        if other not in place.selection.misleading and fitted.key not in place.selection.impossible
     )
     ranked = sorted(alternatives, key=lambda alternative: (alternative.cost, alternative.name))
     return ranked[: CALIBRATION.alternatives]
-
-
-def _cost(place: _Place, score: Score) -> float:
-    chosen, without, fitted = place.selection.chosen, place.without, place.filled(score.effect.name)
-    if fitted is not None:  # for every set, the residual of the selected set counts as noise
-        return fitted.cost_at(chosen.inflation)
-    price = PENALTY.parameter * without.inflation * (len(score.columns) + len(score.effect.shapes))
-    # a linear score is too optimistic: the cost of an effect that was not fitted is at least `near`
-    near = chosen.cost + chosen.chance
-    return max(without.cost - score.gain + price, near)
-
-
-def _takes_over(place: _Place, other: str) -> bool:
-    """Return whether another effect only imitates the named effect or fits small causes."""
-    bare, chosen, instead = place.selection.bare, place.selection.chosen, place.filled(other)
-    if instead is None or follows_decay(bare, instead, chosen):
-        return False
-    if is_dismissed(bare, instead, chosen):
-        return True
-    with_both = place.selection.fitted.get(chosen.key | {other})
-    return with_both is not None and substitute_curve(with_both, instead) == other
 
 
 def _added_cost(place: _Place, alternative: Alternative) -> float:

@@ -16,7 +16,7 @@ from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.conclusion.scatter import between_recordings, left_out_values
 from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.imitation import follows_decay, is_dismissed
+from dpr_lab.gap.hypothesis.imitation import follows_decay
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.gap.state import Transferred
@@ -67,12 +67,12 @@ def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
 def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
     """Return whether the cost of a set is the only evidence against it.
 
-    All its sizes must be possible, and held-out runs must not refute any of its effects.
+    All its sizes must be possible, and held-out runs must not refute any of its effects. A friction drift along one
+    decay is improbable (`CALIBRATION.drifting`).
     """
     if not np.isfinite(model.cost) or set(selection.misleading) & model.key or model.key in selection.impossible:
         return False
-    sets = selection.bare, model, selection.chosen
-    return not (follows_decay(*sets) or is_dismissed(*sets))
+    return not follows_decay(selection.bare, model, selection.chosen)
 
 
 def _worse(model: Hypothesis, chosen: Hypothesis) -> float:

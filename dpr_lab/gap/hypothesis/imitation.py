@@ -13,18 +13,6 @@ def follows_remainder(bare: Hypothesis, larger: Hypothesis, simple: Hypothesis) 
     return any(follows(bare, larger, simple) for follows in tests)
 
 
-def is_dismissed(bare: Hypothesis, other: Hypothesis, chosen: Hypothesis) -> bool:
-    """Return whether a set only follows the remainder and is no alternative.
-
-    A curve whose set costs no more than the selected set is an alternative: its amplitudes are worth their penalty. The
-    amplitude and phase of a vibration fit the residual of any missing law, so its cost is no evidence.
-    """
-    if follows_swing(bare, other, chosen):
-        return True
-    dearer = other.cost_at(chosen.inflation) > chosen.cost
-    return dearer and curve_follows_remainder(bare, other, chosen)
-
-
 def curve_follows_remainder(bare: Hypothesis, with_curve: Hypothesis, simple: Hypothesis) -> bool:
     """Return whether a curve only follows the small remainder of unknown causes.
 

@@ -90,29 +90,16 @@ class Selection:
 
         The set must lack all members of the class and their richer forms. It may contain a simpler form of the effect
         together with another effect, which then explain what the richer form adds. If a single effect replaces the
-        named one, this effect is an alternative. If this single effect is a vibration at a multiple of the swing's
-        frequency, it represents a missing law. Its set then counts with at least the cost of the selected set. Any
-        other set of lower cost than the selected set does not count, because a rule of the search has rejected it. Sets
-        with effects of impossible size, with too many effects, or with an effect that worsens the prediction of
-        held-out runs never count.
+        named one, this effect is an alternative, and its set does not count here. A set of lower cost than the selected
+        set does not count, because a rule of the search has rejected it. Sets with effects of impossible size, with too
+        many effects, or with an effect that worsens the prediction of held-out runs never count.
         """
         chosen, rest, same = self.chosen, self.chosen.key - {name}, {name, *members}
         forms = {other for other, effect in EFFECTS.items() if same.intersection((other, *effect.nested))}
-        possible = {
-            key: model
-            for key, model in self.fitted.items()
-            if key not in self.impossible and len(key - self.expected) <= self.max_effects
-            if key.isdisjoint(self.misleading)
-        }
         exchanged = (
             model.cost_at(chosen.inflation)
-            for key, model in possible.items()
-            if key.isdisjoint(forms) and (not rest <= key or len(key - rest) > 1)
+            for key, model in self.fitted.items()
+            if key not in self.impossible and len(key - self.expected) <= self.max_effects
+            if key.isdisjoint({*forms, *self.misleading}) and (not rest <= key or len(key - rest) > 1)
         )
-        missing_laws = (
-            max(model.cost_at(chosen.inflation), chosen.cost)
-            for key, model in possible.items()
-            if rest < key and len(key - rest) == 1 and model.on_line - chosen.key
-        )
-        costs = (cost for cost in exchanged if cost >= chosen.cost)
-        return min([self.without_substitute[name].cost, *costs, *missing_laws])
+        return min([self.without_substitute[name].cost, *(cost for cost in exchanged if cost >= chosen.cost)])
