@@ -52,7 +52,7 @@ def test_alternatives_are_weighted_by_their_costs_and_the_prior_of_a_drift(monke
         chosen=Mock(estimate=Mock(params=effect_params({})), inflation=INFLATION, cost=100.0),
         without={NAME: None},
         tests_without={NAME: Mock(ranking=[])},
-        cost_without=lambda *_: 100.0 + UNIT * np.log(5.0),
+        without_substitute={NAME: Mock(cost=100.0 + UNIT * np.log(5.0))},
     )
     result = effect_posterior(selection, NAME)
     assert result.probability == pytest.approx(0.8 / 2.5)

@@ -155,7 +155,7 @@ def test_an_effect_that_the_fit_without_it_cannot_show_has_no_alternatives() -> 
         chosen=Mock(estimate=Mock(params=params), inflation=1.0, cost=10.0, at_noise_floor=True),
         without={name: None},
         tests_without={name: ScoreTest(*[cast(Any, None)] * 5)},
-        cost_without=lambda *_: 1000.0,
+        without_substitute={name: Mock(cost=1000.0)},
         own_shares={},
         share_explained=1.0,
     )

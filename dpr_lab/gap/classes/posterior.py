@@ -96,7 +96,7 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
         alternatives = _alternatives(place, named_score, rest)
     prior = np.array([plausibility(chosen.estimate.params, name), *plausibilities.values()])
     costs = [_added_cost(place, alternative) for alternative in alternatives]
-    added_cost = np.array([0.0, *costs, selection.cost_without(name, plausibilities) - chosen.cost])
+    added_cost = np.array([0.0, *costs, selection.without_substitute[name].cost - chosen.cost])
     scaled = -added_cost / (2 * chosen.inflation * CALIBRATION.temperature)
     weights = np.exp(np.clip(scaled, -CALIBRATION.negligible, CALIBRATION.negligible))
     weights[1:-1] *= [_prior_odds(place, alternative.name) for alternative in alternatives]

@@ -149,7 +149,6 @@ def _selection(state: SearchState, misleading: tuple[str, ...]) -> Selection:
         oversized=sets.oversized(chosen),
         misleading=misleading,
         trace=state.trace,
-        max_effects=state.max_effects,
     )
 
 

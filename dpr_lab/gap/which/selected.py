@@ -1,6 +1,6 @@
 """Result of the search: selected set, compared sets, and trials."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,8 +53,6 @@ class Selection:
     """Effects that are not in the selected set because they worsen the prediction of held-out runs."""
     trace: tuple[SearchStep, ...] = ()
     """All trials of the search, in order."""
-    max_effects: int = 4
-    """Maximum number of effects in a set, not counting the expected effects."""
 
     @property
     def models(self) -> dict[str, Hypothesis]:
@@ -84,22 +82,3 @@ class Selection:
         before, after = self.bare.residuals.excess, max(self.chosen.residuals.excess, 0.0)
         returned = self.without_substitute[name].residuals.excess - after
         return float(np.clip(returned / before, 0.0, 1.0)) if before > 0 else float(returned > 0)
-
-    def cost_without(self, name: str, members: Iterable[str] = ()) -> float:
-        """Return the lowest cost of a set in which an effect is removed or exchanged.
-
-        The set must lack all members of the class and their richer forms. It may contain a simpler form of the effect
-        together with another effect, which then explain what the richer form adds. If a single effect replaces the
-        named one, this effect is an alternative, and its set does not count here. A set of lower cost than the selected
-        set does not count, because a rule of the search has rejected it. Sets with effects of impossible size, with too
-        many effects, or with an effect that worsens the prediction of held-out runs never count.
-        """
-        chosen, rest, same = self.chosen, self.chosen.key - {name}, {name, *members}
-        forms = {other for other, effect in EFFECTS.items() if same.intersection((other, *effect.nested))}
-        exchanged = (
-            model.cost_at(chosen.inflation)
-            for key, model in self.fitted.items()
-            if key not in self.impossible and len(key - self.expected) <= self.max_effects
-            if key.isdisjoint({*forms, *self.misleading}) and (not rest <= key or len(key - rest) > 1)
-        )
-        return min([self.without_substitute[name].cost, *(cost for cost in exchanged if cost >= chosen.cost)])
