@@ -47,7 +47,6 @@ def made(**changes: Any) -> Diagnosis:
             "floor_rad": rad,
             "before_rad": rad,
             "after_rad": rad,
-            "before_Nm": rad,
             "explained_share": 0.99,
             "closed_held_out": closed,
         },

@@ -23,7 +23,7 @@ KEYS = {
     "verdict", "sentence", "gap", "where", "effects", "rivals", "probabilities", "detectable", "sensor_findings",
     "advice", "ratios", "seconds",
 }  # fmt: skip
-GAP_KEYS = {"floor_rad", "before_rad", "after_rad", "before_Nm", "explained_share", "closed_held_out"}
+GAP_KEYS = {"floor_rad", "before_rad", "after_rad", "explained_share", "closed_held_out"}
 VERDICTS = {"no_gap", "named", "partly_explained", "unexplained"}
 
 
@@ -64,7 +64,7 @@ def test_the_keys_that_other_tools_rely_on(printed: dict[str, Any], worn: list[P
     assert set(printed) >= KEYS
     assert printed["verdict"] in VERDICTS
     assert set(printed["gap"]) >= GAP_KEYS
-    for name in ("floor_rad", "before_rad", "after_rad", "before_Nm"):
+    for name in ("floor_rad", "before_rad", "after_rad"):
         assert set(printed["gap"][name]) == {"joint1", "joint2"}
     closed = printed["gap"]["closed_held_out"]
     assert set(closed) >= {"estimate", "interval90", "per_run"}

@@ -61,9 +61,7 @@ def test_the_result_has_the_keys_of_the_interface(two_found: Diagnosis):
         "verdict", "sentence", "gap", "where", "effects", "rivals", "probabilities", "detectable", "sensor_findings",
         "advice", "ratios", "seconds",
     } <= set(document)  # fmt: skip
-    assert {"floor_rad", "before_rad", "after_rad", "before_Nm", "explained_share", "closed_held_out"} <= set(
-        document["gap"]
-    )
+    assert {"floor_rad", "before_rad", "after_rad", "explained_share", "closed_held_out"} <= set(document["gap"])
     assert {"name", "class", "probability", "parameters", "share"} <= set(document["effects"][0])
     # encoder 0 read the same angle throughout, and no reading is off by two counts or more
     assert set(document["detectable"]) == set(OF_FREE_SWINGS) - {"arm_compliance", "missed_counts"}

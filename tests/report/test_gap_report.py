@@ -57,7 +57,6 @@ def diagnosis():
                 "floor_rad": dict.fromkeys(by_joint, 1e-4),
                 "before_rad": by_joint,
                 "after_rad": dict.fromkeys(by_joint, 1e-3),
-                "before_Nm": dict.fromkeys(by_joint, 1e-3),
                 "explained_share": 1 - REMAINDER,
                 "closed_held_out": {"estimate": 0.7, "interval90": (0.6, 0.8), "per_run": {"first": 0.7}},
                 "waterfall": [

@@ -2,6 +2,7 @@ import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.result.causes import EffectSize, NamedEffect
+from dpr_lab.gap.result.gap_size import Gap
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.report.gap.sizes import scale_note, sizes_cell, true_sizes_cell
 from tests.report.test_gap_report import diagnosis as diagnosis
@@ -54,6 +55,11 @@ def test_an_angle_has_no_ratio_and_a_diagnosis_of_an_older_version_keeps_its_int
     result = diagnosis(effects=[named(old)])
     assert sizes_cell(result, result.effects[0]) == "torque 2.30 mN m (2.20 to 2.40)"
     assert scale_note(result) == ""
+
+
+def test_the_missing_torque_in_a_file_of_version_0_2_is_ignored(diagnosis) -> None:
+    gap = diagnosis().gap
+    assert Gap.model_validate({**gap.model_dump(), "before_Nm": {"joint1": 1e-3}}) == gap
 
 
 def test_parameters_held_at_zero_stand_last_in_one_group(diagnosis) -> None:

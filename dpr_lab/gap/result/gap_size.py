@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from pydantic import model_validator
+
 from dpr_lab.gap.result.gap_budget import GapBudget
 from dpr_lab.gap.result.saved import Number, Saved
 
@@ -32,8 +34,6 @@ class Gap(Saved):
     """Rms of the residual of the bare model above the noise, rad, by joint."""
     after_rad: dict[str, Number]
     """Rms of the residual of the corrected model above the noise, rad, by joint."""
-    before_Nm: dict[str, Number]
-    """Rms of the torque that the bare model lacks, N m at the assumed b, by joint."""
     explained_share: Number
     """Share of the excess chi-square of the bare model that the corrected model explains."""
     closed_held_out: ClosedShare
@@ -58,6 +58,12 @@ class Gap(Saved):
     """Rms encoder error of the discrepancy term, rad, by joint."""
     budget: GapBudget | None = None
     """Reproducible share of the gap, and the part that effects explain; None in a file of an older version."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _reads_older(cls, values: Any) -> Any:
+        """Read a file of version 0.2, which also contains the missing torque `before_Nm`."""
+        return {name: values[name] for name in values if name != "before_Nm"} if isinstance(values, dict) else values
 
 
 class Where(Saved):

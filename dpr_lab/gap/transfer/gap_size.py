@@ -1,4 +1,4 @@
-"""Gap above the noise before and after correction: rad, N m, and by segment length."""
+"""Gap above the noise before and after correction: by joint, by effect, and by segment length."""
 
 from collections.abc import Mapping
 
@@ -8,8 +8,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, fit
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.projection import TINY, ColumnSpace
-from dpr_lab.fitting.response import TRAJECTORY, trajectory
+from dpr_lab.fitting.projection import TINY
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import bounded_residual, residual_statistics
 from dpr_lab.gap.result.gap_budget import GapBudget
@@ -19,7 +18,6 @@ from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.state import Selected
 from dpr_lab.gap.transfer.free_run import FreeSwings
 from dpr_lab.gap.transfer.outcome import Transfer
-from dpr_lab.gap.where.coordinates import under_torque
 from dpr_lab.gap.where.discrepancy import Discrepancy
 
 HORIZONS_S = (0.25, 0.5, 1.0, 2.0)
@@ -28,12 +26,6 @@ chaos."""
 
 TWO_DIGITS = GaussNewton(converged=1e-3, converged_frozen=1e-4)
 """Tolerances of fits whose gap is reported with two digits."""
-
-TORQUE_HATS = 3
-"""Number of torque functions of each joint per segment.
-
-There is one function per quarter of a second. The number of readings in a segment limits the number of functions.
-"""
 
 
 def gap(
@@ -59,7 +51,6 @@ def gap(
         floor_rad=floor_rad(problem),
         before_rad=gap_rad(problem, bare),
         after_rad=gap_rad(problem, chosen),
-        before_Nm=gap_torque(problem, bare),
         explained_share=selection.share_explained,
         closed_held_out=ClosedShare(
             estimate=transferred.closed.value,
@@ -100,26 +91,6 @@ def _above_noise(problem: Problem, fitted: Fit, level: float) -> dict[str, float
     lost = 1 - (problem.segments.starts.sum() + len(fitted.free)) / np.count_nonzero(problem.read)
     above = _mean(residual**2, problem) / lost - level
     return _by_axis(np.sqrt(np.maximum(above, 0.0) / np.maximum(_mean(problem.weight**2, problem), TINY)))
-
-
-def gap_torque(problem: Problem, model: Hypothesis) -> dict[str, float]:
-    """Return the rms torque that would remove the residual of a fit, N m, by joint.
-
-    In every segment, a torque in each joint is fitted to the residual. This torque is piecewise linear in time. The
-    variance that noise alone would cause is subtracted.
-    """
-    along, linear = trajectory(problem, model.estimate, spacing=TRAJECTORY.coarse_s), model.fit.linear
-    places = np.concatenate([np.linspace(0, TORQUE_HATS - 1, count) for count in np.diff(along.edges)])
-    # hat functions of time in each segment
-    hats = np.maximum(0.0, 1 - np.abs(places[:, None] - np.arange(TORQUE_HATS)))
-    columns = [under_torque(problem, along, joint, hats) for joint in range(problem.axes)]
-    columns = linear.projected(np.concatenate(columns, axis=2))
-    spaces = [ColumnSpace.of(A, e) for A, e in zip(columns, linear.e, strict=True)]
-    values = np.array([space.solution() for space in spaces])
-    variance = np.array([np.diag(space.covariance()) for space in spaces]) * model.residuals.level
-    weight = 1 / (variance + np.median(variance, axis=0))
-    above = np.sum(weight * (values**2 - variance), axis=0) / np.sum(weight, axis=0)
-    return _by_axis(np.sqrt(np.maximum(above.reshape(problem.axes, TORQUE_HATS).mean(axis=1), 0.0)))
 
 
 def by_horizon(

@@ -37,7 +37,7 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.diagnosis import Basis
 from dpr_lab.gap.result.evidence import Closing
 from dpr_lab.gap.result.saved import Interval
-from dpr_lab.gap.state import Selected
+from dpr_lab.gap.state import Fitted, Selected
 from dpr_lab.gap.transfer.free_run import FreeRunError, FreeSwings, expected_errors
 from dpr_lab.gap.transfer.lone_recording import lone_recording
 from dpr_lab.gap.transfer.out_of_sample import OutOfSample, block_starts, left_out, reduction, share
@@ -66,11 +66,7 @@ def transfer(state: Selected, swings: Mapping[str, FreeSwings]) -> Transfer:
     of_fitted_runs = _Test(left_out(recordings, problem), test.level, rng).of_set(selection) if held_out else shares[""]
     closed = test.reduction(pairs[""])
     failed = tuple(_failed(test, selection, pairs, closed)) if tested else ()
-    basis: Basis = "held-out runs" if held_out else "releases left out"
-    if not held_out and len(recordings.records) == 1:
-        basis = "one release"
-    before, after = (swings[name].runs.errors for name in ("before", "after"))
-    by_noise = expected_errors(swings["before"], selection.bare.residuals.independent_noise)
+    basis = _basis(state.fitted)
     of_gap, of_noise = float(pairs[""][0].sum()), float(test.noise.sum())
     return Transfer(
         basis=basis,
@@ -84,10 +80,17 @@ def transfer(state: Selected, swings: Mapping[str, FreeSwings]) -> Transfer:
         withdrawn=() if basis == "one release" else failed,
         unproven=failed if basis == "one release" else (),
         oversized=selection.oversized,
-        worse_free_run=worse_free_run(before, after, by_noise, held_out.names if held_out else before),
+        worse_free_run=_worse_free_run(state, swings),
         lone=lone_recording(problem, selection.chosen, [record.run.name for record in recordings.records]),
         too_short=basis == "one release" and test.groups < TRANSFER.ranked,
     )
+
+
+def _basis(fitted: Fitted) -> Basis:
+    """Return the kind of data that are not fitted."""
+    if fitted.held_out_prediction:
+        return "held-out runs"
+    return "one release" if len(fitted.recordings.records) == 1 else "releases left out"
 
 
 def judged(outcome: Transfer, posteriors: Sequence[EffectPosterior], doubtful: bool) -> tuple[EffectPosterior, ...]:
@@ -251,6 +254,14 @@ def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[Closing
     for name, above in zip(["", *(name for name, _ in selection.path)], remaining, strict=True):
         rms = test.data.noise_rad * np.sqrt(max(float(above.sum()), 0.0) / test.data.dof.sum())
         yield Closing(effect=name, left_rad=float(rms), closed=share(np.stack([ends[0], above])))
+
+
+def _worse_free_run(state: Selected, swings: Mapping[str, FreeSwings]) -> WorseFreeRun | None:
+    """Compare the free runs along the held-out recordings or, if there are none, along the fitted recordings."""
+    before, after = (swings[name].runs.errors for name in ("before", "after"))
+    noise = expected_errors(swings["before"], state.selection.bare.residuals.independent_noise)
+    held_out = state.fitted.held_out_prediction
+    return worse_free_run(before, after, noise, held_out.names if held_out else before)
 
 
 def worse_free_run(
