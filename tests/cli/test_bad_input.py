@@ -46,6 +46,16 @@ def test_a_wrong_rig_file_names_file_key_and_value(tmp_path: Path, cli, old: str
     assert "Traceback" not in done.err
 
 
+def test_an_unknown_kind_of_link_is_refused_before_a_confirmation_is_required(tmp_path: Path, cli) -> None:
+    done = cli("capture", "--rig", "paper", "--link", "nosuch://", "--out", tmp_path)
+    assert "unknown kind of link 'nosuch'; use for example: serial://" in done.err
+    assert "--yes" not in done.err
+
+
+def test_verify_names_the_file_that_it_needs(tmp_path: Path, cli) -> None:
+    assert "give the file that `dpr-lab certify` has written" in cli("verify", tmp_path).err
+
+
 @pytest.mark.parametrize("place", ["option", "rig file"])
 def test_without_a_terminal_a_real_device_is_released_only_with_yes(tmp_path: Path, cli, place: str) -> None:
     link = "serial:///dev/nonesuch0"
