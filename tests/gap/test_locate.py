@@ -28,21 +28,6 @@ def test_the_gap_is_located_for_the_bare_model_of_the_selected_set(monkeypatch: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("effects", "clause"),
-    [
-        ({"coulomb_joint2": {"torque_Nm": 1e-3}}, "nearly independent of the load"),
-        ({"load_friction_joint2": {"friction_radius_m": 2e-4}}, "increasing with load"),
-    ],
-)
-def test_the_map_by_load_shows_whether_load_matters(recorded, bare, effects, clause: str) -> None:
-    places = locate(*bare(recorded(effects, duration=3.0)))
-    (sentence,) = (place.sentence for place in places if (place.site, place.coordinate) == ("joint2", "load"))
-    assert "depends on load or on the direction of motion alone" in sentence
-    assert f", {clause}, could explain " in sentence
-
-
-@pytest.mark.slow
 def test_a_rod_that_is_not_mounted_has_no_map(bare, tmp_path: Path) -> None:
     rig, runs = one_rod.recorded(one_rod.Rod(dry=0.02, duration=5.0), 1, tmp_path)
     places = locate(*bare(runs, rig))

@@ -72,7 +72,7 @@ class Where(Saved):
     site: str
     """Site of the location: a joint, an encoder, or the base."""
     coordinate: str
-    """Coordinate of the map: `angle`, `speed`, `time` or `load`."""
+    """Coordinate of the map: `angle`, `speed` or `time`."""
     share: Number
     """Share of the excess chi-square that a map at this location explains."""
     sentence: str

@@ -10,7 +10,6 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.effects.effect import ARM
-from dpr_lab.effects.quantities import SMOOTHING
 from dpr_lab.fitting.linearise import Linearisation
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
@@ -23,7 +22,7 @@ each function."""
 Kind = Literal["torque", "friction", "error"]
 """Torque or friction of a joint, or error of its encoder."""
 
-Coordinate = Literal["angle", "speed", "time", "load"]
+Coordinate = Literal["angle", "speed", "time"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +37,7 @@ class FreeFunctions:
     knots: Array
     """(k,) coordinates of the maxima of the functions, SI."""
     unit: str
-    """Unit of the coefficients: N m, N m s/rad (friction over time), m (friction radius over load) or rad (error)."""
+    """Unit of the coefficients: N m, N m s/rad (friction over time) or rad (error)."""
 
     def readings(self, problem: Problem, reference: Trajectory) -> Array:
         """Compute the (segments, m, k) whitened change of the readings by each function."""
@@ -61,10 +60,6 @@ def free_functions(
         case "friction", "time":
             values, knots = time_hats(reference.motion.t)
             values, unit = -values * speed[:, None], "N m s/rad"
-        case "friction", "load":
-            force = joint_force(problem, reference, joint)
-            values, knots = load_hats(force)
-            values, unit = -values * (force * np.tanh(speed / SMOOTHING))[:, None], "m"
         case "error", "angle":
             values, knots = angle_hats(encoder_angle(problem, joint))
         case _:

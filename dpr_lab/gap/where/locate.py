@@ -28,7 +28,6 @@ MAPS: Maps = (
     ("torque", "angle"),
     ("torque", "speed"),
     ("friction", "time"),
-    ("friction", "load"),
     ("error", "angle"),
     ("error", "speed"),
 )
@@ -56,17 +55,14 @@ def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:
 def _maps(problem: Problem) -> Iterator[tuple[int, Kind, Coordinate]]:
     """Yield the possible maps, each with the index of its joint.
 
-    The indices 0, 1, 2 stand for joints 1, 2, 0. Three kinds of maps are omitted. The load on an arm's joint is
-    unknown, so friction of this joint by load is
-    omitted. If no outer rod rotates in joint 2, all its maps are omitted. Torques do not move a prescribed joint 1, so
-    they are omitted.
+    The indices 0, 1, 2 stand for joints 1, 2, 0. If no outer rod rotates in joint 2, all its maps are omitted. Torques
+    do not move a prescribed joint 1 or a held joint 2, so only the maps of encoder errors remain.
     """
     setups = problem.segments.setups
     of_errors: Maps = [(kind, coordinate) for kind, coordinate in MAPS if kind == "error"]
-    without_load: Maps = [(kind, coordinate) for kind, coordinate in MAPS if coordinate != "load"]
     inner = of_errors if all(setup.inner is not None for setup in setups) else MAPS
     outer = of_errors if all(setup.held for setup in setups) else MAPS
-    allowed: Sequence[Maps] = (inner, () if all(setup.alone for setup in setups) else outer, without_load)
+    allowed: Sequence[Maps] = (inner, () if all(setup.alone for setup in setups) else outer, MAPS)
     for joint in range(problem.axes):
         for kind, coordinate in allowed[joint]:
             yield joint, kind, coordinate
@@ -107,8 +103,7 @@ def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, free: Free
 def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array, values: Array, std: Array) -> str:
     """Return a sentence that describes a residual map."""
     cause = {"torque": f"A torque in {site}", "friction": f"Friction of {site}", "error": f"An error of {site}"}[kind]
-    dependence = "load or on the direction of motion alone" if coordinate == "load" else coordinate
-    parts = [f"{cause} that depends on {dependence}"]
+    parts = [f"{cause} that depends on {coordinate}"]
     if coordinate == "speed":
         parts.append(_speed_shape(knots, values, std))
     elif coordinate == "angle":
@@ -116,8 +111,6 @@ def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array,
     elif coordinate == "time":
         drift = values[-3:].mean() - values[:3].mean()
         parts.append("increasing with time" if drift > 0 else "decreasing with time")
-    elif coordinate == "load":
-        parts.append(_load_shape(knots, values, std))
     return f"{', '.join(parts)}, could explain {percent(share)} of the excess."
 
 
@@ -131,19 +124,6 @@ def _speed_shape(knots: Array, values: Array, std: Array) -> str:
     if odd[slowest] < 0:
         return "opposite in both directions, braking most at low speed"
     return "opposite in both directions, braking more than viscous friction at high speed"
-
-
-def _load_shape(knots: Array, values: Array, std: Array) -> str:
-    # the direction of motion is known to the map, so it also fits pure Coulomb friction, as a radius that falls with
-    # load
-    loaded = knots > 0
-    radius, weight = values[loaded], np.maximum(std[loaded], 1e-150) ** -2.0
-    plain = 1.0 / knots[loaded]
-
-    def misfit(shape: Array) -> float:
-        return float(np.sum(weight * (radius - shape * (weight @ (radius * shape)) / (weight @ shape**2)) ** 2))
-
-    return "nearly independent of the load" if misfit(plain) < misfit(np.ones_like(plain)) else "increasing with load"
 
 
 def _smooth(values: Array) -> bool:

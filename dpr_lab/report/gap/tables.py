@@ -76,7 +76,7 @@ _QUANTITIES = {
     "m": ("friction radius (mm)", 1e3),
 }
 
-_COORDINATES = {"time": "time since release (s)", "load": "joint force (N)"}
+_COORDINATES = {"time": "time since release (s)"}
 
 
 def quantity(place: Where, angles: AngleUnit = RADIANS) -> tuple[str, float]:
