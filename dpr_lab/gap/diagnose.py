@@ -19,7 +19,6 @@ from dpr_lab.gap.conclusion.conclusion import conclude
 from dpr_lab.gap.conclusion.description import description
 from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.corrections import Drafted, corrected, with_other_noise
-from dpr_lab.gap.damage.at_rest import without_touch
 from dpr_lab.gap.damage.disturbances import without_disturbances
 from dpr_lab.gap.evidence.evidence import evidence
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -121,8 +120,7 @@ def _screened(request: Request) -> ScreenedRuns:
     runs, held_out, cut = in_pieces(request.runs, request.held_out)
     request = replace(request, runs=runs, held_out=held_out)
     to_fit, to_predict = (
-        Recordings(tuple(without_touch(record(run, request.rig), request.rig) for run in group), request.rig)
-        for group in (runs, held_out)
+        Recordings(tuple(record(run, request.rig) for run in group), request.rig) for group in (runs, held_out)
     )
     refuse_wrong_input(to_fit, request.start)
     return ScreenedRuns(request=request, recordings=to_fit, held_out=to_predict, cut=cut)

@@ -1,13 +1,11 @@
-"""Kicks, steps of readings and touches at rest are detected at their instants, identified by kind, and excluded."""
+"""Kicks and steps of readings are detected at their instants, identified by kind, and excluded."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
-from dpr_lab.gap.damage.at_rest import without_touch
 from dpr_lab.gap.damage.disturbances import shows
 from dpr_lab.gap.damage.jumps import Jump, _Changes, outstanding
 from dpr_lab.gap.diagnose import diagnose
@@ -22,7 +20,7 @@ from tests.bench_rigs import Rod, one_rod, rod_swing, table
 from tests.thinned import candidates
 
 W2 = 36.0
-DAMAGE = ("disturbance", "reading_step", "missed_counts", "touched_at_rest")
+DAMAGE = ("disturbance", "reading_step", "missed_counts")
 
 
 def cleaned(rig: Rig, runs: list[Run]) -> tuple[Record, ...]:
@@ -123,35 +121,6 @@ def test_only_a_gain_far_above_all_others_is_a_jump():
     assert outstanding([*usual, candidate(250.0, 20.0)], 3.0) == []
     assert outstanding([*usual, candidate(400.0, 20.0), candidate(390.0, 20.1)], 3.0) == [candidate(400.0, 20.0)]
     assert outstanding([candidate(400.0, 1.0), candidate(1.0, 2.0)], 3.0) == []
-
-
-def rest(folder: Path, moved: np.ndarray, t: np.ndarray) -> tuple[Rig, Run]:
-    """A rod that dry friction stops after 5 s, and whose reading then moves."""
-    rng = np.random.default_rng(2)
-    rig = one_rod(1.5 * 9.81 / W2, 0.1, 4096, rng)
-    angle = rod_swing(Rod(W2, 0.5, 1.0, 0.0), 1.0, t)
-    angle[t > 5.0] = angle[t <= 5.0][-1]
-    return rig, table(folder, "rest", rig, {"t_s": t, "theta1_rad": angle + moved + rng.normal(0, 3e-4, len(t))})
-
-
-@pytest.mark.parametrize("shape", ["step", "creep"])
-def test_rods_that_are_touched_at_rest_are_a_finding(tmp_path, shape):
-    t = np.arange(0.0, 12.0, 0.01)
-    moved = 0.004 * (t > 8.0) if shape == "step" else 0.004 * np.clip((t - 8.0) / 2, 0.0, 1.0)
-    rig, run = rest(tmp_path, moved, t)
-    touched = without_touch(record(run, rig), rig)
-    (finding,) = damage(touched)
-    assert (finding.name, finding.axis) == ("touched_at_rest", "joint1")
-    assert 7.9 < (finding.at_s or 0.0) < 10.0
-    assert finding.step == pytest.approx(0.004, abs=6e-4)
-    assert touched.t[-1] <= (finding.at_s or 0.0)
-
-
-def test_a_rest_away_from_the_vertical_is_left_to_the_friction(tmp_path):
-    t = np.arange(0.0, 12.0, 0.01)
-    rig, run = rest(tmp_path, np.zeros(len(t)), t)
-    one = record(run, rig)
-    assert without_touch(one, rig) is one
 
 
 @pytest.mark.slow

@@ -1,1 +1,1 @@
-"""Local damage of a recording: hands, kicks, steps of a reading, and contact at rest."""
+"""Local damage of a recording: hands, kicks and steps of a reading."""
