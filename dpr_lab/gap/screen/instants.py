@@ -34,17 +34,8 @@ class InstantSettings:
     """Maximum deviation of a stamp that is used for the clock, in standard deviations of the jitter."""
     wander: float = 0.5
     """Maximum scatter of the median offset about a straight line for a steady clock, relative to the jitter."""
-    block: int = 32
-    """Number of consecutive samples that are judged together."""
-    contrary: float = 1.5
-    """Minimum evidence, in standard errors, for a block to keep its time stamps if even instants fit better overall.
-
-    All other blocks use even instants.
-    """
-    preferred: float = 4.0
-    """Minimum majority of windows that are smoother on even instants than on the stamps, in standard errors."""
     likelihood: float = 6.0
-    """Minimum log-likelihood ratio, nats, that is sufficient by itself, for few stamps that are very late."""
+    """Minimum log-likelihood ratio for even instants, nats."""
     fewest: int = 48
     """Minimum number of readings for the tests of time stamps."""
     fast: float = 0.4
@@ -91,14 +82,13 @@ class PeriodicDelay:
 def even_instants(t: Array, joints: Array) -> Array | None:
     """Return evenly spaced times if the angles are smoother there than at the time stamps.
 
-    For each window of seven samples, the sixth divided differences on the stamps and on even times are compared.
-    Even times are chosen if the angles are smoother on them in significantly more windows, or if the log-likelihood
-    ratio is large enough,
+    The sixth divided differences on the stamps and on even times are compared in windows of seven samples. Even times
+    are chosen if their log-likelihood ratio is large enough,
 
         sum over joints of  k / 7 ln(rms on stamps / rms on even times)
 
-    for k windows, of which one in seven is independent. The likelihood ratio takes the size of each difference into
-    account. Large differences are limited in the same way on both sides, because a wrong reading affects both.
+    for k windows, of which one in seven is independent. Large differences are limited in the same way on both sides,
+    because a wrong reading affects both.
 
     Args:
         t: (n,) stamps, s
@@ -121,17 +111,10 @@ def even_instants(t: Array, joints: Array) -> Array | None:
     without_loss = sliding_window_view(continuous, ORDER + 1).all(axis=1)
     without_loss |= np.abs(np.diff(windows, axis=1) - period).max(axis=1) < INSTANTS.widest * period
     counts = without_loss[:, None] & (speed > 0.0) & (speed >= np.quantile(speed, 1 - INSTANTS.fast, axis=0))
-    votes = np.where(counts, np.sign(on_stamps - on_even), 0.0)
-    # the windows overlap: one in seven is independent
-    outnumbered = votes.sum() < INSTANTS.preferred * np.sqrt((ORDER + 1) * max(counts.sum(), 1))
-    if outnumbered and _likelihood_ratio(on_stamps, on_even, counts) < INSTANTS.likelihood:
+    if _likelihood_ratio(on_stamps, on_even, counts) < INSTANTS.likelihood:
         return None
-    block = np.arange(len(t)) // INSTANTS.block
-    of_window = block[ORDER // 2 : len(t) - ORDER // 2]
-    for_even, voters = (np.bincount(of_window, per_window.sum(axis=1), block[-1] + 1) for per_window in (votes, counts))
-    right = for_even < -INSTANTS.contrary * np.sqrt((ORDER + 1) * voters)
-    instants = np.where(near & ~right[block], even, t)
-    return instants if (np.diff(instants) > 0.0).all() else even if (np.diff(even) > 0.0).all() else None
+    instants = np.where(near, even, t)
+    return instants if (np.diff(instants) > 0.0).all() else None
 
 
 def _likelihood_ratio(on_stamps: Array, on_even: Array, counts: Flags) -> float:
