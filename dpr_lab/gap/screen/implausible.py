@@ -14,8 +14,8 @@ class ImplausibleSettings:
     fastest: float = 200.0
     """Maximum speed of a rod, rad/s; no laboratory rod rotates thirty times per second."""
     moved: float = 8.0
-    """Minimum motion per sample, in standard deviations of a reading, for which an unchanged reading counts as
-    repeated."""
+    """Minimum motion since the last new reading for which an unchanged reading counts as repeated, in standard
+    deviations of a reading."""
     goes_on: float = 0.25
     """Minimum motion of the rod just before and after a repeated reading, relative to the usual motion per sample."""
     catches_up: float = 0.6
@@ -45,10 +45,9 @@ def too_fast(t: Array, joints: Array) -> Flags:
 def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) -> Flags:
     """Detect readings that equal the previous reading although the rod moves.
 
-    The rod moves if its path per sample is many standard deviations of a reading. Wrong times may make the readings of
-    one axis equal by chance, but rarely those of both axes. Two samples on either side of a turning point may be equal.
-    Equal readings of an axis that reverses are therefore not evidence. Consecutive repeated samples are judged
-    together, by the motion of both axes since the last new sample. A jump after repeated samples is not a missed count.
+    The rod moves if its path since the last new reading is many standard deviations of a reading, if it moves in the
+    same direction before and after, and if the next new reading makes up for the missing motion. Consecutive repeated
+    readings are judged together. A jump after repeated readings is not a missed count.
 
     Args:
         t: (n,) times, s
@@ -67,35 +66,18 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
     # odd reflection continues a decrease of the speed towards a turning point
     velocity = np.pad(across, ((reach, reach), (0, 0)), mode="reflect", reflect_type="odd")
     path = velocity * np.diff(t, prepend=t[0] - period)[:, None]
-    speed, moved = np.abs(velocity), np.abs(path)
     step = np.diff(joints, axis=0, prepend=np.nan)
     stands = step == 0.0
-    goes_on = _before(step) * _before(step[::-1])[::-1] > (IMPLAUSIBLE.goes_on * moved) ** 2
-    alone = stands & goes_on & (moved > IMPLAUSIBLE.moved * np.hypot(std, jitter * speed))
-    all_axes = stands.all(axis=1)
-    turning = np.flatnonzero((np.nan_to_num(step) != 0.0).any(axis=0))
-    # only one rod moves: the other axis is constant, or has the same readings
-    if len(turning) and all(np.array_equal(joints[:, k], joints[:, turning[0]], equal_nan=True) for k in turning):
-        all_axes &= goes_on[:, turning[0]]
-    last_new = np.maximum.accumulate(np.where(all_axes, 0, np.arange(len(t))))
+    goes_on = _before(step) * _before(step[::-1])[::-1] > (IMPLAUSIBLE.goes_on * path) ** 2
+    row = np.arange(len(t))[:, None]
+    last_new = np.maximum.accumulate(np.where(stands, 0, row), axis=0)
+    next_new = np.minimum.accumulate(np.where(stands, len(t) - 1, row)[::-1], axis=0)[::-1]
     travelled = np.cumsum(path, axis=0)
-    all_axes &= _catches_up(joints, travelled, all_axes)
-    significance = np.sqrt(np.sum(((travelled - travelled[last_new]) / std) ** 2, axis=1))
-    highest = np.zeros(len(t))
-    np.maximum.at(highest, last_new, significance)
-    return alone | (all_axes & (highest[last_new] > IMPLAUSIBLE.moved))[:, None]
-
-
-def _catches_up(joints: Array, travelled: Array, held: Flags) -> Flags:
-    """Return a (n,) mask of the rows after which a reading makes up for missing motion.
-
-    The missing motion is the motion since the last new reading before the row.
-    """
-    n = np.arange(len(held))
-    last_new = np.maximum.accumulate(np.where(held, 0, n))
-    next_new = np.minimum.accumulate(np.where(held, len(held) - 1, n)[::-1])[::-1]
-    change, missing = joints[next_new] - joints[last_new], travelled[next_new] - travelled[last_new]
-    return np.sum(change * missing, axis=1) > IMPLAUSIBLE.catches_up * np.sum(missing**2, axis=1)
+    before, last, after = (np.take_along_axis(travelled, rows, axis=0) for rows in (last_new, next_new - 1, next_new))
+    change = np.take_along_axis(joints, next_new, axis=0) - np.take_along_axis(joints, last_new, axis=0)
+    catches_up = change * (after - before) > IMPLAUSIBLE.catches_up * (after - before) ** 2
+    moved = np.abs(last - before) > IMPLAUSIBLE.moved * np.hypot(std, jitter * np.abs(velocity))
+    return stands & goes_on & catches_up & moved
 
 
 def _before(step: Array) -> Array:
