@@ -1,13 +1,9 @@
 """Corrections of the recordings that forward selection implies, each followed by a new search.
 
-    noise of torques    smaller than estimated from the recorded torques, or zero
-    earlier torques     torques that act before their rows, which looks like a negative delay
-    kicks and steps     disturbances that a larger cause hid in the residuals of the bare model
-    rolling shutter     correction of the readings of a film, in two passes
-    moving camera       noise of a film whose picture turns slowly
-
-The first pass for the rolling shutter uses the delay of the bare model, because an effect may imitate a part of the
-delay. The second pass uses the delay of the selected set, which includes other causes.
+noise of torques    smaller than estimated from the recorded torques, or zero
+earlier torques     torques that act before their rows, which looks like a negative delay
+rolling shutter     correction of the readings of a film
+moving camera       noise of a film whose picture turns slowly
 """
 
 from collections.abc import Callable
@@ -15,13 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dpr_lab.effects import param_index, without_events
+from dpr_lab.effects import param_index
 from dpr_lab.effects.input_delay import INPUT_DELAY
-from dpr_lab.fitting.gauss_newton import Fit, fit
-from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.bare_model import with_likeliest_noise
-from dpr_lab.gap.damage.disturbances import without_jumps
-from dpr_lab.gap.damage.jumps import JUMP
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refutes_torque_noise
 from dpr_lab.gap.moving_camera import explains_more as camera_explains_more
 from dpr_lab.gap.moving_camera import likeliest_camera
@@ -123,38 +115,14 @@ def _no_worse(before: Drafted, after: Drafted) -> bool:
     return earlier.cost < held.cost + held.chance
 
 
-def _jumps(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
-    """Exclude kicks and steps of readings, and return the new state.
-
-    The result is None if there are no kicks or steps, or if their exclusion explains too little. Missed counts are in
-    the model only if a reading shows them. The held-out runs remain as they were screened with the bare model: a model
-    must not choose the readings that test it.
-    """
-    estimate = model.estimate
-    if not any(record.screened.breaks for record in fitted.recordings.records):
-        estimate = estimate.changed(params=without_events(estimate.params))
-    recordings = without_jumps(fitted.recordings, estimate)
-    if recordings is fitted.recordings or not _explains_better(fitted.problem, model.fit, recordings):
-        return None
-    return replace(fitted, recordings=recordings)
-
-
-def _explains_better(before: Problem, model: Fit, recordings: Recordings) -> bool:
-    """Return whether the exclusion of readings reduces chi2 more than their number explains."""
-    problem, initial = recordings.cut(recordings.working_length)
-    other = fit(problem, model.estimate.changed(initial=initial), (), iterations=20)
-    level = max(1.0, model.chi2 / before.evidence)
-    return model.chi2 - other.chi2 > JUMP.gain + level * (before.evidence - problem.evidence)
-
-
 def _shutter(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
-    shutter = likeliest_shutter(fitted.recordings, fitted.problem, model)
+    """Correct the delay of the bare model, because an effect of the selected set may imitate a part of the delay."""
+    shutter = likeliest_shutter(fitted.recordings, fitted.problem, fitted.bare)
     return shutter and replace(fitted, recordings=fitted.recordings.with_shutter(shutter))
 
 
 def _shutter_explains_more(before: Drafted, after: Drafted) -> bool:
-    refined = before.fitted.recordings.shutter is not None
-    return refined or explains_more(before.search.current, after.search.current)
+    return explains_more(before.search.current, after.search.current)
 
 
 def _camera(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
@@ -175,8 +143,6 @@ def _camera_explains_more(before: Drafted, after: Drafted) -> bool:
 CORRECTIONS = (
     Correction(with_other_noise, most=2),
     Correction(_earlier_torques, _no_worse),
-    Correction(_jumps),
-    Correction(lambda fitted, model: _shutter(fitted, fitted.bare), _shutter_explains_more),
     Correction(_shutter, _shutter_explains_more),
     Correction(_camera, _camera_explains_more),
 )

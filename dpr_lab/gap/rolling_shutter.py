@@ -20,7 +20,7 @@ from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 from dpr_lab.gap.hypothesis.significance import scatter
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.screen.shutter import NORMALS, Shutter
+from dpr_lab.gap.screen.shutter import NORMALS, Lines, Shutter
 from dpr_lab.gap.where.coordinates import beyond_fit
 
 
@@ -46,13 +46,10 @@ def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesi
     """
     if not recordings.may_be_films:
         return None
-    now = recordings.shutter
-    start = [Shutter(lines, 0.0) for lines in NORMALS] if now is None else [now]
-    gain, shutter = max((_improved(recordings, problem, model, guess) for guess in start), key=lambda tried: tried[0])
-    noise = model.residuals.independent_noise
-    if now is not None:
-        return shutter if gain > PENALTY.parameter * noise else None
-    return shutter if gain > max(THRESHOLDS.chance * noise, SHUTTER.share * model.bounded_excess) else None
+    tried = [_improved(recordings, problem, model, lines) for lines in NORMALS]
+    gain, shutter = max(tried, key=lambda improved: improved[0])
+    least = max(THRESHOLDS.chance * model.residuals.independent_noise, SHUTTER.share * model.bounded_excess)
+    return shutter if gain > least else None
 
 
 def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
@@ -64,17 +61,16 @@ def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
     return without.cost - corrected.cost > chance + PENALTY.parameter * inflation
 
 
-def _improved(recordings: Recordings, problem: Problem, model: Hypothesis, start: Shutter) -> tuple[float, Shutter]:
-    """Return the reduction of chi2 by the best delay, and the shutter with this delay."""
+def _improved(recordings: Recordings, problem: Problem, model: Hypothesis, lines: Lines) -> tuple[float, Shutter]:
+    """Return the reduction of chi2 by the best delay for a direction of the lines, and the shutter with this delay."""
     rate_hz = max(record.run.rate_hz for record in recordings.records)
     limit = 1 / (recordings.rods_length * rate_hz)  # reading the length of the rods takes one frame; s/m
-    delays = [start.delay + SHUTTER.part * limit, start.delay - SHUTTER.part * limit]
-    corrected = [recordings.with_shutter(Shutter(start.lines, delay)) for delay in delays]
+    corrected = [recordings.with_shutter(Shutter(lines, sign * SHUTTER.part * limit)) for sign in (1, -1)]
     after, before = (runs.cut(recordings.working_length)[0].measured for runs in corrected)
     columns = problem.whitened((before - after)[:, :, None] / (2 * SHUTTER.part * limit))
     others = [parameter for effect in ORDINARY for parameter in effect_parameters(effect, limits=problem.limits)]
     free = (*model.fit.free, *(parameter for parameter in others if parameter not in model.fit.free))
     linear = linearise(problem, model.estimate, free)
     given = beyond_fit(linear, range(len(free)), linear.projected(columns))
-    step = given.solution(np.array([[-limit - start.delay], [limit - start.delay]]))
-    return given.reduction(step), Shutter(start.lines, start.delay + float(step[0]))
+    delay = given.solution(np.array([[-limit], [limit]]))
+    return given.reduction(delay), Shutter(lines, float(delay[0]))
