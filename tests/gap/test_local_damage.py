@@ -75,21 +75,6 @@ def test_of_a_reading_that_returns_only_the_part_in_between_is_left_out():
 
 
 @pytest.mark.slow
-def test_counts_that_are_missed_for_a_while_are_not_fitted(tmp_path):
-    rng = np.random.default_rng(0)
-    t, rig = np.arange(0.0, 6.0, 0.005), one_rod(1.5 * 9.81 / W2, 0.1, 4096, rng)
-    angle = rod_swing(Rod(W2, 0.05, 0.0, 0.0), 1.0, t) + rng.normal(0, 3e-4, len(t))
-    count = 2 * np.pi / 4096
-    angle[(t > 2.0) & (t < 2.6)] += 20 * count
-    run = table(tmp_path, "slipped", rig, {"t_s": t, "theta1_rad": count * np.rint(angle / count)})
-    (one,) = cleaned(rig, [run])
-    (finding,) = damage(one)
-    assert finding.name == "reading_step"
-    assert one.screened.breaks == ()
-    assert not ((one.t > 2.01) & (one.t < 2.59)).any()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("length", [0.02, 0.1])
 def test_a_kick_that_lasts_is_no_step_of_a_reading(tmp_path, length):
     rng = np.random.default_rng(1)

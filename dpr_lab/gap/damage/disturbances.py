@@ -5,19 +5,17 @@ larger than anything else in the recordings (`dpr_lab.gap.damage.jumps`), wherea
 segments.
 
 Around a kick, the readings of a tenth of a second are excluded. A push looks like two kicks, at its beginning and at
-its end. If all segments between two kicks fit far worse than every other segment, they are excluded as well. If a
+its end, so that all readings between two kicks at a short distance are excluded as well. If a
 reading steps and returns after a while, the readings in between are excluded. If it stays shifted, the encoder missed
 counts, whose number the diagnosis estimates. A table of angles contains no counts, so its shorter part is excluded.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.effects import param_index
 from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.fitting.cut import MIN_SAMPLES, cut
 from dpr_lab.fitting.estimate import Estimate
@@ -36,9 +34,9 @@ class DisturbanceRules:
     kick_s: float = 0.1
     """Length of the excluded interval about a kick, s; a hand touches a rod for 20 to 100 ms."""
     joins_s: float = 0.15
-    """Maximum distance between two excluded intervals that count as one disturbance, s."""
+    """Maximum distance between a step of a reading and another excluded interval that count as one disturbance, s."""
     push_s: float = 2.5
-    """Maximum time between the two kicks at the ends of a push, s."""
+    """Maximum time between two kicks that count as the ends of a push, s."""
     release_s: float = 0.5
     """Time after the first reading within which a kick counts as the hand that releases the rods, s.
 
@@ -85,37 +83,18 @@ def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
         the corrected recordings; the same object if there are no disturbances
     """
     records = [
-        without_hand(recordings, _without_slips(record), ratios) if _undriven(record) else record
-        for record in recordings.records
+        without_hand(recordings, record, ratios) if _undriven(record) else record for record in recordings.records
     ]
     if any(before is not record for before, record in zip(recordings.records, records, strict=True)):
         recordings = replace(recordings, records=tuple(records))
     estimate = Estimate.of(ratios, recordings.start_params, np.zeros((0, 4)))
-    return without_jumps(recordings, estimate, JUMP.outstanding_bare)
-
-
-def without_jumps(recordings: Recordings, estimate: Estimate, ratio: float = JUMP.outstanding) -> Recordings:
-    """Exclude kicks and steps of a reading that the residuals of a model show.
-
-    Args:
-        recordings: the runs
-        estimate: ratios and effects; the initial states are fitted
-        ratio: minimum ratio of the gain of a kick to the largest gain elsewhere
-
-    Returns:
-        the corrected recordings; the same object if there are no kicks or steps
-    """
     whole, parts = recordings, [list[LeftOut]() for _ in recordings.records]
     for _ in range(DISTURBANCE.rounds):
-        jumps = _jumps(recordings, estimate, ratio)
-        if not jumps:
-            break
+        jumps = _jumps(recordings, estimate)
         for run in {jump.run for jump in jumps}:
-            new = [_of_kick(jump, parts[run]) for jump in jumps if jump.run == run]
+            new = [jump for jump in jumps if jump.run == run]
             parts[run] = _merged([*parts[run], *_intervals(recordings.records[run], new)])
-        cleaned = _cleaned(whole, parts)
-        if cleaned is not None and (pushed := _with_pushes(cleaned, parts, estimate, ratio)) != parts:
-            parts, cleaned = pushed, _cleaned(whole, pushed)
+        cleaned = _cleaned(whole, parts) if jumps else None
         if cleaned is None:
             break
         recordings = cleaned
@@ -129,42 +108,6 @@ def _cleaned(whole: Recordings, parts: Sequence[Sequence[LeftOut]]) -> Recording
     return replace(whole, records=records) if remain else None
 
 
-def _with_pushes(
-    cleaned: Recordings, parts: Sequence[list[LeftOut]], estimate: Estimate, ratio: float
-) -> list[list[LeftOut]]:
-    """Merge two kicks of the excluded intervals `parts` if a push lies between them.
-
-    A push lies between two kicks if each segment between them has a chi2 per reading above `ratio` times the largest
-    chi2 per reading elsewhere.
-    """
-    pairs = [
-        (run, first, last)
-        for run, intervals in enumerate(parts)
-        for first, last in pairwise(intervals)
-        if not (first.of_reading or last.of_reading) and last.since - first.until < DISTURBANCE.push_s
-    ]
-    if not pairs:
-        return list(parts)
-    problem, fitted = fitted_starts(cleaned, estimate, LENGTHS.working)
-    segments, begins = problem.segments, problem.t[problem.segments.offsets[:-1]]
-    chi2 = fitted.linear.chi2_by_segment / np.diff(segments.offsets)
-    between = [(segments.run == run) & (begins >= first.until) & (begins < last.since) for run, first, last in pairs]
-    elsewhere = ~np.any(between, axis=0)
-    joined = [list(intervals) for intervals in parts]
-    for (run, first, last), inside in zip(pairs, between, strict=True):
-        if inside.any() and elsewhere.any() and chi2[inside].min() > ratio * chi2[elsewhere].max():
-            push = LeftOut(first.since, last.until, (*first.jumps, *last.jumps))
-            joined[run] = _merged([*joined[run], push])
-    return joined
-
-
-def _of_kick(jump: Jump, parts: Iterable[LeftOut]) -> Jump:
-    """Convert a jump near a known kick to a kick, even if it looks like a step."""
-    kicks = (part for part in parts if not part.of_reading)
-    near = any(part.since - DISTURBANCE.joins_s < jump.at < part.until + DISTURBANCE.joins_s for part in kicks)
-    return replace(jump, joint=None) if near else jump
-
-
 def _undriven(record: Record) -> bool:
     """Return whether neither a known torque nor a moving arm drives the rods.
 
@@ -173,31 +116,24 @@ def _undriven(record: Record) -> bool:
     return record.run.setup.free and not record.encoder0_moves
 
 
-def _shifted(record: Record, estimate: Estimate) -> bool:
-    """Return whether missed counts shift the readings but are not in the model.
-
-    A jump is then not conspicuous.
-    """
-    return bool(record.screened.breaks) and not estimate.params[param_index(MISSED_COUNTS.name, "counts")]
-
-
-def _jumps(recordings: Recordings, estimate: Estimate, ratio: float) -> list[Jump]:
+def _jumps(recordings: Recordings, estimate: Estimate) -> list[Jump]:
     """Detect kicks and steps of readings in free swings.
 
-    The search uses two overlapping divisions into segments, so that no jump lies at the end of a segment in both.
+    The search uses two overlapping divisions into segments, so that no jump lies at the end of a segment in both. If
+    missed counts shift the readings of a recording, a jump is not conspicuous there.
     """
-    undriven = [_undriven(record) and not _shifted(record, estimate) for record in recordings.records]
+    searched = [_undriven(record) and not record.screened.breaks for record in recordings.records]
     kicks, steps = list[Jump](), list[Jump]()
-    if recordings.arm_moves or not any(undriven):
+    if recordings.arm_moves or not any(searched):
         return []
     for begin in (0.0, 0.5 * LENGTHS.working):
         later = [_later(record, begin) for record in recordings.records]
         problem, fitted = fitted_starts(recordings.only(later), estimate, LENGTHS.working)
         for best, candidates in zip((kicks, steps), jumps_of_segments(problem, fitted), strict=True):
-            best += [jump for jump in candidates if undriven[jump.run]]
+            best += [jump for jump in candidates if searched[jump.run]]
     # A step of a reading also changes the gains of kicks, so kicks are returned only if there are no steps.
-    steps = [step for step in outstanding(steps, JUMP.outstanding) if shows(recordings.records[step.run], step)]
-    return steps or outstanding(kicks, ratio)
+    steps = [step for step in outstanding(steps, JUMP.outstanding_step) if shows(recordings.records[step.run], step)]
+    return steps or outstanding(kicks, JUMP.outstanding_kick)
 
 
 def _later(record: Record, begin: float) -> Record:
@@ -243,26 +179,6 @@ def _intervals(record: Record, jumps: Sequence[Jump]) -> list[LeftOut]:
     return parts
 
 
-def _without_slips(record: Record) -> Record:
-    """Return the record without the readings between two opposite steps.
-
-    The screening has detected these steps without a model.
-    """
-    steps = [finding for finding in record.screened.findings if finding.name == MISSED_COUNTS.name]
-    jumps = [
-        Jump(np.inf, 0, finding.at_s, AXES.index(finding.axis), (finding.step,), (-np.inf, np.inf))
-        for finding in steps
-        if finding.at_s is not None and finding.axis is not None and finding.step is not None
-    ]
-    parts = [part for part in _intervals(record, jumps) if len(part.jumps) > 1]
-    if not parts:
-        return record
-    within = {jump.at for part in parts for jump in part.jumps}
-    others = [finding for finding in record.screened.findings if finding not in steps or finding.at_s not in within]
-    breaks = tuple(step for step in record.screened.breaks if step[0] not in within)
-    return _without(replace(record, screened=replace(record.screened, findings=tuple(others), breaks=breaks)), parts)
-
-
 def _returns(record: Record, first: Jump, later: Jump) -> bool:
     """Return whether a later step of the readings cancels an earlier one."""
     sizes = first.size[0], later.size[0]
@@ -274,15 +190,17 @@ def _merged(parts: Iterable[LeftOut]) -> list[LeftOut]:
     """Sort intervals in chronological order, and merge neighbours."""
     merged = list[LeftOut]()
     for part in sorted(parts, key=lambda part: part.since):
-        if (
-            merged
-            and part.since - merged[-1].until < DISTURBANCE.joins_s
-            and not (part.of_counts or merged[-1].of_counts)
-        ):
+        if merged and _one_disturbance(merged[-1], part):
             last = merged.pop()
             part = LeftOut(last.since, max(last.until, part.until), (*last.jumps, *part.jumps))
         merged.append(part)
     return merged
+
+
+def _one_disturbance(first: LeftOut, later: LeftOut) -> bool:
+    """Return whether two intervals belong to one disturbance; two kicks may be the ends of a push."""
+    longest = DISTURBANCE.joins_s if first.of_reading or later.of_reading else DISTURBANCE.push_s
+    return later.since - first.until < longest and not (first.of_counts or later.of_counts)
 
 
 def _without(record: Record, parts: Sequence[LeftOut]) -> Record:

@@ -69,7 +69,7 @@ def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Recor
     alone = replace(recordings, ratios=None).only([record])
     undriven = Estimate.of(ratios, effect_params({}), np.zeros((0, 4)))
     problem, fitted = fitted_starts(alone, undriven, LENGTHS.first)
-    until = _pushed_until(alone, problem, fitted)
+    until = _pushed_until(problem, fitted)
     evidence = "the rods gain energy until {:.2g} s: a hand still pushes, so these readings are excluded"
     if until is None:
         until = _held_until(alone, problem, fitted)
@@ -103,25 +103,16 @@ def energies(problem: Problem, estimate: Estimate) -> Array:
     return np.asarray(kinetic + e1 * (1 + np.cos(th1)) + d * constants.g / constants.L1 * (1 + np.cos(th2)))
 
 
-def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float | None:
+def _pushed_until(problem: Problem, fit: Fit) -> float | None:
     """Return the start, s, of the first segment that the model fits after the energy rose.
 
     The result is None if the energy does not rise.
     """
     energy = energies(problem, fit.estimate)
     begins = problem.t[problem.segments.offsets[:-1]]
-    if len(energy) < 4 or not np.isfinite(energy).all():
+    if len(energy) < 2 * HAND.smoothed or not np.isfinite(energy).all():
         return None
     level = fit.linear.chi2_by_segment / np.diff(problem.segments.offsets)
-    top = int(np.argmax(energy))
-    if _only_rose_before(energy, energy, top, begins, 0.0):
-        return float(begins[_first_followed(level, top)])
-    if len(energy) < 2 * HAND.smoothed:
-        return None
-    if level[0] > max(HAND.first, HAND.first * float(level[1:].max())):
-        # The model of undriven rods does not fit a push, so the speeds are estimated from the readings.
-        of_readings = energies(problem, fit.estimate.changed(initial=recordings.cut(LENGTHS.first)[1]))
-        energy = np.concatenate([of_readings[:1], energy[1:]])
     smooth, scatter = _smoothed(energy), _scatter(energy)
     top = int(np.argmax(energy >= smooth.max() - 2 * scatter))
     if not _only_rose_before(energy, smooth, top, begins, scatter):
@@ -173,13 +164,13 @@ def _held_until(recordings: Recordings, problem: Problem, fitted: Fit) -> float 
     return None
 
 
-def _only_rose_before(energy: Array, later: Array, top: int, begins: Array, scatter: float) -> bool:
+def _only_rose_before(energy: Array, smooth: Array, top: int, begins: Array, scatter: float) -> bool:
     """Return whether the energy rises early, until the segment `top`, and then only decreases."""
-    most = float(later[top:].max())
+    most = float(smooth[top:].max())
     rise = (most - float(energy[: top + 1].min())) / most
     if top == 0 or rise < max(HAND.rises, HAND.scatters * scatter / most):
         return False
-    after = later[top:]
+    after = smooth[top:]
     second_rise = float(np.max(after - np.minimum.accumulate(after))) / most
     early = begins[top] - begins[0] <= HAND.early * (begins[-1] - begins[0])
     return bool(early and second_rise < 0.5 * rise and second_rise < max(HAND.rises, 2 * scatter / most))

@@ -38,10 +38,10 @@ class JumpRules:
 
     Among the 1e4 instants of three recordings, white noise of the assumed size reaches a gain of 25.
     """
-    outstanding: float = 3.0
-    """Minimum ratio of the gain of a jump to the largest gain elsewhere, for a model with effects."""
-    outstanding_bare: float = 8.0
-    """Minimum ratio of the gain of a jump to the largest gain elsewhere, for the bare model.
+    outstanding_step: float = 3.0
+    """Minimum ratio of the gain of a step to the largest gain elsewhere."""
+    outstanding_kick: float = 8.0
+    """Minimum ratio of the gain of a kick to the largest gain elsewhere.
 
     The ratio was at most 1.7 on 40 undamaged rigs with effects, but load-dependent friction acts mostly where a swing
     is fastest (5.2).
