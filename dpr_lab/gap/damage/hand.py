@@ -69,7 +69,7 @@ def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Recor
     alone = replace(recordings, ratios=None).only([record])
     undriven = Estimate.of(ratios, effect_params({}), np.zeros((0, 4)))
     problem, fitted = fitted_starts(alone, undriven, LENGTHS.first)
-    until = _pushed_until(problem, fitted)
+    until = _pushed_until(alone, problem, fitted)
     evidence = "the rods gain energy until {:.2g} s: a hand still pushes, so these readings are excluded"
     if until is None:
         until = _held_until(alone, problem, fitted)
@@ -103,7 +103,7 @@ def energies(problem: Problem, estimate: Estimate) -> Array:
     return np.asarray(kinetic + e1 * (1 + np.cos(th1)) + d * constants.g / constants.L1 * (1 + np.cos(th2)))
 
 
-def _pushed_until(problem: Problem, fit: Fit) -> float | None:
+def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float | None:
     """Return the start, s, of the first segment that the model fits after the energy rose.
 
     The result is None if the energy does not rise.
@@ -113,6 +113,10 @@ def _pushed_until(problem: Problem, fit: Fit) -> float | None:
     if len(energy) < 2 * HAND.smoothed or not np.isfinite(energy).all():
         return None
     level = fit.linear.chi2_by_segment / np.diff(problem.segments.offsets)
+    if level[0] > max(HAND.first, HAND.first * float(level[1:].max())):
+        # The model of undriven rods does not fit a push, so the speeds are estimated from the readings.
+        of_readings = energies(problem, fit.estimate.changed(initial=recordings.cut(LENGTHS.first)[1]))
+        energy = np.concatenate([of_readings[:1], energy[1:]])
     smooth, scatter = _smoothed(energy), _scatter(energy)
     top = int(np.argmax(energy >= smooth.max() - 2 * scatter))
     if not _only_rose_before(energy, smooth, top, begins, scatter):
