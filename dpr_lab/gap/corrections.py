@@ -116,7 +116,10 @@ def _no_worse(before: Drafted, after: Drafted) -> bool:
 
 
 def _shutter(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
-    """Correct the delay of the bare model, because an effect of the selected set may imitate a part of the delay."""
+    """Correct the delay according to the bare model.
+
+    An effect of the selected set may imitate a part of the delay.
+    """
     shutter = likeliest_shutter(fitted.recordings, fitted.problem, fitted.bare)
     return shutter and replace(fitted, recordings=fitted.recordings.with_shutter(shutter))
 

@@ -62,7 +62,10 @@ def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
 
 
 def _improved(recordings: Recordings, problem: Problem, model: Hypothesis, lines: Lines) -> tuple[float, Shutter]:
-    """Return the reduction of chi2 by the best delay for a direction of the lines, and the shutter with this delay."""
+    """Return the reduction of chi2 by the best delay, and the shutter with this delay.
+
+    The delay belongs to a direction of the lines.
+    """
     rate_hz = max(record.run.rate_hz for record in recordings.records)
     limit = 1 / (recordings.rods_length * rate_hz)  # reading the length of the rods takes one frame; s/m
     corrected = [recordings.with_shutter(Shutter(lines, sign * SHUTTER.part * limit)) for sign in (1, -1)]
