@@ -81,7 +81,7 @@ def diagnose(
 ) -> None:
     """Explain the gap between simulation and rig.
 
-    The result states location, causes, probabilities and gap reduction on held-out data.
+    The result states location, causes, their probabilities, and the gap reduction on held-out data.
 
     Example: dpr-lab diagnose runs/*.mcap --rig paper --out out/diagnosis
 
