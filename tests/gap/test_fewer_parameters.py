@@ -1,6 +1,7 @@
 """Of two sets that explain about the same, the search prefers the one with fewer parameters."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -15,6 +16,7 @@ from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
+from dpr_lab.gap.which.replacements import SEVERAL_CAUSES
 from dpr_lab.gap.which.search import SearchState, apply
 from tests.background_rigs import law, recordings
 
@@ -149,3 +151,19 @@ def test_no_removal_leads_to_a_size_that_is_typical_of_another_cause() -> None:
         assert free.model.effects == (spring,)
         proposed = list(move.propose(sets_of(*models, impossible=frozenset({spring})), models[1]))
         assert [proposal.model.effects for proposal in proposed] == ([(SCALE,)] if move is DROP else [])
+
+
+@pytest.mark.parametrize(("parameters", "proposed"), [(5, []), (4, [(SCALE,)])], ids=["no room", "room for one"])
+def test_only_effects_with_one_amplitude_replace_a_curve_and_only_if_parameters_are_saved(
+    parameters: int, proposed: list[tuple[str, ...]]
+) -> None:
+    """The curve has six parameters, and the set without it `parameters`; without room nothing is tested."""
+    current, smaller = replace(stated(400.0, 6, COGGING), curves={COGGING: 0.0}), stated(9e3, parameters)
+    drift, scale = (SimpleNamespace(effect=EFFECTS[name], columns=range(n), gain=4e3)
+                    for name, n in (("encoder_drift_joint1", 2), (SCALE, 1)))  # fmt: skip
+    sets, tested = sets_of(smaller, current), list[Hypothesis]()
+    sets.possible = lambda model: True
+    sets.test = lambda model: tested.append(model) or SimpleNamespace(ranking=[drift, scale])
+    sets.with_one = lambda model, score: stated(300.0, len(model.fit.free) + 1, score.effect.name)
+    assert [proposal.model.effects for proposal in SEVERAL_CAUSES.propose(sets, current)] == proposed
+    assert len(tested) == len(proposed)

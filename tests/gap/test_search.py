@@ -188,13 +188,6 @@ def test_two_moves_that_request_the_same_fit_share_it(sets: FittedSets) -> None:
 
 
 @pytest.mark.slow
-def test_without_room_for_a_parameter_nothing_is_tested(sets: FittedSets) -> None:
-    fresh = replace(sets, _fits={}, _tests={})
-    assert not list(replacements._grown_to(fresh, fresh.bare, fresh.bare, "", 1))
-    assert not fresh._tests
-
-
-@pytest.mark.slow
 def test_of_two_fits_of_a_set_the_better_one_is_kept(sets: FittedSets) -> None:
     start = sets.bare.fit.estimate.changed(ratios=sets.bare.fit.estimate.ratios * 1.01)
     free = free_parameters(start, (), sets.problem)
