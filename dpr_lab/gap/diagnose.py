@@ -205,13 +205,14 @@ def _transferred(selected: Selected) -> Transferred:
     described = description(recordings.records, rig, problem, selection, transferred)
     if not described.withholds:
         refuse_rising(problem, chosen)
-    doubtful = described.forced or not (transferred.tested or chosen.at_noise_floor)
     budget = gap_budget(recordings, everything, problem, selection)
     remainder = discrepancy(problem, chosen)
     return Transferred(
         fitted=fitted,
         selection=selection,
-        posteriors=judged(transferred, selected.posteriors, doubtful),
+        posteriors=judged(
+            transferred, selected.posteriors, forced=described.forced, remainder=not chosen.at_noise_floor
+        ),
         free_swings=swings,
         transfer=transferred,
         description=described,

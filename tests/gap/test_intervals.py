@@ -26,7 +26,7 @@ class Judged:
     probability: float = 1.0
 
 
-def probabilities(*, doubtful: bool = False, **outcome: Any) -> list[float]:
+def probabilities(*, forced: bool = False, remainder: bool = False, **outcome: Any) -> list[float]:
     """Factors on the probabilities of the effects a and b after a test."""
     values: dict[str, Any] = {
         "basis": "releases left out",
@@ -41,7 +41,7 @@ def probabilities(*, doubtful: bool = False, **outcome: Any) -> list[float]:
     others: dict[str, Any] = dict.fromkeys(("gap_ratio", "closing", "left_out", "held_out", "effects"))
     state = Transfer(**values | others | outcome)
     effects: Any = (Judged("a"), Judged("b"))
-    return [posterior.probability for posterior in judged(state, effects, doubtful)]
+    return [posterior.probability for posterior in judged(state, effects, forced=forced, remainder=remainder)]
 
 
 def test_an_effect_that_fails_a_test_is_less_probable() -> None:
@@ -49,6 +49,8 @@ def test_an_effect_that_fails_a_test_is_less_probable() -> None:
     assert probabilities(withdrawn=("a",)) == [0.5, 1.0]
     assert probabilities(withdrawn=("a",), oversized=("a",)) == [0.1, 1.0]
     assert probabilities(basis="one release", unproven=("b",)) == [1.0, 0.87]
+    assert probabilities(basis="one release", unproven=("b",), remainder=True) == [1.0, 0.5]
+    assert probabilities(remainder=True) == [1.0, 1.0]
 
 
 def test_all_effects_are_less_probable_if_the_test_fails_as_a_whole() -> None:
@@ -57,7 +59,8 @@ def test_all_effects_are_less_probable_if_the_test_fails_as_a_whole() -> None:
     for value, factor in ((0.0, 1.0), (-0.1, 0.5)):
         assert probabilities(closed=Interval(value=value, interval90=(-1.0, 1.0))) == [factor] * 2
     assert probabilities(basis="one release", tested=False) == [0.87, 0.87]
-    assert probabilities(basis="one release", tested=False, doubtful=True) == [0.5, 0.5]
+    assert probabilities(basis="one release", tested=False, remainder=True) == [0.5, 0.5]
+    assert probabilities(forced=True) == [0.5, 0.5]
     assert probabilities(basis="one release", unproven=("a",), lone=Fake()) == [0.5, 0.5]
 
 

@@ -193,7 +193,9 @@ def test_no_effect_is_sure_if_all_together_increase_the_gap_of_the_quarters_left
     """Although each carries over compared with the others alone."""
     quarters = Interval(value=closed, interval90=(closed - 0.3, closed + 0.46))
     tested = Transfer("one release", True, quarters, 1.0, (), {}, {}, {}, (), (), (), None)
-    (posterior,) = judged(tested, [EffectPosterior("base_vibration", ("base_vibration",), (), 0.98)], doubtful=False)
+    (posterior,) = judged(
+        tested, [EffectPosterior("base_vibration", ("base_vibration",), (), 0.98)], forced=False, remainder=False
+    )
     assert posterior.probability == pytest.approx(probability)
 
 
@@ -213,7 +215,7 @@ def test_a_failed_test_of_quarters_is_weak_evidence(
     closed, failed, alone = Interval(value=0.6, interval90=(0.2, 0.8)), ("coulomb_joint1",), basis == "one release"
     withdrawn, unproven = ((), failed) if alone else (failed, ())
     outcome = Transfer(basis, tested, closed, 1.0, (), {}, {}, {}, withdrawn, unproven, (), worse)
-    (posterior,) = judged(outcome, [EffectPosterior("coulomb_joint1", failed, (), 0.98)], doubtful=False)
+    (posterior,) = judged(outcome, [EffectPosterior("coulomb_joint1", failed, (), 0.98)], forced=False, remainder=False)
     assert posterior.probability == pytest.approx(probability, abs=0.005)
 
 

@@ -47,9 +47,11 @@ class TransferSettings:
     unproven: float = 0.5
     """Factor on the probability of an effect that does not carry over, so that the probability is at most one half."""
     weakly_tested: float = 0.87
-    """Factor on the probability of an effect that fails the test on the quarters of a single release (decision 61).
+    """Factor on the probability of an effect that fails the test on the quarters of a single release, if only noise is
+    left.
 
-    It is the share of correct effects among the effects that failed this test in blind trials.
+    It is the share of correct effects among the effects that failed this test in blind trials (decision 61). If a
+    remainder is left, the factor is `unproven` (decision 96).
     """
     oversized: float = 0.1
     """Factor on the probability of an effect with an impossible size; another cause is then more probable."""

@@ -93,26 +93,28 @@ def _basis(fitted: Fitted) -> Basis:
     return "one release" if len(fitted.recordings.records) == 1 else "releases left out"
 
 
-def judged(outcome: Transfer, posteriors: Sequence[EffectPosterior], doubtful: bool) -> tuple[EffectPosterior, ...]:
+def judged(
+    outcome: Transfer, posteriors: Sequence[EffectPosterior], *, forced: bool, remainder: bool
+) -> tuple[EffectPosterior, ...]:
     """Return the effects with their final probabilities.
 
     The probability of an effect that fails a test is reduced.
 
     The quarters of a single release are few and differ in amplitude. An effect that fails the test on quarters, or
-    that cannot be tested, is still probable, unless all effects are doubtful.
+    that cannot be tested, is still probable if it leaves only noise (decision 96).
 
     Args:
         outcome: results on held-out recordings
         posteriors: the effects with their probabilities in the fitted recordings
-        doubtful: whether a force that is not described probably acts, or a remainder is left and no data can validate
-            the effects
+        forced: whether a force that is not described probably acts
+        remainder: whether a remainder above the noise is left
     """
     untested, everything = not outcome.tested, {posterior.name for posterior in posteriors}
     alone = outcome.basis == "one release"
-    weakly = everything if alone and untested else outcome.unproven
+    not_validated = everything if alone and untested else outcome.unproven
     failed = outcome.worse_free_run or outcome.lone or outcome.closed.value < 0.0 or (untested and not alone)
-    factors = dict.fromkeys(weakly, TRANSFER.weakly_tested)
-    factors |= dict.fromkeys(everything if failed or doubtful else outcome.withdrawn, TRANSFER.unproven)
+    factors = dict.fromkeys(not_validated, TRANSFER.unproven if remainder else TRANSFER.weakly_tested)
+    factors |= dict.fromkeys(everything if failed or forced else outcome.withdrawn, TRANSFER.unproven)
     factors |= dict.fromkeys(outcome.oversized, TRANSFER.oversized)
     return tuple(
         replace(posterior, probability=factors.get(posterior.name, 1.0) * posterior.probability)
