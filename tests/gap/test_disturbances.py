@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.damage.disturbances import _intervals, _merged, _remaining
+from dpr_lab.gap.damage.jumps import Jump
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.record import Record, record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -169,3 +171,61 @@ def test_behind_kicks_the_dry_friction_is_named(tmp_path):
     assert {finding.name for finding in diagnosis.sensor_findings} >= {"disturbance"}
     (dry,) = (effect for effect in diagnosis.effects if effect.name == "coulomb_joint1")
     assert dry.probability > 0.9
+
+
+def swing(folder: Path, rate_hz: float, duration_s: float) -> Record:
+    """A screened free swing in a table of angles."""
+    t, rig = np.arange(0.0, duration_s, 1 / rate_hz), one_rod(1.5 * 9.81 / 14.6, 0.1, 65536, np.random.default_rng(0))
+    angle = rod_swing(Rod(14.6, 0.06, 0.0, 0.0), 1.15, t) + np.random.default_rng(1).normal(0.0, 1e-3, len(t))
+    return record(table(folder, "swing", rig, {"t_s": t, "theta1_rad": angle}), rig)
+
+
+def jump(at: float, step: float | None = None) -> Jump:
+    """A kick, or a step of the reading of joint 1."""
+    return Jump(100.0, 0, at, None if step is None else 0, (1.0 if step is None else step,), (0.0, 9.0))
+
+
+@pytest.mark.parametrize(
+    ("kicks", "excluded"),
+    [
+        ([2.0, 4.0], [(1.95, 4.05)]),
+        ([2.0, 4.45], [(1.95, 2.05), (4.4, 4.5)]),
+        ([2.0, 4.0, 6.0], [(1.95, 4.05), (5.95, 6.05)]),
+        ([0.3, 2.0], [(-np.inf, 0.35), (1.95, 2.05)]),
+        ([0.2, 0.3], [(-np.inf, 0.35)]),
+    ],
+    ids=["push", "too long for a push", "three kicks", "release and later kick", "two kicks of the release"],
+)
+def test_only_two_kicks_after_the_release_exclude_the_readings_in_between(tmp_path, kicks, excluded):
+    parts = _merged(_intervals(swing(tmp_path, 30.0, 9.0), [jump(at) for at in kicks]))
+    assert [(part.since, part.until) for part in parts] == [pytest.approx(pair) for pair in excluded]
+
+
+def test_the_only_segment_of_a_short_recording_is_kept_between_two_kicks(tmp_path):
+    short = swing(tmp_path, 10.0, 3.2)
+    parts = _intervals(short, [jump(0.67), jump(2.74)])
+    (push,) = _merged(parts)
+    outside = (short.t < push.since) | (short.t >= push.until)
+    assert outside.sum() == 10  # six readings before the push and four after it, too few for a segment
+    remaining = _remaining(short, parts)
+    assert remaining is not None
+    assert len(remaining.t) == len(short.t) - 2
+    assert [finding.at_s for finding in remaining.screened.findings if finding.name == "disturbance"] == [0.67, 2.74]
+    whole = _intervals(short, [jump(at) for at in np.arange(0.65, 3.2, 0.1)])
+    assert _remaining(short, whole) is None
+
+
+@pytest.mark.parametrize(
+    ("jumps", "message"),
+    [
+        ([jump(4.0, 0.02), jump(5.0, -0.02), jump(5.1)], "returns at 5 s: the readings in between are excluded"),
+        ([jump(6.9), jump(7.0, 0.02)], "stays: the tracker or the encoder slipped; the later readings are excluded"),
+        ([jump(2.0, 0.02), jump(2.1)], "stays: the tracker or the encoder slipped; the earlier readings are excluded"),
+    ],
+)
+def test_a_reading_returns_only_by_a_second_step(tmp_path, jumps, message):
+    screened = swing(tmp_path, 30.0, 9.0)
+    remaining = _remaining(screened, _intervals(screened, jumps))
+    assert remaining is not None
+    (finding,) = (finding for finding in remaining.screened.findings if finding.name == "reading_step")
+    assert finding.evidence == f"the reading steps by +20 mrad and {message}"

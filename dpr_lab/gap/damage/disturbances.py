@@ -5,9 +5,10 @@ larger than anything else in the recordings (`dpr_lab.gap.damage.jumps`), wherea
 segments.
 
 Around a kick, the readings of a tenth of a second are excluded. A push looks like two kicks, at its beginning and at
-its end, so that all readings between two kicks at a short distance are excluded as well. If a
-reading steps and returns after a while, the readings in between are excluded. If it stays shifted, the encoder missed
-counts, whose number the diagnosis estimates. A table of angles contains no counts, so its shorter part is excluded.
+its end, so that all readings between two kicks at a short distance are excluded as well. Each kick belongs to one push
+at most. If a reading steps and returns after a while, the readings in between are excluded. If it stays shifted, the
+encoder missed counts, whose number the diagnosis estimates. A table of angles contains no counts, so its shorter part
+is excluded.
 """
 
 from collections.abc import Iterable, Sequence
@@ -34,9 +35,9 @@ class DisturbanceRules:
     kick_s: float = 0.1
     """Length of the excluded interval about a kick, s; a hand touches a rod for 20 to 100 ms."""
     joins_s: float = 0.15
-    """Maximum distance between a step of a reading and another excluded interval that count as one disturbance, s."""
+    """Maximum distance, s, at which a step of a reading and a neighbouring interval count as one disturbance."""
     push_s: float = 2.5
-    """Maximum time between two kicks that count as the ends of a push, s."""
+    """Maximum length, s, of the excluded interval of two kicks that count as the ends of a push."""
     release_s: float = 0.5
     """Time after the first reading within which a kick counts as the hand that releases the rods, s.
 
@@ -93,7 +94,7 @@ def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
         jumps = _jumps(recordings, estimate)
         for run in {jump.run for jump in jumps}:
             new = [jump for jump in jumps if jump.run == run]
-            parts[run] = _merged([*parts[run], *_intervals(recordings.records[run], new)])
+            parts[run] += _intervals(recordings.records[run], new)
         cleaned = _cleaned(whole, parts) if jumps else None
         if cleaned is None:
             break
@@ -103,9 +104,22 @@ def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
 
 def _cleaned(whole: Recordings, parts: Sequence[Sequence[LeftOut]]) -> Recordings | None:
     """Remove intervals from recordings; return None if a recording loses all segments."""
-    records = tuple(map(_without, whole.records, parts))
-    remain = all(cut(record.t, np.inf, record.breaks) for record in records)
-    return replace(whole, records=records) if remain else None
+    records = [_remaining(record, intervals) for record, intervals in zip(whole.records, parts, strict=True)]
+    cleaned = tuple(record for record in records if record is not None)
+    return replace(whole, records=cleaned) if len(cleaned) == len(records) else None
+
+
+def _remaining(record: Record, parts: Sequence[LeftOut]) -> Record | None:
+    """Return the record without the given intervals, or None if no segment remains.
+
+    If the readings between kicks are the only segments, they are kept.
+    """
+    ordered = sorted(parts, key=lambda part: part.since)
+    for intervals in (_merged(ordered), ordered):
+        remaining = _without(record, intervals)
+        if cut(remaining.t, np.inf, remaining.breaks):
+            return remaining
+    return None
 
 
 def _undriven(record: Record) -> bool:
@@ -187,9 +201,9 @@ def _returns(record: Record, first: Jump, later: Jump) -> bool:
 
 
 def _merged(parts: Iterable[LeftOut]) -> list[LeftOut]:
-    """Sort intervals in chronological order, and merge neighbours."""
+    """Merge neighbouring intervals, which are in chronological order."""
     merged = list[LeftOut]()
-    for part in sorted(parts, key=lambda part: part.since):
+    for part in parts:
         if merged and _one_disturbance(merged[-1], part):
             last = merged.pop()
             part = LeftOut(last.since, max(last.until, part.until), (*last.jumps, *part.jumps))
@@ -198,9 +212,16 @@ def _merged(parts: Iterable[LeftOut]) -> list[LeftOut]:
 
 
 def _one_disturbance(first: LeftOut, later: LeftOut) -> bool:
-    """Return whether two intervals belong to one disturbance; two kicks may be the ends of a push."""
-    longest = DISTURBANCE.joins_s if first.of_reading or later.of_reading else DISTURBANCE.push_s
-    return later.since - first.until < longest and not (first.of_counts or later.of_counts)
+    """Return whether two intervals, the first of which begins earlier, belong to one disturbance.
+
+    Two single kicks after the release may be the ends of a push.
+    """
+    if first.of_counts or later.of_counts:
+        return False
+    if first.of_reading or later.of_reading:
+        return later.since - first.until < DISTURBANCE.joins_s
+    both_of_release, single = np.isinf(later.since), len(first.jumps) == len(later.jumps) == 1
+    return bool(both_of_release or (single and later.until - first.since < DISTURBANCE.push_s))
 
 
 def _without(record: Record, parts: Sequence[LeftOut]) -> Record:
@@ -233,13 +254,14 @@ def _finding(record: Record, part: LeftOut) -> Finding:
     if not part.of_reading:
         evidence = f"until {part.until:.3g} s the rods do not swing freely: a hand pushes or holds them; excluded"
         return Finding("disturbance", name, None, part.since, evidence)
-    step = next(jump for jump in part.jumps if jump.joint is not None)
+    steps = [jump for jump in part.jumps if jump.joint is not None]
+    step = steps[0]
     shifted = f"the reading steps by {1e3 * step.size[0]:+.3g} mrad"
     if part.of_counts:
         return Finding(MISSED_COUNTS.name, name, AXES[step.joint or 0], step.at, shifted, step=step.size[0])
-    if np.isinf(part.until) or np.isinf(part.since):
+    if len(steps) > 1 and np.isfinite([part.since, part.until]).all():
+        evidence = f"{shifted} and returns at {steps[-1].at:.3g} s: the readings in between are excluded"
+    else:
         rest = "later" if np.isinf(part.until) else "earlier"
         evidence = f"{shifted} and stays: the tracker or the encoder slipped; the {rest} readings are excluded"
-    else:
-        evidence = f"{shifted} and returns at {part.until:.3g} s: the readings in between are excluded"
     return Finding("reading_step", name, AXES[step.joint or 0], step.at, evidence, step=step.size[0])
