@@ -21,6 +21,7 @@ from dpr_lab.gap.which.search import SearchState, apply
 from tests.background_rigs import law, recordings
 
 SCALE, COGGING, LENGTH, FRICTION = "encoder_scale_joint1", "detent_joint1", "wrong_length_L1", "coulomb_joint1"
+HYSTERESIS = "hysteresis_joint1"
 
 
 @pytest.fixture(scope="module")
@@ -96,9 +97,15 @@ def proposed_removals(monkeypatch: pytest.MonkeyPatch, chosen: Hypothesis, *othe
     monkeypatch.setattr("dpr_lab.gap.which.removals.explains_as_much", lambda *_: False)
     bare = stated(5.5e6, 3)
     fits = {model.key: model for model in (bare, chosen, *others)}
-    sets = SimpleNamespace(fits=fits, bare=bare, library=EFFECTS, problem=None, test=lambda model: None)
+    fitted = {key: model for key, model in fits.items() if not key < chosen.key}  # the move fits the smaller sets
+    sets = SimpleNamespace(fits=fitted, bare=bare, library=EFFECTS, problem=None, test=lambda model: None)
+
+    def without(model: Hypothesis, name: str) -> Hypothesis:
+        key = model.key - {name}
+        return fitted.setdefault(key, fits[key])
+
     sets.unexpected, sets.as_possible = lambda model: list(model.effects), lambda model, other: True
-    sets.possible, sets.without = lambda model: True, lambda model, name: fits[model.key - {name}]
+    sets.possible, sets.without = lambda model: True, without
     return [proposal.model.key for proposal in OWN_SHARE.propose(cast(Any, sets), chosen)]
 
 
@@ -119,7 +126,7 @@ def test_an_effect_stays_if_a_richer_form_that_explains_less_would_take_its_plac
     assert proposed_removals(monkeypatch, *sets, stated(6e4, 13, richer)) == [frozenset({drift})]
 
 
-def test_an_effect_stays_if_it_would_return_in_a_set_that_explains_less_with_more_parameters(
+def test_no_effect_is_removed_if_any_removal_leads_to_a_curve_that_explains_less(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     scale, offset, curve = "encoder_scale_joint2", "encoder_offset_joint1", "encoder_eccentricity_joint1"
@@ -127,7 +134,9 @@ def test_an_effect_stays_if_it_would_return_in_a_set_that_explains_less_with_mor
     smaller = stated(4.2e4, 5, offset, SCALE), stated(4.1e4, 5, scale, offset), stated(4e4, 5, scale, SCALE)
     assert proposed_removals(monkeypatch, all_three, *smaller) == [smaller[0].key]
     returned = stated(1e4, 9, scale, curve)
-    assert proposed_removals(monkeypatch, all_three, *smaller, returned) != [smaller[0].key]
+    assert proposed_removals(monkeypatch, all_three, *smaller, returned) == []
+    last = stated(9e3, 5, scale, offset)  # if the set that is fitted last is better, no removal leads to the curve
+    assert proposed_removals(monkeypatch, all_three, smaller[0], last, returned) == [smaller[0].key]
     fewer = stated(1e4, 5, scale, curve)
     assert proposed_removals(monkeypatch, all_three, *smaller, fewer) == [smaller[0].key]
 
@@ -153,17 +162,24 @@ def test_no_removal_leads_to_a_size_that_is_typical_of_another_cause() -> None:
         assert [proposal.model.effects for proposal in proposed] == ([(SCALE,)] if move is DROP else [])
 
 
-@pytest.mark.parametrize(("parameters", "proposed"), [(5, []), (4, [(SCALE,)])], ids=["no room", "room for one"])
+@pytest.mark.parametrize(
+    ("parameters", "effect", "tests", "proposed"),
+    [(6, SCALE, 0, []), (5, SCALE, 1, [(SCALE,)]), (4, HYSTERESIS, 1, []), (3, HYSTERESIS, 1, [(HYSTERESIS,)])],
+    ids=["no room", "room for one", "no room for a shape", "room for a shape"],
+)
 def test_only_effects_with_one_amplitude_replace_a_curve_and_only_if_parameters_are_saved(
-    parameters: int, proposed: list[tuple[str, ...]]
+    parameters: int, effect: str, tests: int, proposed: list[tuple[str, ...]]
 ) -> None:
-    """The curve has six parameters, and the set without it `parameters`; without room nothing is tested."""
+    """The set with the curve has seven parameters, and the set without it `parameters`; a shape counts twice."""
     current, smaller = replace(stated(400.0, 6, COGGING), curves={COGGING: 0.0}), stated(9e3, parameters)
-    drift, scale = (SimpleNamespace(effect=EFFECTS[name], columns=range(n), gain=4e3)
-                    for name, n in (("encoder_drift_joint1", 2), (SCALE, 1)))  # fmt: skip
+    drift, other = (SimpleNamespace(effect=EFFECTS[name], columns=range(n), gain=4e3)
+                    for name, n in (("encoder_drift_joint1", 2), (effect, 1)))  # fmt: skip
     sets, tested = sets_of(smaller, current), list[Hypothesis]()
     sets.possible = lambda model: True
-    sets.test = lambda model: tested.append(model) or SimpleNamespace(ranking=[drift, scale])
-    sets.with_one = lambda model, score: stated(300.0, len(model.fit.free) + 1, score.effect.name)
+    sets.test = lambda model: tested.append(model) or SimpleNamespace(ranking=[drift, other])
+    sets.with_one = lambda model, score: stated(
+        300.0, len(model.fit.free) + len(score.effect.parameters), *model.effects, score.effect.name
+    )
+    assert current.parameters == 7
     assert [proposal.model.effects for proposal in SEVERAL_CAUSES.propose(sets, current)] == proposed
-    assert len(tested) == len(proposed)
+    assert len(tested) == tests

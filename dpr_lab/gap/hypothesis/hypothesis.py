@@ -69,6 +69,11 @@ class Hypothesis:
         return self.predictive_loss + inflation * self.penalty
 
     @property
+    def parameters(self) -> int:
+        """Number of parameters that the penalty counts: free parameters and scanned shapes."""
+        return len(self.fit.free) + sum(len(EFFECTS[name].shapes) for name in self.effects)
+
+    @property
     def penalty(self) -> float:
         """Penalty of the parameters, in chi2 of independent readings.
 
@@ -76,8 +81,7 @@ class Hypothesis:
         prior of unknown common scale has the density s^-n. The penalty applies to curves that imitate other effects by
         amplitudes that cancel each other.
         """
-        scanned = sum(len(EFFECTS[name].shapes) for name in self.effects)
-        penalty = PENALTY.parameter * (len(self.fit.free) + scanned)
+        penalty = PENALTY.parameter * self.parameters
         for name, size in self.curves.items():
             penalty += 2 * len(EFFECTS[name].amplitudes) * float(np.log(max(size / PENALTY.ordinary, 1.0)))
         return penalty

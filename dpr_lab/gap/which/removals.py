@@ -13,32 +13,34 @@ from dpr_lab.gap.which.search import Decision, Move, Proposal
 from dpr_lab.shown import percent
 
 
-def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]:
+def _smaller_adequate(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose the smallest fitted set that explains nearly as much as the current set.
 
     The smallest set may lie on another branch of the search. It must not contain a size that is typical of another
     cause, unless the current set contains it too. An impossible size is allowed, because later moves can reduce it to a
     possible size.
     """
-    gap = sets.described(grown).bounded_excess
+    gap = sets.described(current).bounded_excess
     adequate = [
         model
         for model in sets.fits.values()
-        if 0 < len(model.effects) < len(grown.effects)
-        and grown.key & sets.expected <= model.key
-        and set(sets.imitating(model)) <= set(sets.imitating(grown))
-        and model.bounded_excess < THRESHOLDS.keeps * grown.bounded_excess
-        and model.bounded_excess - grown.bounded_excess < THRESHOLDS.large * gap
+        if 0 < len(model.effects) < len(current.effects)
+        and current.key & sets.expected <= model.key
+        and set(sets.imitating(model)) <= set(sets.imitating(current))
+        and model.bounded_excess < THRESHOLDS.keeps * current.bounded_excess
+        and model.bounded_excess - current.bounded_excess < THRESHOLDS.large * gap
         and (
-            _as_likely(sets, model, grown) if grown.at_noise_floor else model.cost - grown.cost < scatter(model, grown)
+            _as_likely(sets, model, current)
+            if current.at_noise_floor
+            else model.cost - current.cost < scatter(model, current)
         )
     ]
     if adequate:
         yield Proposal(min(adequate, key=lambda model: (len(model.effects), model.cost)))
 
 
-def _as_likely(sets: FittedSets, model: Hypothesis, grown: Hypothesis) -> bool:
-    return model.at_noise_floor and model.cost - grown.cost < significance(sets.bare, model, grown)
+def _as_likely(sets: FittedSets, model: Hypothesis, current: Hypothesis) -> bool:
+    return model.at_noise_floor and model.cost - current.cost < significance(sets.bare, model, current)
 
 
 SMALLEST_ADEQUATE = Move(
@@ -110,31 +112,32 @@ def _without_possible_compensations(sets: FittedSets, current: Hypothesis) -> di
     """Return the sets without one effect that may only compensate for the form of another effect.
 
     Two kinds of effects are kept: those that every rig has, and those whose removal increases the excess far above that
-    of the best fitted set. An effect is also kept if the search would then choose a set that explains less with more
-    parameters.
+    of the best fitted set. All effects are kept if a removal would lead the search to a curve that explains less.
     """
     closest = min(model.bounded_excess for model in sets.fits.values())
     limit = min(THRESHOLDS.keeps_if_small * closest, THRESHOLDS.still_open * sets.bare.bounded_excess)
+    removable = (name for name in sets.unexpected(current) if not sets.library[name].universal)
+    smaller_sets = {name: sets.without(current, name) for name in removable}
+    if _removal_leads_to_curve(sets, current):
+        return {}
     return {
         name: smaller
-        for name in sets.unexpected(current)
-        if not sets.library[name].universal
-        and (smaller := sets.without(current, name)).bounded_excess <= limit
-        and sets.as_possible(smaller, current)
-        and not _returns(sets, smaller, current)
+        for name, smaller in smaller_sets.items()
+        if smaller.bounded_excess <= limit and sets.as_possible(smaller, current)
     }
 
 
-def _returns(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
-    """Return whether the search would replace the smaller set by a set that is worse than the larger one.
+def _removal_leads_to_curve(sets: FittedSets, current: Hypothesis) -> bool:
+    """Return whether the search would replace any smaller set by a curve that is worse than the current set.
 
-    This set has at most as many effects as the smaller set. It explains less than the larger set, with more parameters.
+    The search would choose the best possible set with fewer effects than the current set. If this set has a higher cost
+    and more free parameters than the current set, it contains a curve. All smaller sets must be fitted first.
     """
     others = (
-        model for model in sets.fits.values() if len(model.effects) <= len(smaller.effects) and sets.possible(model)
+        model for model in sets.fits.values() if len(model.effects) < len(current.effects) and sets.possible(model)
     )
-    best = min(others, key=lambda model: model.cost, default=smaller)
-    return best.cost > larger.cost and len(best.fit.free) > len(larger.fit.free)
+    best = min(others, key=lambda model: model.cost, default=current)
+    return best.cost > current.cost and len(best.fit.free) > len(current.fit.free)
 
 
 def _compensates_for_another_form(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:

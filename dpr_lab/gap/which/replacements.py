@@ -40,19 +40,20 @@ def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal
     """Propose sets in which effects with one amplitude replace a curve.
 
     On a small arc, a curve of many parameters imitates a tilt, friction and drag together, and is selected first. The
-    best effects are added one at a time, while the set has fewer parameters than the current one.
+    best effects are added one at a time, while the set has fewer parameters than the current one. An effect of one
+    amplitude may have a shape, which is a further parameter.
     """
     for curve in sets.unexpected(current):
         if curve not in current.curves:
             continue
         model = sets.without(current, curve)
-        while len(model.fit.free) + 1 < len(current.fit.free):
+        while model.parameters + 1 < current.parameters:
             ranking = (score for score in sets.test(model).ranking if score.effect.name != curve)
             score = next((score for score in ranking if len(score.columns) == 1), None)
             if score is None or score.gain < current.chance:
                 break
             model = sets.with_one(model, score)
-            if sets.possible(model):
+            if model.parameters < current.parameters and sets.possible(model):
                 yield Proposal(model)
 
 
