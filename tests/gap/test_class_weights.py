@@ -16,10 +16,10 @@ from dpr_lab.gap.classes.posterior import (
     _alternatives,
     _class_members,
     _in_one_class,
-    _Place,
-    _prior_odds,
+    _Replacements,
     effect_posterior,
     outside,
+    prior_odds,
     probabilities,
     probability_outside,
 )
@@ -45,14 +45,15 @@ def test_alternatives_are_weighted_by_their_costs_and_the_prior_of_a_drift(monke
     alternatives = [Alternative(name, 0.5, 100.0 + cost) for name, cost in costs.items()]
     monkeypatch.setattr(posterior, "_class_members", lambda *_: ({"stribeck_joint2": 0.3}, ("friction_curve_joint2",)))
     monkeypatch.setattr(posterior, "_alternatives", lambda *_: alternatives)
-    monkeypatch.setattr(posterior, "_prior_odds", lambda _, other: 0.1 if "drift" in other else 1.0)
+    monkeypatch.setattr(posterior, "prior_odds", lambda _, model: 0.1 if "drift" in model else 1.0)
     monkeypatch.setattr(posterior, "plausibility", lambda *_: 0.1)
     monkeypatch.setattr(posterior, "outside", lambda *_, **__: 0.2)
     selection: Any = Mock(
         chosen=Mock(estimate=Mock(params=effect_params({})), inflation=INFLATION, cost=100.0),
-        without={NAME: None},
+        without={NAME: Mock(key=frozenset())},
+        fitted={frozenset({name}): name for name in costs},
         tests_without={NAME: Mock(ranking=[])},
-        without_substitute={NAME: Mock(cost=100.0 + UNIT * np.log(5.0))},
+        without_substitute={NAME: Mock(cost_at=lambda inflation: 100.0 + inflation / INFLATION * UNIT * np.log(5.0))},
     )
     result = effect_posterior(selection, NAME)
     assert result.probability == pytest.approx(0.8 / 2.5)
@@ -61,6 +62,8 @@ def test_alternatives_are_weighted_by_their_costs_and_the_prior_of_a_drift(monke
     )
     assert (result.members, result.forms) == ((NAME, "stribeck_joint2"), ("friction_curve_joint2",))
     assert result.odds == pytest.approx((0.25, 0.75))
+    selection.without_substitute[NAME].cost_at = lambda _: 50.0  # no effect is at most as probable as the named effect
+    assert effect_posterior(selection, NAME).probability == pytest.approx(0.8 / 3.3)
 
 
 def test_an_alternative_of_two_effects_has_its_larger_probability(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,12 +81,12 @@ def test_an_alternative_of_two_effects_has_its_larger_probability(monkeypatch: p
         assert probabilities(Mock(), (), kind) == pytest.approx({"no_gap": no_gap, "unexplained": 1 - no_gap})
 
 
-def place(fitted: dict[frozenset[str], Any] | None = None, **selection: Any) -> _Place:
-    """Place of an effect in a set of two; the selected set has a cost of 100 and an inflation of 5."""
+def replacements(fitted: dict[frozenset[str], Any] | None = None, **selection: Any) -> _Replacements:
+    """Replacements of an effect in a set of two; the selected set has a cost of 100 and an inflation of 5."""
     chosen = Mock(cost=100.0, inflation=INFLATION, chance=30 * INFLATION, key=frozenset({NAME, "base_tilt"}))
     without = Mock(cost=1000.0, key=frozenset({"base_tilt"}), inflation=2.0)
     values: dict[str, Any] = {"chosen": chosen, "without": {NAME: without}, "fitted": fitted or {}, "bare": Mock()}
-    return _Place(Mock(**values | selection), NAME)
+    return _Replacements(Mock(**values | selection), NAME)
 
 
 def test_an_alternative_is_an_effect_that_replaces_the_named_one_in_a_fitted_set() -> None:
@@ -96,22 +99,23 @@ def test_an_alternative_is_an_effect_that_replaces_the_named_one_in_a_fitted_set
     }
     test = Mock(cosine=lambda *_: 0.5)
     fields = {"impossible": {keys["clock_rate"]}, "misleading": ("spring_joint1",), "tests_without": {NAME: test}}
-    alternatives = _alternatives(place(fitted, **fields), score(NAME, 1.0), {name: score(name, 1.0) for name in names})
+    alternatives = _alternatives(
+        replacements(fitted, **fields), score(NAME, 1.0), {name: score(name, 1.0) for name in names}
+    )
     assert alternatives == [Alternative("detent_joint1", 0.5, 35.0), Alternative("latency_joint2", 0.5, 40.0)]
 
 
 @pytest.mark.parametrize(("decay", "odds"), [(True, CALIBRATION.drifting), (False, 1.0)])
 def test_a_drift_along_one_decay_is_improbable(monkeypatch: pytest.MonkeyPatch, decay: bool, odds: float) -> None:
     monkeypatch.setattr(posterior, "follows_decay", lambda *_: decay)
-    drift = "friction_drift_joint2"
-    assert _prior_odds(place({frozenset({"base_tilt", drift}): Mock()}), drift) == odds
+    assert prior_odds(Mock(), Mock()) == odds
 
 
 def test_a_richer_form_is_charged_the_indifference_beyond_chance(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(posterior, "form_indifference", lambda *_: 400.0)
-    assert _added_cost(place(), Alternative("latency_joint2", 0.5, 130.0)) == 30.0
-    assert _added_cost(place(), Alternative("latency_joint2", 0.5, 70.0)) == 0.0
-    assert _added_cost(place(), Alternative("stribeck_joint2", 0.5, 130.0)) == 30.0 + 400.0 - 30.0 * 5.0
+    assert _added_cost(replacements(), Alternative("latency_joint2", 0.5, 130.0)) == 30.0
+    assert _added_cost(replacements(), Alternative("latency_joint2", 0.5, 70.0)) == 0.0
+    assert _added_cost(replacements(), Alternative("stribeck_joint2", 0.5, 130.0)) == 30.0 + 400.0 - 30.0 * 5.0
 
 
 def score(name: str, gain: float, *nested: str, absorbed: Any = None) -> Any:
@@ -139,11 +143,12 @@ def test_an_effect_with_the_same_signature_and_cost_is_in_the_class(
     monkeypatch.setattr(posterior, "adds_less_than_remains", lambda *_: False)
     fits = {} if cost is None else {frozenset({"base_tilt", "latency_joint2"}): Mock(cost=cost)}
     test = Mock(indistinguishable=lambda *_: alike)
-    of_set = place(fits, final_test=Mock(absorbs=lambda *_: False), tests_without={NAME: test})
+    of_set = replacements(fits, final_test=Mock(absorbs=lambda *_: False), tests_without={NAME: test})
     named, other = score(NAME, 500.0), score("latency_joint2", gain)
     assert _in_one_class(of_set, named, other) is member
     assert not _in_one_class(of_set, named, score("latency_joint2", gain, NAME))  # a richer form
     if cost is None:
+        assert not _in_one_class(of_set, score(NAME, 500.0, "latency_joint2"), other)  # a simpler form
         monkeypatch.setattr(of_set.selection.final_test, "absorbs", lambda *_: True)
         assert _in_one_class(of_set, named, other)
         assert not _in_one_class(of_set, named, score("latency_joint2", 0.0, absorbed={"a": "b"}))
@@ -160,27 +165,28 @@ def test_a_richer_form_adds_nothing_if_all_its_amplitudes_are_excluded(
 ) -> None:
     monkeypatch.setattr(posterior, "linear_exclusions", lambda *_: [Mock(is_excluded=one) for one in excluded])
     richer = Mock(cost_at=lambda _: cost)
-    of_set = place({frozenset({"base_tilt", "stribeck_joint2"}): richer}, final_test=Mock(), detectable={})
+    of_set = replacements({frozenset({"base_tilt", "stribeck_joint2"}): richer}, final_test=Mock(), detectable={})
     monkeypatch.setattr(of_set.selection.chosen, "effects", ("base_tilt", NAME))
     assert _adds_nothing(of_set, "stribeck_joint2") is nothing
     monkeypatch.setattr(of_set.selection.final_test, "of", lambda _: None)
     assert not _adds_nothing(of_set, "stribeck_joint2")
 
 
-@pytest.mark.parametrize("hidden", [True, False])
-def test_hidden_richer_forms_are_members_and_others_that_add_nothing_are_forms(
-    monkeypatch: pytest.MonkeyPatch, hidden: bool
+@pytest.mark.parametrize("undetectable", [True, False])
+def test_undetectably_richer_forms_are_members_and_others_that_add_nothing_are_forms(
+    monkeypatch: pytest.MonkeyPatch, undetectable: bool
 ) -> None:
     """The friction curve was not tested, so it is neither."""
     others = {name: score(name, 1.0) for name in ("stribeck_joint2", "latency_joint2", "air_drag_outer")}
     sizes = {"stribeck_joint2": 0.2, "latency_joint2": 0.4}
     monkeypatch.setattr(posterior, "_in_one_class", lambda _, named, other: other is others["latency_joint2"])
-    monkeypatch.setattr(posterior, "_hidden", lambda *_: ("stribeck_joint2", "friction_curve_joint2") if hidden else ())
+    richer = ("stribeck_joint2", "friction_curve_joint2") if undetectable else ()
+    monkeypatch.setattr(posterior, "_undetectably_richer", lambda *_: richer)
     monkeypatch.setattr(posterior, "_adds_nothing", lambda *_: True)
     monkeypatch.setattr(posterior, "_plausibility", lambda _, other: sizes[other.effect.name])
-    members, forms = _class_members(place(), score(NAME, 1.0), others)
-    assert list(members) == (["latency_joint2", "stribeck_joint2"] if hidden else ["latency_joint2"])
-    assert forms == (() if hidden else ("stribeck_joint2",))
+    members, forms = _class_members(replacements(), score(NAME, 1.0), others)
+    assert list(members) == (["latency_joint2", "stribeck_joint2"] if undetectable else ["latency_joint2"])
+    assert forms == (() if undetectable else ("stribeck_joint2",))
 
 
 def test_the_own_share_counts_unless_every_rig_has_a_member_of_the_class() -> None:

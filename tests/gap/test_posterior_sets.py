@@ -11,7 +11,7 @@ import pytest
 
 from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.gap.classes.calibration import CALIBRATION
-from dpr_lab.gap.classes.posterior import _hidden, effect_posterior, outside
+from dpr_lab.gap.classes.posterior import _undetectably_richer, effect_posterior, outside
 from dpr_lab.gap.conclusion.components import components
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.detectable import comparable_size
@@ -64,6 +64,8 @@ def test_a_set_of_lower_cost_is_as_probable_as_the_selected_one_at_most(
     lacking = costing(replace(base, residuals=gap), chosen.cost + 20 * unit + gap.inflation * base.penalty)
     assert lacking.cost_at(gap.inflation) < chosen.cost_at(gap.inflation)
     assert of(replace(result, fitted={chosen.key: chosen, lacking.key: lacking})) == {chosen.key: 1.0}
+    drifting = replace(both, fitted={chosen.key: chosen, OTHER: replace(other, of_decay=OTHER)})
+    assert [one.probability for one in weighed(drifting)] == pytest.approx([1 / 1.1, 0.1 / 1.1])
     impossible = replace(both, impossible=frozenset({OTHER}))
     assert of(impossible) == {chosen.key: 1.0}
     larger = costing(replace(chosen, effects=(*chosen.effects, "base_tilt")), chosen.cost - unit)
@@ -142,9 +144,9 @@ def test_a_drift_is_compared_with_an_offset_by_their_typical_sizes() -> None:
     chosen = Mock(estimate=Mock(params=params))
     selection = Mock(chosen=chosen, final_test=Mock(ranking=[Mock(effect=drift)]))
     half = CALIBRATION.hidden * comparable_size(params, offset, drift.amplitudes[1])
-    for rate, hidden in ((1e-3, (drift.name,)), (2e-4, ()), (half, ())):
+    for rate, richer in ((1e-3, (drift.name,)), (2e-4, ()), (half, ())):
         selection.detectable = {drift.name: {"offset_rad": None, "rate_rad_per_s": rate}}
-        assert _hidden(selection, offset) == hidden
+        assert _undetectably_richer(selection, offset) == richer
 
 
 def test_an_effect_that_the_fit_without_it_cannot_show_has_no_alternatives() -> None:
@@ -155,7 +157,7 @@ def test_an_effect_that_the_fit_without_it_cannot_show_has_no_alternatives() -> 
         chosen=Mock(estimate=Mock(params=params), inflation=1.0, cost=10.0, at_noise_floor=True),
         without={name: None},
         tests_without={name: ScoreTest(*[cast(Any, None)] * 5)},
-        without_substitute={name: Mock(cost=1000.0)},
+        without_substitute={name: Mock(cost_at=lambda _: 1000.0)},
         own_shares={},
         share_explained=1.0,
     )

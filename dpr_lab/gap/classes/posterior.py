@@ -85,21 +85,23 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
         selection: the selected set and all fitted sets
         name: the effect
     """
-    place, chosen = _Place(selection, name), selection.chosen
-    named_score = place.test.of(name)
-    others = {score.effect.name: score for score in place.test.ranking if score is not named_score}
+    replacements, chosen = _Replacements(selection, name), selection.chosen
+    named_score = replacements.test.of(name)
+    others = {score.effect.name: score for score in replacements.test.ranking if score is not named_score}
     if named_score is None:  # without a score of the named effect, no signature can be compared with that of the effect
         plausibilities, forms, alternatives = dict[str, float](), (), list[Alternative]()
     else:
-        plausibilities, forms = _class_members(place, named_score, others)
+        plausibilities, forms = _class_members(replacements, named_score, others)
         rest = {other: others[other] for other in others if other not in plausibilities and other not in forms}
-        alternatives = _alternatives(place, named_score, rest)
+        alternatives = _alternatives(replacements, named_score, rest)
     prior = np.array([plausibility(chosen.estimate.params, name), *plausibilities.values()])
-    costs = [_added_cost(place, alternative) for alternative in alternatives]
-    added_cost = np.array([0.0, *costs, selection.without_substitute[name].cost - chosen.cost])
+    costs = [_added_cost(replacements, alternative) for alternative in alternatives]
+    without = selection.without_substitute[name].cost_at(chosen.inflation)
+    added_cost = np.array([0.0, *costs, max(without - chosen.cost, 0.0)])
     scaled = -added_cost / (2 * chosen.inflation * CALIBRATION.temperature)
     weights = np.exp(np.clip(scaled, -CALIBRATION.negligible, CALIBRATION.negligible))
-    weights[1:-1] *= [_prior_odds(place, alternative.name) for alternative in alternatives]
+    replaced = (selection.fitted[replacements.key(alternative.name)] for alternative in alternatives)
+    weights[1:-1] *= [prior_odds(selection, model) for model in replaced]
     of_outside = outside(selection, name, members=plausibilities)
     weights *= (1 - of_outside) / weights.sum()
     return EffectPosterior(
@@ -118,7 +120,7 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class _Replacements:
     """One effect of the selected set, and the fits in which another effect replaces it."""
 
     selection: Selection
@@ -134,56 +136,63 @@ class _Place:
         """Score test of all effects for the set without the effect."""
         return self.selection.tests_without[self.name]
 
-    def filled(self, other: str) -> Hypothesis | None:
+    def key(self, other: str) -> frozenset[str]:
+        """Return the names of the effects if another effect replaces this effect."""
+        return self.without.key | {other}
+
+    def with_other(self, other: str) -> Hypothesis | None:
         """Return the set in which another effect replaces this effect, if it was fitted."""
-        return self.selection.fitted.get(self.without.key | {other})
+        return self.selection.fitted.get(self.key(other))
 
 
 def _class_members(
-    place: _Place, named: Score, others: Mapping[str, Score]
+    replacements: _Replacements, named: Score, others: Mapping[str, Score]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """Return the members of a class, and the richer forms that count as a member.
 
     The members are the effects that are indistinguishable from the named one. The value of each member is the prior of
     its size. The most plausible member comes first.
     """
-    same = [other for other, score in others.items() if _in_one_class(place, named, score)]
-    hidden = [other for other in _hidden(place.selection, named.effect) if other in others and other not in same]
+    same = [other for other, score in others.items() if _in_one_class(replacements, named, score)]
+    richer = _undetectably_richer(replacements.selection, named.effect)
+    undetectable = [other for other in richer if other in others and other not in same]
     forms = tuple(
         other
         for other in others
-        if other not in hidden and {named.effect.name, *same}.intersection(EFFECTS[other].nested)
-        if _adds_nothing(place, other)
+        if other not in undetectable and {named.effect.name, *same}.intersection(EFFECTS[other].nested)
+        if _adds_nothing(replacements, other)
     )
-    members = [other for other in (*same, *hidden) if other not in forms]
-    sizes = {other: _plausibility(place, others[other]) for other in members}
+    members = [other for other in (*same, *undetectable) if other not in forms]
+    sizes = {other: _plausibility(replacements, others[other]) for other in members}
     return dict(sorted(sizes.items(), key=lambda member: (-member[1], member[0]))), forms
 
 
-def _in_one_class(place: _Place, score: Score, other: Score) -> bool:
+def _in_one_class(replacements: _Replacements, score: Score, other: Score) -> bool:
     """Return whether two effects with the same signature fit equally well.
 
     In the fit without the named effect, the remaining effects may imitate it. This hides that the two signatures are
     equal. The signatures therefore also count as equal if the named effect absorbs the other effect in the selected
-    fit.
+    fit. If the other effect was not fitted, its score may then be too small for a comparison, because the score belongs
+    to the fit without the named effect. The absorption is sufficient in this case.
 
     A simpler form is also a member if the named effect improves on it by less than the unexplained remainder. The cause
-    of the remainder can then imitate the difference. A richer form is a member only if its additional parameters are
-    undetectable (`_hidden`).
+    of the remainder can then imitate the difference. A simpler form that was not fitted is no member. A richer form is
+    a member only if its additional parameters are undetectable (`_undetectably_richer`).
     """
-    selection, fitted = place.selection, place.filled(other.effect.name)
-    if other.effect.name in score.effect.nested and adds_less_than_remains(selection.chosen, fitted):
+    selection, fitted = replacements.selection, replacements.with_other(other.effect.name)
+    is_form = other.effect.name in score.effect.nested
+    if is_form and adds_less_than_remains(selection.chosen, fitted):
         return True
     absorbed = not other.absorbed and selection.final_test.absorbs(other.effect, score.effect)
-    if score.effect.name in other.effect.nested or not (absorbed or place.test.indistinguishable(score, other)):
+    if score.effect.name in other.effect.nested or not (absorbed or replacements.test.indistinguishable(score, other)):
         return False
-    if fitted is None and absorbed:
-        return True
-    worse = score.gain - other.gain if fitted is None else fitted.cost - selection.chosen.cost
-    return worse < indifference(selection.bare, selection.chosen)
+    margin = indifference(selection.bare, selection.chosen)
+    if fitted is None:
+        return not is_form and (absorbed or score.gain - other.gain < margin)
+    return fitted.cost - selection.chosen.cost < margin
 
 
-def _hidden(selection: Selection, effect: Effect) -> tuple[str, ...]:
+def _undetectably_richer(selection: Selection, effect: Effect) -> tuple[str, ...]:
     """Return those richer forms of an effect whose additional parameters are undetectable in the recordings."""
     params = selection.chosen.estimate.params
     return tuple(
@@ -197,13 +206,13 @@ def _hidden(selection: Selection, effect: Effect) -> tuple[str, ...]:
     )
 
 
-def _adds_nothing(place: _Place, richer: str) -> bool:
+def _adds_nothing(replacements: _Replacements, richer: str) -> bool:
     """Return whether a richer form adds only amplitudes that are excluded.
 
     Undetectable amplitudes are ignored. If the richer form was fitted, its additional amplitudes together must also
     reduce the cost by less than their penalty.
     """
-    selection, fitted = place.selection, place.filled(richer)
+    selection, fitted = replacements.selection, replacements.with_other(richer)
     score = selection.final_test.of(richer)
     better = fitted is not None and fitted.cost_at(selection.chosen.inflation) < selection.chosen.cost
     if score is None or richer in selection.chosen.effects or better:
@@ -212,12 +221,12 @@ def _adds_nothing(place: _Place, richer: str) -> bool:
     return bool(added) and all(amplitude.is_excluded for amplitude in added)
 
 
-def _plausibility(place: _Place, score: Score) -> float:
+def _plausibility(replacements: _Replacements, score: Score) -> float:
     """Return the prior weight of the size of an effect that replaces a named effect.
 
     The size comes from a fit, or from the linear score if the effect was not fitted.
     """
-    fitted = place.filled(score.effect.name)
+    fitted = replacements.with_other(score.effect.name)
     if fitted is not None:
         return plausibility(fitted.estimate.params, score.effect.name)
     params = effect_params({})
@@ -226,44 +235,43 @@ def _plausibility(place: _Place, score: Score) -> float:
     return plausibility(params, score.effect.name)
 
 
-def _alternatives(place: _Place, named: Score, others: Mapping[str, Score]) -> list[Alternative]:
+def _alternatives(replacements: _Replacements, named: Score, others: Mapping[str, Score]) -> list[Alternative]:
     """Return the best alternatives to the named effect, sorted by cost and name.
 
     An alternative is an effect that replaces the named one in a fitted set of possible sizes. For every set, the
     residual of the selected set counts as noise.
     """
+    selection = replacements.selection
     alternatives = (
-        Alternative(other, place.test.cosine(named, score), fitted.cost_at(place.selection.chosen.inflation))
+        Alternative(other, replacements.test.cosine(named, score), fitted.cost_at(selection.chosen.inflation))
         for other, score in others.items()
-        if (fitted := place.filled(other)) is not None
-        if other not in place.selection.misleading and fitted.key not in place.selection.impossible
+        if (fitted := replacements.with_other(other)) is not None
+        if other not in selection.misleading and fitted.key not in selection.impossible
     )
     ranked = sorted(alternatives, key=lambda alternative: (alternative.cost, alternative.name))
     return ranked[: CALIBRATION.alternatives]
 
 
-def _added_cost(place: _Place, alternative: Alternative) -> float:
+def _added_cost(replacements: _Replacements, alternative: Alternative) -> float:
     """Return the additional cost of an alternative over the selected set, at least zero.
 
     The search has compared the alternative with the selected set. An alternative that fits better is not significantly
     better, so it is at most as probable as the named effect. The cost of a richer form of the effect is increased,
     because such a form also fits the error of the integrator or the remainder.
     """
-    chosen = place.selection.chosen
+    chosen = replacements.selection.chosen
     added = max(alternative.cost - chosen.cost, 0.0)
-    if place.name not in EFFECTS[alternative.name].nested:
+    if replacements.name not in EFFECTS[alternative.name].nested:
         return added
-    return added + form_indifference(place.selection.bare, chosen) - chosen.chance
+    return added + form_indifference(replacements.selection.bare, chosen) - chosen.chance
 
 
-def _prior_odds(place: _Place, other: str) -> float:
-    """Return the prior odds of an alternative against the named effect.
+def prior_odds(selection: Selection, model: Hypothesis) -> float:
+    """Return the prior odds of a fitted set against the selected set.
 
     The odds are below one for a drift of friction that only follows the residual of a missing loss along one decay.
     """
-    instead = place.filled(other)
-    drifts = instead is not None and follows_decay(place.selection.bare, instead, place.selection.chosen)
-    return CALIBRATION.drifting if drifts else 1.0
+    return CALIBRATION.drifting if follows_decay(selection.bare, model, selection.chosen) else 1.0
 
 
 def outside(selection: Selection, name: str = "", *, members: Iterable[str] = ()) -> float:

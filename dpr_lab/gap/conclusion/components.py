@@ -13,10 +13,10 @@ from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import named_params
 from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS, FreeParameter
 from dpr_lab.gap.classes.calibration import CALIBRATION
+from dpr_lab.gap.classes.posterior import prior_odds
 from dpr_lab.gap.conclusion.scatter import between_recordings, left_out_values
 from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.imitation import follows_decay
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.gap.state import Transferred
@@ -57,7 +57,10 @@ def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
     }
     models = {**others, chosen.key: chosen}
     span = 2 * chosen.inflation * CALIBRATION.temperature
-    weights = {key: float(np.exp(-_worse(model, chosen) / span)) for key, model in models.items()}
+    weights = {
+        key: prior_odds(selection, model) * float(np.exp(-_worse(model, chosen) / span))
+        for key, model in models.items()
+    }
     ranked = sorted(models, key=lambda key: (-weights[key], key != chosen.key))
     most_likely = [key for key in ranked if weights[key] >= MIXTURE.least * sum(weights.values())][: MIXTURE.most]
     for key in most_likely:
@@ -67,12 +70,10 @@ def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
 def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
     """Return whether the cost of a set is the only evidence against it.
 
-    All its sizes must be possible, and held-out runs must not refute any of its effects. A friction drift along one
-    decay is improbable (`CALIBRATION.drifting`).
+    All its sizes must be possible, and held-out runs must not refute any of its effects.
     """
-    if not np.isfinite(model.cost) or set(selection.misleading) & model.key or model.key in selection.impossible:
-        return False
-    return not follows_decay(selection.bare, model, selection.chosen)
+    refuted = set(selection.misleading) & model.key or model.key in selection.impossible
+    return bool(np.isfinite(model.cost) and not refuted)
 
 
 def _worse(model: Hypothesis, chosen: Hypothesis) -> float:
