@@ -32,8 +32,8 @@ Reading order. About 9,700 words contain the rules of this choice:
     `which.alternatives`
     `classes.posterior`          the probabilities of X and Y, if both remain
 
-About 7,800 words contain the stages: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`, `which.select`,
-`corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 70,000 words. They are the
+About 7,600 words contain the stages: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`, `which.select`,
+`corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 68,000 words. They are the
 computations behind one decision each, and can be read when they are changed.
 
 Terms of all modules:

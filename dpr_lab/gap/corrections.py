@@ -4,6 +4,8 @@ noise of torques    smaller than estimated from the recorded torques, or zero
 earlier torques     torques that act before their rows, which looks like a negative delay
 rolling shutter     correction of the readings of a film
 moving camera       noise of a film whose picture turns slowly
+
+`CORRECTIONS` contains them in this order.
 """
 
 from collections.abc import Callable
@@ -116,9 +118,10 @@ def _no_worse(before: Drafted, after: Drafted) -> bool:
 
 
 def _shutter(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
-    """Correct the delay according to the bare model.
+    """Return the recordings with the shutter that explains most of the bare model's residual.
 
-    An effect of the selected set may imitate a part of the delay.
+    The result is None if no shutter explains enough. The selected set is not used, because one of its effects may
+    imitate a part of the delay of the shutter.
     """
     shutter = likeliest_shutter(fitted.recordings, fitted.problem, fitted.bare)
     return shutter and replace(fitted, recordings=fitted.recordings.with_shutter(shutter))

@@ -15,7 +15,7 @@ LIKELY = candidates("coulomb", "encoder", "detent", "spring", "base_", "com_")
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("seed", "least"), [(201, 0.6), (202, 0.4)])  # an eccentricity fits about as well
+@pytest.mark.parametrize(("seed", "least"), [(201, 0.6), (202, 0.4)])  # decision 92: an eccentricity fits about as well
 def test_a_potentiometer_with_a_zero_error_is_not_called_eccentric(seed, least):
     case = bench("potentiometer", seed)
     diagnosis = diagnose(case.runs, case.rig, held_out=case.held_out, library=LIKELY)

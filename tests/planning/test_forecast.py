@@ -117,11 +117,13 @@ def test_without_a_visible_gap_only_the_simulated_score_tests_determine_the_fore
     (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
     known = replace(known, information=known.information + swing.information)
     step = SequenceStep(swing.release, swing.information, swing.horizon_s, 1.0, 0.0, 1.0)
+    known = replace(known, model=replace(known.model, placement_rad=1e-9))  # each simulated release has the same pose
     made = []
     for runs in (("P1", "P2"), ("P1", "P2", "P3", "P4")):
         after = replace(known, diagnosis=of_runs(nothing, *runs, exclusions=[latency(4.0)]))
         made += summed_up(Objective.of(after), [step], PlanLimits(), 0.0).forecast
-    assert 0.0 < made[0] < 1.0
+    tested = OpenAmplitudes.of(after, after.information + swing.information / after.inflation, excluded=True)
+    assert made[0] == pytest.approx(settled_probabilities([[tested]] * FORECAST.placements)[0])
     assert made[1] == made[0]
     assert summed_up(Objective.of(after), [], PlanLimits(), 0.0).forecast == []
 

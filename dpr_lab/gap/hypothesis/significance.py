@@ -36,8 +36,16 @@ def indifference(
 def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
     """Return the minimum significant reduction of cost from one set to a larger one.
 
-    The reduction must exceed chance, and chance is more probable if only noise remains without the additional effect.
-    While a residual remains with the effect, a reduction is also significant that is consistent among the segments.
+    The limit depends on what remains without and with the additional effect. Here i is the inflation of the larger set,
+    and r is the reduction of chi2 from the bare model to the larger set:
+
+        no other effect                        `chance` i
+        only noise remains without the effect  max(`chance_at_floor` i, `integrator` r)
+        only noise remains with the effect     max(`chance` i, `integrator_at_floor` r)
+        a residual remains with the effect     max(`chance` i, `integrator` r)
+
+    While a residual remains with the effect, a reduction is also significant that is consistent among the segments
+    (`scatter`).
 
     An effect that follows the noise of a tracker leaves residuals that are less correlated. The penalty of all
     parameters then decreases with the inflation of these residuals. If only noise remains without the effect, this

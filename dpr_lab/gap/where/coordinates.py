@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.effects.effect import ARM
 from dpr_lab.fitting.linearise import Linearisation
 from dpr_lab.fitting.problem import Problem
@@ -100,36 +99,6 @@ def time_hats(t: Array) -> tuple[Array, Array]:
     """Return (n, k) hat functions of time since the release, and their knots, s."""
     knots = np.linspace(0, float(t.max()), BINS)
     return hats(t, knots), knots
-
-
-def load_hats(force: Array) -> tuple[Array, Array]:
-    """Return the (n, k) hat functions over the joint force and their knots.
-
-    The knots lie between the 1 % and 99 % quantiles.
-    """
-    knots = np.quantile(force, np.linspace(0.01, 0.99, BINS // 2))
-    return hats(force, knots), knots
-
-
-def joint_force(problem: Problem, reference: Trajectory, joint: int) -> Array:
-    """Return the (n,) force on a joint, N, from the accelerations of equation (1)."""
-    motion = reference.motion.part(slice(None), axes=2)
-    theta, omega, alpha = motion.theta, motion.omega, motion.alpha
-    sin, cos = np.sin(theta), np.cos(theta)
-    across = cos * alpha - sin * omega**2
-    up = -sin * alpha - cos * omega**2
-    force = np.empty(len(motion.t))
-    for setup, base in zip(reference.setups, reference.bases, strict=True):
-        samples, rig = reference.of_setup(setup), constants_of_run(problem.model.constants, setup)
-        inner, outer = base[3] / rig.g, base[2] / problem.model.constants.L1
-        if joint == 0:
-            weight = (rig.m1 + rig.m2 + rig.mb) * rig.g
-            lengths = np.array([inner, outer])
-        else:
-            weight = rig.m2 * rig.g
-            lengths = np.array([rig.m2 * rig.L1, outer])
-        force[samples] = np.hypot(across[samples] @ lengths, up[samples] @ lengths + weight)
-    return force
 
 
 def encoder_angle(problem: Problem, joint: int) -> Array:

@@ -15,6 +15,7 @@ function of the speed is an effect of the library (`friction_curve`), with which
 import numpy as np
 
 from dpr_lab.arrays import Array
+from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
 from dpr_lab.effects import EFFECTS, SLICES, without_effect
 from dpr_lab.effects.effect import Effect
@@ -24,11 +25,11 @@ from dpr_lab.fitting.response import Trajectory, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import ScoreTest
 from dpr_lab.gap.where.coordinates import (
+    BINS,
     angle_hats,
     encoder_angle,
     encoder_speed,
-    joint_force,
-    load_hats,
+    hats,
     speed_hats,
     time_hats,
     under_torque,
@@ -79,9 +80,9 @@ def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, nam
     effect, estimate = EFFECTS[name], model.estimate
     if effect.stage == "load":
         (joint,) = effect.joints
-        force = joint_force(problem, reference, joint)
+        force = _joint_force(problem, reference, joint)
         slides = np.sign(reference.joint_speed[:, joint])
-        return under_torque(problem, reference, joint, load_hats(force)[0] * (force * slides)[:, None])
+        return under_torque(problem, reference, joint, _load_hats(force)[0] * (force * slides)[:, None])
     if effect.stage not in TRAJECTORY_TORQUES:
         without = estimate.changed(params=without_effect(estimate.params, name))
         error = np.nan_to_num(problem.predict(estimate) - problem.predict(without))
@@ -111,10 +112,10 @@ def _free(effect: Effect, tested: Effect, angle: Array, speed: Array, t: Array) 
     Forms by time or speed are omitted for effects that cannot depend on them.
     """
     of_pose = not effect.dissipative and effect.stage in ("torque", "encoder")
-    hats = [angle_hats(angle)[0]]
+    functions = [angle_hats(angle)[0]]
     if not _are_losses_of_speed(effect, tested):
-        hats += [time_hats(t)[0], *([] if of_pose else [speed_hats(speed)[0]])]
-    return np.concatenate(hats, axis=1)
+        functions += [time_hats(t)[0], *([] if of_pose else [speed_hats(speed)[0]])]
+    return np.concatenate(functions, axis=1)
 
 
 def _are_losses_of_speed(effect: Effect, tested: Effect) -> bool:
@@ -124,3 +125,33 @@ def _are_losses_of_speed(effect: Effect, tested: Effect) -> bool:
     """
     share_joint = not set(effect.joints).isdisjoint(tested.joints)
     return share_joint and effect.dissipative and tested.dissipative and tested.stage != "load"
+
+
+def _load_hats(force: Array) -> tuple[Array, Array]:
+    """Return the (n, k) hat functions over the joint force and their knots.
+
+    The knots lie between the 1 % and 99 % quantiles.
+    """
+    knots = np.quantile(force, np.linspace(0.01, 0.99, BINS // 2))
+    return hats(force, knots), knots
+
+
+def _joint_force(problem: Problem, reference: Trajectory, joint: int) -> Array:
+    """Return the (n,) force on a joint, N, from the accelerations of equation (1)."""
+    motion = reference.motion.part(slice(None), axes=2)
+    theta, omega, alpha = motion.theta, motion.omega, motion.alpha
+    sin, cos = np.sin(theta), np.cos(theta)
+    across = cos * alpha - sin * omega**2
+    up = -sin * alpha - cos * omega**2
+    force = np.empty(len(motion.t))
+    for setup, base in zip(reference.setups, reference.bases, strict=True):
+        samples, rig = reference.of_setup(setup), constants_of_run(problem.model.constants, setup)
+        inner, outer = base[3] / rig.g, base[2] / problem.model.constants.L1
+        if joint == 0:
+            weight = (rig.m1 + rig.m2 + rig.mb) * rig.g
+            lengths = np.array([inner, outer])
+        else:
+            weight = rig.m2 * rig.g
+            lengths = np.array([rig.m2 * rig.L1, outer])
+        force[samples] = np.hypot(across[samples] @ lengths, up[samples] @ lengths + weight)
+    return force

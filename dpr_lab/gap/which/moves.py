@@ -67,7 +67,11 @@ def _fitted_to_the_end(sets: FittedSets, current: Hypothesis, proposal: Proposal
 CONVERGE = Move("converge", "the fit is continued to its minimum", _converged, _fitted_to_the_end)
 
 REFINE = (SMALLEST_ADEQUATE, DROP, SIMPLER_FORM, SEVERAL_CAUSES, DROP, OWN_SHARE, CONVERGE)
-"""Moves after forward selection, in order."""
+"""Moves after forward selection, in order.
+
+DROP occurs twice: a simpler form, or several effects in place of a curve, can make another effect unnecessary. The last
+move of the search is `removals.HELD_OUT`, which `select` applies after the revisions.
+"""
 
 SHORT = (SMALLEST_ADEQUATE, DROP, SIMPLER_FORM)
 """Moves after forward selection in short segments, in order."""

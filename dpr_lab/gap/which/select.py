@@ -1,7 +1,7 @@
 """Selection of up to `max_effects` effects: forward selection, then the moves that refine the set.
 
 Forward selection alone is greedy and selects the first plausible effect. Therefore two sets are extended in parallel,
-and the moves of `moves` remove, replace, exchange and validate effects afterwards. `search` runs the moves. Each move
+and the moves of `moves` remove, replace and validate effects afterwards. `search` runs the moves. Each move
 returns a new state with the fitted sets, the selected set and the trials.
 
 If the gap is far above the noise, short segments are searched first, because the influence of an effect is closer to
