@@ -1,6 +1,8 @@
 """The date of a recording is that of its option, its time stamps or its file name, never that of the import."""
 
 import shutil
+import time
+from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -36,13 +38,49 @@ def test_the_date_is_given_or_that_of_the_stamps(tmp_path: Path) -> None:
     assert import_csv(stamped, rig, OPTIONS).recorded_utc == "2025-07-01T12:00:00+00:00"
 
 
-@pytest.mark.parametrize("title", ["=== SESSION: 2025-04-10T01:05:42 ===", "# recorded 2025-04-10 01:05:42, cold"])
-def test_a_date_above_the_numbers_is_that_of_the_recording(tmp_path: Path, title: str) -> None:
+@pytest.fixture
+def in_tokyo(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Set the local time to UTC + 9 h."""
+    monkeypatch.setenv("TZ", "Asia/Tokyo")
+    time.tzset()
+    yield
+    monkeypatch.undo()
+    time.tzset()
+
+
+@pytest.mark.usefixtures("in_tokyo")
+@pytest.mark.parametrize(
+    ("text", "utc"),
+    [
+        ("=== SESSION: 2025-04-10T12:05:42 ===", "2025-04-10T03:05:42+00:00"),
+        ("recorded 2025-04-10 01:05:42, cold", "2025-04-09T16:05:42+00:00"),
+        ("recorded 2025-04-10 01:05:42+02:00", "2025-04-09T23:05:42+00:00"),
+        ("recorded 2025-04-10 01:05:42 -0500.", "2025-04-10T06:05:42+00:00"),
+        ("2025-04-10T01:05:42Z", "2025-04-10T01:05:42+00:00"),
+        ("2025-04-10T01:05:42.250000Z", "2025-04-10T01:05:42+00:00"),
+        ("swing of 2025-04-10, begin 2025-04-10 01:05Z", "2025-04-10T01:05:00+00:00"),
+        ("begin 2025-04-10 01:05, end 2025-04-10 01:07", "2025-04-10"),
+        ("begin 2025-04-10 01:05, copied 2025-04-11", ""),
+        ("2025-04-10 25:00", "2025-04-10"),
+    ],
+)
+def test_the_date_in_a_text_has_its_zone(text: str, utc: str) -> None:
+    assert date_in(text) == utc
+
+
+@pytest.mark.usefixtures("in_tokyo")
+@pytest.mark.parametrize("more", [0, 60])
+def test_a_date_above_the_numbers_is_that_of_the_recording(tmp_path: Path, more: int) -> None:
     """The file name contains the date of a copy."""
     file, rig = tmp_path / "2026-03-01.csv", load_rig(TABLES / "bench.toml")
-    file.write_text(f"{title}\n{(TABLES / 'side.csv').read_text()}")
-    local = datetime(2025, 4, 10, 1, 5, 42).astimezone(UTC).isoformat()
-    assert import_csv(file, rig, OPTIONS).recorded_utc == local
+    title = "# recorded 2025-04-10 01:05:42+02:00\n" + "# setting\n" * more
+    file.write_text(title + (TABLES / "side.csv").read_text())
+    assert import_csv(file, rig, OPTIONS).recorded_utc == "2025-04-09T23:05:42+00:00"
+    columns, *rows = (TABLES / "side.csv").read_text().splitlines()
+    epoch = datetime(2025, 7, 1, 12, tzinfo=UTC).timestamp()
+    stamps = [f"{epoch + float(row.partition(',')[0]):.6f},{row.partition(',')[2]}" for row in rows]
+    file.write_text(title + "\n".join([f"# {columns}", *stamps]))
+    assert import_csv(file, rig, OPTIONS).recorded_utc == "2025-07-01T12:00:00+00:00"
 
 
 @pytest.mark.parametrize("text", ["yesterday", "2026-13-01", "2026-03-01T25:00", "9999-12-31"])

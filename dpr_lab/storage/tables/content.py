@@ -5,7 +5,6 @@ import gzip
 import io
 import mimetypes
 import zlib
-from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +29,7 @@ class TableLimits:
     """
 
     looked_at: int = 50
-    """Number of rows used to detect delimiter and decimal sign."""
+    """Number of rows used to detect delimiter and decimal sign, and of comments that are kept."""
     line_length: int = 1 << 16
     rows: int = 50_000_000
     """Maximum number of rows; an hour at 10 kHz has 36 million."""
@@ -66,8 +65,8 @@ class Content:
     """
 
     def __init__(self, path: Path, limits: TableLimits, on_progress: OnImport) -> None:
-        self.comments: deque[str] = deque(maxlen=limits.looked_at)
-        """Text of the last comments above the numbers."""
+        self.comments: list[str] = []
+        """Text of the first comments above the numbers, and of the last one."""
         self._path, self._limits, self._on_progress = path, limits, on_progress
         coding = _coding(path, limits)
         self._packed = path.open("rb")
@@ -117,6 +116,7 @@ class Content:
         text = line.strip(" \f")
         if text.startswith(COMMENTS):
             if not self._data:
+                del self.comments[self._limits.looked_at :]
                 self.comments.append(text.lstrip("#%/ "))
             return None
         self._data = self._data or bool(text)

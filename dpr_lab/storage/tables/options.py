@@ -255,12 +255,24 @@ def parse_recorded_at(text: str) -> str:
     return day.isoformat() if day is not None else instant.isoformat(timespec="seconds")
 
 
+_DATE = re.compile(
+    r"(?<!\d)(?P<day>\d{4}-\d\d-\d\d)(?!\d)"
+    r"(?:[ T](?P<time>\d\d:\d\d(?::\d\d(?:\.\d+)?)?)(?P<zone>Z| ?[+-]\d\d:?\d\d(?!\d))?)?"
+)
+
+
 def date_in(text: str) -> str:
     """Return the date in a text, such as `2026-03-01 swing`, with its time in UTC if the text contains one.
 
-    The result is empty if the text contains no date, several dates, or a date in the future.
+    If the time is invalid, or the text contains several times of the day, the result is the day. The result is empty if
+    the text contains no date, several dates, or a date in the future.
     """
-    dates = set(re.findall(r"(?<!\d)\d{4}-\d\d-\d\d(?!\d)(?:[ T]\d\d:\d\d(?::\d\d)?)?", text))
-    with suppress(ValueError):
-        return parse_recorded_at(*dates) if len(dates) == 1 else ""
+    dates = list(_DATE.finditer(text))
+    days = {match["day"] for match in dates}
+    times = {f"{match['day']}T{match['time']}{(match['zone'] or '').strip()}" for match in dates if match["time"]}
+    if len(days) != 1:
+        return ""
+    for candidate in (*times, *days) if len(times) == 1 else days:
+        with suppress(ValueError):
+            return parse_recorded_at(candidate)
     return ""

@@ -133,8 +133,8 @@ def understand(
     named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}
     ignored = _ignored(table, [*recorded, *table.other_lengths], options, rows)
     midnight = table.midnights.get(named.get("t", ""), 0.0)
-    torques, dated = inputs.torques(known, t, rows), table.recorded_at
-    read = _Rows(path, rows, t, values, torques, named, options, ignored, drive, midnight, dated)
+    torques = inputs.torques(known, t, rows)
+    read = _Rows(path, rows, t, values, torques, named, options, ignored, drive, midnight, table.recorded_at)
     understood = replace(_understood(read, notes, rig, table.kind, inputs.pairs), film_noise=table.film_noise)
     return _at_edges(understood, rig)
 
@@ -186,7 +186,7 @@ class _Rows:
     """Sign in the table that an unknown torque drives the rods; empty if there is none."""
     midnight: float
     """Zero of times with dates, s since 1970; 0 for other times."""
-    dated: str
+    recorded_at: str
     """Date, or date and time, in the lines above the numbers; empty if unknown."""
 
 
@@ -252,7 +252,9 @@ def _understood(
         {name: torque[rows] for name, torque in read.torques.items()},
         driving,
         tuple(doubts),
-        parse_recorded_at(options.recorded_at) if options.recorded_at else stamped or read.dated or date_in(path.stem),
+        parse_recorded_at(options.recorded_at)
+        if options.recorded_at
+        else stamped or read.recorded_at or date_in(path.stem),
     )
 
 
