@@ -96,5 +96,5 @@ def test_a_fall_is_known_by_the_width_of_a_counter(before: float, after: float, 
 )
 def test_columns_that_say_counts_are_counts(names: tuple[str, str], tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(f"t,{','.join(names)}\n" + "".join(f"{k / 10},{k},{k}\n" for k in range(5)))
-    columns = find_columns(read_table(tmp_path / "a.csv"), {}, None, None, None)
+    columns = find_columns(read_table(tmp_path / "a.csv"), {}, ImportOptions())
     assert (columns.unit, columns.names["theta1"], columns.names["theta2"]) == ("counts", *names)

@@ -222,8 +222,18 @@ def test_angles_in_mrad_are_questioned_without_a_correction(tmp_path, one, zero)
     swing = 1e3 * 1.1 * np.exp(-0.05 * t) * np.cos(2 * np.pi / 0.95 * t)
     np.savetxt(tmp_path / "a.csv", np.column_stack([t, swing]), "%.5g", ",", header="t,theta", comments="")
     shown = preview(tmp_path / "a.csv", one, ImportOptions(zero=zero))
-    assert "are the units right (--unit, --time-unit)?" in shown.questions[0].sentence
+    assert "are the units right (--unit, --scale, --time-unit)?" in shown.questions[0].sentence
     assert not shown.mend
+
+
+@pytest.mark.parametrize("name", ["theta (mrad)", "theta1_mrad", "angle [milliradians]", "sensor A (mrad)"])
+def test_a_column_in_mrad_requires_a_scale(tmp_path, one, name):
+    rows = lines("{t:.2f},{angle:.6f}\n", 1e3 * SWING)
+    (tmp_path / "a.csv").write_text(f"t,{name}\n" + rows)
+    with pytest.raises(RunError, match=r"is in mrad by its name: convert it \(--scale 0.001\)"):
+        import_csv(tmp_path / "a.csv", one, ImportOptions(zero="hanging"))
+    scaled = ImportOptions(zero="hanging", scale={"theta1": 1e-3})
+    np.testing.assert_allclose(import_csv(tmp_path / "a.csv", one, scaled).theta[:, 1] - np.pi, SWING, atol=1e-5)
 
 
 def small_swing(t: np.ndarray, start: float) -> np.ndarray:
@@ -256,7 +266,11 @@ def test_frames_under_the_name_of_a_time_are_explained(tmp_path, one, step):
 
 
 @pytest.mark.parametrize(
-    ("unit", "sentence"), [("s", "too few rows per period.*ms"), ("ms", "the column is not an angle")]
+    ("unit", "sentence"),
+    [
+        ("s", "too few rows per period.*ms"),
+        ("ms", "periods of 0.93 s. In s the rows .* the column is not an angle .*--scale"),
+    ],
 )
 def test_neither_unit_of_time_is_proposed_for_another_quantity(tmp_path, one, unit, sentence):
     """The size of the acceleration at a swinging rod, in thousandths of g."""

@@ -10,7 +10,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.cells import names_no_angle, names_rate
-from dpr_lab.storage.tables.options import AXES
+from dpr_lab.storage.tables.options import AXES, ImportOptions
 from dpr_lab.storage.tables.table import LIMITS, Table, bare, own_name
 from dpr_lab.storage.tables.time_stamps import never_falls, runs, varies
 
@@ -22,7 +22,7 @@ NO_ROD = "joint 2, without a rod"
 
 _TIME_NAME = r"(t|(date|clock|host|elapsed)?time(stamp)?|elapsed|tout|zeit|temps|tempo|tiempo)?({unit})?(?<=.)"
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds|millis", "us": "us|usec|microseconds|micros"}
-_ANGLE_UNIT = r"(rad|radians?|deg|degrees?|degr[eé]s|gra(?:us|dos|di|den|d))"
+_ANGLE_UNIT = r"((?:m|milli)?rad(?:ians?)?|deg|degrees?|degr[eé]s|gra(?:us|dos|di|den|d))"
 _ANGLE_WORD = "(theta|th|phi|q|angle|angulo|angolo|winkel|joint|pos|position|θ|φ)"
 _MEASURED = "(meas|measured|act|actual|exp|experimental?|obs|observed|real)"
 _ANGLE_NAME = (
@@ -48,6 +48,7 @@ _SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
 _SAID_UNIT = re.compile(
     r"(?<![a-z])(rad|deg|counts)(ians|rees|r[eé]s)?(?![a-z])|°|(?<![a-z])gra(us|dos|di|den|d)(?![a-z])"
 )
+_SAID_MRAD = re.compile(r"(?<![a-z])(m|milli)rad(ians?)?(?![a-z])", re.I)
 _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
 _ERROR = re.compile(r"d[xyt]|(delta|δ|unc|uncertainty|sigma|std)\w*")
 """Pattern of the error of a value, a column of fit programs."""
@@ -132,37 +133,34 @@ def _matches(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
     return next(filter(None, matches), [])
 
 
-def find_columns(
-    table: Table, given: Mapping[str, str], unit: str | None, time_unit: str | None, rate_hz: float | None
-) -> Columns:
+def find_columns(table: Table, given: Mapping[str, str], options: ImportOptions) -> Columns:
     """Find the columns of time and angles by options, by names, or by position.
 
     Args:
         table: the table
         given: stated column names of t, theta0, theta1 and theta2
-        unit: unit of the angles; None: the unit in the column names, otherwise rad
-        time_unit: unit of the time; None: the unit in the column name, otherwise s
-        rate_hz: sample rate of a table without time
+        options: units, scales and sample rate; a unit that is None is that of the column names, otherwise rad or s
 
     Raises:
-        RunError: a column is missing, is used twice, has another length, or states another unit.
+        RunError: a column is missing, is used twice, has another length, or states a unit other than the given one.
     """
     names = [*table.names, *table.other_lengths]
-    unit = unit or ("counts" if _is_counted(table, given.get("theta1", "")) else _said_unit(names, given))
-    time_unit = time_unit or _said_time_unit(names, given)
+    unit = options.unit or ("counts" if _is_counted(table, given.get("theta1", "")) else _said_unit(names, given))
+    time_unit = options.time_unit or _said_time_unit(names, given)
     named, notes = guess_columns(names, unit, time_unit) | dict(given), ()
     named = {quantity: name for quantity, name in named.items() if quantity in given or name not in given.values()}
     if joints := _of_joint_states(names, given):
         named = {quantity: name for quantity, name in named.items() if name not in joints.values()} | joints
         notes = (f"columns {', '.join(joints.values())} are interpreted as {', '.join(joints)}",)
     elif not {"theta1", "theta2"} & set(named):
-        by_place = _by_place(table, named.get("t"), rate_hz is not None)
+        by_place = _by_place(table, named.get("t"), options.rate_hz is not None)
         notes = (f"columns without names are interpreted as {', '.join(by_place)}",) if by_place else ()
         named |= by_place
-    if rate_hz is not None:
+    if options.rate_hz is not None:
         named.pop("t", None)
-    _refuse(table, named, given, rate_hz is None)
+    _refuse(table, named, given, options.rate_hz is None)
     _check_units(table, named, unit, time_unit)
+    _refuse_mrad(table, named, options.scale)
     return Columns(named, unit, time_unit, notes)
 
 
@@ -375,3 +373,12 @@ def _check_units(table: Table, named: Mapping[str, str], unit: str, time_unit: s
         stated = pattern.search(name.lower())
         if stated and (stated[1] or "deg") != given:
             raise RunError(f"{table.path}: column {name!r} states {stated[0]}, but the given unit is {given}")
+
+
+def _refuse_mrad(table: Table, named: Mapping[str, str], scale: Mapping[str, float]) -> None:
+    """Refuse columns of angles whose names state mrad, if no scale is given for them."""
+    axes = [axis for axis in AXES if axis not in scale and _SAID_MRAD.search(named.get(axis, ""))]
+    if axes:
+        name = named[axes[0]]
+        factors = "0.001" if "theta0" not in axes else ",".join(f"{axis}=0.001" for axis in axes)
+        raise RunError(f"{table.path}: column {name!r} is in mrad by its name: convert it (--scale {factors})")

@@ -242,7 +242,7 @@ def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool
     units = (
         "whole numbers are usually counts of an encoder (--unit counts, with counts_per_rev in the rig file)"
         if counted
-        else "are the units right (--unit, --time-unit)?"
+        else "are the units right (--unit, --scale, --time-unit)?"
     )
     fast = [f"{turns} at more than {speed:.3g} rad/s most of the time: {units}"]
     inverted = [f"{points} upwards most of the time: if the table's zero is hanging, import it with --zero hanging"]

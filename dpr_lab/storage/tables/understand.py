@@ -27,7 +27,14 @@ from dpr_lab.storage.readers.merged import rows_of_angles
 from dpr_lab.storage.tables.angles import angles, in_radians
 from dpr_lab.storage.tables.arm_input import cart_note, known_inputs, stated_arm, unused_input
 from dpr_lab.storage.tables.clock_wrap import check_forwards, unwrapped_times
-from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, numbers, with_still_joint2
+from dpr_lab.storage.tables.columns import (
+    AXES,
+    NO_ROD,
+    TO_SECONDS,
+    find_columns,
+    numbers,
+    with_still_joint2,
+)
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.options import ImportOptions, date_in, parse_recorded_at
 from dpr_lab.storage.tables.plausible import (
@@ -105,7 +112,7 @@ def understand(
         raise RunError(f"{file}: the rig has no pose {options.pose!r}; its poses: {', '.join(rig.poses) or 'none'}")
     path = Path(file)
     table, given = _read(path, rig, options, on_progress)
-    columns = find_columns(table, given, options.unit, options.time_unit, options.rate_hz)
+    columns = find_columns(table, given, options)
     recorded = [name for name, column in table.columns if name != NO_ROD and not np.isnan(column).all()]
     table = rows_of_angles(table, [name for axis, name in columns.names.items() if axis != "t" and name != NO_ROD])
     options = replace(options, unit=columns.unit, time_unit=columns.time_unit)
@@ -237,6 +244,7 @@ def _understood(
     notes += _cut_notes(time, part, fault)
     first, release = part.start if fault else part.rest, float(time[part.start])
     rows = slice(first, part.stop)
+    recorded_at = options.recorded_at and parse_recorded_at(options.recorded_at)
     stamped = recorded_by_stamps(read.midnight + release) if options.rate_hz is None else ""
     return Understood(
         # Decimals that need few characters in a run file; 1 ns and 1e-11 rad are far below the resolution of a logger.
@@ -252,9 +260,7 @@ def _understood(
         {name: torque[rows] for name, torque in read.torques.items()},
         driving,
         tuple(doubts),
-        parse_recorded_at(options.recorded_at)
-        if options.recorded_at
-        else stamped or read.recorded_at or date_in(path.stem),
+        recorded_at or stamped or read.recorded_at or date_in(path.stem),
     )
 
 

@@ -71,7 +71,7 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
         )
         filmed += table.drive and f"; {table.drive}: record the torques of the motors, or a free swing"
         counted = table.options.unit == "counts"
-        angles = "counts_per_rev, zero_counts, --offset" if counted else "--unit, --zero, --offset, --angles"
+        angles = "counts_per_rev, zero_counts, --offset" if counted else "--unit, --scale, --zero, --offset, --angles"
         notes.append(
             f"the energy of the swing changes by {share} the energy exchanged by gravity, which friction and known"
             f" torques do not explain: check {angles}, --columns, --time-unit, --torque"
@@ -119,9 +119,9 @@ def _explained_part(table: InterpretedTable) -> str:
     """
     rows, before = table.looked_at, table.options.start_s - table.t[0]
     t, rods = table.t[rows], table.theta[rows, 1:]
-    lasts = t[-1] - t[0]
-    cuts = np.linspace(0, 0.5, 9)[1:] * lasts
-    for cut, safe in pairwise(cuts[cuts <= lasts - periods(table.rig)[0]]) if table.free else ():
+    duration_s = t[-1] - t[0]
+    cuts = np.linspace(0, 0.5, 9)[1:] * duration_s
+    for cut, safe in pairwise(cuts[cuts <= duration_s - periods(table.rig)[0]]) if table.free else ():
         later, earlier = t >= t[0] + cut, t <= t[-1] - cut
         if residual_near(t[later], rods[later], None, table.rig) <= READ.sure:
             begins = f"{round(t[0] + safe + before, 2):g}"
@@ -167,7 +167,7 @@ def _unit_of_time(table: InterpretedTable, unit: str, scale: float | None = None
             whose scale agrees with no unit are the numbers of rows, if the smallest step divides all steps.
     """
     now = TO_SECONDS[table.options.time_unit or "s"]
-    lasts = table.t[-1] - table.t[0]
+    duration_s = table.t[-1] - table.t[0]
     steps = np.diff(table.t) / now
     step = np.gcd.reduce(np.rint(steps).astype(np.int64))
     numbered = np.allclose(steps, np.rint(steps)) and 0 < step == np.rint(steps.min())
@@ -176,13 +176,14 @@ def _unit_of_time(table: InterpretedTable, unit: str, scale: float | None = None
         causes = f"{rows}, about {float(f'{1 / (now * scale * step):.2g}'):g} Hz), or {causes}"
     elif numbered and step == 1:
         causes += f", or {rows})"
-    causes += ", or the angles in another unit (--unit)"
+    ending = f": {causes}, or the angles are in another unit (--unit, --scale)"
     if np.median(steps) * TO_SECONDS[unit] > periods(table.rig)[1] / SETTINGS.refused_rows_a_period:
-        causes = (
-            f"the column is not an angle (--columns), or in another unit (--unit). In {unit} its rows are too far apart"
+        ending = (
+            f". In {unit} the rows would be too far apart, so the unit of time is not the cause: the column is not an"
+            " angle (--columns), or its unit is another one (--unit, --scale)"
         )
     return (
-        f"{table.path}: in {table.options.time_unit or 's'} the table lasts {lasts:.4g} s and its rods"
+        f"{table.path}: in {table.options.time_unit or 's'} the table lasts {duration_s:.4g} s and its rods"
         f" {'hardly move' if unit != 's' else 'turn far too fast'}; the rods of the rig swing with periods of"
-        f" {' and '.join(dict.fromkeys(f'{period:.2g} s' for period in periods(table.rig)))}: {causes}"
+        f" {' and '.join(dict.fromkeys(f'{period:.2g} s' for period in periods(table.rig)))}{ending}"
     )
