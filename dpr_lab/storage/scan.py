@@ -245,10 +245,15 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
                 yield content
     except IsADirectoryError as error:
         raise RunError(f"{path}: is a folder: give the run files in this folder, {path}/*.mcap") from error
+    except FileNotFoundError as error:
+        raise no_such_file(path) from error
     except OSError as error:
-        if "*" in path.name:
-            raise RunError(f"{path}: no such file; write * outside quotation marks") from error
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def no_such_file(path: Path) -> RunError:
+    """Return the error of a file that does not exist; a pattern is a file name if it is in quotation marks."""
+    return RunError(f"{path}: no such file{'; write * outside quotation marks' if '*' in path.name else ''}")
 
 
 def _until_hole(file: BinaryIO) -> int:

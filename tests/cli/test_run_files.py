@@ -38,8 +38,9 @@ def test_many_runs_are_verified_at_once(runs: list[Path], damaged: Path, tmp_pat
 def test_a_hash_file_and_a_quoted_pattern_have_messages_of_their_own(runs: list[Path], tmp_path: Path, cli) -> None:
     done = cli("run", "info", sidecar_of(runs[0]))
     assert (done.code, "give only the .mcap files" in done.err) == (3, True)
-    done = cli("run", "info", tmp_path / "*.mcap")
-    assert (done.code, "write * outside quotation marks" in done.err) == (3, True)
+    for command in ("info", "verify"):
+        done = cli("run", command, tmp_path / "*.mcap")
+        assert (done.code, "no such file; write * outside quotation marks" in done.err) == (3, True)
 
 
 @pytest.mark.slow
