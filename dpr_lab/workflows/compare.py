@@ -1,5 +1,7 @@
 """Compare runs with a model: figures and a report."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -48,16 +50,19 @@ class CompareResult:
     """Output of `compare --json`."""
 
     def free_run(self, run: int, at_s: float) -> "FreeRun":
-        """Return the free run of a run from a given instant.
-
-        The free run begins with the segment that starts there.
+        """Return the free run of a run. It starts at the beginning of the segment that contains the instant.
 
         Args:
             run: index of the run
             at_s: instant, s since the release
+
+        Raises:
+            RunError: the arm of the model moves.
         """
         from dpr_lab.identification.compare import free_run_from
 
+        if not self.followed:
+            raise RunError("a free run from another instant needs a model of a clamped arm")
         return free_run_from(self.followed[run], at_s)
 
 
@@ -75,36 +80,32 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
     """
     from dpr_lab.estimation.usable_runs import refuse_repeated
     from dpr_lab.identification.compare import compare_followed, follow
-    from dpr_lab.identification.model import load_model as load_rods_model
     from dpr_lab.identification.moving_arm.model import MovingArmModel, load_model
     from dpr_lab.report.saving import save_comparison, write_json
     from dpr_lab.workflows.compare_run import compare_arm_run
 
     if request.out is not None:
         check_folder_writable(request.out)
-    model = load_rods_model(request.model) if request.out is None else load_model(request.model)
-    recorded: list[Run] = []
+    model = load_model(request.model)
+    if request.out is None and isinstance(model, MovingArmModel):
+        raise RunError(f"{request.model}: is a model of a moving arm, but a second curve needs one of a clamped arm")
+    recorded: list[tuple[Path, Run, Rig]] = []
     followed: list[Followed] = []
     comparisons: list[Comparison | ArmComparison] = []
     left_out: list[Path] = []
     for file in request.runs:
-        try:
-            run, rig = _read(file, model, request, on_event)
+        with _leaving_out(file, request, left_out, on_event):
+            recorded.append((file, *_read(file, model, request, on_event)))
+    refuse_repeated([run for _, run, _ in recorded])
+    for file, run, rig in recorded:
+        with _leaving_out(file, request, left_out, on_event):
             if isinstance(model, MovingArmModel):
                 comparisons.append(compare_arm_run(run, rig, model))
             else:
                 swing = follow(run, rig, model)
                 comparisons.append(compare_followed(swing))
                 followed.append(swing)
-        except RunError as error:
-            if not request.leave_out:
-                raise
-            left_out.append(file)
-            on_event(RunLeftOut(file, str(error)))
-            continue
-        recorded.append(run)
-        on_event(RunCompared(comparisons[-1]))
-    refuse_repeated(recorded)
+            on_event(RunCompared(comparisons[-1]))
     if not comparisons:
         without = f"skipped: {', '.join(file.stem for file in left_out)}"
         raise RunError(f"no run can be compared ({without}): choose other runs")
@@ -112,6 +113,18 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
     if request.record is not None:
         write_json(saved, request.record)
     return CompareResult(tuple(comparisons), tuple(followed), tuple(left_out), saved)
+
+
+@contextmanager
+def _leaving_out(file: Path, request: CompareRequest, left_out: list[Path], on_event: OnEvent) -> Iterator[None]:
+    """Add a run that cannot be read or compared to `left_out`, if the request permits it."""
+    try:
+        yield
+    except RunError as error:
+        if not request.leave_out:
+            raise
+        left_out.append(file)
+        on_event(RunLeftOut(file, str(error)))
 
 
 def _read(file: Path, model: "Model | MovingArmModel", request: CompareRequest, on_event: OnEvent) -> "tuple[Run, Rig]":

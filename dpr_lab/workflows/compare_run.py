@@ -46,9 +46,9 @@ def compare_arm_run(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: 
     """
     from dpr_lab.exports.moving_arm.replay import follow_with_arm
     from dpr_lab.identification.moving_arm.identify import ArmComparison
-    from dpr_lab.identification.moving_arm.identify import compare_moving_arm as compare_bare
+    from dpr_lab.identification.moving_arm.identify import compare_moving_arm as compare_without_effects
 
     if not model.effects:
-        return compare_bare(run, rig, model, segment_s)
+        return compare_without_effects(run, rig, model, segment_s)
     followed = follow_with_arm(run, rig, model, segment_s)
     return ArmComparison.of(run, model, followed.t, followed.measured, followed.simulated, segment_s, followed.noise)

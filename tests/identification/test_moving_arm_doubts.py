@@ -335,7 +335,16 @@ def test_a_clamped_run_of_one_rod_on_a_rig_with_a_motor_gives_its_own_ratios_onl
     assert isinstance(done.model, MovingArmModel)
     assert set(done.model.ratios) == {"e1/a", "c1/a"}
     assert done.model.ratios["e1/a"].value == pytest.approx(e1 / a, rel=1e-3)
-    compared = compare(CompareRequest((run,), done.file, tmp_path / "report")).saved
+    missing = tmp_path / "missing.mcap"
+    result = compare(CompareRequest((missing, run), done.file, tmp_path / "report", leave_out=True))
+    assert result.left_out == (missing,)
+    with pytest.raises(RunError, match="needs a model of a clamped arm"):
+        result.free_run(0, 1.0)
+    with pytest.raises(RunError, match="is a model of a moving arm, but a second curve needs one of a clamped arm"):
+        compare(CompareRequest((run,), done.file, None))
+    with pytest.raises(RunError, match="give each run once"):
+        compare(CompareRequest((run, run), done.file, tmp_path / "report", leave_out=True))
+    compared = result.saved
     assert compared["runs"][0]["rms_rad"]["joint 1"] < 4e-4
     page = Path(compared["report"]).read_text(encoding="utf-8")
     assert all(part in page for part in ("e1/a", "joint 1", "data:image/png;base64"))
