@@ -7,6 +7,7 @@ import pytest
 
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis
 from dpr_lab.gap.result.evidence import Budget, Curves, Evidence, JointFriction, ResidualLook, RunBudget, Whiteness
+from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.gap.transfer.gap_size import _per_reading
 from dpr_lab.report.gap import tables as gap_tables
 from dpr_lab.report.gap.check_tables import check_rows
@@ -92,6 +93,11 @@ def diagnosis():
         return Diagnosis.model_validate(fields | changes)
 
     return make
+
+
+def test_a_residual_map_of_an_older_version_has_its_axis_label() -> None:
+    older = Where(site="joint1", coordinate="load", share=0.5, sentence="There.", unit="N m")
+    assert gap_tables.coordinate(older) == ("joint force (N)", 1.0)
 
 
 def test_the_summary_of_the_report_does_not_list_increments_that_may_be_zero(diagnosis, tmp_path):

@@ -76,7 +76,8 @@ _QUANTITIES = {
     "m": ("friction radius (mm)", 1e3),
 }
 
-_COORDINATES = {"time": "time since release (s)"}
+_COORDINATES = {"time": "time since release (s)", "load": "joint force (N)"}
+"""Axis labels; `load` is contained in diagnoses of older versions."""
 
 
 def quantity(place: Where, angles: AngleUnit = RADIANS) -> tuple[str, float]:
