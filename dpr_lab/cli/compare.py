@@ -37,12 +37,12 @@ def compare(
     if as_json:
         emit(saved)
         return
-    if "file" in saved:
+    of_arms, of_rods = by_kind(compared.comparisons)
+    if of_arms:
         table(f"{title} by segment", moving_arm.COMPARISON_COLUMNS, moving_arm.comparison_rows(saved))
     else:
-        _, of_rods = by_kind(compared.comparisons)
         rows = tables.comparison_rows(of_rods)
         table(title, tables.COMPARISON_COLUMNS, rows, note=tables.COMPARISON_NOTE)
     line(f"report: {saved['report']}")
-    if "file" in saved:
+    if of_arms:
         line(f"table: {saved['file']}")

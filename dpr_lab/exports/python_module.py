@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dpr_lab.dynamics.arm import CLAMPED, FREE
+from dpr_lab.dynamics.base import BASE
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS, effect_params
 from dpr_lab.effects.effect_kernels import arm_model
@@ -100,5 +101,5 @@ def python_module(
     arm = arm_model(constants, HELD_ARM, params.tolist(), np.isin(list(EFFECTS), list(effects)))
     simulated = simulated_rig(base_of(model), constants, arm, effects)
     mode = FREE if simulated.required.arm else CLAMPED
-    further = {"L2": constants.L2, "base": tuple(model.sizes.values())}
+    further = {"L2": constants.L2, "base": tuple(model.sizes[name] for name in BASE)}
     return assembled(model, (_HEAD, _CLAMPED), simulated, effects, mode, more, rewritten, **further)

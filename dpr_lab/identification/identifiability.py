@@ -108,7 +108,7 @@ class LengthError:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Directions(Shown):
+class Directions:
     """Determined and free directions in the space of the parameters, and recommended measurements.
 
     The information is that of recordings and measured values together.
@@ -117,7 +117,10 @@ class Directions(Shown):
     rank: int
     """Number of directions that the recordings determine."""
     singular_values: tuple[float, ...]
-    """Singular values of the whitened sensitivity to relative changes of the parameters."""
+    """Singular values of the whitened sensitivity to relative changes of the parameters, largest first.
+
+    There is one value per fitted unknown, but not more than there are parameters.
+    """
     null_space: tuple[Mapping[str, float], ...]
     """Directions that recordings and measured values do not determine, as relative changes of the parameters."""
     advice: tuple[Advice, ...]
@@ -136,7 +139,7 @@ class Directions(Shown):
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Identifiability(Directions):
+class Identifiability(Directions, Shown):
     """Results of an identifiability analysis with a clamped arm.
 
     The recordings determine at most five directions, or six with a known added mass.
@@ -223,19 +226,19 @@ class InformationRows:
         """Rows (m, n) of recordings and measured values."""
         return np.vstack([self.of_recordings, self.measured])
 
-    def directions(self, answers: Mapping[Measurement, Array]) -> dict[str, Any]:
-        """Return the fields of `Directions` by name.
+    def directions(self, answers: Mapping[Measurement, Array]) -> Directions:
+        """Compute the determined and the free directions, and the recommended measurements.
 
         `answers` contains the whitened readings (k, n) of each possible bench measurement.
         """
         singular_values = np.linalg.svd(self.of_recordings, compute_uv=False)
-        return {
-            "rank": int(np.sum(singular_values >= SEEN)),
-            "singular_values": tuple(singular_values.tolist()),
-            "null_space": tuple(simple_basis(free_directions(self.known), self.names)),
-            "advice": tuple(sorted(_advice(answers, self.known, self).values(), key=_worth, reverse=True)),
-            "sequence": _bench_sequence(answers, self),
-        }
+        return Directions(
+            rank=int(np.sum(singular_values >= SEEN)),
+            singular_values=tuple(singular_values.tolist()),
+            null_space=tuple(simple_basis(free_directions(self.known), self.names)),
+            advice=tuple(sorted(_advice(answers, self.known, self).values(), key=_worth, reverse=True)),
+            sequence=_bench_sequence(answers, self),
+        )
 
 
 def identifiability(
@@ -263,8 +266,13 @@ def identifiability(
     of_recordings = root @ unknown_jacobian(Z, rig)[places] * Z
     rows = InformationRows.of(of_recordings, {name: rig.parameters[name] for name in PARAMETERS}, Z)
     answers: dict[Measurement, Array] = {i: i.rows(Z, rig) * Z for i in INSTRUMENTS if not already_made(i, rig)}
+    directions = rows.directions(answers)
     return Identifiability(
-        **rows.directions(answers),
+        rank=directions.rank,
+        singular_values=directions.singular_values,
+        null_space=directions.null_space,
+        advice=directions.advice,
+        sequence=directions.sequence,
         unknowns=_named([UNKNOWN_RATIOS[i] for i in places], values),
         cramer_rao_std=_named([UNKNOWN_RATIOS[i] for i in places], values * spread(root * values)),
         parameters=_parameters(rows, rig, Z, places),

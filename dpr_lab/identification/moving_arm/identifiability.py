@@ -29,7 +29,7 @@ from dpr_lab.identification.moving_arm.unknowns import Unknowns, best, mode_numb
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.rig_tables import Parameter, Pose
 from dpr_lab.run import Run
-from dpr_lab.shown import Row
+from dpr_lab.shown import Row, Shown
 
 SINGLE_ROD = ("l1", "m1", "c1", "J1")
 """Names of the parameters of the inner rod alone."""
@@ -95,7 +95,7 @@ ARM_INSTRUMENTS = (
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class ArmIdentifiability(Directions):
+class ArmIdentifiability(Directions, Shown):
     """Results of an identifiability analysis with a moving arm."""
 
     arm: tuple[str, ...]
@@ -174,8 +174,13 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
     determined = {name: std for name, std in relative.items() if np.isfinite(std)}
     of_parameters = dict(zip(sizes, spread(rows.known).tolist(), strict=True))
     values = dict(zip(combinations, fit.values.tolist(), strict=True)) if runs else {}
+    directions = rows.directions(_answers(sizes, parameters, rig))
     return ArmIdentifiability(
-        **rows.directions(_answers(sizes, parameters, rig)),
+        rank=directions.rank,
+        singular_values=directions.singular_values,
+        null_space=directions.null_space,
+        advice=directions.advice,
+        sequence=directions.sequence,
         arm=modes,
         input=unknowns.input if "driven" in modes else "",
         simulated=not runs,
