@@ -48,12 +48,14 @@ def test_a_wrong_rig_file_names_file_key_and_value(tmp_path: Path, cli, old: str
 
 def test_an_unknown_kind_of_link_is_refused_before_a_confirmation_is_required(tmp_path: Path, cli) -> None:
     done = cli("capture", "--rig", "paper", "--link", "nosuch://", "--out", tmp_path)
+    assert done.code == 2
     assert "unknown kind of link 'nosuch'; use for example: serial://" in done.err
     assert "--yes" not in done.err
 
 
 def test_verify_names_the_file_that_it_needs(tmp_path: Path, cli) -> None:
-    assert "give the file that `dpr-lab certify` has written" in cli("verify", tmp_path).err
+    done = cli("verify", tmp_path)
+    assert (done.code, "give the file that `dpr-lab certify` has written" in done.err) == (3, True)
 
 
 @pytest.mark.parametrize("place", ["option", "rig file"])

@@ -9,6 +9,7 @@ import pytest
 
 from dpr_lab.errors import RunError
 from dpr_lab.identification.model import load_model
+from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.model import load_model as load_any_model
 
 (MODEL,) = (Path(__file__).parents[1]).rglob("model.json")
@@ -61,6 +62,16 @@ def test_an_invalid_model_file_is_refused_with_a_sentence(tmp_path: Path, conten
 def test_a_model_is_read_from_the_folder_of_a_diagnosis(table, tmp_path: Path) -> None:
     written(tmp_path / "model.json", table)
     assert load_model(tmp_path) == load_any_model(tmp_path) == load_model(MODEL)
+
+
+def test_a_model_of_a_moving_arm_is_refused_where_the_arm_must_be_clamped(table, tmp_path: Path) -> None:
+    empty = {"mounted": "inner", "input": "", "scale": "a", "unknowns": [], "scale_sentence": "", "swing": [0.0] * 12}
+    empty |= {"ratios": {}, "absolute": {}, "undetermined": {}, "covariance": [], "runs": []}
+    fit = {"rms_rad": {}, "noise_rad": {}, "segments": 1, "segment_s": 1.0, "chi2_per_dof": 1.0, "converged": True}
+    file = written(tmp_path / "m.json", {"kind": "moving_arm", "rig": table["rig"], "fit": fit} | empty)
+    assert isinstance(load_any_model(file), MovingArmModel)
+    with pytest.raises(RunError, match="is a model of a rig with a moving arm"):
+        load_model(file)
 
 
 @pytest.mark.parametrize("effects", [{"gremlins": {}}, {"coulomb_joint1": {"torque": 1.0}}])

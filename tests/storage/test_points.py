@@ -131,6 +131,12 @@ def test_points_without_a_header_need_names(tmp_path: Path, timed: bool, pivoted
         read(file, rate_hz=None if timed else 200.0)
 
 
+def test_one_point_without_a_header_needs_names(tmp_path: Path) -> None:
+    file = text(tmp_path / "bob.csv", np.column_stack([T, ELBOW]))
+    with pytest.raises(RunError, match="for points of a video add a first line with their names, for example t,x,y"):
+        import_csv(file, RIG.with_rods("inner"), ImportOptions(**GUESSED))
+
+
 @pytest.mark.parametrize(
     "others", ["", "estimated x velocity for point mass 1,x velocity uncertainty for point mass 1,"]
 )
