@@ -143,7 +143,7 @@ def run(folder: Folder, as_json: Json = False) -> None:
 
 @app.command("open")
 def open_(folder: Folder, as_json: Json = False) -> None:
-    """Reveal and score a diagnosed trial.
+    """Reveal the truth of a trial and score its diagnosis.
 
     The revealed values are compared with the seal.
 

@@ -292,7 +292,7 @@ class Model(FittedModel):
 
     @property
     def all_ratios(self) -> "dict[str, EstimatedValue]":
-        """The five ratios of the fit; for a single rod, partly from the rig file."""
+        """The five ratios; for a single rod some are from the rig file."""
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     def with_ratios(self, values: Sequence[float]) -> "Model":

@@ -151,10 +151,15 @@ def _pairs(trials: tuple[list[_Trial], list[_Trial]]) -> list[tuple[_Trial, ...]
 
 
 def _smooth_reduction(angle: Array, basis: Array, rest: Array) -> float:
-    """Compute the factor by which a smooth torque reduces a residual.
+    """Compute the factor by which a smooth torque on the arm reduces the sum of squares of a residual.
 
-    The torque acts on the arm. `rest` (k,) is the residual. The torque is K2 q^2 + K3 q^3, where q (k,) is the angle of
-    the arm.
+    The torque is K2 q^2 + K3 q^3 with fitted K2 and K3. q is the deviation of the angle from its mean, divided by the
+    range of the angle.
+
+    Args:
+        angle: (k,) angle of the arm, rad
+        basis: (k, n) orthonormal basis of the other terms of the equation, which is projected out
+        rest: (k,) residual
     """
     relative = (angle - angle.mean()) / np.ptp(angle)
     columns = np.column_stack([relative**2, relative**3])

@@ -125,10 +125,7 @@ def scale_parameters(rig: Rig) -> tuple[str, ...]:
 
 
 def arm_start(rig: Rig) -> tuple[float, float]:
-    """Return the initial inertia and viscous friction of the arm.
-
-    The inertia is the total one, kg m^2. The friction is in N m s/rad.
-    """
+    """Return the initial total inertia of the arm, kg m^2, and its initial viscous friction, N m s/rad."""
     masses = MASSES if rig.rods.mounted == "both" else ("m1",)
     carried = sum(rig.nominal[PARAMETERS.index(name)] for name in masses) * rig.L0**2
     total = best(rig.arm.A, 2.0 * carried)

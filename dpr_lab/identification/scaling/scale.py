@@ -87,7 +87,7 @@ class Scale(BaseModel):
         return self.ratio(interval[0], power), self.ratio(interval[1], power)
 
     def factors90(self, power: int) -> tuple[float, float]:
-        """Return the factors on a size at the ends of the interval of b.
+        """Return the factors by which a size proportional to b^power changes at the ends of the interval of b.
 
         If the recordings determine the scale b, it is fitted together with the size, and the fit of the size already
         contains errors of b. Only errors of constants that are not fitted then remain.

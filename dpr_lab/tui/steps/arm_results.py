@@ -29,6 +29,9 @@ def start_of_diagnosis(model: Path | None) -> Path | None:
     """Return the initial model of a diagnosis, or None for the rig file.
 
     The diagnosis of a rig with a moving arm starts from the rig file.
+
+    Raises:
+        RunError: the file is missing, not JSON, or not a model.
     """
     from dpr_lab.identification.moving_arm.model import MovingArmModel, load_model
 
