@@ -226,7 +226,7 @@ def test_angles_in_mrad_are_questioned_without_a_correction(tmp_path, one, zero)
     assert not shown.mend
 
 
-@pytest.mark.parametrize("name", ["theta (mrad)", "theta1_mrad", "angle [milliradians]", "sensor A (mrad)"])
+@pytest.mark.parametrize("name", ["theta (mrad)", "thetamrad", "angle [milliradians]", "sensor A (mrad)"])
 def test_a_column_in_mrad_requires_a_scale(tmp_path, one, name):
     rows = lines("{t:.2f},{angle:.6f}\n", 1e3 * SWING)
     (tmp_path / "a.csv").write_text(f"t,{name}\n" + rows)
