@@ -27,14 +27,7 @@ from dpr_lab.storage.readers.merged import rows_of_angles
 from dpr_lab.storage.tables.angles import angles, in_radians
 from dpr_lab.storage.tables.arm_input import cart_note, known_inputs, stated_arm, unused_input
 from dpr_lab.storage.tables.clock_wrap import check_forwards, unwrapped_times
-from dpr_lab.storage.tables.columns import (
-    AXES,
-    NO_ROD,
-    TO_SECONDS,
-    find_columns,
-    numbers,
-    with_still_joint2,
-)
+from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, numbers, with_still_joint2
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.options import ImportOptions, date_in, parse_recorded_at
 from dpr_lab.storage.tables.plausible import (
