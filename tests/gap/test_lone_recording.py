@@ -29,9 +29,9 @@ def test_no_effect_is_sure_while_one_recording_contradicts():
     closed = Interval(value=0.9, interval90=(0.8, 0.95))
     agreed = Transfer("releases left out", True, closed, 5.0, (), {}, {}, {}, (), (), (), None)
     posterior = EffectPosterior("coulomb_joint1", ("coulomb_joint1",), (), 0.98)
-    assert [p.probability for p in judged(agreed, [posterior], doubtful=False)] == [0.98]
+    assert [p.probability for p in judged(agreed, [posterior], forced=False, remainder=False)] == [0.98]
     contradicted = replace(agreed, lone=LoneRecording("run0", 3.9, 0.6))
-    assert [p.probability for p in judged(contradicted, [posterior], doubtful=False)] == [0.49]
+    assert [p.probability for p in judged(contradicted, [posterior], forced=False, remainder=False)] == [0.49]
 
 
 @pytest.mark.slow
