@@ -193,7 +193,7 @@ def test_bad_input_is_answered_with_a_sentence_and_a_code(worn: list[Path], mode
         ((*worn, "--rig", "paper", "--model", no_model), 3, str(no_model)),
         ((*worn, "--rig", "paper", "--model", tmp_path / "none.json"), 3, "none.json"),
         ((no_run, "--rig", "paper"), 3, str(no_run)),
-        ((tmp_path / "none.mcap", "--rig", "paper"), 3, "cannot be read"),
+        ((tmp_path / "none.mcap", "--rig", "paper"), 3, "no such file"),
         ((*worn, "--rig", "paper", "--max-effects", 0), 2, "--max-effects"),
         (("--rig", "paper"), 2, "runs"),
         ((*worn,), 2, "--rig"),
