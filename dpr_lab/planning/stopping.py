@@ -180,18 +180,19 @@ def _most_probable(causes: Causes, inseparable: Collection[str]) -> float:
 def significance(diagnosis: Diagnosis, effect: NamedEffect) -> float:
     """Return the joint significance of an effect's amplitudes, sqrt(a^T C^-1 a).
 
-    A file of an older version lacks the covariance C. The result is then the significance of the most significant
-    amplitude.
+    Amplitudes at a bound have no variance and are left out. A file of an older version lacks the covariance C. The
+    result is then the significance of the most significant amplitude.
     """
     amplitudes = {f"{effect.name}.{p.name}": p.name for p in EFFECTS[effect.name].amplitudes}
     for fitted in diagnosis.posterior[:1]:
-        columns = [i for i, name in enumerate(fitted.free) if name in amplitudes]
+        of_free = np.reshape(fitted.covariance, (len(fitted.free), len(fitted.free)))
+        columns = [i for i, name in enumerate(fitted.free) if name in amplitudes and of_free[i, i] > 0.0]
         if columns:
-            covariance = np.reshape(fitted.covariance, (len(fitted.free), -1))[np.ix_(columns, columns)]
+            covariance = of_free[np.ix_(columns, columns)]
             std = np.sqrt(np.diag(covariance))
             values = [fitted.effects[effect.name][amplitudes[fitted.free[i]]] for i in columns]
             z, correlation = np.array(values) / std, covariance / np.outer(std, std)
             return float(np.sqrt(z @ np.linalg.lstsq(correlation, z, rcond=1e-9)[0]))
     sizes = [effect.parameters[name] for name in amplitudes.values() if name in effect.parameters]
     stds = [(size.interval90[1] - size.interval90[0]) / (2 * NORMAL_Q90) for size in sizes]
-    return max((abs(size.value) / std for size, std in zip(sizes, stds, strict=True)), default=0.0)
+    return max((abs(size.value) / std for size, std in zip(sizes, stds, strict=True) if std > 0.0), default=0.0)

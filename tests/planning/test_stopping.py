@@ -60,6 +60,9 @@ def test_correlated_amplitudes_of_an_effect_are_judged_together(correlation: flo
     result = of_runs(one_cause().model_copy(update={"effects": [spring], "posterior": [fitted]}), "P1")
     assert significance(result, spring) == pytest.approx(2.0 * np.sqrt(2.0 / (1.0 - correlation)))
     assert decided(result) is expected
+    at_bound = fitted.model_copy(update={"covariance": [[1.0, 0.0, 0.0], [0.0, 0.25, 0.0], [0.0, 0.0, 0.0]]})
+    bounded = result.model_copy(update={"posterior": [at_bound]})
+    assert significance(bounded, spring) == pytest.approx(2.0), "the cubic term has no variance"
 
 
 def test_the_file_of_an_older_version_counts_releases_by_its_validation() -> None:
