@@ -36,18 +36,10 @@ def summary(model: "MovingArmModel", angles: AngleUnit = RADIANS) -> str:
 
 
 def absolute_rows(model: "MovingArmModel") -> list[list[str]]:
-    """Return one row for each absolute value.
-
-    If the scale is unknown, the standard deviations are unknown too.
-    """
+    """Return one row for each absolute value."""
     fixed = {"data": "the recordings and measured values", "bound": "the scale of the rig file"}
     return [
-        [
-            name,
-            plus_minus(estimate.value, estimate.std if estimate.fixed_by == "data" else None),
-            UNITS.get(name, ""),
-            fixed[estimate.fixed_by],
-        ]
+        [name, plus_minus(estimate.value, estimate.std), UNITS.get(name, ""), fixed[estimate.fixed_by]]
         for name, estimate in model.absolute.items()
     ]
 

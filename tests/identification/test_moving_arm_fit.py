@@ -114,6 +114,10 @@ def test_a_voltage_drive_of_a_furuta_pendulum_shows_lumped_constants_only():
         assert abs(model.ratios[name].value / true - 1) < 0.02, name
     assert model.scale == "a"
     assert model.absolute["kt gear/R"].fixed_by == "bound"
+    l1, m1, J1 = rng.uniform(*rig.bounds[:, [0, 2, 7]], (20_000, 3)).T
+    assumed = model.absolute["a"]
+    assert assumed.std / assumed.value == pytest.approx(np.std(J1 + m1 * l1**2) / a, rel=0.25)
+    assert 0 < assumed.interval90[0] < a < assumed.interval90[1]
     assert any("separates kt from R" in note for note in model.notes)
 
 

@@ -8,7 +8,6 @@ import pytest
 
 from dpr_lab.identification.model import EstimatedValue
 from dpr_lab.identification.moving_arm.identify import ArmComparison
-from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.report import moving_arm, run_names, tables
 
 
@@ -201,10 +200,3 @@ def test_the_table_of_a_comparison_contains_rods_without_an_encoder():
     compared = ArmComparison("r1", True, np.arange(3.0), angles, angles, 0.5, {"joint 0": 0.0}, {"joint 0": 1e-3})
     _, *rows = moving_arm.angles_csv([compared]).splitlines()
     assert rows == ["r1,0,0.1,3.1,nan,0.1,3.1,nan", "r1,1,0.2,3.2,nan,0.2,3.2,nan"]
-
-
-def test_an_absolute_value_at_an_assumed_scale_has_no_standard_deviation() -> None:
-    known = EstimatedValue(value=0.0148, std=1e-7, interval90=(0.0147, 0.0149))
-    absolute = {"e1": known.model_copy(update={"fixed_by": "bound"}), "c1": known}
-    cells = [row[1] for row in moving_arm.absolute_rows(MovingArmModel.model_construct(absolute=absolute))]
-    assert [cell.count("±") for cell in cells] == [0, 1]

@@ -137,9 +137,9 @@ def _estimated(interval: Interval) -> EstimatedValue:
 def _absolute(ratios: dict[str, EstimatedValue], scale: Scale, kind: str) -> dict[str, EstimatedValue]:
     """Compute absolute values of the determined ratios and of the scale.
 
-    Their standard deviations include the standard deviation of a known scale.
+    Their standard deviations include the standard deviation of the scale.
     """
-    low, high = scale.interval90 if scale.known else (scale.b, scale.b)
+    low, high = scale.interval90
     of_scale = (high - low) / (2 * NORMAL_Q90 * scale.b)
     values = {scale.inertia: (1.0, 0.0)}
     for name, ratio in ratios.items():

@@ -64,7 +64,7 @@ class MovingArmModel(FittedModel):
     absolute: dict[str, EstimatedValue]
     """Absolute values, SI; `fixed_by` is `bound` if their scale is taken from the rig file and not measured.
 
-    Standard deviations and intervals then do not contain the error of the scale.
+    Standard deviations and intervals then contain the uncertainty of the scale that the bounds of the rig file permit.
     """
     scale_sentence: str
     """Sentence on the source of the scale of absolute values."""

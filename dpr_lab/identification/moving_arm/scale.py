@@ -11,9 +11,12 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.prior import parameter_std
 from dpr_lab.identification.model import EstimatedValue
 from dpr_lab.identification.moving_arm.fit import ArmFit
+from dpr_lab.identification.moving_arm.setup import rods_measured
 from dpr_lab.identification.moving_arm.unknowns import best, rod_inertias, scale_parameters
+from dpr_lab.identification.scaling.scale import lognormal90
 from dpr_lab.rig import PARAMETERS, Rig
 
 
@@ -24,7 +27,8 @@ class ArmScale:
     value: float
     """Inertia that defines the scale, kg m^2."""
     relative_std: float
-    """Relative standard deviation of the sources other than the recordings; 0 if unknown."""
+    """Relative standard deviation of the sources other than the recordings. It follows from the bounds of the rig file
+    if no measurement determines the scale."""
     by_gain: bool
     """Whether the scale follows from the fitted gain of the drive. The error of the scale is then correlated with the
     errors of the ratios."""
@@ -56,27 +60,22 @@ def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
             )
     Z = rig.nominal
     value, relative = float(rod_inertias(Z, rig)[1]), _relative_std(rig)
-    if relative is None:
+    if not rods_measured(rig):
         sentence = (
             f"The recordings do not determine the scale: absolute values assume {name} = {value:.4g}"
             f" kg m^2 of the rig file."
         )
-        return ArmScale(value, 0.0, False, False, sentence)
+        return ArmScale(value, relative, False, False, sentence)
     sentence = f"The scale {name} = {value:.4g} kg m^2 follows from measured values of the rig file."
     return ArmScale(value, relative, False, True, sentence)
 
 
-def _relative_std(rig: Rig) -> float | None:
-    """Compute the relative standard deviation of the scale from measured values.
-
-    The result is None if a measured value is missing.
-    """
-    value, shifts = rod_inertias(rig.nominal, rig)[1], list[float]()
+def _relative_std(rig: Rig) -> float:
+    """Compute the relative standard deviation of the scale from the measured values and bounds of the rig file."""
+    value, std, shifts = rod_inertias(rig.nominal, rig)[1], parameter_std(rig), list[float]()
     for name in scale_parameters(rig):
-        if (std := rig.parameters[name].std) is None:
-            return None
-        larger = rig.nominal
-        larger[PARAMETERS.index(name)] += std
+        larger, place = rig.nominal, PARAMETERS.index(name)
+        larger[place] += std[place]
         shifts.append(rod_inertias(larger, rig)[1] / value - 1.0)
     return float(np.linalg.norm(shifts))
 
@@ -102,9 +101,17 @@ def absolute_values(
 
 
 def estimated(value: float, std: float, fixed_by: Literal["data", "bound"] = "data") -> EstimatedValue:
-    """Return an estimate whose 90 % interval is that of a normal distribution."""
+    """Return an estimate with its 90 % interval.
+
+    The interval is that of a normal distribution, or of a lognormal one if the scale is only assumed. It then excludes
+    zero, although the standard deviation is large.
+    """
     reach = NORMAL_Q90 * std
-    return EstimatedValue(value=value, std=std, interval90=(value - reach, value + reach), fixed_by=fixed_by)
+    ends = (value - reach, value + reach)
+    if fixed_by == "bound" and value != 0.0:
+        low, high = sorted(value * factor for factor in lognormal90(1.0, std / abs(value)))
+        ends = (low, high)
+    return EstimatedValue(value=value, std=std, interval90=ends, fixed_by=fixed_by)
 
 
 def absolute_name(parameter: str, kind: str) -> str:
