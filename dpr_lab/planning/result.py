@@ -75,11 +75,6 @@ class PlannedRelease(_Record):
 
     None before any recording, and if no further release is necessary now.
     """
-    simulated: Number | None = None
-    """Squared distance between the two most probable causes by simulation, divided by the linearised distance.
-
-    None if there is no undecided pair of causes.
-    """
     _torques: Torques | None = PrivateAttr(default=None)
 
     @property

@@ -46,11 +46,6 @@ class SequenceStep:
 
     If there is a budget, this is the whole time of the release, otherwise only the time of the operator.
     """
-    simulated: float | None = None
-    """Ratio of the simulated to the linearised Delta D^2 of the least decided pair of causes.
-
-    None if there is no such pair.
-    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,13 +157,7 @@ class Planner:
             refined = self._informed(tried)
             pool += refined
             ranked = sorted([*ranked, *self._ranked(refined, now)], key=_rate, reverse=True)
-        return max((self._final(step, now) for step in ranked[: SEARCH.finalists]), key=_rate)
-
-    def _final(self, step: SequenceStep, now: SequenceSoFar) -> SequenceStep:
-        """Set the best duration of a release, and correct its value by a nonlinear simulation."""
-        averaged = self._averaged(step, now)
-        share = self.objective.simulated(averaged.release, averaged.information)
-        return averaged if share is None else replace(averaged, worth=averaged.worth * min(share, 1.0), simulated=share)
+        return max((self._averaged(step, now) for step in ranked[: SEARCH.finalists]), key=_rate)
 
     def _ranked(self, pool: Sequence[Informed], now: SequenceSoFar) -> list[SequenceStep]:
         """Return the releases that fit into the remaining time, by decreasing value per minute."""

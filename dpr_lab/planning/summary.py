@@ -113,7 +113,6 @@ def _planned(
         library_bits=library_bits(known, F),
         ratio_std=shown_ratio_std(known, F),
         decided=decided,
-        simulated=step.simulated,
     )
     return planned.driven_by(release.torques)
 
@@ -266,7 +265,7 @@ def _assumptions(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[s
     angle = known.model.placement_rad
     assumptions = [
         *_about_arm(known, releases),
-        "The model is linearised about the current estimate; the best releases are simulated.",
+        "The model is linearised about the current estimate.",
         f"The rods are placed by hand with a standard deviation of {angle:.2g} rad (half the tolerance of the rig's"
         " poses). Beyond the horizon of a release, its information is averaged over such initial states.",
         "Effects that occurred only once, such as lost counts, are not considered.",

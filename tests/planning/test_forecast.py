@@ -138,7 +138,6 @@ def test_a_cause_without_alternatives_lowers_the_forecast_if_it_may_be_outside_t
     made = summed_up(objective, [step], PlanLimits(), 0.0)
     assert made.forecast == [pytest.approx(0.8 * FORECAST.confirmed)]
     assert made.releases[0].pairs == []
-    assert objective.simulated(swing.release, swing.information) is None
 
 
 def test_a_failed_test_on_the_quarters_of_one_release_is_no_cause_outside_the_library() -> None:

@@ -1,4 +1,4 @@
-"""Information of planned releases, compared with exact sensitivities, dense least squares and nonlinear fits."""
+"""Information of planned releases, compared with exact sensitivities and dense least squares."""
 
 from dataclasses import replace
 
@@ -13,7 +13,6 @@ from dpr_lab.identification.expected import Releases, ratio_information
 from dpr_lab.planning.information import informed, laid_out, reached_speeds
 from dpr_lab.planning.knowledge import Knowledge, known_before
 from dpr_lab.planning.release import CandidateRelease
-from dpr_lab.planning.simulation import simulated_distance
 from dpr_lab.planning.stopping import Causes
 from dpr_lab.planning.worth.criteria import OpenPairs, detectable, given
 from dpr_lab.planning.worth.goals import limit_forecasts
@@ -117,14 +116,6 @@ def test_the_distance_of_two_causes_is_the_residual_of_a_least_squares_fit(known
     fitted = fitted / np.maximum(np.linalg.norm(fitted, axis=0), 1e-30)
     left = change - fitted @ np.linalg.lstsq(fitted, change, rcond=1e-12)[0]
     assert apart == pytest.approx(float(left @ left), rel=1e-2)
-
-
-def test_simulation_confirms_the_distance_of_small_effects(known: Knowledge) -> None:
-    pairs = _pairs(known)
-    (one,) = informed([CALM], known.model)
-    apart = pairs.distances(known.information + one.information)[0, 1] - pairs.distances(known.information)[0, 1]
-    simulated = simulated_distance(CALM, known, pairs, 0, 1)
-    assert simulated == pytest.approx(apart, rel=0.05)
 
 
 def _pairs(known: Knowledge) -> OpenPairs:

@@ -28,7 +28,7 @@ Atkinson & V. V. Fedorov (1975), The design of experiments for discriminating be
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -129,14 +129,6 @@ class OpenPairs:
             tuple(sizes),
             tuple(spreads),
         )
-
-    def sized_distance(self, F: Array, truth: int, other: int) -> float:
-        """Return the squared distance D^2 between two causes at their expected sizes.
-
-        The sizes count as exact.
-        """
-        no_spread = tuple(np.zeros_like(spread) for spread in self.spreads)
-        return float(replace(self, spreads=no_spread).distances(F)[truth, other])
 
     def distances(self, F: Array) -> Array:
         """Return the (n, n) expected squared distances D^2 between the causes.

@@ -3,13 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from dpr_lab.acceptance.limits import Limits
 from dpr_lab.arrays import Array
 from dpr_lab.planning.knowledge import Knowledge
-from dpr_lab.planning.release import CandidateRelease
-from dpr_lab.planning.simulation import SIMULATED_FIT, simulated_distance
 from dpr_lab.planning.worth.criteria import WORTH, OpenPairs, cause_bits, library_bits, open_bits, ratio_bits
 from dpr_lab.planning.worth.goals import goal_bits
 
@@ -62,26 +58,6 @@ class Objective:
         There is one matrix for each named effect.
         """
         return [pair.gained(before, F) for pair, before in zip(self.pairs, self.before, strict=True)]
-
-    def simulated(self, release: CandidateRelease, information: Array) -> float | None:
-        """Return the simulated Delta D^2 of the least decided causes, relative to the linearised value.
-
-        The result is None if there is no such pair.
-        """
-        several = [open_pair for open_pair in self.pairs if len(open_pair.names) > 1]
-        if not several:
-            return None
-        pairs = max(several, key=lambda open_pair: float(np.sort(open_pair.probabilities)[-2]))
-        before = next(b for open_pair, b in zip(self.pairs, self.before, strict=True) if open_pair is pairs)
-        first, second = np.argsort(-pairs.probabilities)[:2].tolist()
-        gained = pairs.distances(self.known.information + information) - before
-        truth, other = max(((first, second), (second, first)), key=lambda pair: float(gained[pair]))
-        linear = pairs.sized_distance(self.known.information + information, truth, other)
-        linear -= pairs.sized_distance(self.known.information, truth, other)
-        if linear < SIMULATED_FIT.least:
-            return None
-        nonlinear = simulated_distance(release, self.known, pairs, truth, other)
-        return None if nonlinear is None else nonlinear / linear
 
     def bits(self, F: Array) -> dict[tuple[str, str], float]:
         """Return the bits that the Fisher information F provides for each undecided pair."""
