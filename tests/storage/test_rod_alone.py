@@ -244,6 +244,20 @@ def test_alpha1_is_an_acceleration_next_to_an_angle(one: Rig, tmp_path: Path, na
     assert understand(file, one, ImportOptions(zero="hanging")).columns["theta1"] == rod
 
 
+@pytest.mark.parametrize(
+    ("names", "rod", "unit"),
+    [
+        ("pendulum_angle_unwrapped,vel", "pendulum_angle_unwrapped", "rad"),
+        ("pendulum_angle,pendulum_angle_unwrapped", "pendulum_angle", "rad"),
+        ("count_unwrapped,step", "count_unwrapped", "counts"),
+    ],
+)
+def test_an_unwrapped_angle_is_the_angle_of_the_rod(one: Rig, tmp_path: Path, names: str, rod: str, unit: str) -> None:
+    angle = np.rint(1000 * SWING) if unit == "counts" else SWING
+    understood = understand(table(tmp_path, f"t,{names}", T, angle, -6 * angle), one, ImportOptions(zero="hanging"))
+    assert (understood.columns["theta1"], understood.options.unit) == (rod, unit)
+
+
 def test_accelerations_of_two_rods_replace_no_missing_angle(paper: Rig, tmp_path: Path) -> None:
     file = table(tmp_path, "t,theta1,omega1,alpha1,alpha2", T, SWING, 6 * SWING, -36 * SWING, -20 * SWING)
     with pytest.raises(RunError, match="no single column found for theta2"):

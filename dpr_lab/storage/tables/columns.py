@@ -37,7 +37,7 @@ _ON_ARM = {"theta0": f"theta{_ANGLE_UNIT}?", "theta1": f"alpha{_ANGLE_UNIT}?"}
 """Patterns of the angles of arm and rod in the notation of Quanser."""
 _ROD_NAME = rf"(rod|pole|pend(ulum|ulo|ule|el)?)(angle|pos|position)?{_ANGLE_UNIT}?"
 _COUNT_NAME = rf"(counts?|enc|encoder){{axis}}(counts?|ticks?)?|{_ANGLE_WORD}{{axis}}(counts?|ticks?)"
-_ONE_COUNT = re.compile("(enc|encoder|counts?|ticks?)(counts?|ticks?|val|value)?")
+_ONE_COUNT = re.compile("(enc|encoder|counts?|ticks?)(counts?|ticks?|val|value)?(unwrapped)?")
 _ONE_ROD = re.compile(
     f"{_ANGLE_NAME}|{_COUNT_NAME}|{_ROD_NAME}|(abs|absolute|{_MEASURED}){_ANGLE_WORD}{_ANGLE_UNIT}?".format(axis="")
 )
@@ -177,7 +177,7 @@ def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tu
     clock = _clock(table, given) if timed else {}
     given, notes = clock | dict(given), table.notes
     given |= {} if {"theta0", "theta1"} & set(given) else _on_arm(table.names)
-    alone = [name for name in table.names if _ONE_ROD.fullmatch(bare(name))]
+    alone = _matches(table.names, [_ONE_ROD.pattern, f"({_ONE_ROD.pattern})unwrapped"])
     moving = {name for name, column in table.columns if varies(column)}
     places = {name for name in alone if _PLACE.fullmatch(bare(name))}
     letters = {name for name in alone if len(bare(name)) == 1}  # a single letter such as `Q` may denote an input
