@@ -34,7 +34,9 @@ Reading order. About 9,700 words contain the rules of this choice:
 
 About 7,600 words contain the stages: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`, `which.select`,
 `corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 68,000 words. They are the
-computations behind one decision each, and can be read when they are changed.
+computations behind one decision each, and can be read when they are changed. Three of them belong to no single stage:
+`damage` (disturbances and hands in the recordings, which the fit of the bare model removes), `moving_camera` and
+`rolling_shutter` (corrections of films).
 
 Terms of all modules:
 

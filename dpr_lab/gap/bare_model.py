@@ -63,13 +63,13 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
     recordings = recordings.without(short, lone_readings(short, first.estimate))
     estimate = first.estimate.changed(ratios=with_scale(ratios, b))
     recordings = replace(recordings, ratios=None if recordings.exact_torques else estimate.ratios)
-    problem, bare = lengthened(recordings, short, estimate, recordings.working_length)
+    problem, bare = _in_working_segments(recordings, short, estimate)
     if quieter := with_likeliest_noise(recordings, problem, bare):
         recordings = quieter
-        problem, bare = lengthened(recordings, short, estimate, recordings.working_length)
+        problem, bare = _in_working_segments(recordings, short, estimate)
     if noise := tracking_noise(recordings, problem, bare.fit):
         recordings = recordings.with_tracking(noise)
-        problem, bare = lengthened(recordings, short, estimate, recordings.working_length)
+        problem, bare = _in_working_segments(recordings, short, estimate)
     return recordings, problem, bare
 
 
@@ -78,14 +78,14 @@ def _fitted_in_short_segments(recordings: Recordings, start: Array) -> tuple[Pro
     initial_estimate = Estimate.of(start, recordings.start_params, initial)
     free = free_parameters(initial_estimate, (), short)
     rough = fit(short, initial_estimate, free)
-    _all_followed(recordings, short, rough)
+    _refuse_unfollowed(recordings, short, rough)
     if not recordings.exact_torques:
         short = replace(short, disturbance=disturbance(short, rough.estimate, most_Nm=recordings.torque_noise_Nm))
     first = fit(short.weighted(np.sqrt(student_weights(short, rough))), rough.estimate, free)
     return short, first
 
 
-def _all_followed(recordings: Recordings, problem: Problem, bare: Fit) -> None:
+def _refuse_unfollowed(recordings: Recordings, problem: Problem, bare: Fit) -> None:
     lost = np.flatnonzero(~np.isfinite(bare.linear.chi2_by_segment))
     if len(lost):
         run = recordings.records[problem.segments.run[lost[0]]].run.name
@@ -111,12 +111,9 @@ def with_likeliest_noise(recordings: Recordings, problem: Problem, model: Hypoth
     return replace(recordings, torque_noise_Nm=(float(noise[0]), float(noise[1])))
 
 
-def lengthened(recordings: Recordings, short: Problem, estimate: Estimate, length: float) -> tuple[Problem, Hypothesis]:
-    """Fit the bare model to segments of `length`, s.
-
-    The fit starts from a fit of shorter segments.
-    """
-    longer, initial = recordings.cut(length)
+def _in_working_segments(recordings: Recordings, short: Problem, estimate: Estimate) -> tuple[Problem, Hypothesis]:
+    """Fit the bare model to segments of the working length, starting from a fit of shorter segments."""
+    longer, initial = recordings.cut(recordings.working_length)
     start = estimate.changed(initial=carried(short.segments, estimate.initial, longer.segments, initial))
     fitted = fit(longer, start, free_parameters(start, (), longer), iterations=20)
     return longer, hypothesis(longer, (), refit_lost(longer, fitted, initial))

@@ -17,7 +17,6 @@ from dpr_lab.effects import param_index
 from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.gap.bare_model import with_likeliest_noise
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refutes_torque_noise
-from dpr_lab.gap.moving_camera import explains_more as camera_explains_more
 from dpr_lab.gap.moving_camera import likeliest_camera
 from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
 from dpr_lab.gap.screen.recordings import Recordings
@@ -43,7 +42,7 @@ ROWS = RowRules()
 
 
 @dataclass(frozen=True, slots=True)
-class Drafted:
+class ForwardSelected:
     """State after forward selection; the result may show that the recordings need a correction."""
 
     fitted: Fitted
@@ -56,31 +55,31 @@ class Correction:
 
     correct: Callable[[Fitted, Hypothesis], ScreenedRuns | None]
     """Function of the fitted recordings and the selected set: the corrected recordings; None if none are needed."""
-    better: Callable[[Drafted, Drafted], bool] = lambda before, after: True
+    better: Callable[[ForwardSelected, ForwardSelected], bool] = lambda before, after: True
     """Function of the previous and the corrected state: whether the search of the corrected recordings is used."""
     most: int = 1
     """Maximum number of times that the correction is applied."""
 
 
-def corrected(drafted: Drafted, search: Callable[[ScreenedRuns], Drafted]) -> Drafted:
+def corrected(selected: ForwardSelected, search: Callable[[ScreenedRuns], ForwardSelected]) -> ForwardSelected:
     """Apply each correction that a search implies, and repeat the search.
 
     Args:
-        drafted: result of the first search
+        selected: result of the first search
         search: function that fits the bare model to recordings and selects effects
     """
     for correction in CORRECTIONS:
         for _ in range(correction.most):
-            changed = correction.correct(drafted.fitted, drafted.search.current)
+            changed = correction.correct(selected.fitted, selected.search.current)
             if changed is None:
                 break
             again = search(changed)
-            drafted = again if correction.better(drafted, again) else drafted
-    return drafted
+            selected = again if correction.better(selected, again) else selected
+    return selected
 
 
 def with_other_noise(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
-    """Return the state with less or no noise of known torques, if a model requires it."""
+    """Return the state with less or no noise of known torques, if a model requires this."""
     if refutes_torque_noise(fitted.problem, model):
         return replace(fitted, recordings=replace(fitted.recordings, exact_torques=True))
     recordings = with_likeliest_noise(fitted.recordings, fitted.problem, model)
@@ -91,8 +90,11 @@ def _earlier_torques(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
     share = _earlier_share(fitted.recordings, model)
     if not share:
         return None
-    recordings, held_out = (runs.with_earlier_torques(share) for runs in (fitted.recordings, fitted.held_out))
-    return replace(fitted, recordings=recordings, held_out=held_out)
+    return _with_changed_recordings(fitted, lambda runs: runs.with_earlier_torques(share))
+
+
+def _with_changed_recordings(fitted: Fitted, change: Callable[[Recordings], Recordings]) -> Fitted:
+    return replace(fitted, recordings=change(fitted.recordings), held_out=change(fitted.held_out))
 
 
 def _earlier_share(recordings: Recordings, model: Hypothesis) -> float:
@@ -108,7 +110,7 @@ def _earlier_share(recordings: Recordings, model: Hypothesis) -> float:
     return min(share, ROWS.earlier) if 0.0 < share <= ROWS.earlier + ROWS.slack else 0.0
 
 
-def _no_worse(before: Drafted, after: Drafted) -> bool:
+def _no_worse(before: ForwardSelected, after: ForwardSelected) -> bool:
     """Return whether early torques fit as well as torques that are held and delayed.
 
     Early torques act before their rows. Differences within the noise are ignored.
@@ -127,23 +129,29 @@ def _shutter(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
     return shutter and replace(fitted, recordings=fitted.recordings.with_shutter(shutter))
 
 
-def _shutter_explains_more(before: Drafted, after: Drafted) -> bool:
+def _shutter_explains_more(before: ForwardSelected, after: ForwardSelected) -> bool:
     return explains_more(before.search.current, after.search.current)
 
 
 def _camera(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
     angle_rad = likeliest_camera(fitted.recordings, fitted.problem, model)
-    if not angle_rad:
-        return None
-    recordings, held_out = (runs.with_camera(angle_rad) for runs in (fitted.recordings, fitted.held_out))
-    return replace(fitted, recordings=recordings, held_out=held_out)
+    return _with_changed_recordings(fitted, lambda runs: runs.with_camera(angle_rad)) if angle_rad else None
 
 
-def _camera_explains_more(before: Drafted, after: Drafted) -> bool:
-    """Return whether a moving camera explains more than the effects that a fixed camera requires."""
-    return camera_explains_more(
-        before.fitted.problem, before.search.current, after.fitted.problem, after.search.current
+def _camera_explains_more(before: ForwardSelected, after: ForwardSelected) -> bool:
+    """Return whether a moving camera makes the readings more likely than a fixed one.
+
+    The result is false if the two searches used different numbers of readings, because their likelihoods are then not
+    comparable.
+    """
+    if before.fitted.problem.evidence != after.fitted.problem.evidence:
+        return False
+    moving = after.search.current
+    fixed_cost, moving_cost = (
+        state.search.current.cost_at(moving.inflation) + moving.inflation * state.fitted.problem.log_variance
+        for state in (before, after)
     )
+    return fixed_cost - moving_cost > moving.chance
 
 
 CORRECTIONS = (

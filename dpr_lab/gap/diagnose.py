@@ -18,7 +18,7 @@ from dpr_lab.gap.conclusion.at_bounds import second_moments
 from dpr_lab.gap.conclusion.conclusion import conclude
 from dpr_lab.gap.conclusion.description import description
 from dpr_lab.gap.conclusion.uncertainty import covariance
-from dpr_lab.gap.corrections import Drafted, corrected, with_other_noise
+from dpr_lab.gap.corrections import ForwardSelected, corrected, with_other_noise
 from dpr_lab.gap.damage.disturbances import without_disturbances
 from dpr_lab.gap.evidence.evidence import evidence
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -93,8 +93,8 @@ def diagnose(
         seed=seed,
         on_progress=on_progress or (lambda event: None),
     )
-    drafted = corrected(_drafted(_screened(request)), _drafted)
-    state = _transferred(_selected(drafted))
+    preliminary = corrected(_forward_selected(_screened(request)), _forward_selected)
+    state = _transferred(_selected(preliminary))
     _begin(request, "advice")
     advice = advise(state.fitted.recordings, state.selection.chosen, state.posteriors)
     _begin(request, "evidence")
@@ -148,11 +148,11 @@ def _fitted(screened: ScreenedRuns) -> Fitted:
         problem=problem,
         bare=bare,
         held_out_prediction=prediction,
-        places=locate(problem, bare),
+        residual_maps=locate(problem, bare),
     )
 
 
-def _drafted(screened: ScreenedRuns) -> Drafted:
+def _forward_selected(screened: ScreenedRuns) -> ForwardSelected:
     """Fit the bare model to the recordings, and select effects forward."""
     fitted = _fitted(screened)
     request, prediction = fitted.request, fitted.held_out_prediction
@@ -167,24 +167,24 @@ def _drafted(screened: ScreenedRuns) -> Drafted:
         expected=frozenset(expected_of(request.rig.joints.geared)) & library.keys(),
         held_out_chi2=None if prediction is None else lambda model: float(prediction.chi2(model).sum()),
     )
-    return Drafted(fitted, forward(sets, request.max_effects))
+    return ForwardSelected(fitted, forward(sets, request.max_effects))
 
 
-def _selected(drafted: Drafted) -> Selected:
+def _selected(preliminary: ForwardSelected) -> Selected:
     """Refine the selected set, and compute the class of each of its effects.
 
     Other corrections of the recordings precede this stage, because the refinement takes most of the time. Only the
     noise of known torques is corrected once more, for the refined set.
     """
-    selection = refined(drafted.search)
-    if changed := with_other_noise(drafted.fitted, selection.chosen):
-        drafted = _drafted(changed)
-        selection = refined(drafted.search)
-    fitted, bare, chosen = drafted.fitted, selection.bare, selection.chosen
+    selection = refined(preliminary.search)
+    if changed := with_other_noise(preliminary.fitted, selection.chosen):
+        preliminary = _forward_selected(changed)
+        selection = refined(preliminary.search)
+    fitted, bare, chosen = preliminary.fitted, selection.bare, selection.chosen
     refuse_impossible_scale(chosen.estimate.ratios, fitted.request.runs, fitted.request.rig, chosen.effects)
     _begin(fitted.request, "classes")
     if bare is not fitted.bare:
-        fitted = replace(fitted, bare=bare, places=locate(fitted.problem, bare))
+        fitted = replace(fitted, bare=bare, residual_maps=locate(fitted.problem, bare))
     return Selected(
         fitted=fitted,
         selection=selection,
@@ -193,7 +193,7 @@ def _selected(drafted: Drafted) -> Selected:
 
 
 def _transferred(selected: Selected) -> Transferred:
-    """Test the selected set on other recordings, and compute gap size and covariance."""
+    """Test the selected set on held-out data, and compute the size of the gap and the covariance."""
     fitted, selection = selected.fitted, selected.selection
     rig, recordings, problem, chosen = fitted.request.rig, fitted.recordings, fitted.problem, selection.chosen
     _begin(fitted.request, "transfer")
@@ -218,5 +218,6 @@ def _transferred(selected: Selected) -> Transferred:
         description=described,
         remainder=remainder,
         gap=gap(selected, transferred, swings, budget, remainder),
+        # the covariance of values at a bound is zero; the second moments contain their one-sided uncertainty
         covariance=covariance(problem, chosen, rig, remainder) + second_moments(problem, chosen.fit, chosen.inflation),
     )

@@ -47,25 +47,3 @@ def likeliest_camera(recordings: Recordings, problem: Problem, model: Hypothesis
 
     best = min(CAMERA.angles_rad, key=cost)
     return best if cost(0.0) - cost(best) > THRESHOLDS.chance else 0.0
-
-
-def explains_more(problem: Problem, fixed: Hypothesis, other_problem: Problem, moving: Hypothesis) -> bool:
-    """Return whether a moving camera makes the readings more likely than a fixed one.
-
-    The result is false if the two searches used different numbers of readings, because their likelihoods are then not
-    comparable.
-
-    Args:
-        problem: segments with the noise of a fixed camera
-        fixed: set that was selected for these segments
-        other_problem: segments with the noise of a moving camera
-        moving: set that was selected for these segments
-    """
-    if problem.evidence != other_problem.evidence:
-        return False
-    inflation = moving.inflation
-    costs = [
-        model.cost_at(inflation) + inflation * segments.log_variance
-        for segments, model in ((problem, fixed), (other_problem, moving))
-    ]
-    return costs[0] - costs[1] > moving.chance

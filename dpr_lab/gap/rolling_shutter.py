@@ -17,7 +17,7 @@ from dpr_lab.fitting.estimate import effect_parameters
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
-from dpr_lab.gap.hypothesis.significance import scatter
+from dpr_lab.gap.hypothesis.significance import segment_scatter
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.shutter import NORMALS, Lines, Shutter
@@ -57,7 +57,7 @@ def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
     if len(without.fit.linear.chi2_by_segment) != len(corrected.fit.linear.chi2_by_segment):
         return False
     inflation = corrected.inflation
-    chance = min(THRESHOLDS.chance * inflation, scatter(without, corrected))
+    chance = min(THRESHOLDS.chance * inflation, segment_scatter(without, corrected))
     return without.cost - corrected.cost > chance + PENALTY.parameter * inflation
 
 

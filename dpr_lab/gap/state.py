@@ -2,7 +2,7 @@
 
     ScreenedRuns    request, recordings, held-out recordings
     Fitted          + segments, bare model, locations of the gap
-    (Drafted)       Fitted, and the state of the search after forward selection (`corrections.Drafted`)
+    (corrections.ForwardSelected)   Fitted, and the state of the search after forward selection
     Selected        selected set of effects for the fitted recordings, classes with their probabilities
     Transferred     + performance on held-out recordings, size of the gap, covariance
 
@@ -75,7 +75,7 @@ class Fitted(ScreenedRuns):
     bare: Hypothesis
     held_out_prediction: OutOfSample | None
     """Prediction of the held-out recordings by any model; None if there are no held-out recordings."""
-    places: tuple[Where, ...]
+    residual_maps: tuple[Where, ...]
     """Residual maps of the locations at which the gap may arise."""
 
 
@@ -94,7 +94,7 @@ class Selected:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transferred(Selected):
-    """State with the results of the selected set on other recordings, and its uncertainty."""
+    """State with the results of the selected set on held-out data, and the uncertainty of the set."""
 
     free_swings: Mapping[str, FreeSwings]
     """Free runs along all recordings, by model: `before` and `after` the correction."""

@@ -165,7 +165,7 @@ def _as_found(diagnosis: Diagnosis) -> Effects:
 def _original(run: Run, rig: Rig, estimate: Estimate) -> _Original:
     prepared = record(run, rig)
     freely = free_runs(Recordings((prepared,), rig), estimate)
-    return _Original(run, prepared.screened, freely.start.initial, segment_start(float(freely.items[0].t[0])))
+    return _Original(run, prepared.screened, freely.start.initial, segment_start(float(freely.records[0].t[0])))
 
 
 def _another(diagnosis: Diagnosis, library: Mapping[str, Effect], rng: np.random.Generator) -> Effects:

@@ -17,7 +17,7 @@ from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
 from dpr_lab.gap.which.replacements import SEVERAL_CAUSES
-from dpr_lab.gap.which.search import SearchState, apply
+from dpr_lab.gap.which.search import SearchState, apply_move
 from tests.background_rigs import law, recordings
 
 SCALE, COGGING, LENGTH, FRICTION = "encoder_scale_joint1", "detent_joint1", "wrong_length_L1", "coulomb_joint1"
@@ -58,7 +58,7 @@ def test_a_curve_that_follows_a_scale_error_does_not_displace_it(fitted: Callabl
     assert own < THRESHOLDS.own_share  # free functions in place of the cogging follow the scale error
     assert explains_as_much(sets.bare, scale, curve)
     assert not explains_as_much(sets.bare, curve, scale)
-    last = apply(OWN_SHARE, SearchState(both, sets, 4))
+    last = apply_move(OWN_SHARE, SearchState(both, sets, 4))
     assert last.current.effects == (SCALE,)
 
 
@@ -66,7 +66,7 @@ def test_a_curve_that_follows_a_scale_error_does_not_displace_it(fitted: Callabl
 def test_a_real_curve_stays(fitted: Callable[..., FittedSets]) -> None:
     sets = fitted([law("detent", 0, 6.0), law("encoder_scale", 0, 0.5), law("wander", 0, 0.5)], (COGGING, SCALE))
     both = grown(sets, COGGING, SCALE)
-    last = apply(OWN_SHARE, SearchState(both, sets, 4))
+    last = apply_move(OWN_SHARE, SearchState(both, sets, 4))
     assert COGGING in last.current.effects
 
 
@@ -85,10 +85,10 @@ def test_wrong_counts_per_turn_do_not_make_another_cause_look_negligible(fitted:
     both = grown(sets, SCALE, FRICTION)
     scale = sets.without(both, FRICTION)
     assert not both.at_noise_floor
-    assert scale.bounded_excess < THRESHOLDS.keeps * both.bounded_excess
+    assert scale.bounded_excess < THRESHOLDS.necessary_factor * both.bounded_excess
     assert scale.bounded_excess - both.bounded_excess < THRESHOLDS.large * sets.bare.bounded_excess
     for move in (SMALLEST_ADEQUATE, DROP):
-        assert apply(move, SearchState(both, sets, 4)).current.effects == (SCALE, FRICTION)
+        assert apply_move(move, SearchState(both, sets, 4)).current.effects == (SCALE, FRICTION)
 
 
 def proposed_removals(monkeypatch: pytest.MonkeyPatch, chosen: Hypothesis, *others: Hypothesis) -> list[frozenset[str]]:

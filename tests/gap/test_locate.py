@@ -6,7 +6,7 @@ from unittest.mock import Mock
 import pytest
 
 from dpr_lab.gap import diagnose
-from dpr_lab.gap.corrections import Drafted
+from dpr_lab.gap.corrections import ForwardSelected
 from dpr_lab.gap.state import Fitted
 from dpr_lab.gap.where.locate import locate
 from tests import one_rod
@@ -15,7 +15,7 @@ from tests import one_rod
 def test_the_gap_is_located_for_the_bare_model_of_the_selected_set(monkeypatch: pytest.MonkeyPatch) -> None:
     """A search that finds a better bare model replaces the minimum to which the first maps belong."""
     values: dict[str, Any] = dict.fromkeys((field.name for field in fields(Fitted)), None)
-    fitted = Fitted(**values | {"bare": "first", "places": "of first", "request": Mock()})
+    fitted = Fitted(**values | {"bare": "first", "residual_maps": "of first", "request": Mock()})
     for bare, places in (("first", "of first"), ("better", "of better")):
         selection = Mock(bare=bare, path=[])
         monkeypatch.setattr(diagnose, "refined", lambda _, selection=selection: selection)
@@ -23,8 +23,8 @@ def test_the_gap_is_located_for_the_bare_model_of_the_selected_set(monkeypatch: 
         monkeypatch.setattr(diagnose, "refuse_impossible_scale", lambda *_: None)
         monkeypatch.setattr(diagnose, "_begin", lambda *_: None)
         monkeypatch.setattr(diagnose, "locate", lambda _, bare: f"of {bare}")
-        selected = diagnose._selected(Drafted(fitted, Mock()))
-        assert (selected.fitted.bare, selected.fitted.places) == (bare, places)
+        selected = diagnose._selected(ForwardSelected(fitted, Mock()))
+        assert (selected.fitted.bare, selected.fitted.residual_maps) == (bare, places)
 
 
 @pytest.mark.slow

@@ -64,7 +64,7 @@ def test_a_set_of_lower_cost_is_as_probable_as_the_selected_one_at_most(
     lacking = costing(replace(base, residuals=gap), chosen.cost + 20 * unit + gap.inflation * base.penalty)
     assert lacking.cost_at(gap.inflation) < chosen.cost_at(gap.inflation)
     assert of(replace(result, fitted={chosen.key: chosen, lacking.key: lacking})) == {chosen.key: 1.0}
-    drifting = replace(both, fitted={chosen.key: chosen, OTHER: replace(other, of_decay=OTHER)})
+    drifting = replace(both, fitted={chosen.key: chosen, OTHER: replace(other, decay_drifts=OTHER)})
     assert [one.probability for one in weighed(drifting)] == pytest.approx([1 / 1.1, 0.1 / 1.1])
     impossible = replace(both, impossible=frozenset({OTHER}))
     assert of(impossible) == {chosen.key: 1.0}

@@ -9,7 +9,7 @@ from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import free_runs
-from dpr_lab.gap.transfer.out_of_sample import left_out
+from dpr_lab.gap.transfer.out_of_sample import left_out_prediction
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 
@@ -60,7 +60,7 @@ def test_each_recording_has_zeros_of_its_own(runs: list[Run]) -> None:
     assert bare.residuals.chi2 < 2 * bare.residuals.dof
     unseen = recordings(runs[2:], REZEROED)
     assert max(free_runs(unseen, at).errors_rad.values()) < 5e-3
-    predicted = left_out(kept, problem)
+    predicted = left_out_prediction(kept, problem)
     assert (predicted.chi2(bare) < 4 * predicted.dof).all()
     _, _, staying = fit_bare_model(recordings(runs[:2], STAYING), nominal_ratios(STAYING))
     assert staying.residuals.chi2 > 10 * bare.residuals.chi2

@@ -11,7 +11,6 @@ import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.gauss_newton import StopReason, fit
-from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.whitening import Disturbance
 from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.diagnose import diagnose
@@ -25,7 +24,7 @@ from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forward import Beam, forward_selection
 from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.moves import START
-from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply, run
+from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply_move, apply_moves
 from dpr_lab.gap.which.select import forward, short_segments
 from dpr_lab.report.gap.trials_of_search import TRIAL_COLUMNS, trial_rows
 from dpr_lab.rig import Rig, load_rig
@@ -156,12 +155,12 @@ def test_one_score_needs_no_test_of_the_whole_library(sets: FittedSets) -> None:
 
 @pytest.mark.slow
 def test_a_move_does_not_change_the_state_and_is_repeatable(sets: FittedSets) -> None:
-    start = SearchState.bare(sets, 2)
-    grown = run((forward_selection(2),), start)
+    start = SearchState.initial(sets, 2)
+    grown = apply_moves((forward_selection(2),), start)
     assert dict(start.sets.fits) == {frozenset(): sets.bare}
     fits, fitted_more = dict(grown.sets.fits), False
     for move in MOVES.values():
-        one, other = apply(move, grown), apply(move, grown)
+        one, other = apply_move(move, grown), apply_move(move, grown)
         assert dict(grown.sets.fits) == fits, move.name
         assert one.trace == other.trace, move.name
         assert one.sets.fits.keys() == other.sets.fits.keys(), move.name
@@ -217,11 +216,11 @@ def test_short_segments_are_fitted_once_because_there_are_no_shorter_ones(
     monkeypatch.setattr("dpr_lab.gap.which.fitted_sets.EFFORT", Effort(achieved=1e6))  # no fit reduces chi2 enough
     repeated: list[Hypothesis] = []
 
-    def from_short(problem: Problem, short: object, model: Hypothesis, *arguments: object) -> Hypothesis:
+    def from_short(sets: FittedSets, model: Hypothesis, *arguments: object) -> Hypothesis:
         repeated.append(model)
         return model
 
-    monkeypatch.setattr("dpr_lab.gap.which.fitted_sets.refit_with_from_short", from_short)
+    monkeypatch.setattr(FittedSets, "_from_short_segments", from_short)
     short = sets.on_short()
     raw = short.bare.fit.estimate.changed(initial=sets.recordings.cut(LENGTHS.first)[1])
     assert short.problem.chi2(
@@ -237,9 +236,9 @@ def test_far_from_the_noise_a_candidate_that_decides_nothing_is_not_fitted(
     sets: FittedSets, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Hypothesis, "far_from_noise", True)
-    few = run((forward_selection(2),), SearchState.bare(sets, 2))
+    few = apply_moves((forward_selection(2),), SearchState.initial(sets, 2))
     monkeypatch.setattr("dpr_lab.gap.which.forward.BEAM", Beam(exceeded=1e9))
-    every = run((forward_selection(2),), SearchState.bare(sets, 2))
+    every = apply_moves((forward_selection(2),), SearchState.initial(sets, 2))
     assert few.sets.fits.keys() < every.sets.fits.keys()
     assert few.current.effects == every.current.effects
     assert few.current.cost == every.current.cost
@@ -249,9 +248,9 @@ def test_far_from_the_noise_a_candidate_that_decides_nothing_is_not_fitted(
 def test_torque_noise_is_refuted_after_one_fitted_effect(sets: FittedSets, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Hypothesis, "far_from_noise", True)
     monkeypatch.setattr("dpr_lab.gap.which.forward.accepted", lambda *models: False)
-    monkeypatch.setattr("dpr_lab.gap.which.forward.refutes_process_noise", lambda sets, model: True)
+    monkeypatch.setattr("dpr_lab.gap.which.forward.no_effects_reach_noise", lambda sets, model: True)
     fresh = replace(sets, _fits={}, _tests=dict(sets._tests))  # without the fits of other tests
-    grown = run((forward_selection(3, to_floor=True),), SearchState.bare(fresh, 3))
+    grown = apply_moves((forward_selection(3, to_floor=True),), SearchState.initial(fresh, 3))
     assert {len(key) for key in grown.sets.fits} == {0, 1}
 
 
@@ -290,7 +289,7 @@ def test_an_indistinguishable_effect_fits_as_well_although_its_own_fit_was_stuck
 
 @pytest.mark.slow
 def test_no_move_exceeds_the_maximum_number_of_effects(sets: FittedSets) -> None:
-    state = run((forward_selection(2),), SearchState.bare(sets, max_effects=1))
+    state = apply_moves((forward_selection(2),), SearchState.initial(sets, max_effects=1))
     assert len(state.current.effects) == 1
     assert "more effects than the maximum number of 1" in {trial.reason for trial in state.trace}
 
@@ -310,7 +309,7 @@ def test_the_trace_leads_from_the_bare_model_to_the_chosen_set(paper: Rig, recor
 
 
 def test_a_set_whose_fit_ended_without_descent_is_reported(sets: FittedSets) -> None:
-    state = SearchState.bare(sets, 1)
+    state = SearchState.initial(sets, 1)
     stuck = replace(sets.bare, fit=replace(sets.bare.fit, stop=StopReason.NO_DESCENT))
     reasons = [
         state.after(START, Proposal(model), Decision(False, "no")).trace[-1].reason for model in (sets.bare, stuck)

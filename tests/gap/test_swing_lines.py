@@ -56,7 +56,7 @@ def test_pieces_of_one_release_and_equal_releases_are_one_decay(tmp_path: Path, 
 
     def drifts(runs: list[Run]) -> frozenset[str]:
         problem, base = bare(runs, rig)
-        return hypothesis(problem, ("friction_drift_joint1",), base.fit).of_decay
+        return hypothesis(problem, ("friction_drift_joint1",), base.fit).decay_drifts
 
     assert drifts(pieces)
     assert not drifts([run, other])

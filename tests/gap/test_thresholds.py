@@ -25,7 +25,7 @@ from dpr_lab.gap.hypothesis.significance import (
     most_excess,
     need,
     promising_gain,
-    scatter,
+    segment_scatter,
     significance,
 )
 
@@ -93,15 +93,15 @@ def test_a_reduction_in_every_segment_is_significant_however_small_it_is() -> No
     reductions = np.tile([9.0, 11.0], 5)
     before = fitted(20_100.0, segments=3000.0 + reductions)
     after = fitted(20_000.0, segments=np.full(10, 3000.0))
-    assert scatter(before, after) == pytest.approx(4 * 10 / 3)
-    assert scatter(before, after, 1.0) == pytest.approx(10 / 3)
+    assert segment_scatter(before, after) == pytest.approx(4 * 10 / 3)
+    assert segment_scatter(before, after, 1.0) == pytest.approx(10 / 3)
     assert significance(BARE, before, after) == pytest.approx(40 / 3)
     noise = fitted(0.0, segments=np.full(10, 3000.0))
     assert significance(BARE, before, noise) == 30.0  # noise of every reading is independent
     few = fitted(0.0, segments=np.ones(9))
-    assert scatter(few, few) == np.inf
+    assert segment_scatter(few, few) == np.inf
     failed = fitted(0.0, segments=[np.inf, *np.ones(9)])
-    assert scatter(failed, after) == np.inf
+    assert segment_scatter(failed, after) == np.inf
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ VIBRATION, DRIFT, CURVE = "base_vibration", "friction_drift_joint1", "friction_c
 @pytest.mark.parametrize(("excess", "follows"), [(45_199.0, True), (45_200.0, False), (45_201.0, False)])
 def test_a_vibration_on_a_swing_line_follows_a_residual_that_another_set_halves(excess: float, follows: bool) -> None:
     """The vibration explains 89 600, up to the floor of 400; half of it leaves 45 200."""
-    vibrating = replace(fitted(0.0, (VIBRATION,)), on_line=frozenset({VIBRATION}))
+    vibrating = replace(fitted(0.0, (VIBRATION,)), harmonic_vibrations=frozenset({VIBRATION}))
     assert follows_swing(BARE, vibrating, fitted(excess)) is follows
     assert not follows_swing(BARE, vibrating, fitted(excess, ()))
     assert not follows_swing(BARE, vibrating, fitted(0.0, (VIBRATION,)))
@@ -140,7 +140,7 @@ def test_a_vibration_on_a_swing_line_follows_a_residual_that_another_set_halves(
 
 @pytest.mark.parametrize(("excess", "follows"), [(9_359.0, True), (9_360.0, False)])
 def test_a_drift_follows_a_decay_that_a_set_of_its_size_nearly_explains(excess: float, follows: bool) -> None:
-    drifting = replace(fitted(0.0, (DRIFT,), parameters=3), of_decay=frozenset({DRIFT}))
+    drifting = replace(fitted(0.0, (DRIFT,), parameters=3), decay_drifts=frozenset({DRIFT}))
     assert follows_decay(BARE, drifting, fitted(excess, parameters=3)) is follows
     assert not follows_decay(BARE, drifting, fitted(excess, parameters=4))
     assert not follows_decay(BARE, drifting, fitted(excess, ()))

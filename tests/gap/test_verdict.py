@@ -8,7 +8,7 @@ import pytest
 
 from dpr_lab.gap.classes.posterior import Alternative, EffectPosterior
 from dpr_lab.gap.conclusion.sentence import sentence
-from dpr_lab.gap.conclusion.verdict import undecided, verdict
+from dpr_lab.gap.conclusion.verdict import held_out_gap_invisible, verdict
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.transfer.outcome import Transfer, WorseFreeRun
 
@@ -115,7 +115,7 @@ def test_quarters_of_one_release_and_untested_data_do_not_refute_a_probable_set(
 def test_a_release_that_is_too_short_for_a_test_does_not_decide_between_improbable_causes() -> None:
     short = transfer(0.0, 1.0, basis="one release", too_short=True)
     improbable = ((0.49, 0.0), (0.3, 0.0))
-    assert kind(short, causes=improbable) == "undecided"
+    assert kind(short, causes=improbable) == "too_short"
     assert kind(transfer(0.0, 1.0, basis="one release"), causes=improbable) == "partly_explained"
     assert kind(short, causes=((0.5, 0.0), (0.3, 0.0))) == "partly_explained"
     assert kind(short, causes=improbable, expected=("a", "b")) == "partly_explained"
@@ -137,7 +137,7 @@ def test_the_sentence_of_an_inconclusive_release_lists_the_leading_candidates_an
         posteriors=causes,
         transfer=transfer(basis="one release", too_short=True),
     )
-    words = sentence("undecided", state, (10, 10))
+    words = sentence("too_short", state, (10, 10))
     assert words.startswith("Inconclusive: this release of 1.6 s is too short to decide the cause of the gap.")
     candidates = "base_tilt or encoder_offset_joint1 (49 %), encoder_drift_joint1 (30 %) and coulomb_joint1 (12 %)"
     assert f"The leading candidates are {candidates}. Record three releases" in words
@@ -183,4 +183,4 @@ def test_a_small_remainder_with_only_expected_effects_is_no_gap() -> None:
     ("closed", "upper", "open_"), [(0.0, 0.5, True), (0.0, 0.49, False), (0.01, 0.9, False), (-0.3, 1.0, True)]
 )
 def test_held_out_data_decide_nothing_if_their_gap_is_too_small_to_close(closed, upper, open_) -> None:
-    assert undecided(transfer(closed, upper)) is open_
+    assert held_out_gap_invisible(transfer(closed, upper)) is open_

@@ -1,6 +1,6 @@
 """Checks by a bench measurement: proposal, evaluation, and refusal of impossible values."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -29,7 +29,8 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
         decisive = [check for check in checks if check.expected_bits > 0] or checks
         texts = _alternatives(check.text for check in decisive[:2])
         start = f"{'A' if proposed else 'Only a'} bench measurement distinguishes"
-        return [NextStep(f"{start} {_listed(question.causes)}: {texts}", tuple(checks))]
+        causes = " from ".join(question.causes) if len(question.causes) == 2 else listed([*question.causes])
+        return [NextStep(f"{start} {causes}: {texts}", tuple(checks))]
     if proposed:
         return []
     check = _check(question, question.about)
@@ -45,11 +46,6 @@ def _alternatives(texts: Iterable[str]) -> str:
         written.update(sentences)
         parts.append(" ".join(sentences))
     return " Or: ".join(part for part in parts if part)
-
-
-def _listed(causes: Collection[str]) -> str:
-    """Join causes as `a from b`, or as `a, b and c`."""
-    return " from ".join(causes) if len(causes) == 2 else listed([*causes])
 
 
 def _check(question: OpenQuestion, measured: str) -> AdvisedCheck:
@@ -168,7 +164,7 @@ def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained
 
 
 def _same_unit(diagnosis: Diagnosis, check: AdvisedCheck) -> list[tuple[str, float]]:
-    """List other fitted amplitudes of named effects in the unit of a check."""
+    """List the other fitted amplitudes of named effects that have the unit of a check."""
     return [
         (f"the {EFFECTS[effect.name].bench_quantity(p.name).words} of {EFFECTS[effect.name].words}", fitted.value)
         for effect in diagnosis.effects

@@ -59,7 +59,7 @@ class CheckAnswer:
 
     @property
     def given(self) -> set[str]:
-        """Names of the fields of this answer that contain a result."""
+        """Names of the fields that contain the result of the check."""
         names = {field.name for field in fields(self)} - {"rig", "confirmed"}
         return {name for name in names if getattr(self, name) not in ((), None)}
 

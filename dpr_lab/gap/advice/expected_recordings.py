@@ -1,4 +1,4 @@
-"""Simulated recordings of possible releases, and the difference between two effects in each of them."""
+"""Simulated recordings of possible releases, and the difference between two effects in each recording."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -75,7 +75,7 @@ class ExpectedRecording:
     """Estimate with which the release is simulated."""
 
     def apart(self, name: str, other: str) -> float:
-        """Return the distance of the change by effect `name` from its best fit by effect `other`.
+        """Return the distance between the change by effect `name` and its best fit by effect `other`.
 
         The distance is in standard deviations of the noise.
         """

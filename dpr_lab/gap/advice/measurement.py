@@ -1,4 +1,4 @@
-"""Predictive density of a measured amplitude under each candidate cause, and under any other cause.
+"""Predictive density of a measured amplitude under each candidate cause and under a cause outside the candidates.
 
 A measurement gives a value y with the standard uncertainty u for an amplitude of one effect. The recordings predict
 that amplitude. If the effect is the cause, its fitted size is s with the standard deviation w. If another effect is the

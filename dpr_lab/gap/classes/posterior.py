@@ -137,11 +137,11 @@ class _Replacements:
         return self.selection.tests_without[self.name]
 
     def key(self, other: str) -> frozenset[str]:
-        """Return the names of the effects if another effect replaces this effect."""
+        """Return the key of the set in which another effect replaces the named effect."""
         return self.without.key | {other}
 
     def with_other(self, other: str) -> Hypothesis | None:
-        """Return the set in which another effect replaces this effect, if it was fitted."""
+        """Return the set in which another effect replaces the named effect, or None if it was not fitted."""
         return self.selection.fitted.get(self.key(other))
 
 
@@ -168,7 +168,7 @@ def _class_members(
 
 
 def _in_one_class(replacements: _Replacements, score: Score, other: Score) -> bool:
-    """Return whether two effects with the same signature fit equally well.
+    """Return whether an effect and the named effect have the same signature and fit equally well.
 
     In the fit without the named effect, the remaining effects may imitate it. This hides that the two signatures are
     equal. The signatures therefore also count as equal if the named effect absorbs the other effect in the selected
@@ -193,7 +193,7 @@ def _in_one_class(replacements: _Replacements, score: Score, other: Score) -> bo
 
 
 def _undetectably_richer(selection: Selection, effect: Effect) -> tuple[str, ...]:
-    """Return those richer forms of an effect whose additional parameters are undetectable in the recordings."""
+    """Return the richer forms of an effect whose additional parameters are undetectable in the recordings."""
     params = selection.chosen.estimate.params
     return tuple(
         form.name
@@ -238,8 +238,8 @@ def _plausibility(replacements: _Replacements, score: Score) -> float:
 def _alternatives(replacements: _Replacements, named: Score, others: Mapping[str, Score]) -> list[Alternative]:
     """Return the best alternatives to the named effect, sorted by cost and name.
 
-    An alternative is an effect that replaces the named one in a fitted set of possible sizes. For every set, the
-    residual of the selected set counts as noise.
+    An alternative is an effect that replaces the named effect in a fitted set whose sizes are possible. For every set,
+    the residual of the selected set counts as noise.
     """
     selection = replacements.selection
     alternatives = (

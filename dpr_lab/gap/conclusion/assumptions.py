@@ -162,7 +162,7 @@ def _misleading(state: Transferred) -> Iterator[str]:
 def _unseen(
     least: Mapping[str, Mapping[str, float | None]], absorbed: Mapping[str, Mapping[str, str]]
 ) -> Iterator[str]:
-    """State which effects are undetectable, and which ones the base parameters absorb."""
+    """State which effects are undetectable, and which of them the base parameters absorb."""
     blind = {name: absorbed.get(name, {}) for name, sizes in least.items() if sizes and not any(sizes.values())}
     twins = {
         name: listed(sorted(set(ratios_by_name.values()) & {*RATIOS, "p/b", "b"}))

@@ -48,7 +48,7 @@ def components(state: Transferred) -> list[PosteriorComponent]:
 
 
 def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
-    """Yield the selected set and other possible sets with their weights, by decreasing weight."""
+    """Yield the selected set and the other possible sets with their weights, largest weight first."""
     chosen = selection.chosen
     others = {
         model.key: model

@@ -25,7 +25,7 @@ from dpr_lab.gap.state import Transferred
 from dpr_lab.gap.where.locate import where_sentence
 from dpr_lab.identification.scaling.scale import Scale
 
-PLACES_SHOWN = 6
+MAPS_SHOWN = 6
 """Maximum number of residual maps in a diagnosis; they are sorted by share, largest first."""
 
 
@@ -43,22 +43,22 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
     visible_counts = visible(minimum_sizes, state.fitted.recordings.prior.limits)
     kind = verdict(state, visible_counts)
     shown = state.posteriors if kind == "named" else listed_causes(state.posteriors)
-    names_causes, assumed = kind in ("named", "partly_explained", "undecided"), scale(state)
+    names_causes, assumed = kind in ("named", "partly_explained", "too_short"), scale(state)
     probable = () if withheld or kind == "inconclusive" else state.posteriors
     named = [named_effect(state, posterior, assumed) for posterior in shown] if names_causes else []
     named_families = families(state, named)
     sizes, residuals = named_params(chosen.estimate.params), chosen.residuals
     return Diagnosis(
-        verdict="inconclusive" if kind == "undecided" else kind,
+        verdict="inconclusive" if kind == "too_short" else kind,
         sentence=sentence(kind, state, visible_counts),
-        notes=notes(state, "partly_explained" if kind == "undecided" else kind, named_families),
+        notes=notes(state, "partly_explained" if kind == "too_short" else kind, named_families),
         hints=[state.description.hint] if state.description.hint else [],
         basis=transfer.basis,
         transfer={effect: dict(shares) for effect, shares in transfer.effects.items()},
         withdrawn=list(transfer.withdrawn),
         gap=state.gap,
-        where=list(state.fitted.places[:PLACES_SHOWN]),
-        where_sentence=where_sentence(state.fitted.places),
+        where=list(state.fitted.residual_maps[:MAPS_SHOWN]),
+        where_sentence=where_sentence(state.fitted.residual_maps),
         effects=named,
         families=named_families,
         rivals=[] if withheld else rivals(state.posteriors, closest=kind == "unexplained"),
@@ -102,7 +102,7 @@ def _checks(state: Transferred, advice: Sequence[NextStep], named: Sequence[str]
 
 
 def merged(checks: Iterable[AdvisedCheck]) -> list[AdvisedCheck]:
-    """Merge checks that are the same action for the same effect.
+    """Merge checks that require the same action for the same effect.
 
     The order is that of their first occurrence. A merged check distinguishes all causes that the single checks
     distinguish. Its expected information is the largest of theirs, which is a lower bound.
@@ -118,7 +118,7 @@ def merged(checks: Iterable[AdvisedCheck]) -> list[AdvisedCheck]:
 
 
 def _sensor_findings(state: Transferred) -> list[SensorFinding]:
-    """Return the sensor faults of all recordings, including held-out ones.
+    """Return the sensor faults of all recordings, including the held-out recordings.
 
     Steps that a fitted effect explains are left out.
     """

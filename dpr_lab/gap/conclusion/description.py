@@ -54,7 +54,7 @@ DESCRIPTION = DescriptionRules()
 def description(
     records: Sequence[Record], rig: Rig, problem: Problem, selection: Selection, transferred: Transfer
 ) -> Description:
-    """Test other descriptions of the recordings if the effects do not explain the gap plausibly.
+    """Test other descriptions of the recordings, unless the effects plausibly explain the gap.
 
     The test is made if a gap above the noise remains, or if only effects of an impossible size close it.
 
@@ -167,7 +167,7 @@ def _delay_within_row(problem: Problem, selection: Selection) -> str:
 
 
 def _as_good(look: SecondLook, selection: Selection) -> bool:
-    """Return whether another description explains as much of the gap as the effects."""
+    """Return whether a different description explains as much of the gap as the selected effects."""
     if not look.tried:
         return True
     of_arm = any(EFFECTS[name].stage == "arm" for name in selection.chosen.effects)

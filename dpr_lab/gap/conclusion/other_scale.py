@@ -1,4 +1,4 @@
-"""Test whether readings need fewer effects if they are multiplied by a factor.
+"""Test whether fewer effects suffice if the readings are multiplied by a factor.
 
 The test applies to the readings of a single rod, or of rods with a clamped elbow. If a rod turns by theta = f phi for
 readings phi, gravity acts on phi like e1 sin(f phi) / f. This equals e1 sin(phi) plus a torque that depends on the
@@ -24,7 +24,7 @@ SCALES = (2.0, 0.5)
 
 
 def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
-    """Describe another scale of the readings at which fewer effects are needed.
+    """Describe a scale of the readings at which fewer effects suffice.
 
     Only readings of one degree of freedom are considered. The text is empty if there is no such scale.
 
@@ -57,7 +57,7 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
 
 
 def _closes(scaled: Hypothesis, selection: Selection) -> bool:
-    """Return whether the model at another scale explains the gap.
+    """Return whether the model of the scaled readings explains the gap.
 
     If both models leave the gap open, the result is no evidence for either scale.
     """

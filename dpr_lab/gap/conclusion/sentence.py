@@ -7,12 +7,12 @@ import numpy as np
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.conclusion.verdict import (
     VERDICT,
-    Conclusion,
+    DetailedVerdict,
     causes_named,
     fitted_only,
+    gap_is_small,
+    held_out_gap_invisible,
     listed_causes,
-    small,
-    undecided,
 )
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.causes import PROBABLE
@@ -23,7 +23,7 @@ from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.shown import listed, percent
 
 
-def sentence(kind: Conclusion, state: Transferred, visible_counts: tuple[int, int]) -> str:
+def sentence(kind: DetailedVerdict, state: Transferred, visible_counts: tuple[int, int]) -> str:
     """Return the verdict in sentences; see `verdict` for the arguments."""
     hint = state.description.hint
     if kind == "inconclusive":
@@ -43,7 +43,7 @@ def _inconclusive(visible_counts: tuple[int, int]) -> str:
 
 
 def _too_short(state: Transferred) -> str:
-    """List the most probable causes, and recordings that can decide between them."""
+    """List the most probable causes, and the recordings that can distinguish them."""
     t, causes = state.fitted.problem.t, listed_causes(state.posteriors)
     probable = {_class(cause): cause.probability for cause in causes}
     listed_names = {name for cause in causes for name in (cause.name, *cause.members)}
@@ -60,8 +60,8 @@ def _too_short(state: Transferred) -> str:
     )
 
 
-def _sentence(kind: Conclusion, state: Transferred) -> str:
-    if kind == "undecided":
+def _sentence(kind: DetailedVerdict, state: Transferred) -> str:
+    if kind == "too_short":
         return _too_short(state)
     if kind == "no_gap":
         return _no_gap(state.selection.bare)
@@ -86,7 +86,7 @@ def _unexplained(state: Transferred) -> str:
     """
     selection, posteriors, transferred = state.selection, state.posteriors, state.transfer
     share, remainder = selection.share_explained, _in_noise(selection.chosen.residuals.noise_ratio)
-    if not posteriors and small(selection.chosen):
+    if not posteriors and gap_is_small(selection.chosen):
         return (
             "Unexplained: the fitted recordings show no gap, but the held-out recordings show a gap of"
             f" {_in_noise(transferred.gap_ratio)}. Fit these recordings too, or check that nothing on the rig"
@@ -156,7 +156,7 @@ def how_far(transferred: Transfer) -> str:
     if not transferred.tested:
         return "The recordings are too short to predict one part from another, so no data validate this result."
     estimate, (low, high) = transferred.closed.value, transferred.closed.interval90
-    if undecided(transferred):
+    if held_out_gap_invisible(transferred):
         return f"{_tested_on(transferred)} the gap is too small to show a reduction."
     interval = f"90 % interval {percent(low)} to {percent(high)}"
     if estimate > 0 and low < VERDICT.closes and transferred.basis == "one release":
@@ -190,7 +190,9 @@ def _classes(causes: Sequence[EffectPosterior], *, doubts: bool = False) -> str:
     words = [_class(cause) for cause in causes]
     if len(words) > 1:
         words = [f"({text})" if " or " in text else text for text in words]
-    return listed([text + _doubt(cause) * doubts for text, cause in zip(words, causes, strict=True)])
+    if doubts:
+        words = [text + _doubt(cause) for text, cause in zip(words, causes, strict=True)]
+    return listed(words)
 
 
 def _class(posterior: EffectPosterior) -> str:

@@ -89,7 +89,7 @@ def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator
 
 
 def _otherwise(problem: Problem, rig: Rig) -> Iterator[Problem]:
-    """Yield problems with half the integrator step, and with each weighed mass increased."""
+    """Yield a problem with half the integrator step, and one problem for each increased weighed mass."""
     segments, model = problem.segments, problem.model
     yield replace(problem, segments=replace(segments, step=segments.step / 2))
     for name in MASSES:

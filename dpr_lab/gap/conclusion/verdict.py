@@ -59,11 +59,11 @@ class VerdictRules:
 VERDICT = VerdictRules()
 
 
-Conclusion = Verdict | Literal["undecided"]
-"""A verdict; `undecided` is an inconclusive verdict with candidates, because the only release is too short."""
+DetailedVerdict = Verdict | Literal["too_short"]
+"""A verdict, or `too_short`: an inconclusive verdict with candidates, because the only release is too short."""
 
 
-def verdict(state: Transferred, visible_counts: tuple[int, int]) -> Conclusion:
+def verdict(state: Transferred, visible_counts: tuple[int, int]) -> DetailedVerdict:
     """Choose the verdict of a diagnosis.
 
     If there are several releases, the verdict depends on the reduction of the gap in held-out recordings.
@@ -77,7 +77,7 @@ def verdict(state: Transferred, visible_counts: tuple[int, int]) -> Conclusion:
         return "unexplained"
     kind, (detectable, effects) = _verdict(state), visible_counts
     if kind == "partly_explained" and _too_short_to_decide(state):
-        return "undecided"
+        return "too_short"
     return "inconclusive" if kind == "no_gap" and detectable < VERDICT.visible * effects else kind
 
 
@@ -97,7 +97,8 @@ def _verdict(state: Transferred) -> Verdict:
     selection, posteriors, transferred = state.selection, state.posteriors, state.transfer
     chosen, share = selection.chosen, selection.share_explained
     if not chosen.effects:
-        return "no_gap" if small(chosen) and not _only_held_out(transferred) else "unexplained"
+        only_held_out = transferred.basis == "held-out runs" and transferred.gap_ratio > VERDICT.held_out_gap
+        return "no_gap" if gap_is_small(chosen) and not only_held_out else "unexplained"
     complete = share >= THRESHOLDS.explained or chosen.at_noise_floor
     sure = max(posterior.probability for posterior in posteriors) >= VERDICT.sure
     if chosen.residuals.z < VERDICT.noise and complete and sure and _passes_all_tests(transferred):
@@ -106,11 +107,11 @@ def _verdict(state: Transferred) -> Verdict:
     if (complete or share >= VERDICT.partly_share) and likely and not fitted_only(posteriors, transferred):
         return "partly_explained"
     only_expected = set(chosen.effects) <= selection.expected
-    return "no_gap" if small(selection.bare) and only_expected else "unexplained"
+    return "no_gap" if gap_is_small(selection.bare) and only_expected else "unexplained"
 
 
 def _passes_all_tests(transferred: Transfer) -> bool:
-    """Return whether neither sizes nor free runs nor other recordings contradict the effects.
+    """Return whether sizes, free runs and other recordings are all consistent with the effects.
 
     Other recordings without a gap do not contradict them.
     """
@@ -120,14 +121,9 @@ def _passes_all_tests(transferred: Transfer) -> bool:
     return not tested or (not transferred.withdrawn and shows_reduction(transferred))
 
 
-def small(model: Hypothesis) -> bool:
+def gap_is_small(model: Hypothesis) -> bool:
     """Return whether the remainder is noise, or too small to count as a gap."""
     return model.at_noise_floor or model.residuals.noise_ratio < VERDICT.gap_from
-
-
-def _only_held_out(transferred: Transfer) -> bool:
-    """Return whether a gap appears only in the held-out recordings."""
-    return transferred.basis == "held-out runs" and transferred.gap_ratio > VERDICT.held_out_gap
 
 
 def shows_reduction(transferred: Transfer) -> bool:
@@ -150,12 +146,12 @@ def fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) ->
         return False
     tested = transferred.basis != "one release"
     improbable = max(posterior.probability for posterior in posteriors) < VERDICT.rather
-    no_reduction = transferred.closed.value <= 0 and not undecided(transferred) and (tested or improbable)
+    no_reduction = transferred.closed.value <= 0 and not held_out_gap_invisible(transferred) and (tested or improbable)
     return no_reduction or (tested and len(transferred.withdrawn) == len(posteriors))
 
 
-def undecided(transferred: Transfer) -> bool:
-    """Return whether held-out data show no gap and therefore neither confirm nor refute the effects."""
+def held_out_gap_invisible(transferred: Transfer) -> bool:
+    """Return whether held-out data show no gap, so that they neither confirm nor refute the effects."""
     return transferred.closed.value <= 0 and transferred.closed.interval90[1] >= VERDICT.closes
 
 

@@ -37,7 +37,7 @@ class DisturbanceRules:
     joins_s: float = 0.15
     """Maximum distance, s, at which a step of a reading and a neighbouring interval count as one disturbance."""
     push_s: float = 2.5
-    """Maximum length, s, of the excluded interval of two kicks that count as the ends of a push."""
+    """Maximum time between two kicks that count as beginning and end of one push, s. This interval is excluded."""
     release_s: float = 0.5
     """Time after the first reading within which a kick counts as the hand that releases the rods, s.
 
@@ -212,7 +212,7 @@ def _merged(parts: Iterable[LeftOut]) -> list[LeftOut]:
 
 
 def _one_disturbance(first: LeftOut, later: LeftOut) -> bool:
-    """Return whether two intervals, the first of which begins earlier, belong to one disturbance.
+    """Return whether two intervals, in order of time, belong to one disturbance.
 
     Two single kicks after the release may be the ends of a push.
     """

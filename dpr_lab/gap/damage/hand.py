@@ -2,7 +2,7 @@
 
 push    The energy of the rods is computed with the fitted ratios. It rises at the beginning, or before the model of
         undriven rods fits the readings. Without a drive the energy only decreases.
-hold    The first segment fits worse than all others, but without its first readings it fits as well as the others.
+hold    The first segment fits worse than all other segments. Without its first readings it fits as well as they do.
 """
 
 from dataclasses import dataclass, replace
@@ -169,7 +169,7 @@ def _held_until(recordings: Recordings, problem: Problem, fitted: Fit) -> float 
 
 
 def _only_rose_before(energy: Array, smooth: Array, top: int, begins: Array, scatter: float) -> bool:
-    """Return whether the energy rises early, until the segment `top`, and then only decreases."""
+    """Return whether the energy increases only before the segment `top`, and then decreases."""
     most = float(smooth[top:].max())
     rise = (most - float(energy[: top + 1].min())) / most
     if top == 0 or rise < max(HAND.rises, HAND.scatters * scatter / most):

@@ -88,7 +88,7 @@ class _Refit:
 
     @classmethod
     def of(cls, problem: Problem, model: Hypothesis, other: Problem) -> Self:
-        """Refit the model to the same readings after `other` replaces the problem."""
+        """Refit the model to unchanged readings after `other` replaces the problem."""
         fit = model.fit
         change = problem.whitened(np.nan_to_num(other.predict(fit.estimate) - problem.predict(fit.estimate)))
         step = shifted(fit, change)

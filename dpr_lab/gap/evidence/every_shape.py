@@ -162,7 +162,7 @@ class _Swings:
         return cls(problem, trajectory(problem, estimate, spacing=TRAJECTORY.coarse_s), fitted)
 
     def sets(self, effect: Effect, values: Array) -> Iterator[UnitSets]:
-        """Yield the columns of the amplitudes in each shape, in blocks of several shapes.
+        """Yield the columns of the amplitudes for blocks of several shapes.
 
         The model is projected out of the columns.
         """

@@ -28,7 +28,9 @@ def evidence(state: Transferred) -> Evidence:
         closing=list(state.transfer.closing),
         residuals=residual_look(problem, selection.models),
         exclusions=exclusions(problem, selection.chosen, selection.final_test, selection.detectable),
-        friction=joint_friction(problem, selection.chosen, rig.motor is not None and rig.motor.input == "voltage"),
+        friction=joint_friction(
+            problem, selection.chosen, back_emf=rig.motor is not None and rig.motor.input == "voltage"
+        ),
         budget=budget,
         curves=curves,
     )

@@ -72,7 +72,7 @@ def laws_of(joint: int) -> tuple[str, ...]:
     return tuple(law[joint].name for law in LAWS)
 
 
-def joint_friction(problem: Problem, model: Hypothesis, back_emf: bool = False) -> dict[str, JointFriction]:
+def joint_friction(problem: Problem, model: Hypothesis, *, back_emf: bool) -> dict[str, JointFriction]:
     """Return the friction torque of `joint1`, `joint2` and, for a moving arm, `joint0`.
 
     The curve of a joint ends at the largest speed that the joint reaches in both directions.
@@ -100,7 +100,7 @@ def joint_friction(problem: Problem, model: Hypothesis, back_emf: bool = False) 
 
 
 def _reached(swings: Trajectory) -> dict[int, float]:
-    """Return, for each joint, the largest speed that it reaches in both directions, rad/s.
+    """Return the largest speed that each joint reaches in both directions, rad/s.
 
     Joint 0 is included only if the arm moves.
     """

@@ -118,7 +118,7 @@ def _mean_errors(swings: FreeSwings, samples: Sequence[Flags]) -> Array:
 
 
 def _rms(**squares: Mapping[str, float]) -> dict[str, float]:
-    """Return root mean squares by the names of `RunBudget`, from mean squares by quantity and model."""
+    """Return root mean squares, named as in `RunBudget`, of mean squares by quantity and model."""
     return {
         f"{quantity}_{name}_rad": float(np.sqrt(square))
         for quantity, by_model in squares.items()

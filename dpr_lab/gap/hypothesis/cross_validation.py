@@ -117,7 +117,7 @@ class _Folds:
         self.H, self.gradient = self._total(self.folds)
 
     def without(self, left_out: Fold) -> tuple[Array, Array]:
-        """Sum the normal equations of all other folds.
+        """Sum the normal equations of all folds except one.
 
         A difference of sums could lose the prior by rounding.
         """

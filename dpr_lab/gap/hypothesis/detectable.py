@@ -74,7 +74,7 @@ def _size(spread: float, scale: float, remaining: float) -> float | None:
 
 
 def comparable_size(params: Array, effect: Effect, amplitude: EffectParameter) -> float:
-    """Convert the size of a fitted effect to the unit of another amplitude.
+    """Convert the size of a fitted effect to the unit of a different amplitude.
 
     If the units differ, the size is converted by the typical sizes: half the typical offset corresponds to half the
     typical drift.
@@ -115,7 +115,7 @@ def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float |
     return excluded
 
 
-def visible(least: Mapping[str, Mapping[str, float | None]], limits: Array | None = None) -> tuple[int, int]:
+def visible(least: Mapping[str, Mapping[str, float | None]], limits: Array | None) -> tuple[int, int]:
     """Count the effects that are detectable at their typical size, and at any size.
 
     If an effect is undetectable at any size, it does not act in these recordings or is absorbed by the ratios.

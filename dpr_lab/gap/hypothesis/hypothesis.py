@@ -48,9 +48,9 @@ class Hypothesis:
     its quarters are predicted."""
     curves: Mapping[str, float]
     """Size s of each curve in the set, by effect: the rms of its amplitudes relative to their limits."""
-    on_line: frozenset[str] = frozenset()
+    harmonic_vibrations: frozenset[str] = frozenset()
     """Vibrations in the set whose frequency is a multiple of the frequency of the swing."""
-    of_decay: frozenset[str] = frozenset()
+    decay_drifts: frozenset[str] = frozenset()
     """Friction drifts in the set, if the recordings are one decay, in which amplitude and time are inseparable."""
 
     @property
@@ -62,7 +62,7 @@ class Hypothesis:
         return self.cost_at(self.inflation)
 
     def cost_at(self, inflation: float) -> float:
-        """Return the cost of the set for the variance inflation of another set.
+        """Return the cost of the set at the variance inflation of a different set.
 
         The residual of this other set then counts as noise.
         """
@@ -129,9 +129,9 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
     curves = [name for name in names if len(EFFECTS[name].amplitudes) >= PENALTY.curve]
     params, limits = fitted.estimate.params, problem.limits
     sizes = {} if limits is None else {name: relative_size(params, limits, name) for name in curves}
-    on_line = frozenset(name for name in names if on_swing_line(problem, name, fitted.estimate))
+    harmonic_vibrations = frozenset(name for name in names if on_swing_line(problem, name, fitted.estimate))
     drifts = frozenset(names) & {effect.name for effect in FRICTION_DRIFT} if one_decay(problem) else frozenset[str]()
-    return Hypothesis(names, fitted, residuals, loss, sizes, on_line, drifts)
+    return Hypothesis(names, fitted, residuals, loss, sizes, harmonic_vibrations, drifts)
 
 
 def refutes_torque_noise(problem: Problem, model: Hypothesis) -> bool:

@@ -34,7 +34,7 @@ def follows_swing(bare: Hypothesis, vibrating: Hypothesis, other: Hypothesis) ->
     The frequency of such a vibration is a multiple of the frequency of the swing, and another set explains most of this
     residual. Any missing law of angle or speed leaves a residual at these frequencies.
     """
-    if not vibrating.on_line - other.key or not other.effects:
+    if not vibrating.harmonic_vibrations - other.key or not other.effects:
         return False
     explained = bare.bounded_excess - vibrating.bounded_excess
     return bare.bounded_excess - other.bounded_excess > THRESHOLDS.most_of_it * explained
@@ -47,7 +47,7 @@ def follows_decay(bare: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> 
     decay the amplitude decreases with time. A loss that depends on speed, which every rod has, therefore looks like a
     drift.
     """
-    if not drifting.of_decay - other.key or not other.effects or len(other.fit.free) > len(drifting.fit.free):
+    if not drifting.decay_drifts - other.key or not other.effects or len(other.fit.free) > len(drifting.fit.free):
         return False
     explained = bare.bounded_excess - drifting.bounded_excess
     return bare.bounded_excess - other.bounded_excess > THRESHOLDS.nearly_all * explained
@@ -67,4 +67,4 @@ def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:
         if name in smaller.curves
     }
     largest = max(grown, key=lambda name: grown[name], default=None)
-    return largest if largest is not None and grown[largest] > THRESHOLDS.takes_over else None
+    return largest if largest is not None and grown[largest] > THRESHOLDS.curve_growth else None

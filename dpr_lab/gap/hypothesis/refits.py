@@ -11,7 +11,6 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.effects import without_effect
-from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.estimate import SCALE, Estimate, moved, with_scale
 from dpr_lab.fitting.gauss_newton import GaussNewton, Iteration, descend, fit
 from dpr_lab.fitting.problem import Problem
@@ -102,36 +101,6 @@ def _started_with(problem: Problem, before: Hypothesis, test: ScoreTest, score: 
     """Add one effect at the linear solution of its score test."""
     linear = test.linear.chosen([*test.fitted_columns, *score.columns])
     return descend(problem, shaped(before, score), score.free, iterations=1, first=linear)
-
-
-def refit_with_from_short(
-    problem: Problem,
-    short: tuple[Problem, Array],
-    before: Hypothesis,
-    score: Score,
-    iterations: int,
-    settings: GaussNewton = PRELIMINARY,
-) -> Hypothesis:
-    """Fit a set with one additional effect, first to short segments.
-
-    This procedure is slower, but converges even if the effect is large.
-
-    Args:
-        problem: the segments
-        short: shorter segments of the same runs, with their initial states
-        before: fit without the effect
-        score: score of the effect in its initial shape
-        iterations: maximum number of iterations of each of the two fits
-        settings: settings of the second fit
-    """
-    short_problem, initial = short
-    short_start = replace(shaped(before, score), initial=initial)
-    short_fit = descend(short_problem, short_start, score.free, iterations=iterations, settings=PRELIMINARY)
-    initial_states = carried(
-        short_problem.segments, short_fit.estimate.initial, problem.segments, before.estimate.initial
-    )
-    start = short_fit.estimate.changed(initial=initial_states)
-    return refit(problem, start, (*before.effects, score.effect.name), iterations, settings=settings)
 
 
 def shaped(before: Hypothesis, score: Score) -> Estimate:

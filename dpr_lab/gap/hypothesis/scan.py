@@ -127,7 +127,7 @@ class FittedColumns:
 
 @dataclass(frozen=True)
 class ShapeScan:
-    """Scan of the shapes of effects, each added to the same linearised fit."""
+    """Scan of the shapes of effects; each shape is added to one linearised fit."""
 
     problem: Problem
     """Segments and noise."""
@@ -211,7 +211,7 @@ def arc(angle: Array) -> float:
 
 
 def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
-    """Return the best shapes, without neighbours of better ones."""
+    """Return the best shapes; a shape next to a better shape is left out."""
     separate: list[Shape] = []
     for i in np.argsort(-gains):
         first = candidates[i][0][1]

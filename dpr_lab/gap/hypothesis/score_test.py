@@ -98,7 +98,7 @@ class ScoreTest:
         return self.space.given(list(self.fitted_columns), list(columns))
 
     def cosine(self, target: Score, other: Score) -> float:
-        """Return the cosine of the signature of `target` and the nearest signature of `other`.
+        """Return the cosine between the signature of `target` and the nearest signature of `other`.
 
         The fitted parameters are projected out of both signatures.
         """
@@ -146,18 +146,17 @@ def score_test(problem: Problem, fitted: Fit, library: Iterable[Effect], recorde
 
 
 def _score(test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ...]) -> Score:
-    all_columns = [*test.fitted_columns, *columns]
-    prior, space = test.prior_of(all_columns), test.space.chosen(all_columns)
-    free = prior.free
-    hidden = prior.absorbed(space)[len(test.fitted_columns) :]
+    """Score one shape of an effect by its amplitudes that no other parameter absorbs."""
+    fitted = test.fitted_columns
+    prior = test.prior_of([*fitted, *columns])
+    hidden = prior.absorbed(test.space.chosen([*fitted, *columns]))[len(fitted) :]
     absorbed = {test.free[columns[i]].name: _absorbing(test, columns, i) for i in np.flatnonzero(hidden).tolist()}
     if hidden.all():
-        return Score(effect, shape, 0.0, columns, free, np.zeros(len(columns)), absorbed)
-    rows = [*test.fitted_columns, *(len(test.fitted_columns) + np.flatnonzero(~hidden)).tolist()]
-    new_columns, free = tuple(all_columns[i] for i in rows[len(test.fitted_columns) :]), tuple(free[i] for i in rows)
-    chosen = space.chosen(rows)
-    step = _bounded_step(test, free, chosen, prior.A[:, rows], prior.e)
-    return Score(effect, shape, chosen.reduction(step), new_columns, free, step[len(test.fitted_columns) :], absorbed)
+        return Score(effect, shape, 0.0, columns, prior.free, np.zeros(len(columns)), absorbed)
+    visible = tuple(columns[i] for i in np.flatnonzero(~hidden).tolist())
+    gain, step = _bounded_solution(test, visible)
+    free = (*test.fit.free, *(test.free[column] for column in visible))
+    return Score(effect, shape, gain, visible, free, step[len(fitted) :], absorbed)
 
 
 def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
@@ -168,16 +167,20 @@ def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
     return test.free[nearest].name if visible and nearest is not None else "initial states"
 
 
-def _bounded_step(
-    test: ScoreTest, free: Sequence[FreeParameter], chosen: ColumnSpace, prior: Array, mean: Array
-) -> Array:
-    """Solve for the (columns,) step within the bounds; the prior is included.
+def _bounded_solution(test: ScoreTest, columns: Sequence[int]) -> tuple[float, Array]:
+    """Solve for the fitted parameters and some amplitudes within their bounds; the prior is included.
 
-    Absorbed columns have the step zero.
+    Fitted parameters that earlier parameters absorb have the step zero.
+
+    Returns:
+        the reduction of chi2, and the (fitted + columns,) step
     """
-    room = bounds(test.fit.estimate, free)
+    rows = [*test.fitted_columns, *columns]
+    prior, space = test.prior_of(rows), test.space.chosen(rows)
+    room = bounds(test.fit.estimate, prior.free)
     room[:, list(test.fit.absorbed)] = 0.0
-    return chosen.with_prior(prior, mean).solution(room)
+    step = space.with_prior(prior.A, prior.e).solution(room)
+    return space.reduction(step), step
 
 
 def joint_gain(test: ScoreTest, scores: Iterable[Score]) -> float:
@@ -185,6 +188,4 @@ def joint_gain(test: ScoreTest, scores: Iterable[Score]) -> float:
 
     The shape parameters of each effect are those of its score.
     """
-    rows = [*test.fitted_columns, *(column for score in scores for column in score.columns)]
-    prior, chosen = test.prior_of(rows), test.space.chosen(rows)
-    return chosen.reduction(_bounded_step(test, prior.free, chosen, prior.A, prior.e))
+    return _bounded_solution(test, [column for score in scores for column in score.columns])[0]

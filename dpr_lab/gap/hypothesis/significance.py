@@ -45,7 +45,7 @@ def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> flo
         a residual remains with the effect     max(`chance` i, `integrator` r)
 
     While a residual remains with the effect, a reduction is also significant that is consistent among the segments
-    (`scatter`).
+    (`segment_scatter`).
 
     An effect that follows the noise of a tracker leaves residuals that are less correlated. The penalty of all
     parameters then decreases with the inflation of these residuals. If only noise remains without the effect, this
@@ -61,10 +61,10 @@ def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> flo
         limit = indifference(bare, after)
     if before.at_noise_floor:
         limit += max(before.inflation - after.inflation, 0.0) * before.penalty
-    return limit if after.at_noise_floor else min(limit, scatter(before, after))
+    return limit if after.at_noise_floor else min(limit, segment_scatter(before, after))
 
 
-def scatter(before: Hypothesis, after: Hypothesis, errors: float = THRESHOLDS.consistent) -> float:
+def segment_scatter(before: Hypothesis, after: Hypothesis, errors: float = THRESHOLDS.consistent) -> float:
     """Return the reduction of chi2 that can occur by chance.
 
     It is estimated from the scatter between segments. The result is inf if the segments are too few. The residual due
@@ -94,15 +94,16 @@ def accepted(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
 
 def most_excess(bare: Hypothesis, before: Hypothesis) -> float:
     """Return the largest excess that may remain after an additional effect."""
-    return max(before.bounded_excess / THRESHOLDS.slow, before.bounded_excess - THRESHOLDS.large * bare.bounded_excess)
+    excess = before.bounded_excess
+    return max(excess / THRESHOLDS.excess_factor, excess - THRESHOLDS.large * bare.bounded_excess)
 
 
 def need(described: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:
     """Return the ratio of the evidence for the additional effect to the required evidence.
 
-    Above the noise floor, the evidence is the factor by which the excess increases without the effect. A factor of
-    `slow` is required of a large effect, and of an effect that improves every segment. Other effects require `keeps`,
-    and small effects `keeps_if_small`.
+    Above the noise floor, the evidence is the factor by which the excess increases without the effect. The required
+    factor is `excess_factor` for a large effect, and for an effect that improves every segment. It is
+    `necessary_factor_if_small` for a small effect, and `necessary_factor` for any other effect.
 
     Args:
         described: model whose excess is the whole gap (`FittedSets.described`)
@@ -114,11 +115,11 @@ def need(described: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float
         return loss / model.chance
     growth, factor = smaller.residuals.excess - model.bounded_excess, smaller.residuals.excess / model.bounded_excess
     share = growth / described.bounded_excess
-    if share > THRESHOLDS.large or loss > scatter(smaller, model):
-        return factor / THRESHOLDS.slow
-    if share < THRESHOLDS.small and factor < THRESHOLDS.keeps_if_small:
+    if share > THRESHOLDS.large or loss > segment_scatter(smaller, model):
+        return factor / THRESHOLDS.excess_factor
+    if share < THRESHOLDS.small and factor < THRESHOLDS.necessary_factor_if_small:
         return 0.0
-    return factor / THRESHOLDS.keeps
+    return factor / THRESHOLDS.necessary_factor
 
 
 def explains_as_much(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> bool:
@@ -139,7 +140,7 @@ def explains_as_much(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> 
     ):
         return False
     margin = indifference(bare, rich)
-    if not rich.at_noise_floor and np.isfinite(by_chance := scatter(simple, rich, THRESHOLDS.beyond_chance)):
+    if not rich.at_noise_floor and np.isfinite(by_chance := segment_scatter(simple, rich, THRESHOLDS.beyond_chance)):
         margin = max(margin, by_chance)
     return simple.cost - rich.cost < margin
 
@@ -150,7 +151,7 @@ def form_indifference(bare: Hypothesis, model: Hypothesis) -> float:
     While a residual remains, a richer form may merely compensate for the residual. At the noise floor, a richer form
     may follow the error of the integrator.
     """
-    share = THRESHOLDS.integrator if model.at_noise_floor else THRESHOLDS.contained
+    share = THRESHOLDS.integrator if model.at_noise_floor else THRESHOLDS.richer_form_share
     return indifference(bare, model, share=share)
 
 

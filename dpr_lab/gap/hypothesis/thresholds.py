@@ -43,16 +43,16 @@ class Thresholds:
     """Fraction like `integrator` for a set that leaves only noise, which confirms that the steps are small enough."""
 
     # factors of the excess
-    slow: float = 1.3
+    excess_factor: float = 1.3
     """Minimum factor by which an additional effect must reduce the excess, unless it is large.
 
     Without a large effect, the excess must increase by this factor for the effect to be kept.
     """
-    keeps: float = 3.0
+    necessary_factor: float = 3.0
     """Minimum factor by which the excess must increase without an effect for the effect to be kept."""
-    keeps_if_small: float = 30.0
+    necessary_factor_if_small: float = 30.0
     """Minimum factor by which the excess must increase without a small effect for the effect to be kept."""
-    escaped: float = 10.0
+    local_minimum_factor: float = 10.0
     """Minimum factor by which a repeated fit reduces chi2 for the first fit to count as a local minimum."""
 
     # fractions of the gap
@@ -71,7 +71,7 @@ class Thresholds:
 
     The limit applies even if only noise remains.
     """
-    still_open: float = 0.5
+    open_share: float = 0.5
     """Maximum fraction of the gap that may remain without an effect for the test of `own_share` to apply."""
     explained: float = 0.93
     """Minimum share of the excess of the bare model that a set must explain to be the explanation of the gap.
@@ -91,7 +91,7 @@ class Thresholds:
 
     It is relative to the reduction by the vibration.
     """
-    contained: float = 0.003
+    richer_form_share: float = 0.003
     """Minimum fraction of the explained chi2 that a richer form of an effect must add while a residual remains."""
     own_share: float = 0.15
     """Minimum own share of an effect while a residual remains.
@@ -99,7 +99,7 @@ class Thresholds:
     The own share is the fraction of an effect's reduction of chi2 that other functional forms of the remaining effects
     cannot explain.
     """
-    takes_over: float = 2.0
+    curve_growth: float = 2.0
     """Minimum growth factor of the amplitudes of a curve that replaces a removed effect."""
     likelier: float = 10.0
     """Minimum ratio of the prior probabilities of two sizes for an indistinguishable effect to replace a named one."""

@@ -193,7 +193,7 @@ class Diagnosis(Shown, Saved):
 
     @property
     def unknowns(self) -> Array:
-        """Initial values (7,) of another fit: ratios, b and p/b.
+        """Initial values (7,) of a new fit: ratios, b and p/b.
 
         p/b is nan without a single-rod run.
         """

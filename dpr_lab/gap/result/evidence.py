@@ -90,7 +90,7 @@ EXCLUDED = ExclusionLevels()
 
 
 class Exclusion(Saved):
-    """Exclusion of an effect that is larger than a given size."""
+    """Statement that an effect is smaller than a given size, with its confidence."""
 
     effect: str
     parameter: str
@@ -230,6 +230,6 @@ class Evidence(Saved):
     residuals: ResidualLook
     exclusions: list[Exclusion]
     friction: dict[str, JointFriction] = {}
-    """Friction torque of each joint, by joint; empty in a file of an older version."""
+    """Friction torque by joint; empty in a file of an older version."""
     budget: Budget
     curves: list[Curves]

@@ -60,7 +60,7 @@ class GapBudget(Saved):
     not_reproducible: Share
     """Share above the noise that differs from recording to recording."""
     noise: Share
-    """Share of the noise of the readings."""
+    """Share that the noise of the readings causes."""
     parameters: list[VaryingParameter] = []
     """Parameters that differ between recordings, most significant first."""
     undecided: str = ""

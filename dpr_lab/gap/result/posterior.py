@@ -39,6 +39,6 @@ class PosteriorComponent(BaseModel):
 
     @property
     def predictive(self) -> Array:
-        """(free, free) covariance of the values of another recording."""
+        """(free, free) covariance of the values of a new recording."""
         shape = len(self.free), len(self.free)
         return np.reshape(self.covariance, shape) + (np.reshape(self.between, shape) if self.between else 0.0)

@@ -34,7 +34,7 @@ class TrustTrial(Saved):
 
 
 class ConfusionCell(Saved):
-    """Number of trials in which one effect was hidden and the diagnosis named another effect."""
+    """Number of trials with a given hidden effect and a given named effect."""
 
     true: str
     named: str

@@ -48,7 +48,7 @@ INPUT = InputRules()
 
 
 def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
-    """Refuse recordings whose arm or input has another sign or unit than stated.
+    """Refuse recordings in which the sign or unit of the arm or the input is not as stated.
 
     Args:
         recordings: the runs
@@ -102,7 +102,7 @@ def _reduced(fitted: Fit) -> float:
 
 
 def _far_better(other: Fit, as_read: Fit, factor: float) -> bool:
-    """Return whether another interpretation reduces chi-square by a factor.
+    """Return whether a different interpretation reduces chi-square by a large factor.
 
     The factor must be reached in total and in most of the segments that the given interpretation does not fit. A failed
     fit leaves large residuals in a few segments, whichever interpretation is right.

@@ -65,7 +65,7 @@ QUEUE = QueueSettings()
 
 @dataclass(frozen=True, slots=True)
 class QueuedRows:
-    """Rows that were sent while the queue was not full, with the evidence for them."""
+    """Rows that were sent while the queue was not full, and the evidence for this."""
 
     rows: Flags
     """(n,) mask of rows that were sent while the queue was not full."""

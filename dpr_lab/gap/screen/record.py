@@ -127,7 +127,7 @@ class Record:
         return any(len(np.unique(joint)) < THINNING.distinct * len(joint) for joint in changes.T)
 
     def with_noise(self, factor: Array, correlation: float) -> "Record":
-        """Return a copy with another size and autocorrelation of the noise of joints 1 and 2.
+        """Return a copy with a different size and autocorrelation of the noise of joints 1 and 2.
 
         Args:
             factor: (2,) factors of the standard deviations

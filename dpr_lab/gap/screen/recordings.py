@@ -229,7 +229,7 @@ class Recordings:
         return replace(self, records=tuple(records), torques_earlier=share)
 
     def _widened(self, values: Array) -> Array:
-        """Pad the (n, axes) values of a clamped arm with zeros if another run's arm moves."""
+        """Pad the (n, axes) values of a clamped arm with zeros if the arm moves in other runs."""
         missing = (3 if self.arm_moves else 2) - values.shape[1]
         return np.pad(values, ((0, 0), (0, missing))) if missing else values
 
@@ -328,7 +328,7 @@ def _with_arm(record: Record, slices: Sequence[slice], relative2: bool) -> Array
 
 
 def _near(record: Record, starts: Integers, begins: Array) -> tuple[Integers, Integers]:
-    """Return the ranges of the readings near instants, between the breaks around them.
+    """Return the range of the readings near each instant; the range ends at a break.
 
     If these readings are too few, the range contains the readings near the start of the segment.
 

@@ -38,6 +38,9 @@ class FreeRunSettings:
     length_s: float = 2.6
     """Length of the comparison from the first reading, s; later, chaos dominates."""
     iterations: int = 30
+    """Maximum number of iterations of the fit of the initial state."""
+    lost_rad: float = 0.1
+    """Standard deviation of an angle, due to the uncertain initial state, at the predictability horizon, rad."""
 
 
 FREE_RUN = FreeRunSettings()
@@ -75,7 +78,7 @@ class FreeRunError:
 class FreeRuns:
     """Free runs of one model along a set of recordings."""
 
-    items: tuple[Record, ...]
+    records: tuple[Record, ...]
     """Recordings, each from its first segment that can be simulated. Earlier readings before a gap may be too few."""
     problem: Problem
     """Problem with the compared readings, one segment for each recording."""
@@ -100,7 +103,7 @@ class FreeRuns:
         """
         error, t = self.problem.measured - self.predicted, self.problem.t
         by_run = {}
-        for record, samples in zip(self.items, self.rows, strict=True):
+        for record, samples in zip(self.records, self.rows, strict=True):
             since_start, read = t[samples] - t[samples.start], self.problem.read[samples].any(axis=0)
             compared = since_start >= FREE_RUN.settle_s
             if compared.any():
@@ -235,7 +238,7 @@ class FreeSwings:
     each: tuple[FreeSwing, ...]
 
     def otherwise(self, constants: RigConstants | None = None, finer: float = 1.0) -> list[Array]:
-        """Return the (n, 2) change of each run's readings in another simulation.
+        """Simulate with changed constants or finer steps; return the (n, 2) change of each run's readings.
 
         Args:
             constants: constants of the rig for this simulation; None: unchanged
@@ -260,7 +263,7 @@ def free_swings(runs: FreeRuns, model: Hypothesis) -> FreeSwings:
     slopes, t = np.nan_to_num(slopes), problem.t
     parts = (t, problem.measured, problem.weight, runs.predicted, slopes[:, :, :-states], slopes[:, :, -states:])
     predictions = []
-    for recording, setup, rows in zip(runs.items, problem.segments.setups, runs.rows, strict=True):
+    for recording, setup, rows in zip(runs.records, problem.segments.setups, runs.rows, strict=True):
         since_start, measured, weight, predicted, by_values, by_start = (values[rows] for values in parts)
         predictions.append(
             FreeSwing(recording, since_start - since_start[0], measured, weight, predicted, by_values, by_start, setup)
@@ -286,12 +289,12 @@ def expected_errors(swings: FreeSwings, noise: float) -> dict[str, FreeRunError]
     return expected
 
 
-def horizon(swing: FreeSwing, error_rad: float = 0.1) -> float | None:
-    """Return the time, s, at which the uncertain initial state causes a given error.
+def horizon(swing: FreeSwing) -> float | None:
+    """Return the predictability horizon of a free run, s; None if the run ends before it.
 
-    The result is None if this time exceeds the duration of the run.
+    At this time the uncertain initial state causes the error `FreeRunSettings.lost_rad`.
     """
-    lost = np.flatnonzero((swing.start_variance() * (swing.weight > 0)).max(axis=1) > error_rad**2)
+    lost = np.flatnonzero((swing.start_variance() * (swing.weight > 0)).max(axis=1) > FREE_RUN.lost_rad**2)
     lost = lost[~swing.head[lost]]
     return float(swing.t[lost[0]]) if len(lost) else None
 

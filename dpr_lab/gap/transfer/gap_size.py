@@ -96,7 +96,7 @@ def _above_noise(problem: Problem, fitted: Fit, level: float) -> dict[str, float
 def by_horizon(
     recordings: Recordings, working: Problem, models: Mapping[str, Hypothesis]
 ) -> dict[str, dict[str, float]]:
-    """Return the rms gap, rad, by segment length, s, and by model.
+    """Return the rms gap, rad, for each segment length, s, and each model.
 
     The initial states of the segments are free.
     """
@@ -114,14 +114,14 @@ def by_horizon(
 
 
 def _at_other_length(problem: Problem, initial: Array, working: Problem, model: Hypothesis) -> dict[str, float]:
-    """Return the rms residual above the noise, rad, by axis, for another segment length."""
+    """Return the rms residual above the noise, rad, by axis, for segments of a different length."""
     states = carried(working.segments, model.estimate.initial, problem.segments, initial)
     fitted = fit(problem, model.estimate.changed(initial=states), (), settings=TWO_DIGITS)
     return _above_noise(problem, fitted, residual_statistics(problem, fitted).level)
 
 
 def _per_reading(by_axis: Mapping[str, float], problem: Problem) -> float:
-    """Return the root mean square over those axes that have readings."""
+    """Return the root mean square over the axes that have readings."""
     return float(np.sqrt(np.mean(np.square([*by_axis.values()])[problem.read.any(axis=0)])))
 
 

@@ -40,7 +40,7 @@ LONE = LoneRules()
 
 @dataclass(frozen=True, slots=True)
 class LoneRecording:
-    """Only recording with a remainder, and the largest other remainder, in units of the noise."""
+    """The only recording with a remainder, and the largest other remainder, both in units of the noise."""
 
     name: str
     remainder: float

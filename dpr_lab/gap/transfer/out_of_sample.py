@@ -79,8 +79,8 @@ class OutOfSample:
         return [(self.names[r], self.run == r) for r in np.unique(self.run)]
 
 
-def left_out(recordings: Recordings, problem: Problem) -> OutOfSample:
-    """Predict each run, or each quarter of a single run, from the others."""
+def left_out_prediction(recordings: Recordings, problem: Problem) -> OutOfSample:
+    """Predict each run from the other runs, or each quarter of a single run from the other quarters."""
     fold = folds(problem)
     predicted = _out_of_sample(recordings, problem, lambda model: left_out_chi2(model.fit, fold))
     return replace(predicted, whole_runs=len(recordings.records) > 1)

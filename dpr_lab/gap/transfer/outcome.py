@@ -19,7 +19,7 @@ class TransferSettings:
 
     Chance exceeds it in one of twenty cases.
     """
-    ranked: int = 4
+    least_groups: int = 4
     """Minimum number of groups of segments whose signed ranks can be significant."""
     clear: float = 10.0
     """Minimum factor by which chi2 decreases if the reduction in fewer groups is significant.
@@ -130,4 +130,4 @@ class Transfer:
     lone: LoneRecording | None = None
     """The only fitted recording with a remainder; None if there is none."""
     too_short: bool = False
-    """Whether the only release has too few groups of segments for a significant test (`TransferSettings.ranked`)."""
+    """Whether the only release has fewer groups of segments than `TransferSettings.least_groups`."""

@@ -4,7 +4,7 @@ The mean squared residual of the bare model on a held-out recording is divided i
 the other:
 
     explained          by the corrected model, fitted to the other recordings
-    unmodelled         by free torques and encoder errors over their coordinates, also fitted to the others
+    unmodelled         by free torques and encoder errors, also fitted to the other recordings
     varying            by model parameters that differ between recordings, fitted to the recording itself
     not reproducible   not removed by any of these, above the noise
     noise              of the readings
@@ -93,8 +93,8 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
         return budget_of(
             [total] * 4, noise, names, (), "There is no gap above the noise whose repeatability could be computed."
         )
-    parts = _Parts.of(problem, after, fold, followed)
-    explained = parts.left_out()
+    parts = _Linearised.of(problem, after, fold, followed)
+    explained = parts.left_out_chi2()
     if fold.max() == 0 or min(np.bincount(fold[followed], minlength=fold.max() + 1)) < REPEATABILITY.segments:
         length = everything.working_length
         fewer = f"Recordings of fewer than {REPEATABILITY.segments} segments of {length:.2g} s"
@@ -102,10 +102,10 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
         return budget_of([total, *[float(explained.sum())] * 3], noise, names, (), reason)
     if residuals.z > THRESHOLDS.noise_floor:
         parts = parts.with_discrepancy(discrepancy_columns(problem, after))
-    unmodelled = parts.left_out()
+    unmodelled = parts.left_out_chi2()
     varying = parts.varying()
     by_chance = sum(parameter.chance for parameter in varying)
-    freed = float(parts.left_out([parameter.column for parameter in varying]).sum()) + by_chance
+    freed = float(parts.left_out_chi2([parameter.column for parameter in varying]).sum()) + by_chance
     levels = [total, float(explained.sum()), float(unmodelled.sum()), freed]
     return budget_of(levels, noise, names, _shown(varying, everything, problem, after), "")
 
@@ -153,7 +153,7 @@ def budget_of(
 
 
 def _fitted_to_all(everything: Recordings, known: Problem, *models: Fit) -> tuple[Problem, Fit, Fit]:
-    """Fit the models to all recordings, starting from their fits to some of them.
+    """Fit the models to all recordings, starting from their fits to the fitted recordings.
 
     If the rig was changed between the recordings, the phases in long segments are so wrong that the residual is no
     longer linear in the ratios. Short segments are used for such recordings.
@@ -205,7 +205,7 @@ class _Varying:
 
 
 @dataclass(frozen=True, slots=True)
-class _Parts:
+class _Linearised:
     """Linearised fit by segments: residuals, model columns, and columns of free functions.
 
     The free functions are torques and encoder errors.
@@ -219,7 +219,7 @@ class _Parts:
     precision: Array
     """(k,) inverse prior variance of each column."""
     own: tuple[int, ...]
-    """Columns that are free in every recording, like its initial states: encoder zeros."""
+    """Columns of encoder zeros, which are free in every recording, like the initial states."""
     candidates: tuple[int, ...]
     """Columns of parameters that may vary."""
     by_fold: list[Fold]
@@ -238,7 +238,7 @@ class _Parts:
         others = tuple(i for i in range(len(inside)) if i not in columns and _used(A[:, :, i]).any())
         return cls(A, e, fold, np.ones(len(inside)), columns, others, split(A, e, fold), block(problem))
 
-    def left_out(self, freed: Sequence[int] = ()) -> Array:
+    def left_out_chi2(self, freed: Sequence[int] = ()) -> Array:
         """Return the (segments,) chi2 of the prediction from the other recordings.
 
         The columns `freed` are fitted to the predicted recording itself. In contrast to
@@ -263,12 +263,12 @@ class _Parts:
         The size of these terms is the one with the best prediction.
         """
         columns = np.where(_used(self.e)[:, None, None], columns, 0.0)
-        X, before, best = np.concatenate([self.X, columns], axis=2), self.left_out(), self
+        X, before, best = np.concatenate([self.X, columns], axis=2), self.left_out_chi2(), self
         by_fold, least = split(X, self.e, self.fold), before
         for ridge in DISCREPANCY.ridges:
             precision = np.concatenate([self.precision, np.full(columns.shape[2], ridge)])
             wider = replace(self, X=X, precision=precision, by_fold=by_fold)
-            chi2 = wider.left_out()
+            chi2 = wider.left_out_chi2()
             blocks = np.add.reduceat(before - chi2, np.arange(0, len(chi2), self.block))
             chance = REPEATABILITY.beyond_chance * float(np.std(blocks)) * len(blocks) ** 0.5
             if chi2.sum() < least.sum() and blocks.sum() > chance:

@@ -40,7 +40,7 @@ from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Fitted, Selected
 from dpr_lab.gap.transfer.free_run import FreeRunError, FreeSwings, expected_errors
 from dpr_lab.gap.transfer.lone_recording import lone_recording
-from dpr_lab.gap.transfer.out_of_sample import OutOfSample, block_starts, left_out, reduction, share
+from dpr_lab.gap.transfer.out_of_sample import OutOfSample, block_starts, left_out_prediction, reduction, share
 from dpr_lab.gap.transfer.outcome import TRANSFER, Transfer, WorseFreeRun
 from dpr_lab.gap.which.selected import Selection
 
@@ -57,32 +57,37 @@ def transfer(state: Selected, swings: Mapping[str, FreeSwings]) -> Transfer:
     """
     recordings, problem, selection = state.fitted.recordings, state.fitted.problem, state.selection
     held_out, rng = state.fitted.held_out_prediction, np.random.default_rng(state.fitted.request.seed)
-    test = _Test(held_out or left_out(recordings, problem), selection.chosen.residuals.level, rng)
+    test = _Test(held_out or left_out_prediction(recordings, problem), selection.chosen.residuals.level, rng)
     tested = held_out is not None or len(test.data.dof) >= FOLDS.quarters
-    models: dict[str, Hypothesis] = {"": selection.bare, **selection.without_substitute}
-    chosen = test.above_noise(selection.chosen)
-    pairs = {name: np.stack([test.above_noise(model), chosen]) for name, model in models.items()}
-    shares = {name: test.by_run(pair) for name, pair in pairs.items()}
-    of_fitted_runs = _Test(left_out(recordings, problem), test.level, rng).of_set(selection) if held_out else shares[""]
-    closed = test.reduction(pairs[""])
-    failed = tuple(_failed(test, selection, pairs, closed)) if tested else ()
+    before, after = test.above_noise(selection.bare), test.above_noise(selection.chosen)
+    of_set = np.stack([before, after])
+    of_effects = {
+        name: np.stack([test.above_noise(model), after]) for name, model in selection.without_substitute.items()
+    }
+    by_run = test.by_run(of_set)
+    by_effect_and_run = {name: test.by_run(pair) for name, pair in of_effects.items()}
+    of_fitted_runs = by_run
+    if held_out:
+        of_fitted_runs = replace(test, data=left_out_prediction(recordings, problem)).of_set(selection)
+    closed = test.reduction(of_set)
+    failed = tuple(_failed(test, selection, of_effects, closed)) if tested else ()
     basis = _basis(state.fitted)
-    of_gap, of_noise = float(pairs[""][0].sum()), float(test.noise.sum())
+    one_release = basis == "one release"
     return Transfer(
         basis=basis,
         tested=tested,
         closed=closed,
-        gap_ratio=float(np.sqrt(max(of_gap, 0.0) / max(of_noise, 1.0))),
-        closing=tuple(_closing(test, selection, pairs[""])),
+        gap_ratio=float(np.sqrt(max(before.sum(), 0.0) / max(test.noise.sum(), 1.0))),
+        closing=tuple(_closing(test, selection, of_set)),
         left_out=of_fitted_runs,
-        held_out=shares[""] if held_out else {},
-        effects={name: shares[name] for name in selection.without_substitute},
-        withdrawn=() if basis == "one release" else failed,
-        unproven=failed if basis == "one release" else (),
+        held_out=by_run if held_out else {},
+        effects=by_effect_and_run,
+        withdrawn=() if one_release else failed,
+        unproven=failed if one_release else (),
         oversized=selection.oversized,
         worse_free_run=_worse_free_run(state, swings),
         lone=lone_recording(problem, selection.chosen, [record.run.name for record in recordings.records]),
-        too_short=basis == "one release" and test.groups < TRANSFER.ranked,
+        too_short=one_release and test.groups < TRANSFER.least_groups,
     )
 
 
@@ -205,7 +210,7 @@ def _helps(test: OutOfSample, chi2: Array) -> bool:
     total, tolerance = _sum(blocks)
     by_run = [_sum(_blocks(test, reductions, rows)) for _, rows in test.runs]
     beyond_chance = total > tolerance or (total > 0.0 and _signed_rank(blocks) > TRANSFER.beyond_chance)
-    if test.whole_runs and len(blocks) < TRANSFER.ranked:
+    if test.whole_runs and len(blocks) < TRANSFER.least_groups:
         without, remaining = chi2.sum(axis=1)
         beyond_chance = beyond_chance or bool(without > TRANSFER.clear * remaining)
     return beyond_chance and all(of_run > -tolerance_of_run for of_run, tolerance_of_run in by_run)
@@ -236,7 +241,7 @@ def _signed_rank(blocks: Array) -> float:
 
 
 def _of_fitted(closed: Interval, selection: Selection) -> float:
-    """Return the closed share of the held-out gap, relative to that of the fitted gap."""
+    """Return the ratio of the closed share of the held-out gap to that of the fitted gap."""
     fitted = _share_of_fitted(selection.bare, selection.chosen)
     return float(np.clip(closed.value / max(fitted, TRANSFER.least_fitted), 0.0, 1.0))
 

@@ -1,4 +1,4 @@
-"""Alternatives of each effect of the selected set, and the moves that select them instead."""
+"""Alternatives to each effect of the selected set, and the moves that replace an effect by an alternative."""
 
 from collections.abc import Iterator, Mapping
 
@@ -15,7 +15,7 @@ from dpr_lab.gap.which.substitutes import imaged, simpler_forms
 
 
 def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Fit the alternatives of each effect, then propose the best fitted set.
+    """Fit the alternatives to each effect, then propose the best fitted set.
 
     This set has at most as many effects as the current one.
     """

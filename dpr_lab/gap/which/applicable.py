@@ -9,7 +9,7 @@ from dpr_lab.effects.torque_scale import TORQUE_SCALE_JOINT0
 from dpr_lab.fitting.problem import Problem
 
 
-def applicable(library: Mapping[str, Effect], problem: Problem, *, of_points: bool = False) -> dict[str, Effect]:
+def applicable(library: Mapping[str, Effect], problem: Problem, *, of_points: bool) -> dict[str, Effect]:
     """Return the library effects that can act in these recordings and are not always free.
 
     Args:

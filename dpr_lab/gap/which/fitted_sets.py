@@ -12,12 +12,21 @@ from functools import reduce
 from types import MappingProxyType
 
 from dpr_lab.effects.effect import Effect
-from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.cut import carried
+from dpr_lab.fitting.gauss_newton import GaussNewton, descend, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.robust import relative_chi2
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.hypothesis.imitation import substitute_curve
-from dpr_lab.gap.hypothesis.refits import beating, best_start, refit_with, refit_with_from_short, refit_without
+from dpr_lab.gap.hypothesis.refits import (
+    PRELIMINARY,
+    beating,
+    best_start,
+    refit,
+    refit_with,
+    refit_without,
+    shaped,
+)
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, score_test
 from dpr_lab.gap.hypothesis.steps import recorded
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
@@ -69,7 +78,7 @@ class FittedSets:
         return replace(self, _fits=dict(self._fits), _tests=dict(self._tests))
 
     def from_bare(self, bare: Hypothesis) -> "FittedSets":
-        """Return a copy that contains only another fit of the bare model."""
+        """Return a copy that contains only a different fit of the bare model."""
         return replace(self, bare=bare, _fits={}, _tests={}, _refitted_from=set(), _short=[], results={})
 
     def keep(self, model: Hypothesis) -> Hypothesis:
@@ -90,7 +99,7 @@ class FittedSets:
         return not (self.oversized(model) or rises(self.problem, model))
 
     def oversized(self, model: Hypothesis) -> tuple[str, ...]:
-        """Return the effects of a set with impossible sizes or sizes of another cause."""
+        """Return the effects of a set whose sizes are impossible or typical of another cause."""
         return (*significantly_oversized(model, self.problem.limits), *self.imitating(model))
 
     def imitating(self, model: Hypothesis) -> tuple[str, ...]:
@@ -98,7 +107,7 @@ class FittedSets:
         return (*off_axis(self.problem, model), *springs_like_scale(self.problem, self.library, model))
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
-        """Return whether all sizes of a set are possible, or the other set's are impossible too."""
+        """Return whether the sizes of a set are possible, or those of the other set are impossible too."""
         return self.possible(model) or not self.possible(other)
 
     def unexpected(self, model: Hypothesis) -> list[str]:
@@ -164,11 +173,17 @@ class FittedSets:
         larger = self._best_shape(model, score)
         failed = model.far_from_noise and model.fit.chi2 - larger.fit.chi2 < EFFORT.achieved * score.gain
         if failed and not self.is_short:
-            short = self.on_short()
-            cut = short.problem, short.bare.estimate.initial
-            from_short = refit_with_from_short(self.problem, cut, model, score, EFFORT.short, beating(larger))
-            larger = min(larger, from_short, key=_chi2)
+            larger = min(larger, self._from_short_segments(model, score, beating(larger)), key=_chi2)
         return self.keep(larger)
+
+    def _from_short_segments(self, model: Hypothesis, score: Score, settings: GaussNewton) -> Hypothesis:
+        """Fit one additional effect first to short segments, which converges even if the effect is large."""
+        short = self.on_short()
+        start = shaped(model, score).changed(initial=short.bare.estimate.initial)
+        near = descend(short.problem, start, score.free, iterations=EFFORT.short, settings=PRELIMINARY).estimate
+        states = carried(short.problem.segments, near.initial, self.problem.segments, model.estimate.initial)
+        names = (*model.effects, score.effect.name)
+        return refit(self.problem, near.changed(initial=states), names, EFFORT.short, settings=settings)
 
     def _best_shape(self, model: Hypothesis, score: Score) -> Hypothesis:
         """Fit one additional effect from its best shape, or from its best few shapes.

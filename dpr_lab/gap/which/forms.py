@@ -73,7 +73,7 @@ def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: st
 
 
 def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, name: str, tested: Effect) -> Array:
-    """Return the (segments, m, k) whitened change of the readings by other forms.
+    """Return the (segments, m, k) whitened change of the readings by other forms of one effect.
 
     Forms that contain the tested effect are left out.
     """
@@ -82,7 +82,8 @@ def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, nam
         (joint,) = effect.joints
         force = _joint_force(problem, reference, joint)
         slides = np.sign(reference.joint_speed[:, joint])
-        return under_torque(problem, reference, joint, _load_hats(force)[0] * (force * slides)[:, None])
+        knots = np.quantile(force, np.linspace(0.01, 0.99, BINS // 2))
+        return under_torque(problem, reference, joint, hats(force, knots) * (force * slides)[:, None])
     if effect.stage not in TRAJECTORY_TORQUES:
         without = estimate.changed(params=without_effect(estimate.params, name))
         error = np.nan_to_num(problem.predict(estimate) - problem.predict(without))
@@ -125,15 +126,6 @@ def _are_losses_of_speed(effect: Effect, tested: Effect) -> bool:
     """
     share_joint = not set(effect.joints).isdisjoint(tested.joints)
     return share_joint and effect.dissipative and tested.dissipative and tested.stage != "load"
-
-
-def _load_hats(force: Array) -> tuple[Array, Array]:
-    """Return the (n, k) hat functions over the joint force and their knots.
-
-    The knots lie between the 1 % and 99 % quantiles.
-    """
-    knots = np.quantile(force, np.linspace(0.01, 0.99, BINS // 2))
-    return hats(force, knots), knots
 
 
 def _joint_force(problem: Problem, reference: Trajectory, joint: int) -> Array:

@@ -66,10 +66,10 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
     this test, because a linear test predicts the reduction by a backlash poorly.
     """
     best, front, last_rejected = start, [start], False
-    for room in range(max_effects - len(sets.unexpected(start)), 0, -1):
-        if not (to_floor and front == [start]) and refutes_process_noise(sets, best):
+    for remaining in range(max_effects - len(sets.unexpected(start)), 0, -1):
+        if not (to_floor and front == [start]) and no_effects_reach_noise(sets, best):
             return
-        ranked = _next_level(sets, best, front, max_effects, last=last_rejected or room == 1)
+        ranked = _next_level(sets, best, front, max_effects, last=last_rejected or remaining == 1)
         if not ranked:
             return
         largest = ranked[0]
@@ -88,7 +88,7 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
 def _next_level(
     sets: FittedSets, best: Hypothesis, front: Sequence[Hypothesis], max_effects: int, *, last: bool
 ) -> list[Hypothesis]:
-    """Return the sets with one effect more than a set of the front, or with two losses more, best first."""
+    """Return the sets with one effect more than a set of the front, or two losses more; the best set comes first."""
     level: dict[frozenset[str], Hypothesis] = {}
     for model in front:
         level = _with_one_more(sets, best, model, level, last=last)
@@ -98,7 +98,7 @@ def _next_level(
     return _ranked(sets, best, [escaped(sets, ranked[0]), *ranked[1:]]) if ranked else []
 
 
-def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
+def no_effects_reach_noise(sets: FittedSets, model: Hypothesis) -> bool:
     """Return whether no effect can reduce the residual to the noise of readings and torques.
 
     As far as the effects are linear, all candidates of the score test together reduce chi2 at least as much as any few
@@ -133,14 +133,15 @@ def _with_one_more(
     """
     extended, least = dict(level), 0.0
     for score in _candidates(model, sets.test(model)):
+        if score.gain <= least:
+            continue
         reached = model.bounded_excess - BEAM.exceeded * score.gain
-        if score.gain > least and not (
-            model.far_from_noise and reached > _deciding_excess(sets, best, list(extended.values()), last)
-        ):
-            larger = sets.with_one(model, score)
-            if larger.at_noise_floor:
-                least = max(least, BEAM.as_promising * (model.fit.chi2 - larger.fit.chi2))
-            extended[larger.key] = larger
+        if model.far_from_noise and reached > _deciding_excess(sets, best, list(extended.values()), last):
+            continue
+        larger = sets.with_one(model, score)
+        if larger.at_noise_floor:
+            least = max(least, BEAM.as_promising * (model.fit.chi2 - larger.fit.chi2))
+        extended[larger.key] = larger
     return extended
 
 
@@ -180,7 +181,7 @@ def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothe
 
 
 def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
-    """Add the two losses of a joint that hide each other and together explain most.
+    """Add the two losses of one joint that hide each other and together explain most.
 
     If there are no such losses, the result is None.
 
@@ -257,4 +258,4 @@ def _significant_and_large(sets: FittedSets, current: Hypothesis, proposal: Prop
         return Decision(False, f"the criterion falls by less than {limit:.3g}, which is not significant")
     if accepted(sets.bare, current, model):
         return Decision(True, "only noise remains" if model.at_noise_floor else "explains more than random noise")
-    return Decision(False, f"the excess decreases by less than a factor of {THRESHOLDS.slow:g}")
+    return Decision(False, f"the excess decreases by less than a factor of {THRESHOLDS.excess_factor:g}")

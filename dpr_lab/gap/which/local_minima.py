@@ -35,13 +35,13 @@ def _escaped(sets: FittedSets, model: Hypothesis) -> Hypothesis:
 
 
 def carried_over(sets: FittedSets, short: Hypothesis) -> Hypothesis:
-    """Fit a set to the working segments, starting from its fit to short ones."""
+    """Fit a set to the working segments, starting from its fit to short segments."""
     long = _lengthened(sets, short.fit, sets.bare.estimate.initial, iterations=2 * EFFORT.fine)
     return escaped(sets, hypothesis(sets.problem, short.effects, long))
 
 
 def _lengthened(sets: FittedSets, near: Fit, initial: Array, iterations: int) -> Fit:
-    """Continue a fit to short segments with longer ones.
+    """Continue a fit to short segments with the segments of this collection.
 
     Missing initial states are taken from `initial`.
     """

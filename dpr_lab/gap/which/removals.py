@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.significance import accepted, explains_as_much, need, scatter, significance
+from dpr_lab.gap.hypothesis.significance import accepted, explains_as_much, need, segment_scatter, significance
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
@@ -16,31 +16,36 @@ from dpr_lab.shown import percent
 def _smaller_adequate(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose the smallest fitted set that explains nearly as much as the current set.
 
-    The smallest set may lie on another branch of the search. It must not contain a size that is typical of another
-    cause, unless the current set contains it too. An impossible size is allowed, because later moves can reduce it to a
-    possible size.
+    The smallest set may lie on another branch of the search. It must contain the known effects of the rig. It must not
+    contain a size that is typical of another cause, unless the current set contains it too. An impossible size is
+    allowed, because later moves can reduce it to a possible size.
     """
-    gap = sets.described(current).bounded_excess
-    adequate = [
+    smaller_sets = [
         model
         for model in sets.fits.values()
         if 0 < len(model.effects) < len(current.effects)
         and current.key & sets.expected <= model.key
         and set(sets.imitating(model)) <= set(sets.imitating(current))
-        and model.bounded_excess < THRESHOLDS.keeps * current.bounded_excess
-        and model.bounded_excess - current.bounded_excess < THRESHOLDS.large * gap
-        and (
-            _as_likely(sets, model, current)
-            if current.at_noise_floor
-            else model.cost - current.cost < scatter(model, current)
-        )
     ]
+    adequate = [model for model in smaller_sets if _explains_nearly_as_much(sets, model, current)]
     if adequate:
         yield Proposal(min(adequate, key=lambda model: (len(model.effects), model.cost)))
 
 
-def _as_likely(sets: FittedSets, model: Hypothesis, current: Hypothesis) -> bool:
-    return model.at_noise_floor and model.cost - current.cost < significance(sets.bare, model, current)
+def _explains_nearly_as_much(sets: FittedSets, model: Hypothesis, current: Hypothesis) -> bool:
+    """Return whether a smaller set is as likely as the current set and lacks no large effect.
+
+    If the current set leaves only noise, so must the smaller set.
+    """
+    lost = model.bounded_excess - current.bounded_excess
+    if lost >= THRESHOLDS.large * sets.described(current).bounded_excess:
+        return False
+    if model.bounded_excess >= THRESHOLDS.necessary_factor * current.bounded_excess:
+        return False
+    if current.at_noise_floor and not model.at_noise_floor:
+        return False
+    chance = significance(sets.bare, model, current) if current.at_noise_floor else segment_scatter(model, current)
+    return model.cost - current.cost < chance
 
 
 SMALLEST_ADEQUATE = Move(
@@ -109,15 +114,15 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
 
 
 def _without_possible_compensations(sets: FittedSets, current: Hypothesis) -> dict[str, Hypothesis]:
-    """Return the sets without one effect that may only compensate for the form of another effect.
+    """Return the sets without one effect, for each effect that may only compensate for another effect's form.
 
     Two kinds of effects are kept: those that every rig has, and those whose removal increases the excess far above that
     of the best fitted set. All effects are kept if a removal would lead the search to a curve that explains less.
     """
     closest = min(model.bounded_excess for model in sets.fits.values())
-    limit = min(THRESHOLDS.keeps_if_small * closest, THRESHOLDS.still_open * sets.bare.bounded_excess)
+    limit = min(THRESHOLDS.necessary_factor_if_small * closest, THRESHOLDS.open_share * sets.bare.bounded_excess)
     removable = (name for name in sets.unexpected(current) if not sets.library[name].universal)
-    smaller_sets = {name: sets.without(current, name) for name in removable}
+    smaller_sets = {name: sets.without(current, name) for name in removable}  # also fitted for the following test
     if _removal_leads_to_curve(sets, current):
         return {}
     return {

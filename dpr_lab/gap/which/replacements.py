@@ -20,7 +20,7 @@ def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decis
     alike = (
         model.at_noise_floor
         if current.at_noise_floor
-        else model.bounded_excess < THRESHOLDS.slow * current.bounded_excess
+        else model.bounded_excess < THRESHOLDS.excess_factor * current.bounded_excess
     )
     if alike and model.cost - current.cost < margin:
         return Decision(True, f"the criterion grows by less than {margin:.3g}")
@@ -62,7 +62,7 @@ def _nearly_as_good_with_fewer_parameters(sets: FittedSets, current: Hypothesis,
     if (
         sets.possible(model)
         and not sets.possible(current)
-        and model.bounded_excess < THRESHOLDS.slow * current.bounded_excess
+        and model.bounded_excess < THRESHOLDS.excess_factor * current.bounded_excess
     ):
         return Decision(True, "fewer parameters explain nearly as much, with sizes that a rig can have")
     if model.cost < current.cost and model.at_noise_floor >= current.at_noise_floor:
@@ -74,10 +74,8 @@ def _nearly_as_good_with_fewer_parameters(sets: FittedSets, current: Hypothesis,
 
 SEVERAL_CAUSES = Move(
     "several causes",
-    (
-        "an effect with many parameters is replaced by others that explain more, or nearly as much, with fewer"
-        " parameters"
-    ),
+    "an effect with many parameters is replaced by several effects that explain more, or nearly as much, with fewer"
+    " parameters",
     _several_for_one,
     _nearly_as_good_with_fewer_parameters,
     then="repeat",

@@ -21,8 +21,7 @@ class Proposal(NamedTuple):
 
     model: Hypothesis
     value: float = float("nan")
-    """Quantity by which the move selected the set, if the move uses another quantity than the criterion; otherwise
-    nan."""
+    """Quantity by which the move selected the set; nan if this quantity is the criterion."""
     trials: tuple[SearchStep, ...] = ()
     """Trials of a nested search that resulted in the proposed set."""
 
@@ -63,8 +62,8 @@ class SearchState:
     """All trials so far, in order."""
 
     @classmethod
-    def bare(cls, sets: FittedSets, max_effects: int) -> "SearchState":
-        """Return the initial state of the search: the model without effects."""
+    def initial(cls, sets: FittedSets, max_effects: int) -> "SearchState":
+        """Return the initial state of the search, with the bare model as current set."""
         return cls(sets.bare, sets, max_effects)
 
     def after(self, move: Move, proposal: Proposal, decision: Decision) -> "SearchState":
@@ -92,22 +91,18 @@ def _caveat(model: Hypothesis) -> str:
     return "; its fit may have ended above the minimum that the criterion assumes" if stuck else ""
 
 
-def run(moves: Sequence[Move], state: SearchState) -> SearchState:
-    """Run moves in order, each from the state that the previous move returned."""
+def apply_moves(moves: Sequence[Move], state: SearchState) -> SearchState:
+    """Apply moves in order, each to the state that the previous move returned."""
     for move in moves:
-        state = apply(move, state)
+        state = apply_move(move, state)
     return state
 
 
-def apply(move: Move, state: SearchState) -> SearchState:
-    """Run one move.
+def apply_move(move: Move, state: SearchState) -> SearchState:
+    """Apply one move, and return the state after it.
 
     Two kinds of proposals are never accepted: a set with a curve that follows only small unknown causes, and a larger
     set with more than the maximum number of effects.
-
-    Args:
-        move: the move
-        state: state of the search before the move
     """
     sets = state.sets.copied()
     while True:

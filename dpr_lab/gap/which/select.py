@@ -24,7 +24,7 @@ from dpr_lab.gap.which.forward import forward_selection
 from dpr_lab.gap.which.local_minima import carried_over
 from dpr_lab.gap.which.moves import REFINE, REVISIONS, SHORT, START
 from dpr_lab.gap.which.removals import HELD_OUT
-from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply, run
+from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply_move, apply_moves
 from dpr_lab.gap.which.selected import Selection
 
 MOST_REVISIONS = 3
@@ -38,14 +38,14 @@ def forward(sets: FittedSets, max_effects: int = 4) -> SearchState:
     it is repeated without this noise (`dpr_lab.gap.corrections`). Full segments have fewer free initial states, so
     their residual is not smaller.
     """
-    start = SearchState.bare(sets, max_effects)
+    start = SearchState.initial(sets, max_effects)
     if not sets.bare.far_from_noise:
-        return run((START, forward_selection(max_effects)), start)
+        return apply_moves((START, forward_selection(max_effects)), start)
     additions = (START, forward_selection(max_effects, to_floor=True))
-    short = run(additions, SearchState.bare(sets.on_short(), max_effects))
+    short = apply_moves(additions, SearchState.initial(sets.on_short(), max_effects))
     if refutes_torque_noise(sets.problem, short.current):
         return start
-    return run((short_segments(short), forward_selection(max_effects)), start)
+    return apply_moves((short_segments(short), forward_selection(max_effects)), start)
 
 
 def refined(state: SearchState) -> Selection:
@@ -67,19 +67,19 @@ def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | N
     if not chosen.effects or not first.far_from_noise:
         return None
     bare = reduce(lambda model, name: refit_without(problem, model, name, first), chosen.effects, chosen)
-    escaped = bare.fit.chi2 < first.fit.chi2 / THRESHOLDS.escaped
+    escaped = bare.fit.chi2 < first.fit.chi2 / THRESHOLDS.local_minimum_factor
     return bare if escaped or (bare.at_noise_floor and not first.at_noise_floor) else None
 
 
 def _one_search(state: SearchState) -> Selection:
     """Complete one search after forward selection: refinement, revisions, held-out runs."""
-    state = run(REFINE, state)
+    state = apply_moves(REFINE, state)
     for _ in range(MOST_REVISIONS):
         before = state.current
         state = _revised(state)
         if state.current is before:
             break
-    final = apply(HELD_OUT, state)
+    final = apply_move(HELD_OUT, state)
     misleading = tuple(name for name in state.current.effects if name not in final.current.effects)
     return _selection(final, misleading)
 
@@ -91,7 +91,7 @@ def short_segments(short: SearchState) -> Move:
     """
 
     def propose(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-        state = run(SHORT, short)
+        state = apply_moves(SHORT, short)
         model = carried_over(sets, state.current) if state.current.effects else sets.bare
         yield Proposal(model, trials=state.trace)
 
@@ -115,11 +115,11 @@ def _revised(state: SearchState) -> SearchState:
     A revision is successful if it is accepted and still better after the moves that follow it.
     """
     for revision, moves in REVISIONS:
-        after = apply(revision, state)
+        after = apply_move(revision, state)
         if after.current is state.current:
             state = after
             continue
-        tested = run(moves, after)
+        tested = apply_moves(moves, after)
         if tested.current.cost - state.current.cost < indifference(state.sets.bare, state.current):
             return tested
         undone = Decision(True, "the criterion of the other set is higher after the moves that follow")

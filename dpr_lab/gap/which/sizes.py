@@ -46,8 +46,8 @@ SIZES = ("stiffness_Nm_per_rad", "cubic_Nm_per_rad3")
 """Names of the parameters k and k3 of a spring."""
 
 
-def errors(model: Hypothesis) -> Array:
-    """Return the (free,) half widths of the intervals of the fitted values of a set."""
+def half_widths(model: Hypothesis) -> Array:
+    """Return the (free,) half width of the interval of each fitted value."""
     return RULES.deviations * np.sqrt(np.diag(considered(model.fit, model.inflation)))
 
 
@@ -66,7 +66,7 @@ def significantly_oversized(model: Hypothesis, limits: Array | None) -> tuple[st
         effect, sizes = EFFECTS[name], named_params(params)[name]
         if effect.possible(sizes):  # the sizes are possible together, so one of them is at its limit
             return False
-        free = zip(model.fit.free, errors(model).tolist(), strict=True)
+        free = zip(model.fit.free, half_widths(model).tolist(), strict=True)
         of_effect = {p.name: error for p, error in free if p.effect == name and p.amplitude}
         return not impossible_together(effect, sizes, of_effect)
 
@@ -106,7 +106,7 @@ def off_axis(problem: Problem, model: Hypothesis) -> tuple[str, ...]:
     if not free or effect.name not in sizes or (torque := _gravity_torque(problem, model)) is None:
         return ()
     (offset,) = sizes[effect.name].values()
-    least = constants.m1 * constants.g * (abs(offset) - errors(model)[free[0]])
+    least = constants.m1 * constants.g * (abs(offset) - half_widths(model)[free[0]])
     return (effect.name,) if least > torque * model.estimate.ratios[SCALE] else ()
 
 
@@ -120,7 +120,7 @@ def rises(problem: Problem, model: Hypothesis) -> bool:
     free = [i for i, p in enumerate(model.fit.free) if p.block == "ratios" and p.place == place]
     if not free or torque is None or torque >= 0.0:
         return False
-    return bool(torque + errors(model)[free[0]] < 0.0)
+    return bool(torque + half_widths(model)[free[0]] < 0.0)
 
 
 def refuse_rising(problem: Problem, model: Hypothesis) -> None:
@@ -153,7 +153,7 @@ def _gravity_torque(problem: Problem, model: Hypothesis) -> float | None:
 
 
 def springs_like_scale(problem: Problem, library: Container[str], model: Hypothesis) -> tuple[str, ...]:
-    """Return significantly softening springs whose ratio k3 / k is that of a scale error.
+    """Return the significantly softening springs whose ratio k3 / k is the ratio of a scale error.
 
     An encoder of a single rod that reads q = (1 + x) theta changes the acceleration of the reading by
 
@@ -175,6 +175,6 @@ def springs_like_scale(problem: Problem, library: Container[str], model: Hypothe
         like_scale = (
             free and abs(cubic - RULES.softening * stiffness) < RULES.tolerance * abs(RULES.softening) * stiffness
         )
-        if like_scale and cubic + errors(model)[free[0]] < 0.0:
+        if like_scale and cubic + half_widths(model)[free[0]] < 0.0:
             springs.append(spring)
     return tuple(springs)

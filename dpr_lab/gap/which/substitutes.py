@@ -1,4 +1,4 @@
-"""Fits of a set in which another effect replaces one effect."""
+"""Fits of sets in which one effect is replaced by another."""
 
 from collections.abc import Iterator
 
@@ -22,7 +22,7 @@ def simpler_forms(sets: FittedSets, current: Hypothesis) -> Iterator[Hypothesis]
 
 
 def replaced(sets: FittedSets, model: Hypothesis, effect: str, other: str) -> Hypothesis | None:
-    """Replace one effect of a set by another; return None without a score.
+    """Replace one effect of a set by another; return None if the other effect has no score.
 
     The fit starts without either effect. If this fit fails, it is repeated from a fit with both effects. In the
     repeated fit, the new effect gradually takes over the share of the replaced effect.
@@ -40,7 +40,7 @@ def replaced(sets: FittedSets, model: Hypothesis, effect: str, other: str) -> Hy
 
 
 def _handed_over(sets: FittedSets, model: Hypothesis, effect: str, other: str) -> Hypothesis:
-    """Replace one effect by another, with the replaced amplitudes as initial values.
+    """Replace one effect by another, starting from the amplitudes of the replaced effect.
 
     Rods that hardly move stick even at the smallest Coulomb friction. Its derivative at zero is then no search
     direction.
