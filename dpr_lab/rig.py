@@ -213,7 +213,7 @@ class Rig(Shown, RigTable):
         return rig
 
     def with_rods(self, mounted: str | None = None, elbow: str | None = None) -> "Rig":
-        """Return a copy with other mounted rods or another elbow mode; None keeps a value.
+        """Return a copy with changed mounted rods or elbow mode; None keeps the present value.
 
         Raises:
             ValueError: the elbow is clamped, but only one rod is mounted.
@@ -246,7 +246,7 @@ class Rig(Shown, RigTable):
 
     @property
     def bounds(self) -> Array:
-        """(2, 9) lower and upper bounds of the parameters, SI; both equal a measured value."""
+        """(2, 9) lower and upper bounds of the parameters, SI; both bounds of a measured parameter are its value."""
         pairs = [(p.measured, p.measured) if p.measured is not None else (p.lower, p.upper) for p in self._ordered()]
         return np.array(pairs, dtype=np.float64).T
 

@@ -246,7 +246,7 @@ def _with_scale(diagnosis: Diagnosis, effect: str, parameter: str, low: float, h
 
 
 def _scale_factors(diagnosis: Diagnosis, power: int) -> list[float]:
-    """Return the factors of a size: 1, and one for each end of the interval of b.
+    """Return the factors by which a size changes with b: 1, and one for each end of the interval of b.
 
     The factors follow from `Scale.factors90`; b is the inertia that sets the scale.
     """
@@ -254,7 +254,7 @@ def _scale_factors(diagnosis: Diagnosis, power: int) -> list[float]:
 
 
 def _untrusted(diagnosis: Diagnosis) -> str:
-    """Return why this diagnosis has no valid intervals; empty if they are valid."""
+    """Return the reason why a diagnosis has no valid intervals; the text is empty if it has."""
     if diagnosis.hints:
         return f"the description of the recordings is probably wrong: {diagnosis.hints[0]}"
     reasons = {
@@ -266,7 +266,7 @@ def _untrusted(diagnosis: Diagnosis) -> str:
 
 
 def _confused(diagnosis: Diagnosis, effect: str) -> str:
-    """Explain why this effect may be the cause instead of a named one.
+    """Explain why an effect may be the cause instead of a named effect.
 
     The text is empty if it cannot be the cause.
     """
@@ -283,7 +283,7 @@ def _confused(diagnosis: Diagnosis, effect: str) -> str:
 
 
 def _undetermined(diagnosis: Diagnosis, ratio: str) -> str:
-    """Return why the recordings do not determine a ratio; empty if they do.
+    """Return the reason why the recordings do not determine a ratio; the text is empty if they do.
 
     For example, recordings of one rod alone determine only some ratios.
     """

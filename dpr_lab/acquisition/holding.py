@@ -191,7 +191,7 @@ def guide(
 
 
 def _check_elbow(theta: Array, pose: Pose, rig: Rig, settings: CaptureSettings) -> None:
-    """Compare the angle of a clamped elbow with that of the pose.
+    """Compare the angle of a clamped elbow with the elbow angle of the pose.
 
     The operator cannot change this angle at the pose.
     """

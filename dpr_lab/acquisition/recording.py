@@ -278,7 +278,7 @@ class Recording:
         )
 
     def abort(self, reason: str) -> None:
-        """Close the file as an incomplete run with a reason, unless it is finished."""
+        """Close an unfinished file as an incomplete run, and state the reason."""
         if self._finished:
             return
         report = self._judged(self.run(complete=False), 0.0) if len(self.samples) else None

@@ -124,8 +124,10 @@ class CaptureSettings:
     slowest_pace: float = 0.1
     """Minimum rate at which the device's time passes, relative to the host's time."""
     silences_without_samples: float = 2.0
-    """Time without a sample after which a device that still reports counts as failed, in units of
-    `DeviceTiming.silence_s`."""
+    """Time without a sample after which a device is regarded as failed although it still sends reports.
+
+    The unit is `DeviceTiming.silence_s`.
+    """
 
 
 DEVICE_TIMING, QUALITY_LIMITS, CAPTURE_SETTINGS = DeviceTiming(), QualityLimits(), CaptureSettings()

@@ -50,7 +50,7 @@ class RequiredClaim:
 
 
 def required_claims(diagnosis: Diagnosis, acceptance: Acceptance | None = None) -> dict[str, RequiredClaim]:
-    """Return, by name, the claims that the policy requires in a certificate of this diagnosis.
+    """Return the claims that a policy requires in the certificate of a diagnosis, by name.
 
     Args:
         diagnosis: the diagnosis

@@ -26,7 +26,7 @@ def positive(value: float | None) -> float | None:
 
 
 def require_runs(torque: str | None, runs: Iterable[Path] | None) -> None:
-    """Refuse --torque if there are no runs whose torques it could choose.
+    """Refuse the option --torque if no runs are given, because it selects the torques of runs.
 
     Raises:
         BadParameter: --torque is given without runs.

@@ -108,7 +108,7 @@ class Listener:
         self._notes.clear()
 
     def _at(self, title: str, done: float, total: float | None, text: str = "") -> None:
-        """Show progress on the bar with this title; a bar with another title is closed."""
+        """Show progress on the bar with a given title, and close a bar with a different title."""
         if title != self._title:
             self._close()
             self._bar, self._title = self._bars.enter_context(progress(title, total)), title

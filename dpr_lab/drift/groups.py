@@ -44,7 +44,7 @@ class Grouped:
 
 
 def grouped(runs: Sequence[Occasion], by: str) -> Grouped:
-    """Sort runs by time and group them.
+    """Sort runs by time, and divide them into groups.
 
     Args:
         runs: the runs in any order

@@ -1,4 +1,4 @@
-"""Export the corrected model to other programs.
+"""Export the corrected model to the formats of other programs.
 
 To add a format, write one file and add one row to `FORMATS`. `Effect.exported` describes an effect by elements that
 simulators have in common. Programs that can call functions receive the kernel of the effect instead. If a format

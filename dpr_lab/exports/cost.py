@@ -93,7 +93,7 @@ class Yardstick:
 
 
 def yardstick(model: AnyModel, runs: Sequence[Run], rig: Rig) -> Yardstick:
-    """Replay runs with a corrected model and with a refitted bare model.
+    """Replay runs with a corrected model and with a refitted bare model, for comparison.
 
     A corrected model without effects is also the bare model.
 

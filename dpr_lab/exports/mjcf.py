@@ -253,10 +253,7 @@ def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float, float]:
 
 
 def _passive_parts(link: Link) -> list[tuple[str, tuple[float, ...]]]:
-    """Return cogging and presliding of a joint as motor parts with their numbers.
-
-    The motor has no winding.
-    """
+    """Return the cogging and presliding of a joint as parts of a motor without winding, each with its numbers."""
     words = link.body.words
     waves = [("cogging", (size, N, phase - N * link.hanging)) for size, N, phase in words.get("cogging", ())]
     if "presliding" not in words:

@@ -198,7 +198,7 @@ def _typical(effect: Effect) -> dict[str, float]:
 
 
 def _with(model: AnyModel, estimate: Estimate, rig: Rig) -> AnyModel:
-    """Replace the ratios and effects of a model by those of an estimate."""
+    """Replace the ratios and effects of a model by the values of an estimate."""
     if isinstance(model, MovingArmModel):
         return with_engine_values(model, estimate.ratios, estimate.params, rig)
     return _with_rods(model, estimate)

@@ -1,4 +1,4 @@
-"""Identifiable parameters of free swings, and bench measurements for the others.
+"""Identifiable parameters of free swings, and bench measurements for the remaining parameters.
 
 Information is represented by whitened rows: sensitivities to relative changes of the nine parameters. The rows of the
 recordings are F dratios/dZ Z, where F^T F is the information of the ratios and Z the parameters. The row of a measured

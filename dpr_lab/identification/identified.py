@@ -197,7 +197,7 @@ def _identifiable(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig:
 
 
 def _misread(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> list[str]:
-    """Return a note if another interpretation of the columns fits better.
+    """Return a note if a different interpretation of the columns fits better.
 
     The list is empty if the fit is good, or if no interpretation fits better.
     """

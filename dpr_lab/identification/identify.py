@@ -225,7 +225,7 @@ def identifiability(
 
 
 def _suited(name: str, search: str) -> SearchSettings:
-    """Load the search file of the objective if it is for this algorithm.
+    """Load the search file of the objective if the file is for this algorithm.
 
     Otherwise return the defaults of the algorithm.
     """

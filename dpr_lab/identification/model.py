@@ -77,7 +77,7 @@ class ParameterValue(ModelPart):
 
 
 def of_rods(ratios: dict[str, Kept]) -> dict[str, Kept]:
-    """Check that the ratios are those of both rods, or of the inner rod alone."""
+    """Check that the ratios belong to both rods, or to the inner rod alone."""
     return by_name(ALONE if set(ratios) == set(ALONE) else RATIOS)(ratios)
 
 
@@ -296,7 +296,7 @@ class Model(FittedModel):
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     def with_ratios(self, values: Sequence[float]) -> "Model":
-        """Return a copy with other fitted ratios (5,) and the same uncertainties."""
+        """Return a copy with different fitted ratios (5,) and unchanged uncertainties."""
         five = [r.model_copy(update={"value": v}) for r, v in zip(self.all_ratios.values(), values, strict=True)]
         if not self.fitted:
             return self.model_copy(update={"ratios": dict(zip(RATIOS, five, strict=True))})
@@ -306,14 +306,15 @@ class Model(FittedModel):
     def scaled_ratios(self) -> "Model":
         """Return a copy of the model whose base parameters follow from the ratios.
 
-        The copy is used for comparisons with recordings. Otherwise the base parameters follow from the nine parameters.
-        Because the bounds of the rig file may shift these, they may disagree with ratios of large uncertainty.
+        The copy is used for comparisons with recordings. The base parameters of the model itself follow from the nine
+        parameters. The bounds of the rig file may shift the nine parameters, so that the base parameters disagree with
+        ratios of large uncertainty.
         """
         values = self.base["b"].value * base_from_ratios([ratio.value for ratio in self.all_ratios.values()])
         return self.with_base(values.tolist())
 
     def with_base(self, values: Sequence[float]) -> "Model":
-        """Return a copy with other base parameters (6,) and the same uncertainties."""
+        """Return a copy with different base parameters (6,) and unchanged uncertainties."""
         pairs = zip(self.base.items(), values, strict=True)
         return self.model_copy(update={"base": {k: v.model_copy(update={"value": value}) for (k, v), value in pairs}})
 

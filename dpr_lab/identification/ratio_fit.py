@@ -263,7 +263,7 @@ def driving_noise(problem: Problem, estimate: Estimate) -> Disturbance | None:
 
 
 def information(problem: Problem, estimate: Estimate) -> Array:
-    """Compute the Fisher information (k, k) of segments on the k unknowns determined by them.
+    """Compute the Fisher information (k, k) of segments on the k unknowns that they determine.
 
     All other values are eliminated.
     """

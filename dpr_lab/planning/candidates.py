@@ -72,7 +72,7 @@ def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Ar
 def near(
     release: CandidateRelease, limits: PlanLimits, width: float, count: int, rng: np.random.Generator
 ) -> list[CandidateRelease]:
-    """Draw releases with random reachable start poses near that of a given release.
+    """Draw releases with random reachable start poses near the start pose of a given release.
 
     Args:
         release: the given release
@@ -100,7 +100,7 @@ def placements(release: CandidateRelease, std: float, count: int, rng: np.random
 
 
 def bent(release: CandidateRelease) -> CandidateRelease:
-    """Set the angle of an absent rod to that of the mounted rod."""
+    """Set the angle of an absent rod to the angle of the mounted rod."""
     return replace(release, theta2=release.theta1) if release.setup.alone else release
 
 

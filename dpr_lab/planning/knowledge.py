@@ -49,7 +49,7 @@ RATIO_COLUMNS = len(UNKNOWN_RATIOS)
 
 @dataclass(frozen=True, slots=True)
 class HeldRatios:
-    """Narrow prior that keeps ratios at their values if no release determines them."""
+    """Narrow prior that keeps ratios at their nominal values if no release determines them."""
 
     exactness: float = 1e6
     """Value of a ratio divided by the standard deviation of its prior."""

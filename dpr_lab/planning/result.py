@@ -132,7 +132,7 @@ class LimitForecast(_Record):
 
 
 class Plan(Shown, _Record):
-    """The next recordings, their expected information, and whether they are necessary."""
+    """Next recordings, their expected information, and whether the recordings are necessary."""
 
     state: Literal["first", "record", "enough", "bench check"]
     """State of the recordings: `first`, `record`, `enough` or `bench check`.

@@ -102,7 +102,7 @@ class Planner:
         return steps
 
     def _longer(self, steps: Sequence[SequenceStep], left: float) -> list[SequenceStep]:
-        """Extend the releases to use the remaining time, which is too short for another one.
+        """Extend the releases by the remaining time if it is too short for a further release.
 
         The last releases are extended first. A longer recording does not require placing the rods again, and it makes
         the ratios more accurate.

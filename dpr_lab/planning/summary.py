@@ -123,7 +123,7 @@ def _forecast(
     gained: Sequence[Sequence[Array]],
     alike: Sequence[Sequence[Flags]],
 ) -> list[float | None]:
-    """Return, for each number of releases, the probability that they decide the causes.
+    """Return the probability that the causes are decided, for each number of releases.
 
     It is None before any recording. After each release, the pairs of causes in `alike` count as one cause.
     """

@@ -33,7 +33,7 @@ def origin(group: str, row: str) -> Plugin | None:
 
 
 def failure(error: BaseException) -> str:
-    """Describe an exception of a plugin or its libraries; empty for other exceptions."""
+    """Describe an exception of a plugin or its libraries; the text is empty for any other exception."""
     by_module = {plugin.module.partition(".")[0]: plugin for plugin in announced()}
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         root = str(frame.f_globals.get("__name__", "")).partition(".")[0]

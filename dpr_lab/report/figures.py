@@ -50,7 +50,7 @@ _EVOLUTION = {
 
 
 def clip_to_signal(axes: Axes, values: Array, half_widths: Array) -> None:
-    """Limit the y axis to a curve with intervals of typical width.
+    """Limit the y axis to the range of a curve with its typical intervals.
 
     If larger intervals are clipped, the panel is marked.
     """

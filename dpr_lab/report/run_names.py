@@ -25,19 +25,19 @@ def local_time(utc: str) -> str:
 
 
 def recorded(run: Path) -> str:
-    """Return the recording time from a name `<utc>_<pose>_<uid8>`; otherwise empty."""
+    """Return the recording time from a name `<utc>_<pose>_<uid8>`, or an empty text for any other name."""
     parts = run.stem.split("_")
     when = local_time(parts[0])
     return when if len(parts) > 2 and when != parts[0] else ""
 
 
 def run_pose(run: Path) -> str:
-    """Return the pose from a name `<utc>_<pose>_<uid8>`; other names are unchanged."""
+    """Return the pose from a name `<utc>_<pose>_<uid8>`; any other name is unchanged."""
     return "_".join(run.stem.split("_")[1:-1]) if recorded(run) else run.stem
 
 
 def run_name(run: Path) -> str:
-    """Return pose and time from a name `<utc>_<pose>_<uid8>`; other names are unchanged."""
+    """Return pose and time from a name `<utc>_<pose>_<uid8>`; any other name is unchanged."""
     return run_label(run.stem)
 
 

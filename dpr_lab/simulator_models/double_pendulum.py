@@ -81,7 +81,7 @@ def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: f
 def _two_rods(
     groups: Sequence[list[Part]], joints: Sequence[ModelJoint], plane: Vector, e: Vector
 ) -> tuple[tuple[ChainRod, ChainRod], float]:
-    """Build inner and outer rod; compute the mass on the axis between them."""
+    """Build the inner and the outer rod; compute the mass on the axis between the rods."""
     inner, outer = joints[:2]
     at_elbow = parts_at_elbow(groups[0], inner, outer, plane)
     inner_parts = [part for part in groups[0] if part not in at_elbow]

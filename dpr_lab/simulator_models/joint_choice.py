@@ -116,7 +116,7 @@ def only_choice(model: SimulatorModel) -> Hinges:
 
 
 def _across(model: SimulatorModel, first: int, second: int) -> bool:
-    """Check whether two joint axes are perpendicular, like those of arm and rod."""
+    """Check whether two joint axes are perpendicular, like the axes of arm and rod."""
     return _between(joint_of(model, first).axis, joint_of(model, second).axis) > math.pi / 2 - CHAIN.parallel
 
 

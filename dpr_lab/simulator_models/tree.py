@@ -90,7 +90,7 @@ class SimulatorModel:
 
 
 def follows(joint: str, factor: float, offset: float) -> dict[str, str]:
-    """Return the entry of `ModelJoint.other` for a joint that follows another joint."""
+    """Return the entry of `ModelJoint.other` for a joint that mimics another joint."""
     plus = f" + {offset:g}" if offset else ""
     return {"follows another joint (mimic), which is not in the rig file:": f"{factor:g} x {joint!r}{plus}"}
 

@@ -141,7 +141,7 @@ def info(path: Path | str) -> RunInfo:
 
 
 def _input(stored: Scan) -> str:
-    """Return kind and quantity of the input of a driven arm; empty otherwise."""
+    """Return the kind and quantity of the input of a driven arm; the text is empty for any other arm."""
     motor = stored.metadata.rig.motor
     if arm_mode(stored) != "driven" or motor is None:
         return ""

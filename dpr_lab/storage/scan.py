@@ -374,7 +374,7 @@ def _description(path: Path, collected: _Collected, damage: str) -> tuple[RunMet
     if record is None and not damage:
         raise RunError(f"{path}: is an MCAP file of another tool: it contains no provenance record of dpr-lab")
     if record is None or RIG_ATTACHMENT not in collected.attachments:
-        raise RunError(f"{path}: {damage}, before the description of its rig, so it cannot be read")
+        raise RunError(f"{path}: {damage}. The damage precedes the description of the rig, so the file cannot be read")
     try:
         return RunMetadata.from_record(record, collected.attachments[RIG_ATTACHMENT]), record["rig_sha256"]
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:

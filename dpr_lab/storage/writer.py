@@ -189,7 +189,7 @@ class RunWriter:
         self._add_json(CLOCK, self._since_start(host_time_ns), fit, host_time_ns)
 
     def copy(self, messages: Iterable[Stored]) -> None:
-        """Append messages of another run file with the same metadata."""
+        """Append the messages of a run file that has the same metadata."""
         with self._disk():
             for topic, log_time, publish_time, data in messages:
                 self._mcap.add_message(self._channels[topic], log_time, data, publish_time)

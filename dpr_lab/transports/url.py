@@ -90,7 +90,7 @@ def seconds(text: str) -> float:
 
 
 def one_of(*choices: str) -> Callable[[str], str]:
-    """Create a function that accepts only the given words and returns them unchanged."""
+    """Create a function that returns a given word unchanged and rejects any other word."""
 
     def read(text: str) -> str:
         if text not in choices:

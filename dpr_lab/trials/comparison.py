@@ -1,4 +1,4 @@
-"""Table of a revealed trial: each hidden effect with its diagnosis, then wrongly named effects.
+"""Table of a revealed trial: each hidden effect with its diagnosis, and the wrongly named effects.
 
 If only ratios to b are identified, true and estimated sizes are given as ratios. Absolute values for the assumed b
 follow.

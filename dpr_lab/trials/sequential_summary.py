@@ -29,7 +29,7 @@ def read_strategies(folder: Path, n: int) -> list[dict[str, Outcome]]:
 def sequential_summary(trials: Sequence[Mapping[str, Outcome]]) -> dict[str, dict[str, Any]]:
     """Summarise the trials for each strategy.
 
-    A plant whose causes remain undetermined counts as one release more than the maximum.
+    If the causes of a plant remain undetermined, its number of releases counts as the maximum plus one.
     """
     names = list(dict.fromkeys(name for trial in trials for name in trial))
     return {name: _of_strategy([trial[name] for trial in trials if name in trial]) for name in names}

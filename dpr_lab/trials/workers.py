@@ -153,7 +153,7 @@ def _wait_for_workers(wait: Callable[[], object], scheduler: str) -> None:
 
 
 def _result(future: Any) -> dict[str, Any]:
-    """Get the result of a case from a future of a pool or of dask.
+    """Return the result of a case from a future of a local pool or of dask.
 
     The error of a killed process is raised. Any other error becomes a result that contains its message.
     """

@@ -298,7 +298,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.action_import_table(event.file)
 
     def action_import_table(self, file: Path | None = None) -> None:
-        """Open the import of a recording of another logger, for the current rig."""
+        """Open the import of a recording from a different logger, for the current rig."""
         from dpr_lab.tui.steps.table_import import TableImport
 
         self.push_screen(TableImport(self.workspace.rig, self.workspace.out / "runs", file), self._imported)

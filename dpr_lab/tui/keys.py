@@ -43,7 +43,7 @@ _DEFAULTS: dict[str, dict[str, dict[str, Any]]] = tomllib.loads(
 
 @dataclass(frozen=True, slots=True)
 class KeyNames:
-    """Names of the current keys, for texts that mention them."""
+    """Names of the current keys, for texts that mention keys."""
 
     keys: Mapping[str, str]
     """Mapping of action identifiers to keys."""

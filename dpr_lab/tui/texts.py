@@ -90,7 +90,7 @@ def counted_runs(count: int) -> str:
 
 
 def shorter(names: Sequence[str], most: int = 6) -> str:
-    """Join the first `most` names with commas, and count the others."""
+    """Join the first `most` names by commas, and state the number of the remaining names."""
     more = len(names) - most
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 

@@ -1,4 +1,4 @@
-"""App that can be read-only: it then permits only actions and screens that change nothing."""
+"""App that can be read-only; it then permits only actions and screens without changes."""
 
 from typing import Any
 

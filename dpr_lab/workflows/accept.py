@@ -74,7 +74,7 @@ def accept(
 
 
 def _refuse_other_rig(file: Path, diagnosis: "Diagnosis", rig: "Rig") -> None:
-    """Refuse a diagnosis that was made with another rig file.
+    """Refuse a diagnosis that was made with a different rig file.
 
     Its intervals are not valid for the given rig.
     """

@@ -50,7 +50,7 @@ class VerifiedCertificate:
 
     @property
     def names_other_code(self) -> bool:
-        """Whether the certificate names another version or hash than the installed code."""
+        """Whether the certificate names a different version or hash than the installed code."""
         return any(
             declared.note for declared in self.origin if declared.name in ("made with: dpr_lab", "made with: code")
         )
@@ -103,7 +103,7 @@ def certify(
 
 
 def _accepted(diagnosis: "Diagnosis", limits: "Limits | None", request: DiagnoseRequest) -> "Acceptance | None":
-    """Return the results of the limits with the fitted runs of a request.
+    """Return the results of the equivalence tests of the limits, with the fitted runs of a request.
 
     The result is None if no limits are given.
     """

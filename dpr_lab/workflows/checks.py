@@ -57,7 +57,7 @@ def _try_to_write(out: Path, folder: Path, least_bytes: int = 1 << 16) -> None:
 
 
 def with_rods(rig: "Rig", mounted: str | None, elbow: str | None) -> "Rig":
-    """Return a copy of the rig with other mounted rods or another elbow mode.
+    """Return a copy of the rig with changed mounted rods or elbow mode.
 
     Raises:
         ConfigError: there is no joint 2 to clamp, or the rods are not supported with a moving arm.

@@ -85,7 +85,7 @@ class DemoResult:
 
 
 def demo(request: DemoRequest, on_event: OnEvent = ignore) -> DemoResult:
-    """Record, identify and compare a simulated double pendulum; then diagnose one whose effect is hidden.
+    """Record, identify and compare a simulated double pendulum, then diagnose one with a hidden effect.
 
     Events: `JobBegan`, and those of each job.
 

@@ -218,7 +218,7 @@ def diagnosis_folder(diagnosis: "Diagnosis", out: Path) -> "Iterator[Path]":
 
 
 def _of_all(event: StageBegan | FitBegan | ScoreTestBegan, stages: int) -> StageBegan | FitBegan | ScoreTestBegan:
-    """Return a copy of an event with the number of stages of this job.
+    """Return a copy of an event that states the number of stages of this job.
 
     The job may have one stage more than the diagnosis.
     """

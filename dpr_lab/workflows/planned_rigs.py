@@ -70,7 +70,7 @@ def _mass_table(mass: "AddedMass | None") -> str:
 
 
 def _with_setup(text: str, setup: RigSetup, rig: "Rig") -> str:
-    """Return the text of a rig file with another setup.
+    """Return the text of a rig file with a changed setup.
 
     Comments outside the replaced tables are kept.
     """

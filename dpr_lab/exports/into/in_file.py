@@ -121,7 +121,7 @@ def _at(joints: Collection[int]) -> Iterator[str]:
 
 
 def as_in_file(diagnosis: Diagnosis, chain: ModelChain, name: str, values: dict[str, float]) -> dict[str, float]:
-    """Return the values of an effect, with values of the file where they are compatible.
+    """Return the values of an effect; if values of the file are compatible, they are used instead.
 
     A value is compatible if it lies within the interval of the estimate.
     """

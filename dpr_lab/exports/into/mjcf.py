@@ -18,7 +18,7 @@ ATTRIBUTES = {"friction": "frictionloss", "rest": "springref"}
 
 
 class MjcfEditor(Editor):
-    """Editor of MJCF files; its frames are those of the last content that was read."""
+    """Editor of MJCF files; the frames are those of the content that was read last."""
 
     name = "MJCF"
     words = frozenset({"friction", "stiffness", "rest_angle", "armature", "offset", "added_length", "gear"})

@@ -1,4 +1,4 @@
-"""Compute target values of rods and arm, and the changes of bodies that produce them.
+"""Compute the target values of rods and arm, and the changes of bodies that attain these values.
 
 A swing determines inertias, first moments and friction of the rods, but not their masses. The masses of the file are
 therefore kept. Centre of mass, inertia, damping, Coulomb friction, armature, spring and length are set. Terms that the
@@ -118,7 +118,7 @@ class BodyChange:
 
 
 def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None:
-    """Check that L1, m, and g, m/s^2, of a file are those of a rig.
+    """Check that L1, m, and g, m/s^2, agree between a file and a rig.
 
     The length of a single rod is not compared.
 
@@ -289,7 +289,7 @@ def refuse_overridden(
     reason: str,
     of_arm: ArmTarget | None = None,
 ) -> None:
-    """Check that the changed file has the target values when it is read again.
+    """Read the changed file again, and check that it has the target values.
 
     Args:
         chain: rods and arm of the changed file

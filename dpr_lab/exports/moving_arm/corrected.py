@@ -106,7 +106,7 @@ def with_swing(model: MovingArmModel, swing: Sequence[float], inertia: float) ->
 def _with_values(
     ratios: Mapping[str, EstimatedValue], swing: Sequence[float], kind: str, letter: str
 ) -> dict[str, EstimatedValue]:
-    """Replace the values of the ratios by those of `SWING_PARAMETERS`."""
+    """Replace the values of the ratios by the values of `SWING_PARAMETERS`."""
     new_values = {
         name: swing[SWING_PARAMETERS.index(parameter_of(name, kind, letter))] for name in ratios if name != "L0"
     }

@@ -151,7 +151,7 @@ def is_unit(scale: float | None, factor: float) -> bool:
 
 
 def wrong_scale(t: Array, theta: Array, rig: Rig) -> ScaledReadings | None:
-    """Detect another scale of the arm's angle, or degrees declared as rad.
+    """Detect a wrong scale of the arm's angle, or degrees declared as rad.
 
     The result is None if the readings indicate neither. If the rods are in degrees and the scale of the arm is
     undetermined, the arm is assumed to be in degrees as well.

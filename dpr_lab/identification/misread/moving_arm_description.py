@@ -20,7 +20,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class DescriptionLimits:
-    """Thresholds from which another description probably causes a misfit."""
+    """Thresholds above which a wrong description is the probable cause of a misfit."""
 
     doubted: float = 20.0
     """Minimum reduced chi-square for which other signs, zeros and scales are tested."""
@@ -51,7 +51,7 @@ UNITS = {
 
 
 def measured_scale(runs: Iterable[Run], rig: Rig) -> str:
-    """Return a message if the last rod's acceleration indicates another scale or unit.
+    """Return a message if the acceleration of the last rod indicates a different scale or unit.
 
     Otherwise return an empty text.
     """

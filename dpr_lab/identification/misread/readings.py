@@ -53,7 +53,7 @@ def readings(rig: Rig) -> tuple[Misreading, ...]:
 
 
 def other_zeros(runs: Sequence[Run], rig: Rig) -> Iterator[Misreading]:
-    """Find interpretations with other zeros of the rods by the energy balance.
+    """Find interpretations with different zeros of the rods by the energy balance.
 
     Each free swing gives one interpretation.
     """

@@ -1,4 +1,4 @@
-"""Other interpretations of moving-arm angles: another sign, zero, unit or scale."""
+"""Other interpretations of moving-arm angles: different sign, zero, unit or scale."""
 
 from dataclasses import dataclass
 

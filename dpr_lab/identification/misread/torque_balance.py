@@ -66,7 +66,7 @@ class TorqueBalance:
         return self._solution(columns, target, least, most)[0]
 
     def zeros(self, *, nearest: bool = False) -> tuple[float, float]:
-        """Find the angles that minimise the residual when they are added to both rods.
+        """Find the two angles whose addition to the rod angles minimises the residual.
 
         The angles are less than one turn. If `nearest` is true, the search starts only from added angles of zero and
         ends at the nearest local minimum.

@@ -1,4 +1,4 @@
-"""Fits of other interpretations of recordings, compared with the fit of the given one."""
+"""Fits of other interpretations of recordings, compared with the fit of the given interpretation."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -180,7 +180,7 @@ def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
 def better_readings(
     runs: Sequence[Run], rig: Rig, chi2_per_dof: float, limit: float
 ) -> list[tuple[Misreading, RatioFit]]:
-    """Find other interpretations that explain the runs far better than the given one, best first.
+    """Find other interpretations that explain the runs far better than the given interpretation, best first.
 
     An interpretation that is far worse than the best one is omitted.
 
@@ -218,7 +218,7 @@ def _explaining(
 
 
 def _larger_noise(reading: Misreading, runs: Sequence[Run], rig: Rig) -> float:
-    """Compute the factor by which another interpretation increases the ratio of noise to swing.
+    """Compute the factor by which a different interpretation increases the ratio of noise to swing.
 
     The result is the largest factor of all runs, and at least 1.
     """
@@ -275,7 +275,7 @@ def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
 
 
 def impossible_fit(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> str:
-    """Explain why the fitted ratios or the inertia b are impossible; otherwise empty."""
+    """Explain why the fitted ratios or the inertia b are impossible; the text is empty if they are possible."""
     unknown = ratio_fit.fit.estimate.ratios
     if all(run.mounting == "inner" for run in runs):
         weight = float(unknown[RATIOS.index("e1/b")] - unknown[ON_ELBOW] * rig.g / rig.L1) / alone_share(unknown)
@@ -377,7 +377,7 @@ def _preprocessed(runs: Sequence[Run], rig: Rig, seconds: float, thinned: bool =
 
 
 def _slowness(run: Run, rig: Rig) -> float:
-    """Return the ratio of the observed period of theta1 to that of a point mass.
+    """Return the ratio of the observed period of theta1 to the period of a point mass.
 
     The mass is at the distance L1. The ratio is limited to 8. A ratio above 1 indicates slow motion. Ratios up to the
     threshold `slow` are returned as 1. The observed half period is the mean time between two passages through the

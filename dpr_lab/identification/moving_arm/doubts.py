@@ -109,7 +109,7 @@ def _mirrored_fit(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig) -> 
 
 
 def _other_angles(recordings: Sequence[ArmRecording], rig: Rig) -> str:
-    """Return a message if another zero or scale of the angles fits much better.
+    """Return a message if a different zero or scale of the angles fits much better.
 
     Otherwise return an empty text.
     """

@@ -63,7 +63,7 @@ class ArmSwings:
     """(segments, 6) mask of the free entries of the initial state, in the order of `Segments.states`."""
 
     def with_constants(self, constants: RigConstants) -> "ArmSwings":
-        """Return a copy of the model with other measured constants."""
+        """Return a copy of the model with changed measured constants."""
         return replace(self, constants=constants)
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
@@ -116,7 +116,7 @@ class ArmProblem(Problem):
     """Longest Runge-Kutta step, s."""
 
     def with_cuts(self, cuts: Sequence[Cut], max_step: float = MAX_STEP) -> "ArmProblem":
-        """Return the problem of the same recordings with other segments."""
+        """Return the problem of these recordings with different segments."""
         return problem_of(self.recordings, self.rig, cuts, max_step)
 
     @property

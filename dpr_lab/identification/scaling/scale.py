@@ -69,7 +69,7 @@ class Scale(BaseModel):
         )
 
     def as_inertia(self, inertia: Literal["a", "b"], factor: float) -> "Scale":
-        """Express the scale by another inertia, which is `factor` times the current inertia."""
+        """Express the scale by a different inertia, which is `factor` times the current inertia."""
         low, high = self.interval90
         return self.model_copy(
             update={"b": self.b * factor, "interval90": (low * factor, high * factor), "inertia": inertia}
@@ -83,7 +83,7 @@ class Scale(BaseModel):
         return value / self.b**power
 
     def ratio90(self, interval: Interval90, power: int = 1) -> Interval90:
-        """Convert the 90 % interval of a size to that of its ratio."""
+        """Convert the 90 % interval of a size to the interval of its ratio."""
         return self.ratio(interval[0], power), self.ratio(interval[1], power)
 
     def factors90(self, power: int) -> tuple[float, float]:

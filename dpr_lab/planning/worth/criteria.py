@@ -72,7 +72,7 @@ WORTH = Worth()
 
 
 def given(F: Array, fitted: Sequence[int], columns: Sequence[int]) -> Array:
-    """Return the information about some unknowns if others are fitted (Schur complement).
+    """Return the information about some unknowns if the other unknowns are fitted (Schur complement).
 
     Args:
         F: (k, k) information about all unknowns
@@ -167,7 +167,7 @@ class OpenPairs:
 
 
 def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
-    """Compute the expected bits about the most probable cause and each other cause."""
+    """Compute the expected bits that distinguish the most probable cause from each other cause."""
     if len(pairs.names) < 2:
         return {}
     best = int(np.argmax(pairs.probabilities))
@@ -214,7 +214,7 @@ def library_bits(known: Knowledge, F: Array) -> float:
 
 @dataclass(frozen=True, slots=True)
 class OpenAmplitudes:
-    """Tested amplitudes of the library, and further information about them."""
+    """Tested amplitudes of the library, and what further recordings contribute to them."""
 
     tested: tuple[Exclusion, ...]
     """Test of each amplitude."""

@@ -88,7 +88,7 @@ def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float
 
 
 def _ratios_first(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, str], ratios: Mapping[str, str]) -> list[str]:
-    """Return the texts of ratios, of sizes at the assumed b, and of other sizes.
+    """Return the texts of ratios, then of sizes at the assumed b, then of other sizes.
 
     Ratios are omitted if the scale is known.
     """

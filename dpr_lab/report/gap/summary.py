@@ -89,7 +89,7 @@ def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
 
 
 def _repeated(diagnosis: Diagnosis) -> str:
-    """Return what is compared with each other: "recordings" or "pieces" of a single recording."""
+    """Return the name of the compared recordings: "recordings", or "pieces" of a single recording."""
     budget = diagnosis.gap.budget
     single = budget is not None and budget.basis != "recordings"
     return "pieces" if single or are_pieces(diagnosis.gap.closed_held_out.held_out) else "recordings"

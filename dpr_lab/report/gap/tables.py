@@ -65,7 +65,10 @@ class AlternativeWords:
     improbable: float = 1e-3
     """Minimum probability that is printed as a number. A smaller probability is printed as less than this bound."""
     same_shape: float = 0.9995
-    """Cosine similarity that is printed as 1.000; an improbable alternative with this similarity needs a reason."""
+    """Cosine similarity that is printed as 1.000.
+
+    If an alternative with this similarity is improbable, the table states the reason.
+    """
 
 
 ALTERNATIVE_WORDS = AlternativeWords()

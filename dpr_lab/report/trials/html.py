@@ -11,7 +11,7 @@ Summary = Mapping[str, Any]
 
 FIGURES = {
     "by_size": (
-        "Bar chart of the detection rate of hidden effects, by size over the minimum detectable size.",
+        "Bar chart of the detection rate of hidden effects, by the ratio of size to minimum detectable size.",
         "Share of the hidden effects that were named, by multiples of the minimum detectable size of the diagnosis.",
     ),
     "confusion": (

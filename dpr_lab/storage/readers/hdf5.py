@@ -39,7 +39,7 @@ def read_hdf5(path: Path, take: Sequence[str]) -> Table:
 
     Raises:
         RunError: the file is damaged, its data are in other files, or it contains a MATLAB object, too many groups, or
-            more numbers than a recording.
+            more numbers than a recording can have.
         DprError: h5py is not installed.
     """
     with extra("hdf5"):

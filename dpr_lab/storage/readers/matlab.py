@@ -37,7 +37,7 @@ def read_matlab(path: Path, take: Sequence[str]) -> Table:
     """Read every numeric array in a .mat file, including those in structs.
 
     Raises:
-        RunError: the file cannot be read, contains an object, or contains more numbers than a recording.
+        RunError: the file cannot be read, contains an object, or contains more numbers than a recording can have.
     """
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError

@@ -13,7 +13,7 @@ from dpr_lab.storage.tables.table import Table
 
 
 def rows_of_angles(table: Table, angles: Sequence[str]) -> Table:
-    """Remove the rows that a logger wrote only for other quantities than angles.
+    """Remove the rows that a logger wrote only for quantities other than angles.
 
     A row without an angle is kept in two cases: it is empty, or most rows with an angle also contain its quantities, so
     that its angle was lost.

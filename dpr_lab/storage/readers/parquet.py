@@ -14,7 +14,7 @@ def read_parquet(path: Path, take: Sequence[str]) -> Table:
     """Read every numeric column of a Parquet file; a missing value is NaN.
 
     Raises:
-        RunError: the file is damaged, or contains no numbers or more numbers than a recording.
+        RunError: the file is damaged, or contains no numbers or more numbers than a recording can have.
         DprError: pyarrow is not installed.
     """
     with extra("parquet"):

@@ -39,8 +39,7 @@ class PointSettings:
     likelihood: float = 0.6
     """Minimum likelihood of a tracked point. The plots of DeepLabCut use the same limit (its pcutoff)."""
     at_rest: float = 0.05
-    """Maximum ratio of the motion of a point to the motion of another point for which the first counts as a fixed
-    pivot."""
+    """Maximum motion of a point that counts as a fixed pivot, relative to the motion of another point."""
     at_origin: float = 1.5
     """Maximum ratio for which the origin counts as the pivot. The ratio is the scatter of the distances to the origin,
     divided by the scatter of the distances to the centre of the fitted circle. Users of Tracker often place the axes at
@@ -142,7 +141,7 @@ def _points(table: Table, despite_angles: bool = False) -> tuple[str, list[_Poin
 
 
 def _of_plane(axes: str) -> str:
-    """Describe a table of points as its kind.
+    """Return the description of the kind of a table of points.
 
     If the points have three coordinates, the description names the two coordinates `axes` that are used.
     """

@@ -26,7 +26,8 @@ def read_records(path: Path, take: Sequence[str]) -> Table:
     """Read the records or the lists of numbers of a JSON file.
 
     Raises:
-        RunError: the file is not JSON, or contains no numbers in lists or records, or more numbers than a recording.
+        RunError: the file is not JSON, contains no numbers in lists or records, or contains more numbers than a
+            recording can have.
     """
     refuse_large(path, path.stat().st_size // 8)
     with library_of(path, KIND):

@@ -61,7 +61,7 @@ class RodLength:
 
 
 def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:
-    """Analyse the length that the last rod in `rods` has in the picture.
+    """Analyse the length of the last rod in `rods` in the picture.
 
     Args:
         path: table of the points

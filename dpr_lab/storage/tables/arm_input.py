@@ -211,7 +211,7 @@ def _matching(pattern: str, names: Sequence[str]) -> dict[str, re.Match[str]]:
 
 
 def _other_input(names: Sequence[str], motor: MotorTable) -> str:
-    """Advise the user if a table has another kind of input than the rig file.
+    """Advise the user if the input in a table is of a different kind than in the rig file.
 
     Otherwise the text is empty.
     """

@@ -103,7 +103,7 @@ def _numbers(fields: list[str]) -> Array | None:
 
 
 def names_no_angle(name: str) -> bool:
-    """Check whether a column name states a rate, an acceleration, or another quantity's unit."""
+    """Check whether a column name states a rate, an acceleration, or the unit of another quantity."""
     return names_rate(name) or bool(_OTHER_UNIT.match(name))
 
 

@@ -139,7 +139,7 @@ def find_columns(table: Table, given: Mapping[str, str], options: ImportOptions)
     Args:
         table: the table
         given: stated column names of t, theta0, theta1 and theta2
-        options: units, scales and sample rate; a unit that is None is that of the column names, otherwise rad or s
+        options: units, scales and sample rate; a unit of None stands for the unit in the column names, or for rad or s
 
     Raises:
         RunError: a column is missing, is used twice, has another length, or states a unit other than the given one.

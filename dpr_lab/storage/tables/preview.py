@@ -84,7 +84,7 @@ class Preview:
         return facts | self._inputs()
 
     def _inputs(self) -> dict[str, str]:
-        """Return the text about known torques or the arm's input; empty otherwise."""
+        """Return the text about known torques or the arm's input; it is empty if the table has neither."""
         driven = self.rig.motor if self.swing.options.arm == "driven" else None
         unit = INPUT_UNITS[driven.input] if driven else "N m"
         columns = {kind: [name for name in pair if name != PASSIVE] for kind, pair in self.swing.torque_columns.items()}

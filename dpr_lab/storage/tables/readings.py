@@ -17,7 +17,7 @@ from dpr_lab.storage.tables.options import ImportOptions
 
 @dataclass(frozen=True, slots=True)
 class ReadingSettings:
-    """Limits from which another interpretation of a table is proposed."""
+    """Limits beyond which a different interpretation of a table is proposed."""
 
     right: float = 0.15
     """Maximum energy residual of a correct interpretation. It is 0.01 in simulations, 0.02 to 0.12 on real rigs, and
@@ -200,10 +200,10 @@ def balanced_readings(read: InterpretedTable) -> list[OtherReading]:
 
 
 def _by_energy(read: InterpretedTable, balancing: tuple[float, float]) -> tuple[float, float]:
-    """Replace zeros from the torque balance by nearby ones from the energy.
+    """Replace the zeros of the torque balance by nearby zeros with a better energy balance.
 
-    This is done only for a single free rod. Friction that stops the rod or changes its sign shifts the zeros from the
-    torque balance. It does not shift the zeros from the energy.
+    This is done only for a single free rod. Friction that stops the rod or changes its sign shifts the zeros of the
+    torque balance, but not the zeros of the energy balance.
     """
     if read.rig.rods.mounting == "both" or read.torques is not None:
         return balancing
@@ -274,7 +274,7 @@ def _per_rod(option: str, value: Mapping[str, float], neutral: float) -> tuple[s
 
 
 def other_readings(read: InterpretedTable) -> Iterator[OtherReading]:
-    """Yield interpretations with another zero, reference, sign, order, unit or scale."""
+    """Yield interpretations with a different zero, reference, sign, order, unit or scale."""
     options = read.options
     counted, both_rods = options.unit == "counts", read.rig.rods.mounting == "both"
     zeros = (False,) if counted else (False, True)

@@ -31,7 +31,7 @@ class JobControl:
         self.send(JobProgress(value))
 
     def proceed(self) -> bool:
-        """Wait while the job is paused; return False if it must stop.
+        """Wait while the job is paused; return False if the job must stop and keep its result.
 
         The job then keeps its result.
         """
@@ -39,7 +39,7 @@ class JobControl:
         return not self._stop.is_set()
 
     def questions(self) -> Iterator[Any]:
-        """Wait for questions and yield them, without end.
+        """Wait for questions and yield them; the iteration never ends.
 
         If several questions are pending, only the newest is yielded.
         """

@@ -67,7 +67,7 @@ def identifiability(model: "MovingArmModel") -> Group:
 def draw_merges(model: "MovingArmModel", misfit: Chart, length: Chart) -> None:
     """Draw misfit and segment length after each merge of segments.
 
-    The segments are short at first and are merged up to the longest ones that the model can fit.
+    The segments are short at first, and are merged as long as the model can fit the merged segments.
     """
     lengths, misfits = np.array(model.fit.merges, dtype=np.float64).reshape(-1, 2).T
     merge = np.arange(len(lengths), dtype=np.float64)

@@ -200,7 +200,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         next(chart for chart in self.query(Chart) if chart.display).focus()
 
     def action_edit(self) -> None:
-        """Focus the field for another model."""
+        """Focus the field for the file of the second model."""
         self.query_one(SecondCurve).edit()
 
     def action_second_curve(self) -> None:

@@ -41,7 +41,7 @@ DRIVEN = "{text}: the device must replay {file}; record it with dpr-lab capture"
 
 
 class PlanStep(JobStep):
-    """Plan of the next releases; writes plan.json and a rig file with the planned poses."""
+    """Step that plans the next releases, and writes plan.json and a rig file with the planned poses."""
 
     NAME = "Plan"
     PURPOSE = "recommends the next recordings, with reason and duration, and reports when no more recordings are needed"

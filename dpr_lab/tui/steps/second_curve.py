@@ -1,4 +1,4 @@
-"""Second curve in Compare: another run, or the same run with another model."""
+"""Second curve in Compare: a second run, or the selected run with a second model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ NOTHING, OTHER_MODEL = -1, -2
 
 
 class SecondCurve(Guarded, Horizontal):
-    """List of possible second curves, and a field for the file of another model.
+    """List of possible second curves, and a field for the file of a second model.
 
     Args:
         services: services with the workspace of the runs
@@ -60,7 +60,7 @@ class SecondCurve(Guarded, Horizontal):
         self._offered: list[tuple[Content, int]] = []
 
     def compose(self) -> ComposeResult:
-        """Build the list of curves and the input field for another model."""
+        """Build the list of curves and the input field for a second model."""
         yield Select([("second curve: none", NOTHING)], value=NOTHING, allow_blank=False, id="second", compact=True)
         hint = self._services.keys.fill("another model ({compare.edit})")
         yield Input(placeholder=hint, id="other", suggester=PathSuggester(".json"), compact=True)
@@ -80,7 +80,7 @@ class SecondCurve(Guarded, Horizontal):
 
     @property
     def chosen(self) -> "Comparison | None":
-        """Comparison for the second curve: another run, or the same run with the other model.
+        """Comparison for the second curve: a second run, or the selected run with the second model.
 
         The value is None if no second curve is chosen.
         """
@@ -113,7 +113,7 @@ class SecondCurve(Guarded, Horizontal):
 
     @on(Input.Submitted)
     def _named(self, event: Input.Submitted) -> None:
-        """Simulate the runs with another model; with an empty field, remove the other model."""
+        """Simulate the runs with the second model; if its field is empty, remove this model."""
         self._end()
         self._model = {}
         if name := event.value.strip():

@@ -1,4 +1,4 @@
-"""Dialog that imports a recording of another logger: options, preview, and confirmation of warnings."""
+"""Dialog that imports a recording from a different logger: options, preview, confirmation of warnings."""
 
 import asyncio
 import shlex

@@ -85,7 +85,7 @@ class CaptureState:
 
 
 class CaptureView(Vertical):
-    """Shows the state of a capture."""
+    """View of the state of a capture."""
 
     def compose(self) -> ComposeResult:
         """Build the view: instruction at the top, rods and readouts in the middle, swing below."""

@@ -14,7 +14,7 @@ ASIDE = "aside"
 
 
 def kept(runs: Iterable[Path], poses: Iterable[str]) -> dict[str, int]:
-    """Return the number of runs of each pose, according to the names of the files."""
+    """Count the runs of each pose by the names of the files."""
     names = [parts[1] for run in runs if len(parts := run.stem.split("_")) > 2]
     return {pose: names.count(in_file_name(pose)) for pose in poses}
 

@@ -74,7 +74,7 @@ def bar(error: float, tolerance: float, cells_wide: int = 21, reach: float = 3.0
 
 
 def rest_text(rest: RestReading | None, rig: Rig, unit: AngleUnit) -> Content:
-    """State whether the rods are at rest; if they are not, name the exceeded limits."""
+    """State whether the rods are at rest, and otherwise which limits are exceeded."""
     if rest is None:
         return Content.styled(f"rest   {UNKNOWN} checked when the rods are at the pose", "dim")
     limits = QUALITY_LIMITS.rest

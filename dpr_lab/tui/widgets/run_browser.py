@@ -111,7 +111,7 @@ no samples. The reason is shown below the list.
             yield KeyLine()
 
     def on_mount(self) -> None:
-        """List the files at once; the metadata of each file follow when they are read."""
+        """List the files immediately, and add the metadata of each file as soon as they are read."""
         table = self._table
         for column in COLUMNS:
             table.add_column(column, key=column or "chosen")
@@ -238,7 +238,7 @@ no samples. The reason is shown below the list.
         self._chosen = [by_path[path.resolve()] for path in self._chosen]
 
     def _survey(self) -> None:
-        """List the files, then start to read their metadata."""
+        """List the files, then start to read the metadata of the files."""
         self._list()
         self._say("")
         if self._paths:

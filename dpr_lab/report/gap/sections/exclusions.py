@@ -54,7 +54,7 @@ def exclusion_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def _split(diagnosis: Diagnosis) -> tuple[dict[str, list[Exclusion]], list[str]]:
-    """Return the excluded effects with their amplitudes, and the names of the others."""
+    """Return the excluded effects with their amplitudes, and the names of the remaining effects."""
     by_effect: dict[str, list[Exclusion]] = defaultdict(list)
     for exclusion in evidence_of(diagnosis).exclusions:
         by_effect[exclusion.effect].append(exclusion)

@@ -33,7 +33,7 @@ JOIN = JoinSettings()
 
 
 def joined_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about the first gap after which another recording seems to begin."""
+    """Warn about the first gap after which a further recording seems to begin."""
     t, theta = table.t[table.swing], table.theta[table.swing, 1:]
     steps = np.diff(t)
     lost = np.rint(steps / np.median(steps)).astype(np.intp) - 1
