@@ -51,7 +51,7 @@ def apply_encoder_errors(angles: Array, t: Array, run: int, model: RigModel) -> 
 
 
 def with_encoder_errors(angles: Array, params: ArrayLike, constants: RigConstants, segments: Segments) -> Array:
-    """Apply n sets of encoder errors to the same angles, without integration.
+    """Apply n sets of encoder errors to one set of simulated angles.
 
     Args:
         angles: (N, axes) joint 1 absolute, joint 2 as read by its encoder, and the arm if it moves, rad

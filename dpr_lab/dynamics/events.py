@@ -64,7 +64,7 @@ class JointMotion(NamedTuple):
 
 @subroutine
 def of_joints(values: Three) -> Three:
-    """Convert values of theta0, theta1, theta2 to those of joints 1, 2 and 0.
+    """Convert values in the order theta0, theta1, theta2 to the order of joints 1, 2 and 0.
 
     The values are speeds or accelerations.
     """

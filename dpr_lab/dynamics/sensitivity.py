@@ -84,7 +84,7 @@ def driven(
 
 
 def swings(ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike) -> Array:
-    """Return the (samples, 4) states of `sensitivities` without derivatives, in a third of the time."""
+    """Compute the (samples, 4) states like `sensitivities` but without derivatives, in a third of the time."""
     return _followed(ratios, L1, g, segments, initial, 0)[0]
 
 

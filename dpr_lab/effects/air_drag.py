@@ -55,7 +55,7 @@ def outer(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float)
 
 @inlined
 def both(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float) -> Terms:
-    """Return the drag torques of both rods, which have the same width, N m."""
+    """Return the drag torques of two rods of equal width, N m."""
     carried = outer(motion, constants, coefficient_kg_per_m2)
     drag1 = coefficient_kg_per_m2 * constants.L1**4 / 4.0 * motion.omega1 * abs(motion.omega1)
     return torques(carried.torque1 - drag1, carried.torque2)

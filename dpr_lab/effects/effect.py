@@ -298,7 +298,7 @@ class Effect:
         return tuple(parameter for parameter in self.parameters if parameter.role == "amplitude")
 
     def bench_quantity(self, parameter: str) -> BenchQuantity:
-        """Return the measurable quantity of which an amplitude is a part."""
+        """Return the measurable quantity to which an amplitude belongs."""
         containing = (quantity for quantity in self.quantities if parameter in quantity.parameters)
         return next(containing, BenchQuantity(parameter, parameter, (parameter,)))
 

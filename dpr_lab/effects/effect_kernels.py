@@ -173,7 +173,7 @@ arm_torques = scalar_stage("torque0")
 arm_drives = scalar_stage("drive0")
 """(motion, torque0, params, active) -> torque of the arm's drive, N m; `torque0` is the known torque without effects.
 
-The effects act in sequence, the gain first. Each acts on the torque that the preceding ones return.
+The effects act in sequence, the gain first. Each effect acts on the torque that the preceding effects return.
 """
 
 whole_torques = scalar_stage("whole0")

@@ -23,8 +23,8 @@ INPUT_DELAY = Effect(
         "Every response to a step of the input begins earlier or later than in the simulation, always by the same time."
     ),
     bench_check=(
-        "Command a torque step on a hanging rod at rest and log its encoder at the highest rate: the rod starts to"
-        " move a delay after the step."
+        "Command a torque step on a hanging rod at rest and log its encoder at the highest rate: the delay is the"
+        " time from the step to the first motion of the rod."
     ),
     source="Astrom & Wittenmark (1997), Computer-Controlled Systems, sec. 2.3 and 3.2: time delays of a held input.",
 )

@@ -30,7 +30,7 @@ def _limit(effect: Effect, parameter: EffectParameter, at_joint: Mapping[int, Ri
 
 
 def amplitude_limits(base: BaseParameters, constants: RigConstants) -> Array:
-    """Return the (SIZE,) largest absolute amplitudes on a rig, each in its own unit.
+    """Return the (SIZE,) largest absolute amplitudes on a rig, in the units of the amplitudes.
 
     The values of shape parameters are inf.
 

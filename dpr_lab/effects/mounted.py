@@ -59,7 +59,7 @@ def _still(params: Array, setup: Setup) -> bool:
 
 
 def effects_of_run(params: Array, setup: Setup) -> Array:
-    """Convert the effects (..., SIZE) of a rig to those of a run's mounting."""
+    """Convert the effects (..., SIZE) of a rig to the effects in the mounting of a run."""
     undriven, still = _undriven(params, setup), _still(params, setup)
     if not (setup.held or undriven or still):
         return params

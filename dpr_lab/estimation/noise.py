@@ -135,7 +135,7 @@ def arm_noise(run: Run, rig: Rig, *, still: bool = True) -> float:
 
 
 def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Array]:
-    """Find readings within one rounding step, and count those with the same rounding error.
+    """Find readings within one rounding step, and count the readings with equal rounding errors.
 
     If a controller balances a rod within one step, many successive samples are equal. They share one error of up to
     half a step, so together they contain the information of one reading.

@@ -18,7 +18,7 @@ def refuse_other_rigs(runs: Iterable[Run], rig_name: str) -> None:
 
 
 def refuse_other_rig(place: Path | str, recorded: str, given: str) -> None:
-    """Check that a recorded rig, if it is known, is the given one.
+    """Check that the rig of a recording, if known, is the given rig.
 
     Raises:
         RunError: the names differ; the message starts with `place`, the file or the name of the run.

@@ -37,7 +37,7 @@ class FilterSettings:
     memories: tuple[float, float, float] = (-1.0, 2.0, 0.25)
     """Grid of the filter's memory T, log10 of T in samples: first, last, step.
 
-    The grid covers fast swings at 30 Hz up to slow ones at 10 kHz.
+    The grid covers all cases from fast swings at 30 Hz to slow swings at 10 kHz.
     """
     section_s: float = 0.4
     """Length of a section with constant process noise, s: slightly less than half a period of a 0.4 m rod."""

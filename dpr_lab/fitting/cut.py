@@ -62,7 +62,7 @@ def partition(run: Run, length: float) -> list[slice]:
 
 
 def carried(source: Segments, states: Array, other: Segments, otherwise: Array) -> Array:
-    """Transfer initial states to another division into segments.
+    """Convert initial states to a different division of the runs into segments.
 
     A segment takes the state of the segment with the same first sample.
 

@@ -185,7 +185,7 @@ def unknown_ratios(base: ArrayLike) -> Array:
 
 
 def with_scale(ratios: Array, b: float) -> Array:
-    """Return the (7,) ratios with another scale b of all torques, kg m^2."""
+    """Return the (7,) ratios after a change of b, the common scale of all torques, kg m^2."""
     ratios = ratios.copy()
     ratios[SCALE] = b
     return ratios

@@ -87,7 +87,7 @@ class Linearisation:
         return np.subtract(columns, absorbed, out=absorbed)
 
     def carried(self, problem: Problem, predicted: Array) -> "Linearisation | None":
-        """Return a copy with other predicted readings (samples, 2) and the same derivatives.
+        """Return a copy with different predicted readings (samples, 2) and unchanged derivatives.
 
         The result is None if a simulation has failed.
         """

@@ -46,7 +46,7 @@ class PriorStrength:
     floor: float = 0.05
     """Minimum relative standard deviation of a parameter.
 
-    An incomplete model may need other values than the measured ones.
+    An incomplete model may need values that differ from the measured values.
     """
     damping: float = 0.3
     """Standard deviation of the damping ratio of a small swing, which widens the prior of the friction ratios."""

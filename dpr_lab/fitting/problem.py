@@ -26,7 +26,7 @@ class OutputModel(Protocol):
         ...
 
     def with_constants(self, constants: RigConstants) -> "OutputModel":
-        """Return a copy of the model with other measured constants."""
+        """Return a copy of the model with changed measured constants."""
         ...
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
@@ -158,7 +158,7 @@ class Problem:
         return innovations(zeros, self.weight, self.segments.offsets, noise.walk, noise.out, noise.shared)
 
     def by_sample(self, whitened: Array) -> Array:
-        """Return the (samples, 2) values from whitened values (segments, m)."""
+        """Rearrange whitened values by segment, (segments, m), to values by sample, (samples, 2)."""
         owner = self.owner
         row = np.arange(len(owner)) - self.segments.offsets[owner]
         return whitened.reshape(len(whitened), -1, self.axes)[owner, row]

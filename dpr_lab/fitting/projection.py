@@ -127,7 +127,7 @@ class ColumnSpace:
         return np.linalg.inv(_ridged(self.H)) * self.scale[:, None] * self.scale
 
     def cosine(self, direction: Array, columns: Indices, others: Indices) -> float:
-        """Return the cosine between A_c x and the span of the columns `others`.
+        """Return the cosine between the vector A_c x and the span of the columns `others`.
 
         A_c are the columns `columns`, and x is `direction`.
         """

@@ -61,7 +61,7 @@ def relative_chi2(fitted: Fit) -> Array:
 
 
 def refit_lost(problem: Problem, first_fit: Fit, initial: Array, *, iterations: int = 20, lost: float = 9.0) -> Fit:
-    """Refit segments in an incorrect local minimum from other initial states.
+    """Refit segments that ended in a local minimum, starting from other initial states.
 
     Args:
         problem: measured readings, weights and model

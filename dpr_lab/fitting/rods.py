@@ -31,7 +31,7 @@ class RodsAlone:
     constants: RigConstants
 
     def with_constants(self, constants: RigConstants) -> "RodsAlone":
-        """Return a copy of the model with other measured constants."""
+        """Return a copy of the model with changed measured constants."""
         return RodsAlone(constants)
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
@@ -98,7 +98,7 @@ def values_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
 
 
 def _as_whole(setup: Setup) -> bool:
-    """Return whether the ratios of a run are those of the whole rig."""
+    """Return whether the ratios of a run are the ratios of the complete rig."""
     return setup.added is None and setup.inner is None and not setup.alone
 
 

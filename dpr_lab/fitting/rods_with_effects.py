@@ -67,7 +67,7 @@ class RodsWithEffects:
     constants: RigConstants
 
     def with_constants(self, constants: RigConstants) -> "RodsWithEffects":
-        """Return a copy of the model with other measured constants."""
+        """Return a copy of the model with changed measured constants."""
         return RodsWithEffects(constants)
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:

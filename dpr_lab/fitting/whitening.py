@@ -1,4 +1,4 @@
-"""Weight readings by segment, and whiten them if there is process noise.
+"""Weight the readings of each segment, and whiten them if there is process noise.
 
 Noise of the inputs accumulates along a swing. Its effect on the readings of sample k is C_k z_k, where z_k is a sum of
 independent steps of covariance D_k in the coordinates of the initial state. The errors of the readings of one segment

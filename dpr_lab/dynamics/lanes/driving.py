@@ -169,7 +169,7 @@ def prescribe_arm(w: LaneWorkspace, drive: Drive, run: Integers) -> None:
 
 @subroutine
 def add_prescribed(w: LaneWorkspace, rig: RigConstants) -> None:
-    """Add the torques of a prescribed arm motion to those of a Runge-Kutta stage."""
+    """Add the torques due to a prescribed arm motion to the torques of a Runge-Kutta stage."""
     for k in range(LANES):
         sin1, cos1, sin2, cos2 = w.sin1[k], w.cos1[k], w.sin2[k], w.cos2[k]
         squared, pull = w.squared[k], w.prescribed[k] * rig.L0 / rig.g

@@ -67,7 +67,7 @@ def _after_reading(due: Row, k: int, t: Array, j: int, count: int) -> int:
 
 @subroutine
 def read_both(w: LaneWorkspace, relative2: float, arm: bool, samples: LaneSamples) -> None:
-    """Read both joints, at the same times, for the samples in the step."""
+    """Read joints 1 and 2 at the same times, for each sample in the step."""
     while shares(w, w.due1, 1.0):
         for k in range(LANES):
             w.angle1[k] = angle1(w, k, w.share[k])

@@ -311,7 +311,7 @@ def _move_internal(w: LaneWorkspace, active: Flags) -> None:
 
 @subroutine
 def _reset_held(w: LaneWorkspace) -> None:
-    """Set the internal states before the release to those of a rig at rest."""
+    """Set the internal states before the release to the states of a rig at rest."""
     for k in range(LANES):
         if waits(w, k):
             for i, at_release in enumerate(_AT_RELEASE):

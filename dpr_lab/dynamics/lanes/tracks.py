@@ -45,7 +45,7 @@ required_in = compiled(
 
 
 def tracks_of(active: Flags, chained: Flags, run: Integers, chains: Integers) -> Tracks:
-    """Arrange candidates on segments as tracks.
+    """Arrange the pairs of candidate and segment as tracks, which the lanes integrate.
 
     The result is cached, because all steps of a fit predict the same segments with the same effects.
 

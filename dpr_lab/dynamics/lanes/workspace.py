@@ -206,7 +206,7 @@ def base_at(w: LaneWorkspace, k: int) -> BaseParameters:
 
 @inlined
 def constants_at(w: LaneWorkspace, k: int, rig: RigConstants) -> RigConstants:
-    """Return the rig constants of lane k, with those of the mounted parts."""
+    """Return the rig constants of lane k, including the constants of the mounted parts."""
     return RigConstants(
         rig.L0, w.L1[k], w.L2[k], rig.g, w.m1[k], w.m2[k], w.mb[k],
         rig.counts_per_rev1, rig.counts_per_rev2, rig.relative2, rig.counts_per_rev0,
