@@ -88,7 +88,7 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
 def _next_level(
     sets: FittedSets, best: Hypothesis, front: Sequence[Hypothesis], max_effects: int, *, last: bool
 ) -> list[Hypothesis]:
-    """Return the sets with one effect more than a set of the front, or two losses more; the best set comes first."""
+    """Return the sets with one effect or two losses more than a set of the front, best first."""
     level: dict[frozenset[str], Hypothesis] = {}
     for model in front:
         level = _with_one_more(sets, best, model, level, last=last)
