@@ -10,7 +10,7 @@ import signal
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -35,6 +35,8 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 gc.set_threshold(50_000, 20, 100)  # hundreds of thousands of objects of the libraries are there to stay
 
 STOP_TIMEOUT_S = 60.0
+DEVICE_STARTS_S = 600.0
+"""Time limit for the start of a simulated device on a busy machine, s."""
 
 LIVE = {"acquisition", "cli", "faults", "firmware_c", "sim_device", "transports", "tui"}
 """Folders whose tests talk to running devices. One that fails is repeated once, because a machine may stop for seconds;
@@ -99,6 +101,8 @@ def warm_devices() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         for module in map(import_module, modules):
             patch.setattr(module, "subprocess", warm.starts_device(partial(warm.started, "sim_device")))
+        simulated = import_module("dpr_lab.transports.simulated")
+        patch.setattr(simulated, "PATIENCE", replace(simulated.PATIENCE, start_s=DEVICE_STARTS_S))
         yield
 
 

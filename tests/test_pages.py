@@ -19,7 +19,6 @@ from tests.pages import FOLLOWED, NOT_COMMANDS, PAGES, READ, RECORD, ROOT, STAND
 
 QUICK = (
     "docs/reference/python.md",
-    "docs/rig-file.md",
     "docs/tutorials/your-hardware.md",
     "docs/tutorials/your-table.md",
 )

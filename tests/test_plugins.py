@@ -41,10 +41,10 @@ def announce(tmp_path: Path) -> Announce:
     return write
 
 
-def run(code: str, site: Path | None, cwd: Path | None = None, **variables: str) -> "subprocess.CompletedProcess[str]":
+def run(code: str, site: Path | None, cwd: Path | None = None) -> "subprocess.CompletedProcess[str]":
     """Run a program for which `site` is a folder of installed packages."""
     path = os.pathsep.join([str(ROOT), *([str(site)] if site else [])])
-    environment = {**os.environ, "PYTHONPATH": path, **variables}
+    environment = {**os.environ, "PYTHONPATH": path}
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(code)], cwd=cwd, env=environment, capture_output=True, text=True
     )
@@ -52,6 +52,14 @@ def run(code: str, site: Path | None, cwd: Path | None = None, **variables: str)
     return done
 
 
+OWN_READER = """
+from dpr_lab.storage.readers import Reader
+
+def read(path, take):
+    return {}["speed"]
+
+READER = Reader("bench log", (b"BENCH1",), read)
+"""
 COMMAND = "import sys; sys.argv = ['dpr-lab', *{!r}]; from dpr_lab.cli import main; main()"
 LAW = (TEMPLATE / "src" / "dpr_lab_magnet.py").read_text(encoding="utf-8")
 
@@ -97,18 +105,7 @@ def test_broken_plugins_are_named_and_skipped(announce: Announce) -> None:
 
 @pytest.mark.slow
 def test_a_plugin_that_fails_at_work_is_named_with_file_and_line(announce: Announce, tmp_path: Path) -> None:
-    site = announce(
-        "own_reader",
-        """
-        from dpr_lab.storage.readers import Reader
-
-        def read(path, take):
-            return {}["speed"]
-
-        READER = Reader("bench log", (b"BENCH1",), read)
-        """,
-        readers="bench = own_reader:READER",
-    )
+    site = announce("own_reader", OWN_READER, readers="bench = own_reader:READER")
     (tmp_path / "swing.log").write_bytes(b"BENCH1")
     code = f"""
     try:
@@ -124,10 +121,16 @@ def test_a_plugin_that_fails_at_work_is_named_with_file_and_line(announce: Annou
 
 
 @pytest.mark.slow
-def test_no_plugins_turns_them_off(announce: Announce) -> None:
+def test_no_plugins_turns_them_off(
+    forget_plugins: Callable[[], None], announce: Announce, monkeypatch: pytest.MonkeyPatch
+) -> None:
     site = announce("right", LAW, effects="a = right:MAGNETS")
-    count = "from dpr_lab.effects import EFFECTS; print(len(EFFECTS))"
-    assert run(count, site, DPR_LAB_NO_PLUGINS="1").stdout == f"{len(EFFECTS)}\n"
+    monkeypatch.syspath_prepend(site)
+    forget_plugins()
+    assert "right 1.0" in installed.packages()
+    monkeypatch.setenv("DPR_LAB_NO_PLUGINS", "1")
+    assert installed.announced() == ()
+    monkeypatch.delenv("DPR_LAB_NO_PLUGINS")
     listed = run(COMMAND.format(["--no-plugins", "effects", "list", "--json"]), site)
     assert len(json.loads(listed.stdout)) == len(EFFECTS)
 
@@ -135,14 +138,16 @@ def test_no_plugins_turns_them_off(announce: Announce) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("installed", [pytest.param(False, marks=pytest.mark.long), True])
 def test_nothing_is_loaded_from_the_current_folder(announce: Announce, tmp_path: Path, installed: bool) -> None:
-    site = announce("right", LAW, effects="a = right:MAGNETS") if installed else None
+    entries = {"effects": "a = right:MAGNETS", "readers": "b = right:READER"}
+    site = announce("right", LAW + OWN_READER, **entries) if installed else None
     here = tmp_path / "here"
-    announce("right", "open('loaded', 'w')", folder=here, effects="a = right:MAGNETS")
-    done = run("from dpr_lab.effects import EFFECTS; print('magnet_joint1' in EFFECTS)", site, cwd=here)
-    assert done.stdout == f"{installed}\n"
+    announce("right", "open('loaded', 'w')", folder=here, **entries)
+    done = run("from dpr_lab.storage.readers import READERS; print(READERS[-1].kind)", site, cwd=here)
+    assert (done.stdout == "bench log\n") is installed
     module = [sys.executable, "-m", "dpr_lab", "effects", "list", "--json"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *([str(site)] if site else [])])}
-    subprocess.run(module, cwd=here, env=environment, check=True, capture_output=True)
+    listed = subprocess.run(module, cwd=here, env=environment, check=True, capture_output=True, text=True)
+    assert ("magnet_joint1" in listed.stdout) is installed
     assert not (here / "loaded").exists()
 
 
@@ -196,18 +201,7 @@ def test_readers_links_searches_and_formats(announce: Announce) -> None:
         """,
         exports="list = own_format:FORMAT",
     )
-    announce(
-        "own_reader",
-        """
-        from dpr_lab.storage.readers import Reader
-
-        def read(path, take):
-            raise NotImplementedError
-
-        READER = Reader("bench log", (b"BENCH1",), read)
-        """,
-        readers="bench = own_reader:READER",
-    )
+    announce("own_reader", OWN_READER, readers="bench = own_reader:READER")
     announce(
         "own_link",
         """

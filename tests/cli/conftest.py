@@ -7,10 +7,12 @@ import re
 import shlex
 import signal
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -87,19 +89,26 @@ def cli() -> Cli:
 
 @pytest.fixture(scope="session")
 def on_terminal() -> Callable[..., tuple[int, str]]:
-    """Fixture (command, variables, actions) that returns the exit code and all output on a terminal, no colours."""
+    """Fixture (command, variables, actions) that returns the exit code and all output on a terminal, no colours.
+
+    A `dpr-lab` without actions is forked from the process with the libraries loaded.
+    """
 
     def shown(
-        command: list[str], variables: dict[str, str], meanwhile: Callable[[int], None] = lambda pid: None
+        command: list[str], variables: dict[str, str], meanwhile: Callable[[int], None] | None = None
     ) -> tuple[int, str]:
         master, slave = pty.openpty()
         environment = {**os.environ, "TERM": "xterm", **variables}
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=slave, stderr=slave, env=environment)
+        start, words = subprocess.Popen, command
+        if command[:3] == [sys.executable, "-m", "dpr_lab"] and meanwhile is None:
+            start, words = partial(started, "dpr_lab"), command[3:]
+        process = start(words, stdin=subprocess.DEVNULL, stdout=slave, stderr=slave, env=environment)
         os.close(slave)
         came: list[bytes] = []
         reader = threading.Thread(target=_read_all, args=(master, came))
         reader.start()
-        meanwhile(process.pid)
+        if meanwhile is not None:
+            meanwhile(process.pid)
         code = process.wait()
         reader.join()
         os.close(master)

@@ -136,12 +136,12 @@ def swing_counts(file: Path) -> NDArray[np.int64]:
 def test_serial_and_can_carry_the_same_counts(runs: list[Path], tmp_path: Path, cli) -> None:
     link = "sim://?clock=fast&seed=3&bus=can"
     done = cli(
-        "capture", "--rig", "paper", "--link", link, "--pose", "X1", "--duration", "5", "--out", tmp_path, "--json"
+        "capture", "--rig", "paper", "--link", link, "--pose", "X1", "--duration", "2", "--out", tmp_path, "--json"
     )
     assert done.code == 0, done.err
     over_can, over_serial = swing_counts(Path(done.json["runs"][0]["file"])), swing_counts(runs[0])
     both = min(len(over_can), len(over_serial))
-    assert both >= 5_000
+    assert both >= 2_000
     assert np.array_equal(over_can[:both], over_serial[:both])
 
 
@@ -164,7 +164,8 @@ def test_one_more_release_with_a_known_added_mass_gives_absolute_values(runs: li
     rig = tmp_path / "with_collar.toml"
     rig.write_text(paper + '\n[added_mass]\nrod = "outer"\nmass = 0.05\nposition = 0.35\n')
     link = "sim://?clock=fast&seed=3"
-    done = cli("capture", "--rig", rig, "--link", link, "--pose", "X1", "--out", tmp_path, "--json")
+    words = ("--pose", "X1", "--duration", "5", "--out", tmp_path, "--json")
+    done = cli("capture", "--rig", rig, "--link", link, *words)
     assert done.code == 0, done.err
     heavy = done.json["runs"][0]["file"]
     done = cli("identify", *runs, heavy, "--rig", "paper", "--out", tmp_path / "m.json", "--json")

@@ -5,8 +5,6 @@ import pty
 import re
 import runpy
 import select
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -16,6 +14,7 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.rig import load_rig, parse_rig
 from dpr_lab.workflows.rig_file import RigMeasures, check_rig, draft_rig
 from dpr_lab.workflows.rig_toml import Measure
+from tests.warm_process import started
 
 ROOT = Path(__file__).parents[2]
 FLAGS = ("--name", "bench", "--l1", "0.3", "--l2", "0.25", "--m1", "0.21+-0.001", "--m2", "0.12")
@@ -171,8 +170,7 @@ def test_missing_values_are_prompted_for_on_a_terminal(tmp_path: Path) -> None:
         "Link to the device": "",
     }
     master, slave = pty.openpty()
-    command = [sys.executable, "-m", "dpr_lab", "rig", "new"]
-    process = subprocess.Popen(command, stdin=slave, stdout=slave, stderr=slave, cwd=tmp_path)
+    process = started("dpr_lab", ["rig", "new"], stdin=slave, stdout=slave, stderr=slave, cwd=tmp_path)
     os.close(slave)
     shown, deadline = "", time.monotonic() + 120
     waiting = [(question, line) for question, answer in answers.items() for line in answer.split("\n")]

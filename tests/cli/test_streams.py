@@ -38,7 +38,7 @@ def test_commands_print_through_the_console_alone() -> None:
 
 def run(*words: object, **options) -> subprocess.CompletedProcess[bytes]:
     command = [sys.executable, "-m", "dpr_lab", *map(str, words)]
-    return subprocess.run(command, stdin=subprocess.DEVNULL, timeout=150, **options)
+    return subprocess.run(command, stdin=subprocess.DEVNULL, timeout=400, **options)
 
 
 TABLE = "t,theta1,theta2\n" + "".join(f"{i / 100},{3 + i / 1000},{3 - i / 1000}\n" for i in range(50))
@@ -92,7 +92,7 @@ def test_a_full_output_is_reported(words) -> None:
 def test_closed_streams_are_no_traceback(tmp_path: Path) -> None:
     program = f"exec '{sys.executable}' -m dpr_lab rig list"
     for closed in (">&-", "2>&-", "<&- >&- 2>&-"):
-        done = subprocess.run(["sh", "-c", f"{program} {closed}"], capture_output=True, timeout=150)
+        done = subprocess.run(["sh", "-c", f"{program} {closed}"], capture_output=True, timeout=400)
         assert b"Traceback" not in done.stderr
         assert done.returncode == 0
 

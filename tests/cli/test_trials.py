@@ -100,8 +100,8 @@ def test_a_failed_trial_is_reported_and_the_others_count(tmp_path: Path, cli) ->
 def demo(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> tuple[dict[str, Any], str]:
-    """JSON output and messages of the demo. Fast tests record 3 s of each swing instead of 10 s."""
-    seconds = 10.0 if FULL else 3.0
+    """JSON output and messages of the demo. Fast tests record 2 s of each swing instead of 10 s."""
+    seconds = 10.0 if FULL else 2.0
     monkeypatch.setattr("dpr_lab.acquisition.capture.CaptureOptions", partial(CaptureOptions, duration=seconds))
     monkeypatch.setattr("dpr_lab.report.figures.save_png", save_blank)
     monkeypatch.setattr("sys.argv", ["dpr-lab", "demo", "--seed", "5", "--out", str(tmp_path), "--json"])

@@ -30,7 +30,7 @@ from dpr_lab.rig import load_rig
 from dpr_lab.setup import Setup, Torques
 from tests.exports.test_fmu import simulate
 from tests.identification.test_moving_arm_fit import rig_with
-from tests.thinned import covered
+from tests.thinned import covered, thinned
 
 T = np.arange(0, 1.0, 0.005)
 PUSH = 0.6 * np.sin(4 * T)
@@ -86,7 +86,7 @@ def test_urdf_without_a_spring_agrees_with_dpr_lab(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["fmu", "fmu2"])
+@pytest.mark.parametrize("name", thinned(["fmu", "fmu2"], 2))
 def test_an_fmu_agrees_with_dpr_lab_under_its_input(name, tmp_path):
     rig, model = model_of()
     assert np.abs(replayed(name, rig, model, tmp_path, START) - lab(rig, model, START)).max() < 1e-9

@@ -72,7 +72,8 @@ def test_the_noise_of_measured_torques_is_no_gap(bare, paper: Rig) -> None:
 
 @pytest.mark.slow
 def test_torques_count_as_exact_if_the_residual_is_far_above_the_noise(screened, bare, paper: Rig) -> None:
-    runs = driven_runs(paper, 100, fault=DriveFault("torque_offset_joint1", {"offset_Nm": (0.03, 0.0)}))[1][:2]
+    fault = DriveFault("torque_offset_joint1", {"offset_Nm": (0.03, 0.0)})
+    runs = driven_runs(paper, 100, fault=fault, duration=2.0)[1][:2]
     other = {"coulomb_joint2": EFFECTS["coulomb_joint2"]}
     problem, base = bare(runs)
     with_noise = forward(FittedSets(screened(runs), problem, other, base))

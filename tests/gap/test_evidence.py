@@ -27,10 +27,13 @@ DRY = {"coulomb_joint1": {"torque_Nm": 3e-3}}
 @pytest.fixture(scope="module")
 def looked_at(recorded: Callable[..., Any], screened: Callable[..., Any], bare: Callable[..., Any]) -> Any:
     """(effects) -> recordings of three seconds, their segments and the bare model."""
+    known: dict[str, Any] = {}
 
     def made(effects: Any) -> Any:
-        runs = recorded(effects, duration=3.0)[:2]
-        return screened(runs), *bare(runs)
+        if (key := repr(effects)) not in known:
+            runs = recorded(effects, duration=3.0)[:2]
+            known[key] = screened(runs), *bare(runs)
+        return known[key]
 
     return made
 

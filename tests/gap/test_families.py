@@ -35,7 +35,7 @@ def test_friction_alone_is_a_bearing_and_parts_of_two_joints_are_no_drive():
 
 @pytest.mark.slow
 def test_a_geared_drive_is_named_as_one(recorded: Callable[..., list[Run]], paper: Rig):
-    runs = recorded({ROTOR: {"inertia_kgm2": 3e-4}, FRICTION: {"torque_Nm": 2e-3}})
+    runs = recorded({ROTOR: {"inertia_kgm2": 3e-4}, FRICTION: {"torque_Nm": 2e-3}}, duration=2.5)
     diagnosis = diagnose(runs, paper, library={name: EFFECTS[name] for name in (ROTOR, FRICTION, "coulomb_joint1")})
     (drive,) = diagnosis.families
     assert drive.name == "drive_joint2"
@@ -58,7 +58,7 @@ def test_a_drive_that_the_rig_file_does_not_state_is_only_possible(geared, words
 
 @pytest.mark.slow
 def test_a_drive_that_the_rig_file_states_is_always_in_the_model(recorded, paper: Rig):
-    runs = recorded({FRICTION: {"torque_Nm": 2e-3}, ROTOR: {"inertia_kgm2": 2e-7}}, duration=2.0)
+    runs = recorded({FRICTION: {"torque_Nm": 2e-3}, ROTOR: {"inertia_kgm2": 2e-7}}, duration=2.0)[:2]
     geared = paper.model_copy(update={"joints": Joints(geared=(2,))})
     library = {name: EFFECTS[name] for name in expected_of(geared.joints.geared)}
     diagnosis = diagnose(runs, geared, library=library)

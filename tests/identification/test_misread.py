@@ -89,7 +89,8 @@ def test_a_wrong_interpretation_is_refused_with_its_cause(
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
-def test_identify_reports_a_wrong_interpretation_before_the_search(swings, paper: Rig) -> None:
+def test_identify_reports_a_wrong_interpretation_before_the_search(swings, paper: Rig, few_readings) -> None:
+    few_readings("zero of the angles")
     with pytest.raises(IdentificationError, match=r"zero of the angles.*other --zero"):
         identify(read_as(swings, lambda a, b: (a - PI, b - PI)), paper)
 

@@ -4,7 +4,6 @@ import hashlib
 import json
 import os
 import subprocess
-import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from sim_device.trials.request import parse_request
 from sim_device.trials.seal import opened, seal
 from sim_device.trials.toml import toml_text
 from sim_device.trials.trial import sealed_trial
+from tests.warm_process import started
 
 WANTED = Options(draw_effects="single:clear:coulomb_joint1", seed=9)
 
@@ -81,12 +81,10 @@ def test_the_seal_does_not_reveal_the_seed(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_plant_held_in_memory_is_revealed_on_request_and_never_written(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "sim_device", "--draw-effects", "clean", "--seal", "-"]
+    words, pipe = ["--draw-effects", "clean", "--seal", "-"], subprocess.PIPE
     rig = json.dumps((BUILTIN / "rigs" / "paper.toml").read_text())
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment, cwd=tmp_path
-    ) as device:
+    with started("sim_device", words, stdin=pipe, stdout=pipe, text=True, env=environment, cwd=tmp_path) as device:
         assert device.stdin is not None
         assert device.stdout is not None
         device.stdin.write(rig + "\n")

@@ -4,7 +4,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -14,14 +13,15 @@ import pytest
 from dpr_lab.rig import PARAMETERS
 from firmware_protocol.messages import Hold, Stream
 from tests.thinned import thinned
+from tests.warm_process import started
 
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
 
 @contextmanager
 def running(*arguments: str) -> Iterator[subprocess.Popen[str]]:
-    command = [sys.executable, "-m", "sim_device", "--exit-with-parent", *arguments]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+    words, pipe = ["--exit-with-parent", *arguments], subprocess.PIPE
+    with started("sim_device", words, stdin=pipe, stdout=pipe, text=True) as process:
         try:
             yield process
         finally:

@@ -21,6 +21,7 @@ from dpr_lab.storage.layout import LIMITS, RELEASED
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.writer import RunWriter, WriterSettings
+from tests.warm_process import started
 
 RIG = load_rig("paper")
 N = 1200
@@ -175,7 +176,7 @@ while True:
 @pytest.mark.skipif(sys.platform == "win32", reason="kill -9")
 def test_a_killed_writer_loses_at_most_its_last_chunk(tmp_path):
     path = tmp_path / "killed.mcap"
-    with subprocess.Popen([sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True) as process:
+    with started("tests.program_text", [WRITER, path], stdout=subprocess.PIPE, text=True) as process:
         written = 0
         while written < 1500:
             written = int(process.stdout.readline())
@@ -363,9 +364,9 @@ def test_a_killed_import_leaves_no_file_of_its_name_and_the_next_one_cleans_up(t
     rows = "".join(f"{i / 100},{3 + i / 1000},{3 - i / 1000}\n" for i in range(50))
     table, out = tmp_path / "swing.csv", tmp_path / "runs" / "swing.mcap"
     table.write_text(f"t,theta1,theta2\n{rows}")
-    killed = subprocess.run([sys.executable, "-c", KILLED, str(table), str(out)], check=False)
+    with started("tests.program_text", [KILLED, table, out]) as killed:
+        assert killed.wait() < 0
     (part,) = out.parent.iterdir()
-    assert killed.returncode < 0
     assert part.name.startswith("swing.mcap.")
     assert part.suffix == ".part"
     assert part.stat().st_size > 0

@@ -3,7 +3,6 @@
 import errno
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,6 +12,7 @@ from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.export import EXPORTERS, export
 from dpr_lab.storage.inspect import recover
 from dpr_lab.workflows.checks import check_file_writable, check_folder_writable
+from tests.warm_process import started
 
 PROGRAM = """
 import resource, signal, sys
@@ -39,10 +39,11 @@ for target in sys.argv[1:]:
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="limits the size of files")
 def test_an_export_that_fails_leaves_nothing(tmp_path: Path) -> None:
-    targets = [str(tmp_path / f"run{suffix}") for suffix in EXPORTERS]
-    done = subprocess.run([sys.executable, "-c", PROGRAM, *targets], capture_output=True, text=True, timeout=150)
-    assert done.returncode == 0, done.stderr[-500:]
-    messages = done.stdout.splitlines()
+    targets, pipe = [str(tmp_path / f"run{suffix}") for suffix in EXPORTERS], subprocess.PIPE
+    with started("tests.program_text", [PROGRAM, *targets], stdout=pipe, stderr=pipe, text=True) as process:
+        out, err = process.communicate()
+    assert process.returncode == 0, err[-500:]
+    messages = out.splitlines()
     assert len(messages) == len(targets)
     for target, message in zip(targets, messages, strict=True):
         assert f"{target}: cannot be written" in message

@@ -33,14 +33,14 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="measures a process")
 
 
 def grown_kb(path: Path) -> int:
-    done = subprocess.run([sys.executable, "-c", CHILD, str(path)], capture_output=True, text=True, timeout=170)
+    done = subprocess.run([sys.executable, "-c", CHILD, str(path)], capture_output=True, text=True, timeout=400)
     assert done.returncode == 0, done.stderr[-500:]
     return int(done.stdout)
 
 
 @pytest.mark.slow
-def test_a_table_of_four_megabytes_takes_a_few_times_its_numbers(tmp_path: Path) -> None:
-    rows = 100_000
+def test_a_table_of_two_megabytes_takes_a_few_times_its_numbers(tmp_path: Path) -> None:
+    rows = 50_000
     with (tmp_path / "a.csv").open("w") as file:
         file.write("t,theta1,theta2\n")
         for k in range(rows):
