@@ -72,14 +72,10 @@ def test_a_certain_mistake_is_questioned_with_the_option_that_corrects_it(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["free/swapped_angles", "driven/torque_mNm"])
-def test_an_import_notes_the_questions_of_its_preview(
-    name: str, tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
-) -> None:
-    file, options = tables[name].write(tmp_path), tables[name].options
-    questions = [question.sentence for question in preview(file, paper, options).questions]
-    assert questions
-    assert set(questions) <= set(import_csv(file, paper, options).notes)
+def test_an_import_notes_the_question_of_its_preview(tables, paper: Rig, tmp_path: Path) -> None:
+    table = tables["driven/torque_mNm"]
+    question, *_ = preview(file := table.write(tmp_path), paper, table.options).questions
+    assert question.sentence in import_csv(file, paper, table.options).notes
 
 
 @pytest.mark.parametrize(
