@@ -188,6 +188,8 @@ def test_the_name_of_a_file_is_not_a_run(runs: Any) -> None:
     for function in (dpr.identify, dpr.diagnose):
         with pytest.raises(dpr.DprError, match=r"x1.mcap: is the name of a file, not a run: read .* with load_run"):
             function(runs, dpr.load_rig("paper"))
+        with pytest.raises(dpr.DprError, match=r"paper: is the name of a rig file, not a rig: read .* with load_rig"):
+            function([], cast(Any, "paper"))
 
 
 @pytest.mark.parametrize(

@@ -4,17 +4,20 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from dpr_lab.errors import RunError
+from dpr_lab.rig import Rig
 from dpr_lab.run import Run, clock_error
 
 
-def refuse_other_rigs(runs: Iterable[Run], rig_name: str) -> None:
+def refuse_other_rigs(runs: Iterable[Run], rig: Rig) -> None:
     """Check that every run with a rig name belongs to the given rig.
 
     Raises:
-        RunError: a run belongs to another rig.
+        RunError: a run belongs to another rig, or the rig is given by its name.
     """
+    if isinstance(rig, str):
+        raise RunError(f"{rig}: is the name of a rig file, not a rig: read the file with load_rig")
     for run in runs:
-        refuse_other_rig(run.file or run.name, run.rig_name, rig_name)
+        refuse_other_rig(run.file or run.name, run.rig_name, rig.name)
 
 
 def refuse_other_rig(place: Path | str, recorded: str, given: str) -> None:

@@ -20,7 +20,6 @@ from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.ensemble.sampled import signed
 from dpr_lab.exports.moving_arm.corrected import corrected_arm_model, has_moving_arm
 from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS
-from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.identification.model import (
@@ -56,7 +55,7 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyM
     Raises:
         RunError: a run belongs to another rig.
     """
-    refuse_other_rigs(runs, rig.name)
+    refuse_other_rigs(runs, rig)
     if has_moving_arm(diagnosis):
         return corrected_arm_model(diagnosis, *significant_values(diagnosis), runs, rig)
     return corrected_rods(diagnosis, runs, rig)
@@ -182,7 +181,7 @@ def _without_insignificant(
 
     The amplitudes of the effects `absent` are also set to zero.
     """
-    zero = [f"{effect.name}.{key}" for effect in diagnosis.effects for key in _insignificant(effect)]
+    zero = [f"{effect.name}.{key}" for effect in diagnosis.effects for key in effect.insignificant]
     zero += [f"{name}.{p.name}" for name in absent for p in EFFECTS[name].amplitudes]
     posterior, values = _posterior(diagnosis), dict(fitted)
     if zero and posterior is not None and set(zero) <= set(posterior.free):
@@ -194,15 +193,3 @@ def _without_insignificant(
         # parameters whose estimate is zero are not in `fitted`
         values |= {name: fitted[name] - changes[name] for name in changes.keys() & fitted.keys()}
     return signed(values | dict.fromkeys(zero, 0.0))
-
-
-def _insignificant(effect: NamedEffect) -> set[str]:
-    """Return the amplitudes of an effect whose intervals contain zero.
-
-    The result is empty if all intervals of the effect contain zero.
-    """
-    amplitudes = {p.name for p in EFFECTS[effect.name].amplitudes} & set(effect.parameters)
-    chance = {
-        key for key in amplitudes if effect.parameters[key].interval90[0] <= 0 <= effect.parameters[key].interval90[1]
-    }
-    return chance if chance != amplitudes else set()

@@ -82,7 +82,7 @@ def diagnose(
     to_fit = as_runs(runs)
     named = with_distinct_names([*to_fit, *as_runs(held_out)])
     refuse_repeated(named)
-    refuse_other_rigs(named, rig.name)
+    refuse_other_rigs(named, rig)
     request = Request(
         runs=named[: len(to_fit)],
         held_out=named[len(to_fit) :],

@@ -86,7 +86,7 @@ def identify(
     """
     runs = as_runs(runs)
     refuse_repeated(runs)
-    refuse_other_rigs(runs, rig.name)
+    refuse_other_rigs(runs, rig)
     if has_arm_model(runs, rig):
         if on_polish:
             on_polish()
@@ -194,7 +194,7 @@ def identifiability(
     Source: docs/theory.md, sections 3 and 16.
     """
     tell, runs = tell or (lambda sentence: None), as_runs(runs)
-    refuse_other_rigs(runs, rig.name)
+    refuse_other_rigs(runs, rig)
     if moves(runs) or (not runs and rig.arm.mode in ("free", "driven")):
         return identifiability_of_arm(runs, rig)
     if not runs:

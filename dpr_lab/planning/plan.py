@@ -73,7 +73,7 @@ def plan(
     Source: docs/theory.md, section 15.
     """
     limits, runs = limits or PlanLimits(), as_runs(runs)
-    refuse_other_rigs(runs, rig.name)
+    refuse_other_rigs(runs, rig)
     if budget_min is not None:
         _refuse_small(budget_min, limits, rig)
     if runs and diagnosis is None:

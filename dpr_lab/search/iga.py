@@ -12,12 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.search.crossover import cross
-from dpr_lab.search.feedback_mutation import near_duplicates, replacements
 from dpr_lab.search.fitness import fitness, population_fitness
-from dpr_lab.search.hamming_pairing import pair
-from dpr_lab.search.hybrid_coding import fresh
-from dpr_lab.search.mutation import mutate
+from dpr_lab.search.operators import cross, fresh, mutate, near_duplicates, pair, replacements
 from dpr_lab.search.orthogonal import Levels, array_for, experiment
 from dpr_lab.search.population import Population, merged, ranked
 from dpr_lab.search.problem import SearchProblem

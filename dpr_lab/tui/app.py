@@ -24,8 +24,7 @@ from dpr_lab.tui import FRAMES_PER_S
 from dpr_lab.tui.guard import Guarded, log
 from dpr_lab.tui.keys import Keymap, KeyNames, about_keys, actions, bindings
 from dpr_lab.tui.line_breaks import keep_units_whole
-from dpr_lab.tui.notices.message_log import FILE, MessageLog
-from dpr_lab.tui.notices.notice_app import NoticeApp
+from dpr_lab.tui.notices import FILE, MessageLog, NoticeApp
 from dpr_lab.tui.pages import open_page
 from dpr_lab.tui.palette import Palette
 from dpr_lab.tui.recorder.connection import DeviceConnection

@@ -7,7 +7,7 @@ from pathlib import Path
 from textual.message import Message
 from textual.message_pump import MessagePump
 
-from dpr_lab.tui.notices.message_log import append
+from dpr_lab.tui.notices import append
 
 
 class Guarded(MessagePump):

@@ -95,7 +95,7 @@ def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig:
     from dpr_lab.acceptance.judge import judge
     from dpr_lab.estimation.usable_runs import refuse_other_rigs
 
-    refuse_other_rigs(runs, rig.name)
+    refuse_other_rigs(runs, rig)
     horizon = limits.free_run.horizon_s if limits.free_run else None
     return judge(diagnosis, limits, free_run_errors(runs, rig, diagnosis, horizon) if horizon else {})
 

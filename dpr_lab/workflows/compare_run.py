@@ -33,7 +33,7 @@ def compare_any_run(
     from dpr_lab.identification.compare import compare_run
     from dpr_lab.identification.moving_arm.model import MovingArmModel
 
-    refuse_other_rigs([run], rig.name)
+    refuse_other_rigs([run], rig)
     if isinstance(model, MovingArmModel):
         return compare_arm_run(run, rig, model, segment_s)
     return compare_run(run, rig, model, segment_s)

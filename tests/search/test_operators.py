@@ -3,13 +3,8 @@
 import numpy as np
 import pytest
 
-from dpr_lab.search.crossover import cross
-from dpr_lab.search.dynamic_encoding import around
-from dpr_lab.search.feedback_mutation import near_duplicates, replacements
 from dpr_lab.search.fitness import cost, fitness, population_fitness
-from dpr_lab.search.hamming_pairing import hamming_distance, pair
-from dpr_lab.search.hybrid_coding import fresh
-from dpr_lab.search.mutation import mutate
+from dpr_lab.search.operators import around, cross, fresh, hamming_distance, mutate, near_duplicates, pair, replacements
 
 UNIT = np.array([np.zeros(9), np.ones(9)])
 BOX = np.array([np.linspace(0.8, 8, 9), np.linspace(1.2, 12, 9)])

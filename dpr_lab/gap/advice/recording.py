@@ -121,7 +121,7 @@ def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: Chec
     if answer.rig is None:
         raise RunError("give the rig of the runs")
     rig = answer.rig
-    refuse_other_rigs(answer.runs, rig.name)
+    refuse_other_rigs(answer.runs, rig)
     if diagnosis.evidence is not None and rig.name != diagnosis.evidence.rig:
         raise RunError(
             f"{answer.runs[0].file or answer.runs[0].name}: is a run of rig {rig.name}, but the diagnosis is of rig"

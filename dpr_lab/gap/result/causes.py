@@ -2,6 +2,7 @@
 
 from pydantic import Field
 
+from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.result.saved import Interval, Number, Saved
 
 PROBABLE = 0.05
@@ -55,6 +56,14 @@ class NamedEffect(Saved):
         """
         equal = 1 / len(self.members)
         return {name: self.probability * self.odds.get(name, equal) for name in self.members}
+
+    @property
+    def insignificant(self) -> set[str]:
+        """Amplitudes whose intervals contain zero; empty if the intervals of all amplitudes do."""
+        amplitudes = {p.name for p in EFFECTS[self.name].amplitudes} & set(self.parameters)
+        ends = {name: self.parameters[name].interval90 for name in amplitudes}
+        unclear = {name for name, (low, high) in ends.items() if low <= 0 <= high}
+        return unclear if unclear != amplitudes else set()
 
 
 class NamedFamily(Saved):

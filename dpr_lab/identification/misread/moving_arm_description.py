@@ -7,12 +7,15 @@ A description consists of signs, zero and scale of the angles, and sign and unit
 the arm.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import log10
 
-from dpr_lab.identification.misread.moving_arm_balance import wrong_scale
-from dpr_lab.identification.misread.scaled_readings import SCALED_READINGS, TURNED_RODS
+import numpy as np
+
+from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.identification.misread.moving_arm_balance import angles_are_right, wrong_scale
+from dpr_lab.identification.misread.scaled_readings import SCALED_READINGS, TURNED_RODS, ScaledReadings
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import INPUT_UNITS
 from dpr_lab.run import Run
@@ -50,13 +53,59 @@ UNITS = {
 """Probable units of the input column, by kind of input and by log10 of the fitted gain relative to the rig file."""
 
 
-def measured_scale(runs: Iterable[Run], rig: Rig) -> str:
-    """Return a message if the acceleration of the last rod indicates a different scale or unit.
+@dataclass(frozen=True, slots=True)
+class Interpreted:
+    """Fit of short segments in one interpretation of their angles."""
 
-    Otherwise return an empty text.
+    fit: Fit
+    gain: float
+    """Fitted torque per unit of the input, relative to the rig file; its sign if the rig file does not state it."""
+
+    @property
+    def reduced(self) -> float:
+        """Reduced chi-square of the fit."""
+        return self.fit.chi2 / self.fit.linear.residual.size
+
+    def far_better(self, given: "Interpreted", factor: float) -> bool:
+        """Return whether chi-square is smaller than that of the given interpretation by a large factor.
+
+        The factor must be reached in total and in half of the segments that the given interpretation does not fit. A
+        failed fit leaves large residuals in a few segments, whichever interpretation is right.
+        """
+        if not factor * self.fit.chi2 < given.fit.chi2:
+            return False
+        before, after = given.fit.linear.chi2_by_segment, self.fit.linear.chi2_by_segment
+        poor = before > DESCRIPTION.doubted * given.fit.linear.residual.shape[1]
+        return not poor.any() or bool(np.mean(factor * after[poor] < before[poor]) >= 0.5)
+
+
+def wrong_angles(runs: Sequence[Run], rig: Rig, fitted: Callable[[ScaledReadings], Interpreted | None]) -> str:
+    """Return a message if a different interpretation explains the angles far better.
+
+    Otherwise return an empty text. The alternatives are another scale or unit, which the acceleration of the last rod
+    indicates, theta0 of opposite sign, another zero of the rods, and half or twice the angles.
+
+    Args:
+        runs: the recordings in which the arm moves
+        rig: the recorded rig
+        fitted: function that fits the recordings in an interpretation; None if they cannot be fitted
     """
-    scales = filter(None, (wrong_scale(run.t, run.theta, rig) for run in runs))
-    return next((scale.cause(rig.rods.mounted) for scale in scales), "")
+    for run in runs:
+        if scale := wrong_scale(run.t, run.theta, rig):
+            return scale.cause(rig.rods.mounted)
+    given = None if angles_are_right(runs, rig) else fitted(ScaledReadings())
+    if given is None:
+        return ""
+    mirrored = fitted(ScaledReadings(arm=-1.0))
+    if mirrored and mirrored.far_better(given, DESCRIPTION.better):
+        # If the gain is negative, arm and input are consistent.
+        return wrong_sign(rig, given.reduced, mirrored.reduced, of_rods=mirrored.gain < 0.0)
+    tried = [(interpreted, other) for other in OTHER_ANGLES if (interpreted := fitted(other))]
+    best, other = min(tried, key=lambda pair: pair[0].fit.chi2, default=(given, TURNED_RODS))
+    if not best.far_better(given, DESCRIPTION.better_angles):
+        return ""
+    change = f"the reduced chi-square falls from {given.reduced:.3g} to {best.reduced:.3g}"
+    return f"{other.cause(rig.rods.mounted)}; in this interpretation {change}"
 
 
 def wrong_sign(rig: Rig, before: float, after: float, *, of_rods: bool) -> str:

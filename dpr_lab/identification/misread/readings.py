@@ -262,30 +262,30 @@ def _driven(change: Callable[[Array], Array]) -> Callable[[Run], Run | None]:
     return read
 
 
-def _torque_unit(unit: str, factor: float) -> Misreading:
-    cause = f"the torques are in {unit} (import with --scale tau1={factor:g},tau2={factor:g})"
-    return Misreading(cause, _driven(lambda torques: factor * torques))
+TORQUE_FACTORS = {
+    "the sign of torque 2 is reversed": (1.0, -1.0),
+    "the sign of torque 1 is reversed": (-1.0, 1.0),
+    "the signs of both torques are reversed": (-1.0, -1.0),
+    "the torques are in mN m": (1e-3, 1e-3),
+    "the torques are in N cm": (1e-2, 1e-2),
+    "the torques are in kN m": (1e3, 1e3),
+}
+"""Factors from the torques of joints 1 and 2 as stated to true ones, by the mistake in their description."""
+
+
+def _scaled_torques(cause: str, factors: tuple[float, float]) -> Misreading:
+    option = ",".join(f"tau{joint}={factor:g}" for joint, factor in enumerate(factors, 1) if factor != 1.0)
+    return Misreading(
+        f"{cause} (import with --scale {option}, or correct the drive)", _driven(lambda torques: torques * factors)
+    )
 
 
 _TORQUES = (
-    Misreading(
-        "the sign of torque 2 is reversed (import with --scale tau2=-1, or reverse the sign of the drive)",
-        _driven(lambda torques: torques * [1.0, -1.0]),
-    ),
-    Misreading(
-        "the sign of torque 1 is reversed (import with --scale tau1=-1, or reverse the sign of the drive)",
-        _driven(lambda torques: torques * [-1.0, 1.0]),
-    ),
-    Misreading(
-        "the signs of both torques are reversed (import with --scale tau1=-1,tau2=-1, or reverse the signs of"
-        " the angles)",
-        _driven(lambda torques: -torques),
-    ),
+    *(_scaled_torques(cause, factors) for cause, factors in TORQUE_FACTORS.items()),
     Misreading(
         "torque 1 and torque 2 are swapped (name their columns: --columns tau1=NAME,tau2=NAME)",
         _driven(lambda torques: torques[:, ::-1]),
     ),
-    *map(_torque_unit, ("mN m", "N cm", "kN m"), (1e-3, 1e-2, 1e3)),
 )
 
 

@@ -1,6 +1,6 @@
 """Detect faults and incorrect descriptions of recordings of a moving arm."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -9,16 +9,9 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.errors import DprError
 from dpr_lab.identification.misread.arm_energy import undescribed_drive
-from dpr_lab.identification.misread.moving_arm_balance import angles_are_right
-from dpr_lab.identification.misread.moving_arm_description import (
-    DESCRIPTION,
-    OTHER_ANGLES,
-    measured_scale,
-    wrong_input,
-    wrong_sign,
-)
+from dpr_lab.identification.misread.moving_arm_description import DESCRIPTION, Interpreted, wrong_angles, wrong_input
 from dpr_lab.identification.misread.scaled_readings import ScaledReadings
-from dpr_lab.identification.moving_arm.fit import ARM_FIT, ArmFit, fit_moving_arm
+from dpr_lab.identification.moving_arm.fit import ArmFit, fit_short_segments
 from dpr_lab.identification.moving_arm.problem import ArmRecording
 from dpr_lab.identification.moving_arm.soft_stop import soft_stop
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
@@ -61,27 +54,39 @@ def failures(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig, *, gain_
         gain_seen: whether the recordings determine the gain of the drive. Otherwise, sign and unit of the input are not
             doubted
     """
-    poor = fit.misfit > DESCRIPTION.doubted
-    if poor and (scaled := measured_scale(_moving(recordings), rig)):
-        return [scaled]
-    doubted = poor and not angles_are_right(_moving(recordings), rig)
-    if doubted and (mirrored := _mirrored_fit(fit, recordings, rig)):
-        return [mirrored]
-    stops = [
-        sentence for recording in recordings if fit.misfit > 1.5 and (sentence := stop_sentence(recording.run, rig))
-    ]
-    if doubted and not stops and (other := _other_angles(recordings, rig)):
-        return [other]
     runs = [recording.run for recording in recordings]
+    poor = fit.misfit > DESCRIPTION.doubted
+    if poor and (cause := _wrong_angles(recordings, rig)):
+        return [cause]
+    stops = [sentence for run in runs if fit.misfit > 1.5 and (sentence := stop_sentence(run, rig))]
     if poor and not stops and (pushed := undescribed_drive(runs, rig)):
         return [pushed]
-    of_input = _of_input(fit, rig) if gain_seen else []
-    return [*stops, *of_input, *([] if fit.converged else [_unconverged(recordings)])]
+    cause = wrong_input(rig.motor.input, _gain(fit, rig)) if gain_seen and rig.motor else ""
+    return [*stops, *([cause] if cause else []), *([] if fit.converged else [_unconverged(recordings)])]
 
 
-def _moving(recordings: Sequence[ArmRecording]) -> list[Run]:
-    """Return the runs in which the arm was not clamped."""
-    return [recording.run for recording in recordings if recording.run.arm_mode != "clamped"]
+def _wrong_angles(recordings: Sequence[ArmRecording], rig: Rig) -> str:
+    """Return a message if a different interpretation of the angles fits far better, otherwise an empty text.
+
+    Short segments at the beginning of the recordings are fitted.
+    """
+
+    def fitted(other: ScaledReadings) -> Interpreted | None:
+        with suppress(DprError, np.linalg.LinAlgError):
+            fit = fit_short_segments([_reinterpreted(_beginning(recording), other) for recording in recordings], rig)
+            return Interpreted(fit.fit, _gain(fit, rig))
+        return None
+
+    moving = [recording.run for recording in recordings if recording.run.arm_mode != "clamped"]
+    return wrong_angles(moving, rig, fitted)
+
+
+def _gain(fit: ArmFit, rig: Rig) -> float:
+    """Return the fitted gain relative to the rig file, its sign if the rig file does not state it, or 1."""
+    if "gain" not in fit.problem.unknowns.free:
+        return 1.0
+    gain, expected = fit.value("gain"), nominal_gain(rig) / fit.problem.unknowns.scale_value
+    return gain / expected if expected else float(np.sign(gain))
 
 
 def _unconverged(recordings: Sequence[ArmRecording]) -> str:
@@ -96,43 +101,6 @@ def _unconverged(recordings: Sequence[ArmRecording]) -> str:
     return "the fit did not converge: give [arm] A and c0 better nominal values"
 
 
-def _mirrored_fit(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig) -> str:
-    """Return a message if the opposite sign of theta0 fits much better.
-
-    Otherwise the text is empty.
-    """
-    other = fit_moving_arm([_reversed(recording) for recording in recordings], rig)
-    if not DESCRIPTION.better * other.misfit < fit.misfit:
-        return ""
-    of_rods = "gain" in fit.problem.unknowns.free and other.value("gain") > 0
-    return wrong_sign(rig, fit.misfit, other.misfit, of_rods=of_rods)
-
-
-def _other_angles(recordings: Sequence[ArmRecording], rig: Rig) -> str:
-    """Return a message if a different zero or scale of the angles fits much better.
-
-    Otherwise return an empty text.
-    """
-    before = _misfit_of(recordings, rig)
-    tried = [(_misfit_of([_reinterpreted(r, other) for r in recordings], rig), other) for other in OTHER_ANGLES]
-    after, other = min(tried, key=lambda pair: pair[0])
-    if not DESCRIPTION.better_angles * after < before < np.inf:
-        return ""
-    cause = other.cause(rig.rods.mounted)
-    return f"{cause}; in this interpretation the reduced chi-square falls from {before:.3g} to {after:.3g}"
-
-
-def _misfit_of(recordings: Iterable[ArmRecording], rig: Rig) -> float:
-    """Fit short segments at the beginning of the recordings, and return the reduced chi-square.
-
-    The result is infinite if the segments cannot be fitted.
-    """
-    with suppress(DprError, np.linalg.LinAlgError):
-        fit = fit_moving_arm([_beginning(r) for r in recordings], rig, replace(ARM_FIT, ranges_rad=()))
-        return fit.misfit
-    return np.inf
-
-
 def _beginning(recording: ArmRecording) -> ArmRecording:
     run = recording.run.between(-np.inf, DOUBTS.tried_s)
     return replace(recording, run=run, drive=recording.drive[: len(run.t)], slope=recording.slope[: len(run.t)])
@@ -141,25 +109,6 @@ def _beginning(recording: ArmRecording) -> ArmRecording:
 def _reinterpreted(recording: ArmRecording, other: ScaledReadings) -> ArmRecording:
     run = replace(recording.run, theta=other.of_theta(recording.run.theta))
     return replace(recording, run=run, std=other.of_sigma(recording.std[..., [1, 2, 0]])[..., [2, 0, 1]])
-
-
-def _reversed(recording: ArmRecording) -> ArmRecording:
-    """Return the recording with opposite signs of arm and drive."""
-    mirrored = _reinterpreted(recording, ScaledReadings(arm=-1.0))
-    return replace(mirrored, drive=-recording.drive, slope=-recording.slope)
-
-
-def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
-    """Return messages about a wrong sign or unit of the input.
-
-    The result is empty if sign and unit can be right.
-    """
-    unknowns, motor = fit.problem.unknowns, rig.motor
-    if "gain" not in unknowns.free or motor is None:
-        return []
-    gain, expected = fit.value("gain"), nominal_gain(rig) / unknowns.scale_value
-    cause = wrong_input(motor.input, gain / expected if expected else np.sign(gain))
-    return [cause] if cause else []
 
 
 def stop_sentence(run: Run, rig: Rig) -> str:

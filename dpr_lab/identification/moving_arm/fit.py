@@ -116,8 +116,7 @@ def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFi
     Raises:
         IdentificationError: the values of the rig file cannot be simulated.
     """
-    problem, initial = arm_problem(recordings, rig, settings.first_s)
-    best = _short_fit(problem, initial, settings)
+    best = fit_short_segments(recordings, rig, settings)
     merges = [_length_and_misfit(best)]
     limit, ranges = settings.worse * max(1.0, best.chi2_per_dof), list(settings.ranges_rad)
     while ranges:
@@ -145,7 +144,7 @@ def _length_and_misfit(fit: ArmFit) -> tuple[float, float]:
     return float(np.median(fit.problem.lengths_s)), fit.chi2_per_dof
 
 
-def _short_fit(problem: ArmProblem, initial: Array, settings: ArmFitSettings) -> ArmFit:
+def fit_short_segments(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFitSettings = ARM_FIT) -> ArmFit:
     """Fit the first segments from the rig file, or from a global search.
 
     The search is used if the fit from the rig file fails.
@@ -153,6 +152,7 @@ def _short_fit(problem: ArmProblem, initial: Array, settings: ArmFitSettings) ->
     Raises:
         IdentificationError: the simulation fails for both initial values.
     """
+    problem, initial = arm_problem(recordings, rig, settings.first_s)
     failed, fits = IdentificationError("no values within the bounds of the rig file can be simulated"), list[ArmFit]()
     try:
         fits.append(fit_segments(problem, _start(problem, initial)))

@@ -47,10 +47,7 @@ def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RA
     parameters = {name: size for name, size in effect.parameters.items() if name != RUN}
     sizes = {name: size for name, size in parameters.items() if any((size.value, *size.interval90))}
     zeros = ", ".join(parameter_words(effect.name, name) for name in parameters if name not in sizes)
-    amplitudes = {p.name for p in EFFECTS[effect.name].amplitudes} & set(sizes)
-    unclear = {name for name in amplitudes if sizes[name].interval90[0] <= 0 <= sizes[name].interval90[1]}
-    if not brief or unclear == amplitudes:
-        unclear = set()
+    unclear = effect.insignificant if brief else set()
     open_words = ", ".join(parameter_words(effect.name, name) for name in sizes if name in unclear)
     sizes = {name: size for name, size in sizes.items() if name not in unclear}
     words = {

@@ -15,21 +15,30 @@ from dpr_lab.rig_tables import MotorTable
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.table import Table, bare
 from dpr_lab.storage.tables.time_stamps import varies
-from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, Pairs, find_torques, held_torque
+from dpr_lab.storage.tables.torques import (
+    JOINTS,
+    KIND_WORDS,
+    PASSIVE,
+    TORQUE_UNITS,
+    TORQUE_WORDS,
+    Pairs,
+    find_torques,
+    held_torque,
+)
 
 _NAMES = {
-    "torque": "tau|torque|trq|effort",
+    "torque": TORQUE_WORDS,
     "current": "current|cur|i|im",
     "voltage": "voltage|volt|v|vm|vin",
     "acceleration": "acceleration|acc|alpha|u",
 }
 _UNITS = {
-    "torque": {"nm": 1.0, "mnm": 1e-3},
+    "torque": TORQUE_UNITS,
     "current": {"a": 1.0, "amp": 1.0, "amps": 1.0, "ma": 1e-3},
     "voltage": {"v": 1.0, "volt": 1.0, "volts": 1.0, "mv": 1e-3},
     "acceleration": {"rads2": 1.0},
 }
-_KIND = "(?:measured|meas|commanded|command|cmd|desired|des|motor|arm)?"
+_KIND = f"(?:{'|'.join(KIND_WORDS)}|motor|arm)?"
 _UNNAMED = f"{_KIND}(?:input|u|control|action){_KIND}"
 """Pattern of names that do not state the kind of an input, such as `input`, which `run export` writes. The rig file
 states the kind of the input."""

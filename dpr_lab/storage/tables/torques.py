@@ -18,16 +18,20 @@ JOINTS = ("tau1", "tau2")
 """Names of the torques in the options `columns` and `scale`."""
 PASSIVE = "none"
 """Substitute name of the torque column of a joint without a drive."""
-_KINDS = {"meas": "measured"} | dict.fromkeys(("command", "cmd", "desired", "des"), "commanded")
-_KINDS |= dict(zip(KINDS, KINDS, strict=True))
+KIND_WORDS = {"meas": "measured"} | dict.fromkeys(("command", "cmd", "desired", "des"), "commanded")
+KIND_WORDS |= dict(zip(KINDS, KINDS, strict=True))
+"""Kind of a torque by the word for it in a column name."""
+TORQUE_WORDS = "tau|torque|trq|effort"
+TORQUE_UNITS = {"nm": 1.0, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2}
 _SET_POINT = re.compile(r"(?<![a-z])(goal|target|desired|reference|set[\W_]?points?)(?![a-z])", re.I)
-_UNITS = {"nm": 1.0, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2}
 _NAME = re.compile(
-    "(?:tau|torque|trq|effort){kind}([12])?{kind}({unit})?".format(kind=f"({'|'.join(_KINDS)})?", unit="|".join(_UNITS))
+    "(?:{word}){kind}([12])?{kind}({unit})?".format(
+        word=TORQUE_WORDS, kind=f"({'|'.join(KIND_WORDS)})?", unit="|".join(TORQUE_UNITS)
+    )
 )
 
 _OF_JOINT = [
-    (re.compile(f"({joint})(?P<kind>.*?)(?P<torque>tau|torque|trq|effort)"), rf"\g<torque>\g<kind>{number}")
+    (re.compile(f"({joint})(?P<kind>.*?)(?P<torque>{TORQUE_WORDS})"), rf"\g<torque>\g<kind>{number}")
     for number, joint in enumerate(JOINT_NAMES.values(), 1)
 ]
 """Pattern of a torque with the name of its joint, and the same name with the number of the joint."""
@@ -62,7 +66,7 @@ def find_torques(
     matches = {name: match for name in names if (match := _named(name))}
     numbered = {name: match for name, match in matches.items() if match[2]}
     matches = matches if alone and not numbered else numbered
-    kinds = {name: _KINDS.get(match[1] or match[3] or "", "") for name, match in matches.items()}
+    kinds = {name: KIND_WORDS.get(match[1] or match[3] or "", "") for name, match in matches.items()}
     others = [kind for kind in KINDS if kind not in kinds.values()]
     unsaid = (source if len(others) == 2 else others[0] if others else None) or ""
     by_kind: dict[str, dict[str, str]] = {kind: {} for kind in ("", *KINDS)}
@@ -96,7 +100,7 @@ def _stated(names: Sequence[str], source: str | None, stated: Mapping[str, str],
         if name not in names:
             raise RunError(f"{path}: no column is named {name!r} ({joint}); the table has: {', '.join(names)}")
     matches = [match for name in stated.values() if (match := _named(name))]
-    kinds = {_KINDS[kind] for match in matches if (kind := match[1] or match[3])}
+    kinds = {KIND_WORDS[kind] for match in matches if (kind := match[1] or match[3])}
     kind = source or (kinds.pop() if len(kinds) == 1 else "")
     return {kind: (stated.get("tau1", PASSIVE), stated.get("tau2", PASSIVE))}
 
@@ -139,7 +143,7 @@ def torque_column(table: Table, name: str) -> Array:
             f" {len(table.lines):,} rows"
         )
     match = _named(name)
-    return table.column(name) * (_UNITS[match[4]] if match and match[4] else 1.0)
+    return table.column(name) * (TORQUE_UNITS[match[4]] if match and match[4] else 1.0)
 
 
 def held_torque(t: Array, torque: Array, rows: NDArray[np.intp]) -> Array:

@@ -7,14 +7,12 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.identification.misread.balance import EnergyFit
+from dpr_lab.identification.misread.readings import TORQUE_FACTORS
 from dpr_lab.identification.misread.torque_balance import torque_balance
 from dpr_lab.shown import percent
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.readings import BROKEN, READ, OtherReading, energy_residual, read_otherwise
 from dpr_lab.storage.tables.torques import JOINTS, PASSIVE
-
-_FACTORS = (1e-3, 1e-2, 1e3)
-"""Factors of other common units of torque relative to N m: mN m, N cm, kN m."""
 
 
 def better_torques(fit: EnergyFit, read: InterpretedTable) -> list[TableQuestion]:
@@ -44,11 +42,8 @@ def _others(read: InterpretedTable) -> Iterator[tuple[Array, OtherReading]]:
         yield torques, reading("the torques of the table act, which --torque none ignores", "--torque", kind)
     if read.torques is None:
         return
-    signs = {"torque 2 has the opposite sign": (1, -1), "torque 1 has the opposite sign": (-1, 1)}
-    signs["both torques have the opposite sign"] = (-1, -1)
-    units = {f"the torques must be multiplied by {factor:g} to be in N m": (factor, factor) for factor in _FACTORS}
     scale = read.options.scale
-    for cause, factors in (signs | units).items():
+    for cause, factors in TORQUE_FACTORS.items():
         scaled = {**scale, **{j: scale.get(j, 1.0) * factor for j, factor in zip(JOINTS, factors, strict=True)}}
         words = ",".join(f"{name}={factor:g}" for name, factor in scaled.items() if factor != 1.0)
         yield read.torques * factors, reading(cause, "--scale", words or "1")

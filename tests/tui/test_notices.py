@@ -6,10 +6,9 @@ import pytest
 from textual.widgets import Static
 
 from dpr_lab.errors import DprError
+from dpr_lab.tui import notices
 from dpr_lab.tui.app import DprApp
-from dpr_lab.tui.notices import message_log
-from dpr_lab.tui.notices.message_log import MessageLog, MessageLogSettings
-from dpr_lab.tui.notices.message_screen import MessageScreen
+from dpr_lab.tui.notices import MessageLog, MessageLogSettings, MessageScreen
 from dpr_lab.tui.texts import NOTICES
 from dpr_lab.tui.workspace import Workspace
 
@@ -23,7 +22,7 @@ def test_a_message_is_one_line_of_the_file_with_its_time(tmp_path: Path) -> None
 
 
 def test_the_file_has_a_bounded_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(message_log, "SETTINGS", MessageLogSettings(file_bytes=1000))
+    monkeypatch.setattr(notices, "SETTINGS", MessageLogSettings(file_bytes=1000))
     log = MessageLog(tmp_path / "messages.log")
     for number in range(200):
         log.add("warning", f"message {number}")

@@ -1,1 +1,0 @@
-"""Messages to the operator: their display, their list, and their log file."""
