@@ -6,7 +6,6 @@ from pathlib import Path
 from dpr_lab.identification.compare import Comparison
 from dpr_lab.identification.model import Model
 from dpr_lab.report import tables
-from dpr_lab.report.figures import save_figures
 from dpr_lab.report.pages.page import Definitions, Formula, Items, PageTable, Section, page_html, pictures, write_page
 
 FIGURES = {
@@ -46,22 +45,19 @@ _DETERMINED_BY = {
 }
 
 
-def write_report(
-    model: Model, comparisons: Sequence[Comparison], out_dir: Path, figures: Mapping[str, Path] | None = None
-) -> Path:
+def write_report(model: Model, comparisons: Sequence[Comparison], out_dir: Path, figures: Mapping[str, Path]) -> Path:
     """Write `report.html`: ratios, parameters, and comparison of measurement and simulation.
 
     Args:
         model: the identification
         comparisons: runs that are simulated with the model; may be empty
         out_dir: folder of the report, created if it does not exist
-        figures: figures to embed, from `save_figures`; None: they are drawn into `out_dir`
+        figures: figures to embed, from `save_figures`
 
     Raises:
         DprError: the folder or a file cannot be written.
     """
-    drawn = save_figures(model, comparisons, out_dir) if figures is None else figures
-    return write_page(_page(model, comparisons, drawn), out_dir / "report.html")
+    return write_page(_page(model, comparisons, figures), out_dir / "report.html")
 
 
 def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str, Path]) -> str:

@@ -35,10 +35,15 @@ class Page(HTMLParser):
         return [attributes for name, attributes in self.elements if name == tag]
 
 
+def written(model, comparisons, folder):
+    figures = save_figures(model, comparisons, folder)
+    return write_report(model, comparisons, folder, figures).read_text(encoding="utf-8")
+
+
 @pytest.fixture
 def report(model, tmp_path):
     def write(comparisons=(), **changes):
-        source = write_report(model(**changes), list(comparisons), tmp_path).read_text(encoding="utf-8")
+        source = written(model(**changes), list(comparisons), tmp_path)
         return source, Page(source)
 
     return write
@@ -48,7 +53,7 @@ def report(model, tmp_path):
 def one(model, comparison, tmp_path_factory):
     """The report of one comparison: source, page, folder."""
     folder = tmp_path_factory.mktemp("one")
-    source = write_report(model(), [comparison()], folder).read_text(encoding="utf-8")
+    source = written(model(), [comparison()], folder)
     return source, Page(source), folder
 
 
@@ -89,15 +94,6 @@ def test_pictures_are_inside_and_described(one):
     inside = [base64.b64decode(picture["src"].removeprefix("data:image/png;base64,")) for picture in pictures]
     assert inside == [(folder / f"{name}.png").read_bytes() for name in ("response", "error", "evolution")]
     assert all(len(picture["alt"]) > 40 for picture in pictures)
-
-
-@pytest.mark.long
-def test_pictures_that_exist_are_not_drawn_again(model, comparison, tmp_path):
-    drawn = save_figures(model(), [comparison()], tmp_path / "figures")
-
-    write_report(model(), [comparison()], tmp_path / "report", drawn)
-
-    assert [path.name for path in (tmp_path / "report").iterdir()] == ["report.html"]
 
 
 @pytest.mark.slow
