@@ -35,7 +35,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.storage.layout import SUFFIX
 from dpr_lab.storage.metadata import RunMetadata
-from dpr_lab.storage.room import check_room
+from dpr_lab.storage.spool import check_room
 from firmware_protocol.identity import DeviceInfo
 
 

@@ -8,8 +8,7 @@ from pydantic import Field
 
 from dpr_lab.arrays import Array
 from dpr_lab.search.fitness import FAILED_ABOVE
-from dpr_lab.search.latin_hypercube import latin_hypercube
-from dpr_lab.search.population import Population, ranked
+from dpr_lab.search.population import Population, latin_hypercube, ranked
 from dpr_lab.search.problem import Bounds, SearchProblem
 from dpr_lab.search.settings import NotNegative, SearchSettings, Share
 

@@ -11,8 +11,7 @@ from pydantic import Field
 
 from dpr_lab.arrays import Array
 from dpr_lab.search.fitness import cost
-from dpr_lab.search.latin_hypercube import latin_hypercube
-from dpr_lab.search.population import Population, merged
+from dpr_lab.search.population import Population, latin_hypercube, merged
 from dpr_lab.search.problem import SearchProblem
 from dpr_lab.search.settings import Count, Positive, SearchSettings
 
