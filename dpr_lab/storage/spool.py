@@ -1,4 +1,7 @@
-"""Temporary file for the samples of a recording, so that memory does not grow, and check of the free disk space."""
+"""Temporary file for the samples of a recording, and check of the free disk space.
+
+The file keeps the memory from growing.
+"""
 
 import shutil
 from pathlib import Path

@@ -82,7 +82,10 @@ def _wrong_angles(recordings: Sequence[ArmRecording], rig: Rig) -> str:
 
 
 def _gain(fit: ArmFit, rig: Rig) -> float:
-    """Return the fitted gain relative to the rig file, its sign if the rig file does not state it, or 1."""
+    """Return the fitted gain relative to the rig file.
+
+    If the rig file does not state the gain, the result is its sign. If the gain is not fitted, the result is 1.
+    """
     if "gain" not in fit.problem.unknowns.free:
         return 1.0
     gain, expected = fit.value("gain"), nominal_gain(rig) / fit.problem.unknowns.scale_value
