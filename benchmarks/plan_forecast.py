@@ -9,8 +9,8 @@ releases, as far as they are recorded. It is compared with the diagnoses of thes
 calibration error is found by drawing plants with replacement. With `--adaptive`, each release is the first one of a new
 plan. With `--own`, the plants are those of the simulated device.
 
-The net calibration error is defined in `benchmarks/_net_calibration.py`. With `--adaptive`, it was 0.051 on 41 plants
-(seeds 3106000 to 3106040; 158 forecasts; calibration error 0.103, of an exact forecast 0.065). On 24 own plants
+The net calibration error is defined in `benchmarks/_net_calibration.py`. With `--adaptive`, it was 0.040 on 76 plants
+(seeds 3106050 to 3106125; 249 forecasts; calibration error 0.069, of an exact forecast 0.051). On 24 own plants
 (`single:faint`, from 2017000 on; 21 forecasts) it was 0 with an earlier forecast.
 """
 
