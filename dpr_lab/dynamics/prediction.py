@@ -29,7 +29,7 @@ from dpr_lab.effects.effect_kernels import INTERNAL, active_effects, required_by
 from dpr_lab.effects.mounted import differ, effects_of_run
 from dpr_lab.effects.quantities import RigConstants
 
-__all__ = ["INTERNAL", "PAD", "internal_states", "predict", "predict_batch", "segment_start"]
+__all__ = ["INTERNAL", "PAD", "predict", "predict_batch", "predict_with_internal", "segment_start"]
 
 
 def predict(
@@ -73,7 +73,7 @@ def predict_batch(
             (n, S, 6) with theta0, omega0 of a free or driven arm
         internal: (S, k) or (n, S, k) internal states of effects (`INTERNAL`) at the start of each segment. None, or
             nan: those at the end of the previous segment. For derivatives with respect to the initial states, pass
-            fixed values, the result of `internal_states` at the point of expansion.
+            the states of `predict_with_internal` at the point of expansion.
         arm: whether to return the arm's angle
 
     Returns:
@@ -83,33 +83,22 @@ def predict_batch(
     Raises:
         ValueError: an array has another shape.
     """
-    return _predicted(bases, params, constants, segments, initial, internal, 3 if arm else 2)[0]
+    return predict_with_internal(bases, params, constants, segments, initial, internal, arm)[0]
 
 
-def internal_states(
-    base: ArrayLike, params: ArrayLike, constants: RigConstants, segments: Segments, initial: ArrayLike
-) -> Array:
-    """Return the (S, k) internal states of effects (`INTERNAL`) at the start of each segment.
-
-    See `predict` for the arguments. The states are zero if no active effect has internal states.
-    """
-    params = np.asarray(params, dtype=np.float64)
-    if not required_by(active_effects(params)).internal.any():
-        return np.zeros((len(segments), len(INTERNAL)))
-    base, params, initial = (np.asarray(values, dtype=np.float64)[None] for values in (base, params, initial))
-    return _predicted(base, params, constants, segments, initial, None, 2)[1][0]
-
-
-def _predicted(
+def predict_with_internal(
     bases: ArrayLike,
     params: ArrayLike,
     constants: RigConstants,
     segments: Segments,
     initial: ArrayLike,
-    internal: ArrayLike | None,
-    columns: int,
+    internal: ArrayLike | None = None,
+    arm: bool = False,
 ) -> tuple[Array, Array]:
-    """Return predicted readings (n, N, columns) and internal states (n, S, k) at segment starts."""
+    """Return the readings of `predict_batch`, and the (n, S, k) internal states at the segment starts.
+
+    The internal states of a candidate have a meaning only if an active effect has internal states.
+    """
     bases, params, initial = (np.asarray(values, dtype=np.float64) for values in (bases, params, initial))
     n, count, runs = len(bases), len(segments), len(segments.setups)
     params = _shaped(params, (n, SIZE) if params.ndim == 2 else (n, runs, SIZE), "params").reshape(n, -1, SIZE)
@@ -134,7 +123,7 @@ def _predicted(
         tracks = tracks._replace(required=tracks.required._replace(prescribed=every_block))
     rig = RigConstants(*map(float, constants))
     arrays = _arrays(segments, rig)
-    buffers = allocate(arrays, n, columns)
+    buffers = allocate(arrays, n, 3 if arm else 2)
     predict_tracks(advance(), tracks, arrays, candidates, rig, buffers)
     return buffers.angles, buffers.initial_internal
 

@@ -2,12 +2,11 @@
 
 Runge-Kutta steps, computed for many segments in parallel, give the readings. Forward differences give the derivatives.
 
-A segment starts a little before its first sample (`dpr_lab.dynamics.prediction`). All differences are computed in one
-batch with twice the integration step, which halves the time. The resulting relative error of a derivative, 1e-3, does
-not change the solution of a fit. With nearly singular inertias, however, the simulation with twice the step diverges,
-and its derivatives are useless for a fit. The normal step is therefore used for segments in which the two simulations
-differ by more than `coarse_error`. Encoder errors do not affect the motion, so one simulation is sufficient for all of
-them.
+A segment starts a little before its first sample (`dpr_lab.dynamics.prediction`). All differences are computed with
+twice the integration step, which halves the time. The resulting relative error of a derivative, 1e-3, does not change
+the solution of a fit. With nearly singular inertias, however, the simulation with twice the step diverges, and its
+derivatives are useless for a fit. The normal step is therefore used for segments in which the two simulations differ by
+more than `coarse_error`. Encoder errors do not affect the motion, so one simulation is sufficient for all of them.
 
 Derivatives with respect to initial states keep the internal states of effects fixed. Internal states are passed from
 segment to segment and must not depend on the initial state of another segment.
@@ -18,11 +17,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dpr_lab.arrays import Array, Flags, row_sums
+from dpr_lab.arrays import Array, Flags, Integers, row_sums
 from dpr_lab.dynamics.encoder_errors import with_encoder_errors
-from dpr_lab.dynamics.prediction import internal_states, predict, predict_batch
+from dpr_lab.dynamics.prediction import predict, predict_with_internal
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.effects import EFFECTS, named_params, param_index
+from dpr_lab.effects.effect_kernels import active_effects, required_by
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.estimate import EFFECTS_BEGIN, ZEROS_BEGIN, Estimate, FreeParameter, whole_of
 
@@ -120,17 +120,21 @@ class RodsWithEffects:
             + [False] * states
         )
         moving, still = np.flatnonzero(~of_encoders), np.flatnonzero(of_encoders)
-        rollouts = np.append(moving, len(ratios) - 1)  # the last row is the estimate itself
-        quiet = params[rollouts]
+        quiet = params.copy()
         quiet[-1, ENCODER_AMPLITUDES] = 0.0
-        handed = internal_states(estimate.whole, estimate.params, self.constants, segments, estimate.initial)
-        internal = np.full((len(rollouts), *handed.shape), np.nan)
-        internal[len(moving) - states : len(moving)] = handed
-        whole, starts = whole_of(ratios[rollouts]), initial[rollouts]
-        swings = predict_batch(whole, quiet, self.constants, segments, starts, internal, arm=segments.arm_moves)
         angles = np.empty((len(ratios), len(segments.t), axes))
-        angles[moving] = swings[:-1]
-        angles[[*still, -1]] = with_encoder_errors(swings[-1], params[[*still, -1]], self.constants, segments)
+
+        def predicted(rows: Integers, internal: Array | None = None) -> tuple[Array, Array]:
+            whole, starts = whole_of(ratios[rows]), initial[rows]
+            return predict_with_internal(whole, quiet[rows], self.constants, segments, starts, internal, axes == 3)
+
+        shared, own = np.append(moving[:-states], len(ratios) - 1), moving[-states:]  # the last row is the estimate
+        if required_by(active_effects(estimate.params)).internal.any():
+            angles[shared], internal = predicted(shared)
+            angles[own], _ = predicted(own, internal[-1])
+        else:
+            angles[[*shared, *own]], _ = predicted(np.append(shared, own))
+        angles[[*still, -1]] = with_encoder_errors(angles[-1], params[[*still, -1]], self.constants, segments)
         steps = np.array([*(parameter.step for parameter in free), *INITIAL_STEPS[:states]])
         slopes = angles[:-1]
         with np.errstate(invalid="ignore"):  # a diverging swing gives invalid values

@@ -8,7 +8,7 @@ import pytest
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.lanes.tracks import tracks_of
 from dpr_lab.dynamics.lanes.workspace import LANES
-from dpr_lab.dynamics.prediction import INTERNAL, internal_states, predict_batch
+from dpr_lab.dynamics.prediction import INTERNAL, predict_batch, predict_with_internal
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS, effect_params
@@ -51,7 +51,8 @@ def compare(params, constants=CONSTANTS, layout=SEGMENTS, internal=None):
     for i in range(len(params)):
         alone, internal_starts = read_segments(bases[i], params[i], constants, layout, initial[i], internal)
         np.testing.assert_allclose(together[i], alone, atol=EXACT, rtol=0)
-        yield internal_starts, internal_states(bases[i], params[i], constants, layout, initial[i])
+        _, passed = predict_with_internal([bases[i]], [params[i]], constants, layout, [initial[i]])
+        yield internal_starts, passed[0]
 
 
 def test_every_effect_alone_and_none():

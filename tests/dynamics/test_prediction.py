@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.base import added_base, base_parameters
-from dpr_lab.dynamics.prediction import INTERNAL, PAD, internal_states, predict, predict_batch
+from dpr_lab.dynamics.prediction import INTERNAL, PAD, predict, predict_batch, predict_with_internal
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.dynamics.simulate import simulate
@@ -201,7 +201,7 @@ def test_memory_passes_from_segment_to_segment(name):
 
 def test_memory_can_be_held_still():
     _, params, starts = long_and_cut(REMEMBERING)
-    internal = internal_states(BASE, params, CONSTANTS, CUT, starts)
+    internal = predict_with_internal([BASE], [params], CONSTANTS, CUT, [starts])[1][0]
     assert internal.shape == (2, len(INTERNAL))
     assert (internal[0] == 0).all()
     acting = ["joint0" not in name for name in INTERNAL]  # this arm is clamped

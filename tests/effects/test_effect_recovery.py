@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.base import BASE, base_parameters
-from dpr_lab.dynamics.prediction import PAD, internal_states, predict_batch
+from dpr_lab.dynamics.prediction import PAD, predict_batch, predict_with_internal
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS, effect_params, param_index
@@ -54,10 +54,9 @@ def sensitivities(base, params, starts, columns):
         bases[1 + i, k] += steps[i]
     for i, k in enumerate(columns):
         rows[1 + len(FREE) + i, k] += steps[len(FREE) + i]
-    shared = predict_batch(bases, rows, CONSTANTS, SWINGS, np.repeat(starts[None], n + 1, 0))
-    internal = internal_states(base, params, CONSTANTS, SWINGS, starts)
+    shared, internal = predict_with_internal(bases, rows, CONSTANTS, SWINGS, np.repeat(starts[None], n + 1, 0))
     moved = np.repeat(starts[None], 4, 0) + 1e-5 * np.eye(4)[:, None, :]
-    own = predict_batch(bases[:1].repeat(4, 0), rows[:1].repeat(4, 0), CONSTANTS, SWINGS, moved, internal)
+    own = predict_batch(bases[:1].repeat(4, 0), rows[:1].repeat(4, 0), CONSTANTS, SWINGS, moved, internal[0])
     by_shared = np.moveaxis((shared[1:] - shared[0]) / steps[:, None, None], 0, -1)
     return shared[0], by_shared, np.moveaxis((own - shared[0]) / 1e-5, 0, -1)
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from dpr_lab.dynamics.prediction import internal_states, predict
+from dpr_lab.dynamics.prediction import predict, predict_with_internal
 from dpr_lab.effects import effect_params
 from dpr_lab.fitting import rods_with_effects
 from dpr_lab.fitting.rods_with_effects import INITIAL_STEPS, DerivativeSettings
@@ -25,7 +25,7 @@ def test_derivatives_with_respect_to_initial_states_agree_with_wider_differences
     problem, base = bare(recorded(truth, duration=3.0))
     at = base.fit.estimate.changed(params=effect_params(truth))
     known = at.base, at.params, problem.model.constants, problem.segments
-    internal = internal_states(*known, at.initial)
+    internal = predict_with_internal([at.base], [at.params], *known[2:], [at.initial])[1][0]
     slopes = problem.model.slopes(problem.segments, at, ())
     for column, step in enumerate(300 * INITIAL_STEPS[: at.initial.shape[1]]):
         ahead, behind = at.initial.copy(), at.initial.copy()
