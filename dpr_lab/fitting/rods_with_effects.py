@@ -128,12 +128,13 @@ class RodsWithEffects:
             whole, starts = whole_of(ratios[rows]), initial[rows]
             return predict_with_internal(whole, quiet[rows], self.constants, segments, starts, internal, axes == 3)
 
-        shared, own = np.append(moving[:-states], len(ratios) - 1), moving[-states:]  # the last row is the estimate
+        other_rows = np.append(moving[:-states], len(ratios) - 1)  # the last row is the estimate itself
+        start_rows = moving[-states:]
         if required_by(active_effects(estimate.params)).internal.any():
-            angles[shared], internal = predicted(shared)
-            angles[own], _ = predicted(own, internal[-1])
+            angles[other_rows], internal = predicted(other_rows)
+            angles[start_rows], _ = predicted(start_rows, internal[-1])
         else:
-            angles[[*shared, *own]], _ = predicted(np.append(shared, own))
+            angles[[*other_rows, *start_rows]], _ = predicted(np.append(other_rows, start_rows))
         angles[[*still, -1]] = with_encoder_errors(angles[-1], params[[*still, -1]], self.constants, segments)
         steps = np.array([*(parameter.step for parameter in free), *INITIAL_STEPS[:states]])
         slopes = angles[:-1]
