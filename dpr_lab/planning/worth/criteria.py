@@ -138,22 +138,15 @@ class OpenPairs:
         columns = list(dict.fromkeys(i for places in self.places for i in places))
         G = given(F, self.fitted, columns)
         rows = [[columns.index(i) for i in places] for places in self.places]
+        moments = np.zeros((len(rows), *G.shape))  # E[a a^T] of the amplitudes of each cause
+        for moment, places, size, spread in zip(moments, rows, self.sizes, self.spreads, strict=True):
+            moment[np.ix_(places, places)] = np.outer(size, size) + spread
         squared = np.zeros((len(rows), len(rows)))
-        for i, places in enumerate(rows):
-            for j, other in enumerate(rows):
-                free = [k for k, row in enumerate(places) if row not in other]
-                if i == j or not free:
-                    continue
-                columns_of_row = [places[k] for k in free]
-                cross = G[np.ix_(other, columns_of_row)]
-                remaining = (
-                    G[np.ix_(columns_of_row, columns_of_row)]
-                    - cross.T @ np.linalg.pinv(G[np.ix_(other, other)], 1e-12, True) @ cross
-                )
-                size = self.sizes[i][free]
-                squared[i, j] = max(
-                    size @ remaining @ size + np.sum(remaining * self.spreads[i][np.ix_(free, free)]), 0.0
-                )
+        for nearest, places in enumerate(rows):
+            inverse = np.linalg.pinv(G[np.ix_(places, places)], 1e-12, hermitian=True)
+            remaining = G - G[:, places] @ inverse @ G[places]
+            remaining[places] = remaining[:, places] = 0.0
+            squared[:, nearest] = np.maximum(np.sum(moments * remaining, axis=(1, 2)), 0.0)
         return squared
 
     def gained(self, before: Array, F: Array) -> Array:
