@@ -101,6 +101,17 @@ def test_a_few_wild_readings_are_no_cycle():
     assert periodic_delay(stamps, angles) is None
 
 
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("rods", [[1.0, 0.0], [1.0, 0.7]])
+def test_five_outliers_of_a_short_record_are_no_cycle(rods, seed):
+    rng, stamps = np.random.default_rng(seed), np.arange(600) * 1e-2
+    outliers = np.zeros(600)
+    outliers[rng.integers(10, 590, 5)] = 1e-3 * rng.uniform(20, 100, 5) * rng.choice([-1, 1], 5)
+    angles = readings(stamps, 1e-3, seed) + np.outer(outliers, rods)
+    assert periodic_delay(stamps, angles) is None
+    assert periodic_delay(stamps, slow_swing(stamps, 1e-3, seed) + outliers[:, None]) is None
+
+
 @pytest.mark.parametrize("still", [np.zeros((3000, 2)), np.ones((3000, 1))])
 def test_rods_at_rest_have_no_instants_to_judge(still):
     stamps = np.arange(3000) * 1e-3 + 1e-4 * np.random.default_rng(0).random(3000)

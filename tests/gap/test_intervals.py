@@ -82,14 +82,20 @@ def test_the_share_on_held_out_data_is_relative_to_the_fitted_share(fitted, held
 )
 def test_a_share_is_the_reduction_of_the_rms_above_the_noise(before: float, after: float, closed: float) -> None:
     assert share(np.array([[before], [after]])) == pytest.approx(closed)
-    single = reduction(np.array([[before], [after]]), np.random.default_rng(0), 1, np.zeros(1, dtype=np.int64))
+    single = reduction(np.array([[before], [after]]), 0.0, np.random.default_rng(0), 1, np.zeros(1, dtype=np.int64))
     assert (single.value, single.interval90) == (pytest.approx(closed), (-1.0, 1.0))
 
 
 def test_equal_reductions_of_all_segments_have_no_scatter() -> None:
     above = np.array([[4.0] * 12, [1.0] * 12])
-    interval = reduction(above, np.random.default_rng(0), 2, np.repeat([0, 1], 6))
+    interval = reduction(above, 0.0, np.random.default_rng(0), 2, np.repeat([0, 1], 6))
     assert (interval.value, *interval.interval90) == pytest.approx((0.5, 0.5, 0.5))
+
+
+def test_a_remainder_that_the_noise_hides_is_inside_the_interval() -> None:
+    above = np.array([[100.0] * 12, [-1.0] * 12])
+    interval = reduction(above, 20.0, np.random.default_rng(0), 2, np.repeat([0, 1], 6))
+    assert (interval.value, *interval.interval90) == pytest.approx((1.0, 1 - np.sqrt(1.645 * 20 / 1200), 1.0), abs=1e-4)
 
 
 @pytest.mark.parametrize(("length", "size"), [(0.25, 4), (0.5, 2), (1.0, 1), (3.0, 1)])

@@ -8,18 +8,19 @@ from dpr_lab.rig import Rig
 
 @pytest.fixture
 def named():
-    def made(name: str, *twins: str) -> NamedEffect:
-        result = {"name": name, "class": [name, *twins], "probability": 0.9, "parameters": {}, "share": 0.5}
+    def made(name: str, *twins: str, probability: float = 0.9) -> NamedEffect:
+        result = {"name": name, "class": [name, *twins], "probability": probability, "parameters": {}, "share": 0.5}
         return NamedEffect.model_validate(result)
 
     return made
 
 
 def test_a_wrong_setting_is_reported_with_its_right_value(named, paper: Rig):
-    effects = [named("encoder_scale_joint2", "spring_joint2"), named("coulomb_joint1"), named("base_tilt")]
+    effects = [named("encoder_scale_joint2", "spring_joint2"), named("coulomb_joint1")]
+    effects += [named("base_tilt", probability=0.09), named("detent_joint1", probability=0.49)]
     sizes = {"encoder_scale_joint2": {"excess": 1.7e-3}, "base_tilt": {"tilt_rad": 1e-3}}
 
-    scale, simulate = remedies(effects, sizes, rig_constants(paper), {"base_tilt"})
+    scale, simulate = remedies(effects, sizes, rig_constants(paper))
 
     assert "set counts_per_rev of joint 2 in the rig file to 16412 (now 16384)" in scale
     assert "first rule out spring_joint2" in scale
@@ -29,6 +30,6 @@ def test_a_wrong_setting_is_reported_with_its_right_value(named, paper: Rig):
 @pytest.mark.parametrize(("excess", "usual"), [(-0.0242, True), (-0.05, False), (0.0012, False)])
 def test_a_usual_resolution_near_the_fitted_one_is_named(named, paper: Rig, excess: float, usual: bool):
     rig = rig_constants(paper)._replace(counts_per_rev1=4096.0)
-    (sentence,) = remedies([named("encoder_scale_joint1")], {"encoder_scale_joint1": {"excess": excess}}, rig, ())
+    (sentence,) = remedies([named("encoder_scale_joint1")], {"encoder_scale_joint1": {"excess": excess}}, rig)
     assert ("an encoder of 1000 lines, read fourfold, has 4000" in sentence) is usual
     assert ("another cause is probable" in sentence) is (excess == -0.05)

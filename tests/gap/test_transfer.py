@@ -173,10 +173,16 @@ def test_small_effects_explain_less_than_a_hundredth_of_the_gap_together() -> No
 
 def test_held_out_data_without_a_gap_of_their_own_refute_nothing() -> None:
     nothing_to_close = reduction(
-        np.array([[3.0, -4.0, 2.0, -2.0], [1.0, -4.0, 0.0, -2.0]]), np.random.default_rng(1), 1, np.zeros(4, dtype=int)
+        np.array([[3.0, -4.0, 2.0, -2.0], [1.0, -4.0, 0.0, -2.0]]), 1.0, np.random.default_rng(1), 1, np.zeros(4, int)
     )
     silent = Transfer("held-out runs", True, nothing_to_close, 0.3, (), {}, {}, {}, (), (), (), None)
     assert how_far(silent) == "On held-out runs the gap is too small to show a reduction."
+
+
+def test_a_narrow_interval_is_stated_with_a_decimal() -> None:
+    closed = Interval(value=0.9984, interval90=(0.9962, 1.0))
+    told = Transfer("one release", True, closed, 30.0, (), {}, {}, {}, (), (), (), None)
+    assert how_far(told).endswith("the gap closes by 99.8 % (90 % interval 99.6 % to 100.0 %).")
 
 
 @pytest.mark.slow
@@ -335,9 +341,9 @@ def test_the_most_chaotic_of_several_free_runs_does_not_decide_alone() -> None:
 def test_the_interval_of_a_short_recording_has_a_width() -> None:
     rng = np.random.default_rng(0)
     above = np.array([[10.0, 20.0, 30.0, 40.0, 50.0], [1.0, 9.0, 4.0, 30.0, 8.0]])
-    low, high = reduction(above, rng, 5, np.zeros(above.shape[1], dtype=int)).interval90
+    low, high = reduction(above, 0.0, rng, 5, np.zeros(above.shape[1], dtype=int)).interval90
     assert low < 1 - np.sqrt(52 / 150) < high
-    assert reduction(above[:, :1], rng, 1, np.zeros(1, dtype=int)).interval90 == (-1.0, 1.0)
+    assert reduction(above[:, :1], 0.0, rng, 1, np.zeros(1, dtype=int)).interval90 == (-1.0, 1.0)
 
 
 def test_no_block_contains_segments_of_two_runs() -> None:
@@ -345,7 +351,7 @@ def test_no_block_contains_segments_of_two_runs() -> None:
     test = Mock(run=np.array([0, 0, 1, 1]), block=3)
     assert _blocks(test, np.array([1.0, 2.0, 4.0, 8.0])).tolist() == [3.0, 12.0]
     above, run = np.array([np.ones(9), np.eye(9)[0]]), np.array([0, *[1] * 8])
-    of_run, across = (reduction(above, np.random.default_rng(0), 2, runs) for runs in (run, 0 * run))
+    of_run, across = (reduction(above, 0.0, np.random.default_rng(0), 2, runs) for runs in (run, 0 * run))
     assert of_run.interval90 != across.interval90
 
 

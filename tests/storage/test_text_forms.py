@@ -28,6 +28,7 @@ FORMS = {
     "function of Arduino": "millis,angle_deg\n" + lines("{ms},{angle:.4f}\n"),
     "plotter of Arduino": lines("t:{t:.2f},angle_deg:{angle:.4f}\n"),
     "labels and blanks": "ready\n" + lines("time: {t:.2f} angle_deg: {angle:.4f}\n"),
+    "plotter and serial monitor": lines("12:03:0{t:.3f} -> angle_deg:{angle:.4f}\n"),
     "minus sign for print": "t,angle_deg\n" + lines("{t:.2f},{angle:.4f}\n").replace("-", "\N{MINUS SIGN}"),
     "French unit": "Temps (s);Angle (degrés)\n" + lines("{t:.2f};{angle:.4f}\n"),
     "German unit": "Zeit (s);Winkel (Grad)\n" + lines("{t:.2f};{angle:.4f}\n").replace(".", ","),

@@ -1,30 +1,30 @@
 """Remedies for the named effects at the rig, or in its file, readings or simulator."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Params
 from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.gap.conclusion.verdict import VERDICT
 from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.shown import listed
 
 
-def remedies(
-    named: Sequence[NamedEffect], sizes: Mapping[str, Params], rig: RigConstants, doubtful: Collection[str]
-) -> list[str]:
+def remedies(named: Sequence[NamedEffect], sizes: Mapping[str, Params], rig: RigConstants) -> list[str]:
     """Return the remedies: one sentence per faulty part, and one for the simulator.
+
+    An effect with a probability below one half has no remedy, for example if it worsens the free runs.
 
     Args:
         named: the effects, in order
         sizes: fitted parameters of each effect
         rig: values of the rig file
-        doubtful: effects that do not carry over to held-out data, or are too large; no remedy is stated for them
     """
     sentences: list[str] = []
     simulated: list[str] = []
     for effect in named:
         remedy = EFFECTS[effect.name].remedy
-        if effect.name in doubtful:
+        if effect.probability < VERDICT.rather:
             continue
         if remedy is None:
             simulated.append(effect.name)

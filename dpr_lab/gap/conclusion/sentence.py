@@ -158,14 +158,15 @@ def how_far(transferred: Transfer) -> str:
     estimate, (low, high) = transferred.closed.value, transferred.closed.interval90
     if held_out_gap_invisible(transferred):
         return f"{_tested_on(transferred)} the gap is too small to show a reduction."
-    interval = f"90 % interval {percent(low)} to {percent(high)}"
+    digits = int(high - low < VERDICT.narrow)
+    interval = f"90 % interval {percent(low, digits)} to {percent(high, digits)}"
     if estimate > 0 and low < VERDICT.closes and transferred.basis == "one release":
         return (
             f"The quarters of the only release do not show how far the gap closes ({percent(estimate)}, {interval}):"
             " record a second release."
         )
     if estimate > 0:
-        return f"{_tested_on(transferred)} the gap closes by {percent(estimate)} ({interval})."
+        return f"{_tested_on(transferred)} the gap closes by {percent(estimate, digits)} ({interval})."
     return f"{_tested_on(transferred)} the gap does not close ({percent(estimate)}, {interval})."
 
 

@@ -36,6 +36,8 @@ class VerdictRules:
 
     If the interval from the quarters of one release extends below the minimum, the sentence asks for a second release.
     """
+    narrow: float = 0.02
+    """Width of the interval of this share below which the sentence states the share with one decimal."""
     gap_from: float = 0.5
     """Minimum ratio of a remainder to the noise for which the remainder is a gap that no effect explains."""
     held_out_gap: float = 1.0

@@ -54,6 +54,8 @@ class InstantSettings:
     the scatter of some cycle lengths."""
     least: float = 0.1
     """Minimum delay, in periods; a smaller delay counts as noise."""
+    outliers: int = 5
+    """Number of late readings with the largest influence, without which a cycle must be significant (decision 98)."""
     wild: float = 8.0
     """Limit of the error of a single reading in the search for a cycle, in standard deviations."""
     usual: float = 0.98
@@ -200,8 +202,9 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
     # a late reading also affects the windows of its neighbours, and so other cycles: the best fit is the right one
     likely = [(cycle, first) for cycle, (size, first) in places.items() if size > INSTANTS.likely * largest]
     fits = [_delayed(cycle, ticks % cycle == first, usable, weights) for cycle, first in likely]
-    best = max(fits, key=lambda fit: abs(fit.delay_s) / fit.std_s)
-    return best if abs(best.delay_s) >= INSTANTS.least * period else None
+    fits = [fit for fit in fits if _without_outliers(fit, score, information) > INSTANTS.significance * scatter]
+    best = max(fits, key=lambda fit: abs(fit.delay_s) / fit.std_s, default=None)
+    return best if best and abs(best.delay_s) >= INSTANTS.least * period else None
 
 
 def _ticks(t: Array, period: float) -> Integers:
@@ -228,6 +231,13 @@ def _delayed(cycle: int, late: Flags, usable: list[tuple[Array, Array]], weights
     known = sum(float(shape @ shape) for _, shape in shapes)
     delay = sum(float(differences @ shape) for differences, shape in shapes) / known
     return PeriodicDelay(cycle, delay, known**-0.5, late)
+
+
+def _without_outliers(fit: PeriodicDelay, score: Array, information: Array) -> float:
+    """Return the significance of a delay without the late readings that have the largest influence."""
+    others = np.argsort(np.abs(score[fit.late]))[: -INSTANTS.outliers]
+    known = max(float(information[fit.late][others].sum()), np.finfo(float).tiny)
+    return float(np.sign(fit.delay_s) * score[fit.late][others].sum() / known**0.5)
 
 
 def _by_place(position: Integers, cycle: int, score: Array, information: Array) -> Array:

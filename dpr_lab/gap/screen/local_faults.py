@@ -52,8 +52,6 @@ class LocalFaultSettings:
 
     The coefficient is derived from the residual for cos(w t) (Chebyshev).
     """
-    sweeps: int = 40
-    """Number of sweeps for the slopes of a spline. Each sweep halves the error, so that 1e-12 of it remains."""
 
 
 LOCAL_FAULTS = LocalFaultSettings()
@@ -89,8 +87,10 @@ def local_faults(
     outliers: list[int] = []
     steps: list[tuple[int, float]] = []
     if keep.sum() >= 4 * half:
+        from scipy.interpolate import CubicSpline  # its import is slow
+
         grid = np.arange(t[0], t[-1] + 0.5 * period, period)
-        z = _significance(_spline(t[keep], angle[keep], grid), half, noise, period)
+        z = _significance(CubicSpline(t[keep], angle[keep])(grid), half, noise, period)
         for instant_near in grid[_peaks(z, half)]:
             window = (half + 0.5) * period
             first, last = (
@@ -196,32 +196,3 @@ def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tu
     best = int(np.argmax(explained >= (1 - 1e-9) * explained.max()))
     size = float(projections[best] / power[best]) if best >= len(places) else None
     return int(places[best % len(places)]), size
-
-
-def _spline(t: Array, y: Array, instants: Array) -> Array:
-    """Evaluate the cubic spline through readings at some times.
-
-    The ends have not-a-knot conditions. The slopes s of the spline at the readings make the curvature continuous. With
-    spacings h and difference quotients d,
-
-        s_i = 1.5 (w d_i-1 + (1 - w) d_i) - 0.5 (w s_i-1 + (1 - w) s_i+1),    w = h_i / (h_i-1 + h_i)
-
-    Each of `LOCAL_FAULTS.sweeps` sweeps halves the error. The result is that of scipy's CubicSpline, whose import takes
-    longer than the screening of a run.
-    """
-    h = np.diff(t)
-    d = np.diff(y) / h
-    w = h[1:] / (h[:-1] + h[1:])
-    left, right, known = 0.5 * w, 0.5 * (1 - w), 1.5 * (w * d[:-1] + (1 - w) * d[1:])
-    # the slopes at both ends follow from s_1 and s_n-2, and are eliminated from their equations
-    first = d[0] * (3 - w[0]) + d[1] * (1 - w[0]) ** 2 / w[0]
-    last = d[-1] * (2 + w[-1]) + d[-2] * w[-1] ** 2 / (1 - w[-1])
-    left[0], right[0], known[0] = 0.0, 1 - w[0], 2 * known[0] - w[0] * first
-    left[-1], right[-1], known[-1] = w[-1], 0.0, 2 * known[-1] - (1 - w[-1]) * last
-    s = np.gradient(y, t)
-    for _ in range(LOCAL_FAULTS.sweeps):
-        s[1:-1] = known - left * s[:-2] - right * s[2:]
-    s[0], s[-1] = first - s[1] / w[0], last - s[-2] / (1 - w[-1])
-    i = np.clip(np.searchsorted(t, instants, side="right") - 1, 0, len(h) - 1)
-    x, square, cube = instants - t[i], (3 * d - 2 * s[:-1] - s[1:]) / h, (s[:-1] + s[1:] - 2 * d) / h**2
-    return y[i] + x * (s[i] + x * (square[i] + x * cube[i]))

@@ -8,6 +8,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.effects import without_events
+from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.gauss_newton import descend
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import folds, left_out_chi2
@@ -109,13 +110,15 @@ def _out_of_sample(recordings: Recordings, problem: Problem, chi2: Callable[[Hyp
     )
 
 
-def reduction(above: Array, rng: np.random.Generator, block: int, run: Integers) -> Interval:
+def reduction(above: Array, uncertainty: float, rng: np.random.Generator, block: int, run: Integers) -> Interval:
     """Return the relative reduction of the gap with a bootstrap interval.
 
-    The interval is the whole range if there is no gap, or if there is only one segment, which shows no scatter.
+    The interval is the whole range if there is no gap, or if there is only one segment, which shows no scatter. It
+    contains a remainder that the noise would hide, even if no sample of the bootstrap has a remainder.
 
     Args:
         above: (2, segments) chi2 above the noise, before and after
+        uncertainty: standard deviation of the sum of this chi2 for noise alone
         rng: source of randomness
         block: number of neighbouring segments that are drawn together
         run: (segments,) run of each segment
@@ -127,7 +130,9 @@ def reduction(above: Array, rng: np.random.Generator, block: int, run: Integers)
     blocks = sums.shape[1]
     drawn = _shares(sums[:, rng.integers(0, blocks, (BOOTSTRAP.draws, blocks))])
     low, high = np.quantile(drawn, [0.05, 0.95])
-    return Interval(value=share(above), interval90=(float(low), float(high)))
+    before, after = above.sum(axis=1)
+    hidden = share(np.array([[before], [max(after, 0.0) + NORMAL_Q90 * uncertainty]]))
+    return Interval(value=share(above), interval90=(min(float(low), hidden), float(high)))
 
 
 def share(above: Array) -> float:

@@ -34,6 +34,7 @@ from dpr_lab.arrays import Array, Flags
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.cross_validation import FOLDS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
 from dpr_lab.gap.result.diagnosis import Basis
 from dpr_lab.gap.result.evidence import Closing
 from dpr_lab.gap.result.saved import Interval
@@ -57,7 +58,7 @@ def transfer(state: Selected, swings: Mapping[str, FreeSwings]) -> Transfer:
     """
     recordings, problem, selection = state.fitted.recordings, state.fitted.problem, state.selection
     held_out, rng = state.fitted.held_out_prediction, np.random.default_rng(state.fitted.request.seed)
-    test = _Test(held_out or left_out_prediction(recordings, problem), selection.chosen.residuals.level, rng)
+    test = _Test(held_out or left_out_prediction(recordings, problem), selection.chosen.residuals, rng)
     tested = held_out is not None or len(test.data.dof) >= FOLDS.quarters
     before, after = test.above_noise(selection.bare), test.above_noise(selection.chosen)
     of_set = np.stack([before, after])
@@ -132,15 +133,15 @@ class _Test:
     """Test on data that were not fitted: excess chi2, and closed share of the gap."""
 
     data: OutOfSample
-    level: float
-    """chi2 of the noise per reading."""
+    residuals: ResidualStatistics
+    """Residuals of the selected set, which contain the level of the noise."""
     rng: np.random.Generator
     """Random generator of the bootstrap."""
 
     @property
     def noise(self) -> Array:
         """(segments,) expected chi2 of the noise."""
-        return np.asarray(self.level * self.data.dof, dtype=np.float64)
+        return np.asarray(self.residuals.level * self.data.dof, dtype=np.float64)
 
     @property
     def groups(self) -> int:
@@ -158,7 +159,8 @@ class _Test:
             pair: (2, segments) excess chi2 without and with the effects
             rows: the segments
         """
-        return reduction(pair[:, rows], self.rng, self.data.block, self.data.run[rows])
+        uncertainty = float(np.sqrt(self.residuals.independent_noise * self.noise[rows].sum()))
+        return reduction(pair[:, rows], uncertainty, self.rng, self.data.block, self.data.run[rows])
 
     def by_run(self, pair: Array) -> dict[str, Interval]:
         """Return the closed share of the gap of each run.

@@ -24,9 +24,10 @@ _VECTOR = re.compile(rf"([(\[])\s*({_NUMBER}(?:(?:\s*[,;]\s*|\s+){_NUMBER})+)\s*
 MINUS = "\N{MINUS SIGN}"  # some programs write this sign in place of the hyphen
 NEXT = "\x02"
 """Separator of the numbers of a vector within its field. Files with control characters are refused."""
-_STAMP = re.compile(r"^(\d{1,2}:\d{2}:\d{2}\.\d+) -> ?")
+_CLOCK = r"\d{1,2}:\d{2}:\d{2}\.\d+"
+_STAMP = re.compile(rf"^({_CLOCK}) -> ?")
 """Pattern of the time that the serial monitor of Arduino writes before a line."""
-_LABEL = rf"([^\W\d]\w*)\s*[:=]\s*({_NUMBER})"
+_LABEL = rf"([^\W\d]\w*)\s*[:=]\s*({_CLOCK}|{_NUMBER})"
 _LABELLED = re.compile(rf"\s*{_LABEL}(?:[,;\s]+{_LABEL})*[,;\s]*", re.I)
 """Pattern of a line with a name before each number, such as `angle:57.3,speed:0.1` for the plotter of Arduino."""
 UNIT_WORDS = r"rad|radians?|deg|degrees?|°|counts?|ticks?|m?s|us|sec|seconds|px|pixels?|[mc]?m"
@@ -117,8 +118,13 @@ def labels_of(lines: list[str]) -> list[str]:
 
     The order is that of the first such line.
     """
-    labelled = [line for line in lines if _LABELLED.fullmatch(line)]
+    labelled = [line for line in map(_with_time, lines) if _LABELLED.fullmatch(line)]
     return [name for name, _ in re.findall(_LABEL, labelled[0], re.I)] if 2 * len(labelled) > len(lines) else []
+
+
+def _with_time(line: str) -> str:
+    """Label the time that the serial monitor writes before a line."""
+    return _STAMP.sub(r"time=\1 ", line)
 
 
 def numbers_of(cells: Sequence[str]) -> list[str]:
@@ -142,6 +148,7 @@ def cells_of(path: Path, line: str, delimiter: str | None, labels: Sequence[str]
     If each number is preceded by a name, only the numbers are returned.
     """
     if labels:
+        line = _with_time(line)
         named = dict(re.findall(_LABEL, line, re.I)) if _LABELLED.fullmatch(line) else {}
         return [named[name] for name in labels if name in named]
     line = _STAMP.sub(rf"\1{delimiter or ' '}", joined(line), count=1)

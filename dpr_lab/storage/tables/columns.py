@@ -46,7 +46,7 @@ _PLACE = re.compile("pos(ition)?([cm]?m)?")
 _COORDINATE = re.compile(r"\W*[xy][\W_]*([cm]?m|px|pixels?)?\W*|.*[\W_][xy][\W_]*([cm]?m|px|pixels?)\W*", re.I)
 _SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
 _SAID_UNIT = re.compile(
-    r"(?<![a-z])(rad|deg|counts)(ians|rees|r[eé]s)?(?![a-z])|°|(?<![a-z])gra(us|dos|di|den|d)(?![a-z])"
+    r"((?<![a-z])rad|(?<![a-z])counts|(?<!m)(?<!milli)deg)(ians|rees|r[eé]s)?(?![a-z])|[°º˚]|gra(us|dos|di|den|d)(?![a-z])"
 )
 _SAID_MRAD = re.compile(r"(m|milli)rad(ians?)?(?![a-z])", re.I)
 _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")

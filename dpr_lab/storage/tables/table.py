@@ -9,6 +9,7 @@ from datetime import datetime, time
 from itertools import chain, islice
 from pathlib import Path
 from typing import NoReturn
+from unicodedata import normalize
 
 import numpy as np
 
@@ -392,5 +393,5 @@ def own_name(name: str) -> str:
 
 
 def bare(name: str) -> str:
-    """Return a column name without its group and separators, in lower case."""
-    return re.sub(r"[\W_]+", "", own_name(name).lower())
+    """Return a column name without its group and separators, in lower case and with plain digits."""
+    return re.sub(r"[\W_]+", "", normalize("NFKC", own_name(name).replace("º", "")).lower())

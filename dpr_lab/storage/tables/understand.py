@@ -24,7 +24,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import FilmNoise, as_mounted
 from dpr_lab.storage.readers import read_any
 from dpr_lab.storage.readers.merged import rows_of_angles
-from dpr_lab.storage.tables.angles import angles, in_radians
+from dpr_lab.storage.tables.angles import angles, in_radians, refuse_converter
 from dpr_lab.storage.tables.arm_input import cart_note, known_inputs, stated_arm, unused_input
 from dpr_lab.storage.tables.clock_wrap import check_forwards, unwrapped_times
 from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, numbers, with_still_joint2
@@ -208,6 +208,8 @@ def _understood(
     """Convert the kept rows to angles, find the free part, and collect the warnings."""
     path, options, time = read.path, read.options, read.t[read.kept]
     check_spacing(path, time - time[0])
+    if options.unit == "rad":
+        refuse_converter(read.values, read.columns, rig, path)
     theta, counts = angles(read.values, options, rig, path)
     if options.zero == "upright" and counts is None:  # loggers use -180 or 180 degrees for hanging rods
         theta[:, 1:] -= turn_of_hanging(theta[:, 1])
