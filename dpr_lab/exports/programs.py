@@ -126,7 +126,14 @@ def _engine(file: Path, other: Mapping[str, Any]) -> Callable[[Replay], Array]:
     kind, readings = names["EngineSwing"], names["readings"]
     kind.file = str(file)
     readings.__globals__.update(other)
-    return lambda replay: readings(replay.x0, replay.t, start=replay.start, kind=kind, torques=replay.driven)
+
+    def simulate(replay: Replay) -> Array:
+        try:
+            return readings(replay.x0, replay.t, start=replay.start, kind=kind, torques=replay.driven)
+        except ValueError as error:
+            raise ConfigError(f"MuJoCo refuses {file.name} of {replay.run}: {error}") from error
+
+    return simulate
 
 
 _FMU = """

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
+from dpr_lab.errors import ConfigError
 from dpr_lab.exports.bodies import in_words
 from dpr_lab.exports.mjcf import CALLBACK, WORDS, XML, mjcf, passive
+from dpr_lab.exports.programs import Replay, in_mujoco
 from dpr_lab.rig import Rig
 from tests.exports.models import SETS, X0, lab_readings, lab_states, model_of, run_source, typical
 from tests.thinned import thinned
@@ -42,6 +44,16 @@ def error(names: dict, want: np.ndarray, step: float | None = None) -> float:
             self.longest = step or self.longest
 
     return float(np.abs(names["simulate"](X0, T[: len(want)], kind=Swing) - want)[:, :2].max())
+
+
+def test_a_file_that_mujoco_refuses_is_an_error_with_its_reason(paper: Rig, tmp_path: Path):
+    model = model_of(paper, {})
+    impossible = mjcf(model, paper).replace('diaginertia="', 'diaginertia="-')
+    (tmp_path / XML).write_text(impossible, encoding="utf-8")
+    (tmp_path / CALLBACK).write_text(passive(model, paper), encoding="utf-8")
+    swing = Replay("a", T, np.zeros((len(T), 2)), np.zeros((len(T), 2)), 0.0, X0, np.ones(2), np.zeros((1, 2)))
+    with pytest.raises(ConfigError, match=r"MuJoCo refuses corrected_model.xml of a: .*inertia"):
+        in_mujoco(tmp_path / XML, model, paper)(swing)
 
 
 @pytest.mark.slow

@@ -181,8 +181,8 @@ def test_held_out_data_without_a_gap_of_their_own_refute_nothing() -> None:
 
 def test_a_narrow_interval_is_stated_with_a_decimal() -> None:
     closed = Interval(value=0.9984, interval90=(0.9962, 1.0))
-    told = Transfer("one release", True, closed, 30.0, (), {}, {}, {}, (), (), (), None)
-    assert how_far(told).endswith("the gap closes by 99.8 % (90 % interval 99.6 % to 100.0 %).")
+    outcome = Transfer("one release", True, closed, 30.0, (), {}, {}, {}, (), (), (), None)
+    assert how_far(outcome).endswith("the gap closes by 99.8 % (90 % interval 99.6 % to 100.0 %).")
 
 
 @pytest.mark.slow

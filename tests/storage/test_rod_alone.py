@@ -307,6 +307,11 @@ def test_whole_numbers_are_doubted_to_be_counts_with_a_zero_in_their_turn(one: R
     assert int(match[1]) == pytest.approx(522, abs=3)
 
 
+def test_angles_of_a_million_radians_are_refused_as_angles(one: Rig, tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r"100 of 100 values of theta1 are impossible angles.*--unit, --scale"):
+        import_csv(table(tmp_path, "t,theta1", T, SWING + 1e6), one)
+
+
 @pytest.mark.parametrize("top", [1023, 4095])
 def test_readings_of_a_converter_need_a_scale(one: Rig, tmp_path: Path, top: int) -> None:
     steps = np.rint(top * (0.5 + SWING / 4.0)) + 0.0

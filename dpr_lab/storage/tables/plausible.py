@@ -173,14 +173,23 @@ def outliers(angles: Array) -> Flags:
     return wild
 
 
-def drop_outliers(readings: dict[str, Array], rig: Rig, options: ImportOptions) -> list[str]:
-    """Replace outliers by NaN, and return notes with the number of outliers."""
+def drop_outliers(readings: dict[str, Array], rig: Rig, options: ImportOptions, path: Path) -> list[str]:
+    """Replace outliers by NaN, and return notes with the number of outliers.
+
+    Raises:
+        RunError: most values are impossible angles.
+    """
     notes = []
     for axis, column in readings.items():
         counted = abs(rig.radians_per_count[AXES.index(axis)]) if options.unit == "counts" else None
         scale = (counted or TO_RADIANS[options.unit or "rad"]) * abs(options.scale.get(axis, 1.0))
         known = np.flatnonzero(np.isfinite(column))
         wild = known[outliers(without_wraps(column, options)[known] * scale)]
+        if 2 * len(wild) > len(known):
+            raise RunError(
+                f"{path}: {len(wild)} of {len(known)} values of {axis} are impossible angles, for example"
+                f" {column[wild[0]]:g}: is the column an angle (--columns), and is its unit right (--unit, --scale)?"
+            )
         if len(wild):
             column[wild] = np.nan
             notes.append(f"{axis}: outliers removed: {len(wild)}")

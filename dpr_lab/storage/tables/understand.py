@@ -162,7 +162,7 @@ def _readings(
     check_forwards(table, t, options)
     t, rounded = even_times(t, readings)
     t, shared = spread_times(t, readings)
-    outliers = drop_outliers(readings, rig, options)
+    outliers = drop_outliers(readings, rig, options, table.path)
     t, misplaced = stamps_at_gaps(t, {axis: without_wraps(column, options) for axis, column in readings.items()})
     stamps = filter(None, (carried, rounded, shared, misplaced))
     return t, readings, [*outliers, *empty, *stamps, *cart_note(table, names, rig, options)]
