@@ -138,15 +138,10 @@ def _filters(half: int) -> tuple[Array, Array]:
 
 
 def _highest(values: Array, half: int) -> Array:
-    """Return the (n,) maximum of each value and `half` neighbours on either side.
+    """Return the (n,) maximum of each value and `half` neighbours on either side."""
+    from scipy.ndimage import maximum_filter1d  # its import is slow
 
-    The values must be positive.
-    """
-    highest, width = np.pad(values, half), 1
-    while width <= 2 * half:
-        shift = min(width, 2 * half + 1 - width)
-        highest, width = np.maximum(highest[:-shift], highest[shift:]), width + shift
-    return highest
+    return np.asarray(maximum_filter1d(values, 2 * half + 1))
 
 
 def _peaks(z: Array, half: int) -> Integers:
