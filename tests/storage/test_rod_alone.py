@@ -322,16 +322,6 @@ def test_readings_of_a_converter_need_a_scale(one: Rig, tmp_path: Path, top: int
     assert import_csv(file, one, converted).theta[:, 1] == pytest.approx(SWING + np.pi, abs=4.0 / top)
 
 
-@pytest.mark.parametrize("name", ["thetadeg", "theta1deg", "θ₁ (°)", "θ1 [°]", "theta_1 (º)", "ϑ₁[deg]", "thetagrad"])
-def test_degrees_in_the_name_of_a_column_are_recognised(one: Rig, tmp_path: Path, name: str) -> None:
-    file = tmp_path / "swing.csv"
-    rows = "".join(f"{t:.2f},{angle:.4f}\n" for t, angle in zip(T, np.degrees(SWING), strict=True))
-    file.write_text(f"t,{name}\n{rows}", encoding="utf-8")
-    run = import_csv(file, one, ImportOptions(zero="hanging"))
-    assert run.theta[:, 1] == pytest.approx(SWING + np.pi, abs=1e-5)
-    assert not any("interpreted" in note for note in run.notes)
-
-
 def test_degrees_with_another_zero_are_doubted_to_be_radians(one: Rig, tmp_path: Path) -> None:
     t, angle = fallen()
     slow = slice(None, None, 6)

@@ -2,12 +2,14 @@
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from dpr_lab.errors import RunError
+from dpr_lab.rig import Rig
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.preview import preview
@@ -307,3 +309,12 @@ def test_the_part_of_a_swing_without_a_hidden_drive_is_named(tmp_path, one, driv
     assert "the energy of the swing changes by" in remarks
     assert bool(ends) == ("they explain it" in remarks)
     assert re.search(ends, remarks)
+
+
+@pytest.mark.parametrize("name", ["thetadeg", "theta1deg", "θ₁ (°)", "θ1 [°]", "theta_1 (º)", "ϑ₁[deg]", "thetagrad"])
+def test_degrees_in_the_name_of_a_column_are_recognised(one: Rig, tmp_path: Path, name: str) -> None:
+    file = tmp_path / "swing.csv"
+    file.write_text(f"t,{name}\n" + lines("{t:.2f},{angle:.4f}\n"), encoding="utf-8")
+    run = import_csv(file, one, ImportOptions(zero="hanging"))
+    assert run.theta[:, 1] == pytest.approx(SWING + np.pi, abs=1e-5)
+    assert not any("interpreted" in note for note in run.notes)
