@@ -55,7 +55,9 @@ class InstantSettings:
     least: float = 0.1
     """Minimum delay, in periods; a smaller delay counts as noise."""
     outliers: int = 5
-    """Number of late readings with the largest influence, without which a cycle must be significant (decision 98)."""
+    """Number of late readings with the largest influence that are left out to exclude outliers (decision 98)."""
+    remaining: float = 4.0
+    """Minimum periodic delay without these readings, in standard errors."""
     wild: float = 8.0
     """Limit of the error of a single reading in the search for a cycle, in standard deviations."""
     usual: float = 0.98
@@ -202,7 +204,7 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
     # a late reading also affects the windows of its neighbours, and so other cycles: the best fit is the right one
     likely = [(cycle, first) for cycle, (size, first) in places.items() if size > INSTANTS.likely * largest]
     fits = [_delayed(cycle, ticks % cycle == first, usable, weights) for cycle, first in likely]
-    fits = [fit for fit in fits if _without_outliers(fit, score, information) > INSTANTS.significance * scatter]
+    fits = [fit for fit in fits if _without_outliers(fit, score, information) > INSTANTS.remaining * scatter]
     best = max(fits, key=lambda fit: abs(fit.delay_s) / fit.std_s, default=None)
     return best if best and abs(best.delay_s) >= INSTANTS.least * period else None
 
