@@ -25,7 +25,7 @@ class ArrivalSettings:
     blocks: tuple[int, int] = (5, 32)
     """Minimum and maximum number of blocks of a recording."""
     rounds: int = 3
-    """Number of line fits. Each fit uses the reads with the shortest delays from the line of the previous fit."""
+    """Number of line fits. Each fit uses the reads with the smallest delays relative to the previous line."""
     shortest_s: float = 0.5
     """Minimum duration for an estimate of the rate, s."""
     delay_drift_s: float = 0.01

@@ -126,7 +126,7 @@ class CaptureSettings:
     silences_without_samples: float = 2.0
     """Time without a sample after which a device is regarded as failed although it still sends reports.
 
-    The unit is `DeviceTiming.silence_s`.
+    It is a multiple of `DeviceTiming.silence_s`.
     """
 
 

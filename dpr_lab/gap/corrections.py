@@ -61,21 +61,21 @@ class Correction:
     """Maximum number of times that the correction is applied."""
 
 
-def corrected(selected: ForwardSelected, search: Callable[[ScreenedRuns], ForwardSelected]) -> ForwardSelected:
+def corrected(preliminary: ForwardSelected, search: Callable[[ScreenedRuns], ForwardSelected]) -> ForwardSelected:
     """Apply each correction that a search implies, and repeat the search.
 
     Args:
-        selected: result of the first search
+        preliminary: result of the first search
         search: function that fits the bare model to recordings and selects effects
     """
     for correction in CORRECTIONS:
         for _ in range(correction.most):
-            changed = correction.correct(selected.fitted, selected.search.current)
+            changed = correction.correct(preliminary.fitted, preliminary.search.current)
             if changed is None:
                 break
             again = search(changed)
-            selected = again if correction.better(selected, again) else selected
-    return selected
+            preliminary = again if correction.better(preliminary, again) else preliminary
+    return preliminary
 
 
 def with_other_noise(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:

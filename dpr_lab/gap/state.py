@@ -1,8 +1,8 @@
 """State of a diagnosis: frozen records, one for each stage.
 
     ScreenedRuns    request, recordings, held-out recordings
-    Fitted          + segments, bare model, locations of the gap
-    (corrections.ForwardSelected)   Fitted, and the state of the search after forward selection
+    Fitted          + segments, bare model, residual maps
+    ForwardSelected Fitted, and the state of the search after forward selection (module `corrections`)
     Selected        selected set of effects for the fitted recordings, classes with their probabilities
     Transferred     + performance on held-out recordings, size of the gap, covariance
 

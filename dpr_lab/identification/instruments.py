@@ -99,9 +99,9 @@ def _loaded_release(
 
     With this mass, the ratios determine the scale of all masses.
 
-    The uncertainties of the mass and of its position limit the accuracy. N is the change of the whitened readings by
-    one standard uncertainty of each. The covariance of the readings is therefore I + N N^T. Friction is assumed to be
-    independent of the load.
+    The uncertainties of the mass and of its position limit the accuracy. Each column of N is the change of the whitened
+    readings by one standard uncertainty of the mass or of its position. The covariance of the readings is therefore
+    I + N N^T. Friction is assumed to be independent of the load.
     """
     L1, g = rig.L1, rig.g
     mass, (mass_std, position_std) = Z[PARAMETERS.index("m2")] / 2, instrument.std

@@ -1,4 +1,4 @@
-"""Operators of the improved genetic algorithm on chromosomes, docs/theory.md (3) to (9).
+"""Operators of the improved genetic algorithm on chromosomes, docs/theory.md (3) to (5), (7) and (9).
 
 Hybrid coding creates chromosomes on a coarse grid over the box, equation (3). Parents are selected by fitness and are
 not nearly equal, equation (4). Crossover has variable precision, equation (5), and hybrid mutation changes one gene or

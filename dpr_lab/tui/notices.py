@@ -31,6 +31,7 @@ class MessageLogSettings:
 
 SETTINGS = MessageLogSettings()
 FILE = "messages.log"
+TONES = {"error": "bold $error", "warning": "$warning"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,9 +77,6 @@ def append(file: Path, text: str, largest: int) -> None:
         file.replace(file.with_name(f"{file.name}.1"))
     with file.open("a", encoding="utf-8") as lines:
         lines.write(f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}{text}\n")
-
-
-TONES = {"error": "bold $error", "warning": "$warning"}
 
 
 class MessageScreen(ModalScreen[None]):

@@ -73,6 +73,8 @@ def test_a_fault_of_the_arm_or_its_drive_is_named_with_its_size(fault, mode):
     assert done.scale.inertia == "a"
     corrected = corrected_model(done, runs, rig)
     assert isinstance(corrected, MovingArmModel)
+    if not done.scale.known:
+        assert corrected.absolute["a"].interval90 == pytest.approx(done.scale.interval90, rel=0.05)
     assert fault in corrected.effects or done.effects[0].name in corrected.effects
     assert corrected.sizes["A"] / corrected.sizes["a"] == pytest.approx(done.determined["A/a"].value, rel=1e-3)
     bare = corrected.model_copy(update={"effects": {}})

@@ -1,6 +1,8 @@
 """Rigs with a free or driven arm, simulated by MuJoCo, are identified: values, intervals, Cramer-Rao bound."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -16,7 +18,7 @@ from dpr_lab.identification.moving_arm.identify import (
     undetermined,
 )
 from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
-from dpr_lab.identification.moving_arm.scale import estimated
+from dpr_lab.identification.moving_arm.scale import estimated, scale_of_arm
 from dpr_lab.identification.moving_arm.search import searched_start
 from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.report.data_frame import to_dataframe
@@ -119,6 +121,16 @@ def test_a_voltage_drive_of_a_furuta_pendulum_shows_lumped_constants_only():
     assert assumed.std / assumed.value == pytest.approx(np.std(J1 + m1 * l1**2) / a, rel=0.25)
     assert 0 < assumed.interval90[0] < a < assumed.interval90[1]
     assert any("separates kt from R" in note for note in model.notes)
+
+
+def test_the_bounds_of_a_nominal_kt_give_the_uncertainty_of_the_scale():
+    rig = rig_with("driven", "current", kt={"nominal": 0.5, "lower": 0.1, "upper": 2.0})
+    unknowns = SimpleNamespace(scale="b", free=("gain",))
+    fit: Any = SimpleNamespace(problem=SimpleNamespace(unknowns=unknowns), value=lambda name: 100.0)
+    scale = scale_of_arm(fit, np.array([[1.0]]), rig)
+    kt = np.random.default_rng(0).uniform(0.1, 2.0, 20_000)
+    assert not scale.known
+    assert scale.relative_std == pytest.approx(np.std(kt) / 0.5, rel=0.02)
 
 
 @pytest.mark.slow

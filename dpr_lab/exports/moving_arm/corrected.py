@@ -10,13 +10,15 @@ from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects import EFFECTS, effect_params, named_params
 from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.saved import Interval
-from dpr_lab.identification.model import EstimatedValue, RigFacts, RunUsed
+from dpr_lab.identification.model import EstimatedValue, ParameterValue, RigFacts, RunUsed
 from dpr_lab.identification.moving_arm.engine import OF_ARM, swing_of
 from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel
 from dpr_lab.identification.moving_arm.scale import absolute_name, estimated
 from dpr_lab.identification.moving_arm.unknowns import parameter_of
+from dpr_lab.identification.scaling.prior_spread import scale_of
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -51,7 +53,8 @@ def corrected_arm_model(
     mounted = _mounted(rig)
     swing, inertia = swing_of(unknown, effect_params(effects), mounted, driven, rig)
     letter: Literal["a", "b"] = "b" if mounted == "both" else "a"
-    assumed = diagnosis.scale or Scale(b=inertia, interval90=(inertia, inertia), fixed_by="bound", inertia=letter)
+    of_rig = ParameterValue(value=float(unknown[SCALE]), std=None, fixed_by="bound")
+    assumed = diagnosis.scale or scale_of(of_rig, unknown, rig)
     scale = assumed.as_inertia(letter, inertia / assumed.b)
     kind = rig.motor.input if driven and rig.motor else ""
     determined = {name: _estimated(interval) for name, interval in diagnosis.determined.items()}
@@ -140,7 +143,7 @@ def _absolute(ratios: dict[str, EstimatedValue], scale: Scale, kind: str) -> dic
     Their standard deviations include the standard deviation of the scale.
     """
     low, high = scale.interval90
-    of_scale = (high - low) / (2 * NORMAL_Q90 * scale.b)
+    of_scale = float(np.arcsinh((high - low) / (2 * scale.b))) / NORMAL_Q90  # exact for a lognormal interval
     values = {scale.inertia: (1.0, 0.0)}
     for name, ratio in ratios.items():
         values[absolute_name(parameter_of(name, kind, scale.inertia), kind)] = (ratio.value, ratio.std)

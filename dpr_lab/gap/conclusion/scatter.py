@@ -43,7 +43,7 @@ SCATTER = ScatterSettings()
 
 
 def between_recordings(problem: Problem, fit: Fit) -> Array:
-    """Return the (free, free) covariance between the values of a new recording and the common values.
+    """Return the (free, free) covariance of the values of a new recording about the common values.
 
     The covariance is zero for values at a bound.
 

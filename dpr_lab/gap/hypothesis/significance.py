@@ -64,7 +64,7 @@ def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> flo
     return limit if after.at_noise_floor else min(limit, segment_scatter(before, after))
 
 
-def segment_scatter(before: Hypothesis, after: Hypothesis, errors: float = THRESHOLDS.consistent) -> float:
+def segment_scatter(before: Hypothesis, after: Hypothesis, standard_errors: float = THRESHOLDS.consistent) -> float:
     """Return the reduction of chi2 that can occur by chance.
 
     It is estimated from the scatter between segments. The result is inf if the segments are too few. The residual due
@@ -74,12 +74,12 @@ def segment_scatter(before: Hypothesis, after: Hypothesis, errors: float = THRES
     Args:
         before: set of larger chi2
         after: other set
-        errors: number of standard errors that chance may cause
+        standard_errors: number of standard errors that chance may cause
     """
     reductions = before.fit.linear.chi2_by_segment - after.fit.linear.chi2_by_segment
     if len(reductions) < THRESHOLDS.fewest_segments or not np.isfinite(reductions).all():
         return float("inf")
-    return float(errors * np.sqrt(len(reductions) * np.var(reductions, ddof=1)))
+    return float(standard_errors * np.sqrt(len(reductions) * np.var(reductions, ddof=1)))
 
 
 def accepted(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:

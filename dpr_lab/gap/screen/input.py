@@ -43,7 +43,7 @@ class InputRules:
 
 
 INPUT = InputRules()
-EXCESS = param_index(DRIVE_GAIN.name, DRIVE_GAIN.amplitudes[0].name)
+GAIN_EXCESS = param_index(DRIVE_GAIN.name, DRIVE_GAIN.amplitudes[0].name)
 """Place of the excess of the drive's gain, relative to the rig file, in the parameters of the effects."""
 
 
@@ -116,13 +116,13 @@ def _fitted(recordings: Recordings, start: Array, effects: tuple[str, ...] = ())
         tried = [estimate.changed(params=_with_gain(estimate.params, 10.0**exponent)) for exponent in exponents]
         estimate = min(tried, key=problem.chi2)
     fitted = fit(problem, estimate, free_parameters(estimate, effects, problem))
-    gain = 1.0 + float(fitted.estimate.params[EXCESS])
+    gain = 1.0 + float(fitted.estimate.params[GAIN_EXCESS])
     return Interpreted(fitted, gain if nominal_gain(recordings.rig) else float(np.sign(gain)))
 
 
 def _with_gain(params: Array, gain: float) -> Array:
     changed = params.copy()
-    changed[EXCESS] = gain - 1.0
+    changed[GAIN_EXCESS] = gain - 1.0
     return changed
 
 

@@ -16,9 +16,9 @@ from dpr_lab.shown import percent
 def _smaller_adequate(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose the smallest fitted set that explains nearly as much as the current set.
 
-    The smallest set may lie on another branch of the search. It must contain the known effects of the rig. It must not
-    contain a size that is typical of another cause, unless the current set contains it too. An impossible size is
-    allowed, because later moves can reduce it to a possible size.
+    The smallest set may lie on another branch of the search. It must contain the known effects of the rig that the
+    current set contains. It must not contain a size that is typical of another cause, unless the current set contains
+    it too. An impossible size is allowed, because later moves can reduce it to a possible size.
     """
     smaller_sets = [
         model

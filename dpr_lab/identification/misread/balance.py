@@ -53,7 +53,7 @@ class EnergySettings:
     zero_rows: int = 800
     """Number of rows of the table that are used in the search for zeros."""
     friction: float = 100.0
-    """Maximum ratio of a viscous coefficient to its value in the rig file, because this value is inaccurate."""
+    """Maximum ratio of a viscous coefficient to its value in the rig file, which may be inaccurate."""
     dry: float = 0.5
     """Maximum Coulomb friction torque, relative to the gravity torque of the rods."""
     zero_error_rad: float = 0.1
@@ -67,7 +67,10 @@ class EnergySettings:
     The Coulomb friction of geared drives on real rigs dissipates up to half of the exchanged energy.
     """
     exchanged: float = 0.9
-    """Minimum correlation of kinetic and potential energy, without trend and friction, for a test of the times."""
+    """Minimum correlation of kinetic and potential energy, without trend and friction.
+
+    Above it, other time units and frame rates are tested.
+    """
     paces: tuple[float, ...] = (1.0, 2.0, 4.0, 8.0, 0.5, 0.25, 0.125)
     """Tested speeds of a stored video, relative to its stated frame rate."""
     much_better: float = 0.6
@@ -158,7 +161,7 @@ def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
 def residual_near(
     t: Array, rods: Array, torques: Array | None, rig: Rig, zero_error_rad: float = ENERGY.zero_error_rad
 ) -> float:
-    """Compute the residual of the balance `energy_fit` after a small correction of the zeros.
+    """Compute the residual of `energy_fit` after a small correction of the zeros.
 
     The result is infinite if the motion is too small. An error delta of a zero changes the potential energy of a small
     swing of amplitude A by the fraction delta / A. Both zeros are therefore moved towards the zeros with the smallest

@@ -48,12 +48,12 @@ def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
         if clear and motor.input == "torque":
             return ArmScale(1.0 / gain, 0.0, True, True, f"The scale {name} is determined by the known torque.")
         if clear and motor.input == "current" and motor.kt is not None:
-            kt, relative = best(motor.kt, 0.0), (motor.kt.std or 0.0) / best(motor.kt, 1.0)
-            measured = motor.kt.measured is not None
+            kt, measured = best(motor.kt, 0.0), motor.kt.std is not None
+            std = motor.kt.std or ((motor.kt.upper or kt) - (motor.kt.lower or kt)) / np.sqrt(12)
             source = "the measured kt" if measured else "the nominal kt of the rig file"
             return ArmScale(
                 kt * motor.gear / gain,
-                relative,
+                float(std / kt),
                 True,
                 measured,
                 f"The scale {name} follows from the current and {source}.",

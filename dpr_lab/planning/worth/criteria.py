@@ -207,7 +207,7 @@ def library_bits(known: Knowledge, F: Array) -> float:
 
 @dataclass(frozen=True, slots=True)
 class OpenAmplitudes:
-    """Tested amplitudes of the library, and what further recordings contribute to them."""
+    """Tested amplitudes of the library, and the information that further recordings add."""
 
     tested: tuple[Exclusion, ...]
     """Test of each amplitude."""

@@ -234,7 +234,7 @@ def _understood(
         sentence = f"g = {rig.g:g} m/s^2 in the rig file; on earth it is 9.78 to 9.83: correct g in the rig file"
         doubts.append(TableQuestion(sentence))
     if options.keep_rest and _seems_held(motion, whole):
-        doubts.append(TableQuestion("the rods seem to be held in some rows: if they are held, remove --keep-rest"))
+        doubts.append(TableQuestion("the rods seem to be held in some rows: if this is so, remove --keep-rest"))
     fault = rest_fault(motion, part)
     notes += _cut_notes(time, part, fault)
     first, release = part.start if fault else part.rest, float(time[part.start])
