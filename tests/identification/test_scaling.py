@@ -71,6 +71,7 @@ def test_an_absolute_interval_is_as_wide_as_fit_and_scale_together() -> None:
     assert assumed.absolute90(2.0, (2.0, 2.0)) == pytest.approx((1.6, 2.4))
     assert assumed.absolute90(2.0, (1.7, 2.3)) == pytest.approx((1.5, 2.5))
     assert assumed.absolute90(-2.0, (-2.0, -2.0)) == pytest.approx((-2.4, -1.6))
+    assert assumed.absolute90(2.0, (0.0, 4.0)) == pytest.approx((0.0, 2.0 + np.hypot(2.0, 0.4)))
     assert assumed.absolute90(2.0, (2.0, 2.0), power=-1) == pytest.approx((2.0 / 1.2, 2.5))
     assert assumed.absolute90(2.0, (1.7, 2.3), power=0) == (1.7, 2.3)
     identified = assumed.model_copy(update={"fixed_by": "data"})

@@ -154,7 +154,7 @@ def test_degrees_taken_for_radians_are_noticed(tmp_path):
 def test_a_table_of_hanging_zero_taken_for_upright_is_noticed(tmp_path):
     file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1 - np.pi, THETA2 - np.pi)
     assert "(--zero hanging)" in read(file).notes[-1]
-    assert not read(file, zero="hanging").notes
+    assert "hanging" not in " ".join(read(file, zero="hanging").notes)
 
 
 @pytest.mark.slow
@@ -226,7 +226,7 @@ def test_a_column_of_words_and_an_empty_first_row_are_accepted(tmp_path):
     file.write_text("\n".join([head + ",state", "-0.005,,,held", *rows]))
     run = read(file)
     assert_the_swing(run)
-    assert run.notes == ("rows without a value (NaN), treated as gaps: 1",)
+    assert run.notes[:-1] == ("rows without a value (NaN), treated as gaps: 1",)
 
 
 def test_an_incomplete_last_row_is_left_out_and_reported(tmp_path):
@@ -234,7 +234,8 @@ def test_an_incomplete_last_row_is_left_out_and_reported(tmp_path):
     file.write_text(file.read_text() + "1.0,3.1")
     run = read(file)
     assert_the_swing(run)
-    assert run.notes == ("the last line, 202, is incomplete and was ignored",)
+    assert run.notes[:-1] == ("the last line, 202, is incomplete and was ignored",)
+    assert 'write joint2 = "absolute"' in run.notes[-1]  # the encoder of the rig file is relative
 
 
 HEAD = "t,theta1,theta2\n"

@@ -101,7 +101,8 @@ class Scale(BaseModel):
         """Compute the 90 % interval of an absolute size, including the uncertainty of the scale.
 
         On each side, two independent errors are added in quadrature: the distance to the end of the fitted interval,
-        and the change of the value due to b alone.
+        and the change of the value due to b alone. Because b is positive, the interval contains values of the other
+        sign only if the fitted interval does.
 
         Args:
             value: size at this b
@@ -114,7 +115,8 @@ class Scale(BaseModel):
         moved = sorted(value * factor for factor in factors)
         below = hypot(value - interval[0], max(value - moved[0], 0.0))
         above = hypot(interval[1] - value, max(moved[1] - value, 0.0))
-        return value - below, value + above
+        low, high = value - below, value + above
+        return max(low, 0.0) if interval[0] >= 0.0 else low, min(high, 0.0) if interval[1] <= 0.0 else high
 
 
 def lognormal90(median: float, log_std: float) -> Interval90:

@@ -72,3 +72,13 @@ def refuse_converter(read: Values, columns: Mapping[str, str], rig: Rig, path: P
                 f" {math.radians(300) / top:.3g} for 300 degrees in {top} steps, and the offset of the zero (--offset)."
                 " If they are counts of an encoder: --unit counts, with counts_per_rev in the rig file"
             )
+
+
+def frame_notes(options: ImportOptions, rig: Rig) -> list[str]:
+    """Return a note if the table contains absolute angles, but the encoder of joint 2 is relative."""
+    if options.angles != "absolute" or rig.rods.mounted != "both" or rig.encoders.joint2 == "absolute":
+        return []
+    return [
+        'theta2 is absolute, but joint2 = "relative" in the rig file: if no relative encoder measured it (for example,'
+        ' in a film), write joint2 = "absolute", because its noise is then independent of theta1'
+    ]

@@ -24,7 +24,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import FilmNoise, as_mounted
 from dpr_lab.storage.readers import read_any
 from dpr_lab.storage.readers.merged import rows_of_angles
-from dpr_lab.storage.tables.angles import angles, in_radians, refuse_converter
+from dpr_lab.storage.tables.angles import angles, frame_notes, in_radians, refuse_converter
 from dpr_lab.storage.tables.arm_input import cart_note, known_inputs, stated_arm, unused_input
 from dpr_lab.storage.tables.clock_wrap import check_forwards, unwrapped_times
 from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, numbers, with_still_joint2
@@ -217,6 +217,7 @@ def _understood(
         refuse_still_arm(theta[:, 0], options.arm, path)
     wraps = [] if counts is not None or options.wrap else wrap_notes(in_radians(read.values, options))
     notes += wraps + gap_notes(time)
+    notes += frame_notes(options, rig) if counts is None else []
     origin = float(read.t[np.isfinite(read.t)][0])
     driven = next(iter(read.torques.values()), None)
     mounted = as_mounted(theta, rig.rods.mounting, str(path))
