@@ -184,12 +184,13 @@ def test_the_reference_describes_every_public_name() -> None:
 
 
 @pytest.mark.parametrize("runs", ["x1.mcap", Path("x1.mcap"), [Path("x1.mcap")]])
-def test_the_name_of_a_file_is_not_a_run(runs: Any) -> None:
+def test_the_name_of_a_file_is_neither_a_run_nor_a_rig(runs: Any) -> None:
     for function in (dpr.identify, dpr.diagnose):
         with pytest.raises(dpr.DprError, match=r"x1.mcap: is the name of a file, not a run: read .* with load_run"):
             function(runs, dpr.load_rig("paper"))
-        with pytest.raises(dpr.DprError, match=r"paper: is the name of a rig file, not a rig: read .* with load_rig"):
-            function([], cast(Any, "paper"))
+        for rig in ("paper", Path("paper")):
+            with pytest.raises(dpr.DprError, match=r"paper: is the name of a rig file, not a rig: .* with load_rig"):
+                function([], cast(Any, rig))
 
 
 @pytest.mark.parametrize(

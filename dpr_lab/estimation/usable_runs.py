@@ -9,12 +9,12 @@ from dpr_lab.run import Run, clock_error
 
 
 def refuse_other_rigs(runs: Iterable[Run], rig: Rig) -> None:
-    """Check that every run with a rig name belongs to the given rig.
+    """Check that `rig` is a rig, to which every run with a rig name belongs.
 
     Raises:
-        RunError: a run belongs to another rig, or the rig is given by its name.
+        RunError: a run belongs to another rig, or the rig is given by the name or path of its file.
     """
-    if isinstance(rig, str):
+    if isinstance(rig, (str, Path)):
         raise RunError(f"{rig}: is the name of a rig file, not a rig: read the file with load_rig")
     for run in runs:
         refuse_other_rig(run.file or run.name, run.rig_name, rig.name)

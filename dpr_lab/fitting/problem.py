@@ -106,7 +106,13 @@ class Problem:
     @property
     def evidence(self) -> int:
         """Degrees of freedom: number of readings minus number of initial values."""
-        return int(np.count_nonzero(self.read)) - int(self.segments.starts.sum())
+        return int(self.evidence_by_segment.sum())
+
+    @property
+    def evidence_by_segment(self) -> Integers:
+        """(segments,) degrees of freedom of each segment."""
+        readings = np.count_nonzero(self.read, axis=1)
+        return np.add.reduceat(readings, self.segments.offsets[:-1]) - self.segments.starts
 
     @property
     def joints(self) -> JointAngles:

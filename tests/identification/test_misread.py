@@ -166,7 +166,12 @@ def test_a_wrong_counts_per_rev_is_named_with_its_value(swings, paper: Rig, case
 @pytest.mark.parametrize(
     "case",
     thinned(
-        [((1, -1), "sign of torque 2"), ((-1, 1), "sign of torque 1"), ((-1, -1), "signs of both torques")], each=3
+        [
+            ((1, -1), "sign of torque 2.* reverse the sign of the drive"),
+            ((-1, 1), "sign of torque 1.* reverse the sign of the drive"),
+            ((-1, -1), "signs of both torques.* reverse the signs of the angles"),
+        ],
+        each=3,
     ),
 )
 def test_a_reversed_torque_is_named(driven, paper: Rig, case, few_readings) -> None:
@@ -183,7 +188,7 @@ def test_torques_in_another_unit_are_named(driven, paper: Rig, unit: str, to_Nm:
     few_readings("torque")
     in_unit = [replace(run, torques=run.torques / float(to_Nm), commanded=None) for run in driven]
     with pytest.raises(
-        IdentificationError, match=re.escape(f"in {unit} (import with --scale tau1={to_Nm},tau2={to_Nm}")
+        IdentificationError, match=re.escape(f"in {unit} (import with --scale tau1={to_Nm},tau2={to_Nm})")
     ):
         refuse_misread(in_unit, paper)
 

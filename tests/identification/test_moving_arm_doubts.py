@@ -12,11 +12,12 @@ from dpr_lab.dynamics.arm import ArmParameters
 from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.moving_arm_balance import angles_are_right, wrong_scale
-from dpr_lab.identification.misread.moving_arm_description import wrong_input
+from dpr_lab.identification.misread.moving_arm_description import Interpreted, wrong_input
 from dpr_lab.identification.misread.scaled_readings import TURNED_RODS, ScaledReadings
 from dpr_lab.identification.model import Model
+from dpr_lab.identification.moving_arm import doubts
 from dpr_lab.identification.moving_arm.doubts import DESCRIPTION, failures, stops
-from dpr_lab.identification.moving_arm.fit import covariance_of, fit_moving_arm
+from dpr_lab.identification.moving_arm.fit import covariance_of, fit_moving_arm, fit_short_segments
 from dpr_lab.identification.moving_arm.identify import identify_moving_arm
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.problem import recordings_of
@@ -69,12 +70,30 @@ def test_sign_and_unit_of_an_input_follow_from_its_gain(kind, gain, words):
 
 
 @pytest.mark.slow
-def test_rods_with_a_reversed_sign_are_named():
-    rng, rig = np.random.default_rng(3), rig_with("driven", "torque")
+@pytest.mark.parametrize("kind", ["torque", "acceleration"])
+def test_rods_with_a_reversed_sign_are_named(kind):
+    rng, rig = np.random.default_rng(3), rig_with("driven", kind)
     Z, arm, start = drawn(rng, rig)
-    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng).between(0.0, 0.6)
+    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
+    if kind == "acceleration":
+        swing = simulate_arm(Z, (rig.L0, rig.L1, rig.g), arm, start, T, drive=PUSH)
+        run = replace(run, arm_input=np.append(np.diff(swing[:, 3]) / np.diff(T), 0.0))
+    run = run.between(0.0, 0.6)
     run.theta[:, 1:] *= -1
     assert any("--scale theta1=-1,theta2=-1" in failure for failure in identify_moving_arm([run], rig).failures)
+
+
+@pytest.mark.slow
+def test_the_reduced_chi_square_of_one_rod_counts_its_own_readings_only():
+    rng, rig = np.random.default_rng(3), rig_with("driven", "torque", rods="inner")
+    Z, arm, start = drawn(rng, rig)
+    Z[[3, 4, 6, 8]], start[2] = 1e-9, start[1]
+    run = recorded(rig, Z, arm, start, PUSH, PUSH, rng).between(0.0, 1.0)
+    fit = fit_short_segments(recordings_of([run], rig), rig)
+    by_segment = fit.problem.evidence_by_segment
+    cuts = [part.stop - part.start for _, part in fit.problem.cuts]
+    assert by_segment.tolist() == [2 * rows - 4 for rows in cuts]
+    assert Interpreted(fit.fit, by_segment, 1.0).reduced == pytest.approx(fit.chi2_per_dof, rel=0.03)
 
 
 @pytest.mark.parametrize("rods", ["inner", "both"])
@@ -156,7 +175,7 @@ def with_stop(rig, Z, arm, start, limit, bounce=0.4):
     return x[:, :3]
 
 
-def test_an_arm_that_hits_its_stop_is_named():
+def test_an_arm_that_hits_its_stop_is_named_without_a_test_of_other_zeros_and_scales(monkeypatch):
     rng, rig = np.random.default_rng(6), rig_with("driven", "torque")
     Z, arm, start = drawn(rng, rig)
     arm = arm._replace(k0=1.0)  # its cable brings it back to the stop
@@ -168,9 +187,12 @@ def test_an_arm_that_hits_its_stop_is_named():
     ((end, angle, contacts),) = stops(T, run.theta[:, 0])
     assert (end, len(contacts) >= 2) == ("largest", True)
     assert abs(angle - limit) < 0.05
-    fit: Any = SimpleNamespace(converged=True, misfit=DESCRIPTION.doubted)
+    tried = []
+    monkeypatch.setattr(doubts, "wrong_angles", lambda *arguments: tried.append(arguments[-1]) or "")
+    fit: Any = SimpleNamespace(converged=True, misfit=1.01 * DESCRIPTION.doubted)
     (failure,) = failures(fit, recordings_of([run], rig), rig, gain_seen=False)
     assert "hits a stop at theta0" in failure
+    assert tried == [()]
 
 
 def with_torque(rig, Z, arm, start, torque):

@@ -1,5 +1,6 @@
 """A table with a mistake is imported or refused with a message, without any other exception."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -56,3 +57,22 @@ def test_no_mistake_in_a_table_ends_in_another_error_than_a_sentence(
             if index % 10 and not FULL:
                 continue  # a preview reads the table as the import does
             as_json(preview(file, paper, table.options).to_json())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "unit", "scale", "cause"),
+    [
+        ("torque_mNm", "", {}, "the torques are in mN m"),
+        ("torque_mNm", "_Nm", {}, "the torques must be multiplied by 0.001"),
+        ("none", "", {"tau1": 1e-3, "tau2": 1e-3}, "the torques must be multiplied by 1000"),
+    ],
+)
+def test_the_unit_of_torques_is_named_only_if_neither_an_option_nor_a_name_states_it(
+    name: str, unit: str, scale: dict[str, float], cause: str, tables: list[MutatedTable], paper: Rig, tmp_path: Path
+) -> None:
+    table = next(table for table in tables if table.name == f"driven/{name}")
+    file = table.write(tmp_path)
+    file.write_text(file.read_text().replace("_Nm", unit))
+    options = replace(table.options, scale=scale)
+    assert f"it is if {cause} (" in preview(file, paper, options).questions[0].sentence

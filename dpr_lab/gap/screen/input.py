@@ -117,7 +117,8 @@ def _fitted(recordings: Recordings, start: Array, effects: tuple[str, ...] = ())
         estimate = min(tried, key=problem.chi2)
     fitted = fit(problem, estimate, free_parameters(estimate, effects, problem))
     gain = 1.0 + float(fitted.estimate.params[GAIN_EXCESS])
-    return Interpreted(fitted, gain if nominal_gain(recordings.rig) else float(np.sign(gain)))
+    gain = gain if nominal_gain(recordings.rig) else float(np.sign(gain))
+    return Interpreted(fitted, problem.evidence_by_segment, gain)
 
 
 def _with_gain(params: Array, gain: float) -> Array:

@@ -1,6 +1,6 @@
 """Detect incorrect descriptions of recordings of a moving arm, for `identify` and `diagnose`.
 
-This module contains the thresholds and messages.
+This module contains the thresholds, the order of the tests (`wrong_angles`) and the messages.
 
 A description consists of signs, zero and scale of the angles, and sign and unit of the input. In each interpretation,
 `identify` fits a model of rods, arm and drive. `diagnose` fits a model that also contains the cable and the friction of
@@ -13,6 +13,7 @@ from math import log10
 
 import numpy as np
 
+from dpr_lab.arrays import Integers
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.identification.misread.moving_arm_balance import angles_are_right, wrong_scale
 from dpr_lab.identification.misread.scaled_readings import SCALED_READINGS, TURNED_RODS, ScaledReadings
@@ -42,8 +43,11 @@ class DescriptionLimits:
 
 DESCRIPTION = DescriptionLimits()
 
+SIGNS = (ScaledReadings(arm=-1.0), ScaledReadings(rods=-1.0))
+"""Opposite signs of the arm and of the rods."""
+
 OTHER_ANGLES = (TURNED_RODS, *SCALED_READINGS)
-"""Interpretations that are tested if the sign of the arm's angle is not the cause."""
+"""Interpretations that are tested if no reversed sign is the cause."""
 
 UNITS = {
     "torque": {-3.0: "mN m", -2.0: "N cm", 3.0: "kN m"},
@@ -58,37 +62,45 @@ class Interpreted:
     """Fit of short segments in one interpretation of their angles."""
 
     fit: Fit
+    evidence: Integers
+    """(segments,) degrees of freedom of each segment, as in `Problem.evidence_by_segment`."""
     gain: float
     """Fitted torque per unit of the input, relative to the rig file; its sign if the rig file does not state it."""
 
     @property
     def reduced(self) -> float:
         """Reduced chi-square of the fit."""
-        return self.fit.chi2 / self.fit.linear.residual.size
+        return self.fit.chi2 / int(self.evidence.sum())
 
     def far_better(self, given: "Interpreted", factor: float) -> bool:
         """Return whether chi-square is smaller than that of the given interpretation by a large factor.
 
-        The factor must be reached in total and in half of the segments that the given interpretation does not fit. A
-        failed fit leaves large residuals in a few segments, whichever interpretation is right.
+        The factor must be reached in total and in at least half of the segments that the given interpretation does not
+        fit. A failed fit leaves large residuals in a few segments, whichever interpretation is right.
         """
         if not factor * self.fit.chi2 < given.fit.chi2:
             return False
         before, after = given.fit.linear.chi2_by_segment, self.fit.linear.chi2_by_segment
-        poor = before > DESCRIPTION.doubted * given.fit.linear.residual.shape[1]
+        poor = before > DESCRIPTION.doubted * given.evidence
         return not poor.any() or bool(np.mean(factor * after[poor] < before[poor]) >= 0.5)
 
 
-def wrong_angles(runs: Sequence[Run], rig: Rig, fitted: Callable[[ScaledReadings], Interpreted | None]) -> str:
+def wrong_angles(
+    runs: Sequence[Run],
+    rig: Rig,
+    fitted: Callable[[ScaledReadings], Interpreted | None],
+    others: Sequence[ScaledReadings] = OTHER_ANGLES,
+) -> str:
     """Return a message if a different interpretation explains the angles far better.
 
     Otherwise return an empty text. The alternatives are another scale or unit, which the acceleration of the last rod
-    indicates, theta0 of opposite sign, another zero of the rods, and half or twice the angles.
+    indicates, opposite signs of arm and rods, another zero of the rods, and half or twice the angles.
 
     Args:
         runs: the recordings in which the arm moves
         rig: the recorded rig
         fitted: function that fits the recordings in an interpretation; None if they cannot be fitted
+        others: interpretations that are tested if neither scale nor sign is the cause
     """
     for run in runs:
         if scale := wrong_scale(run.t, run.theta, rig):
@@ -96,11 +108,15 @@ def wrong_angles(runs: Sequence[Run], rig: Rig, fitted: Callable[[ScaledReadings
     given = None if angles_are_right(runs, rig) else fitted(ScaledReadings())
     if given is None:
         return ""
-    mirrored = fitted(ScaledReadings(arm=-1.0))
-    if mirrored and mirrored.far_better(given, DESCRIPTION.better):
-        # If the gain is negative, arm and input are consistent.
-        return wrong_sign(rig, given.reduced, mirrored.reduced, of_rods=mirrored.gain < 0.0)
-    tried = [(interpreted, other) for other in OTHER_ANGLES if (interpreted := fitted(other))]
+    # Without a free gain, the opposite sign of the arm cannot represent the opposite sign of the rods.
+    signs = SIGNS if rig.motor and rig.motor.input == "acceleration" else SIGNS[:1]
+    for sign in signs:
+        mirrored = fitted(sign)
+        if mirrored and mirrored.far_better(given, DESCRIPTION.better):
+            # If the gain is negative, arm and input are consistent.
+            of_rods = sign.rods < 0.0 or mirrored.gain < 0.0
+            return wrong_sign(rig, given.reduced, mirrored.reduced, of_rods=of_rods)
+    tried = [(interpreted, other) for other in others if (interpreted := fitted(other))]
     best, other = min(tried, key=lambda pair: pair[0].fit.chi2, default=(given, TURNED_RODS))
     if not best.far_better(given, DESCRIPTION.better_angles):
         return ""

@@ -275,9 +275,9 @@ TORQUE_FACTORS = {
 
 def _scaled_torques(cause: str, factors: tuple[float, float]) -> Misreading:
     option = ",".join(f"tau{joint}={factor:g}" for joint, factor in enumerate(factors, 1) if factor != 1.0)
-    return Misreading(
-        f"{cause} (import with --scale {option}, or correct the drive)", _driven(lambda torques: torques * factors)
-    )
+    signs = ("", ", or reverse the sign of the drive", ", or reverse the signs of the angles")
+    other = signs[sum(factor < 0.0 for factor in factors)]
+    return Misreading(f"{cause} (import with --scale {option}{other})", _driven(lambda torques: torques * factors))
 
 
 _TORQUES = (

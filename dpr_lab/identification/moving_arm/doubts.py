@@ -9,7 +9,13 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.errors import DprError
 from dpr_lab.identification.misread.arm_energy import undescribed_drive
-from dpr_lab.identification.misread.moving_arm_description import DESCRIPTION, Interpreted, wrong_angles, wrong_input
+from dpr_lab.identification.misread.moving_arm_description import (
+    DESCRIPTION,
+    OTHER_ANGLES,
+    Interpreted,
+    wrong_angles,
+    wrong_input,
+)
 from dpr_lab.identification.misread.scaled_readings import ScaledReadings
 from dpr_lab.identification.moving_arm.fit import ArmFit, fit_short_segments
 from dpr_lab.identification.moving_arm.problem import ArmRecording
@@ -21,10 +27,10 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class DoubtSettings:
-    """Thresholds for detecting an arm that is held or hits a stop."""
+    """Thresholds for detecting wrong angles, and an arm that is held or hits a stop."""
 
     tried_s: float = 2.5
-    """Duration of each recording that is examined for another zero or scale of the angles, s."""
+    """Duration of each recording that is examined for another sign, zero or scale of the angles, s."""
     hardly_rad: float = 0.05
     """Maximum range of theta0 of a free arm that its cable or Coulomb friction may hold, rad."""
     contact_s: float = 0.006
@@ -56,16 +62,16 @@ def failures(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig, *, gain_
     """
     runs = [recording.run for recording in recordings]
     poor = fit.misfit > DESCRIPTION.doubted
-    if poor and (cause := _wrong_angles(recordings, rig)):
-        return [cause]
     stops = [sentence for run in runs if fit.misfit > 1.5 and (sentence := stop_sentence(run, rig))]
+    if poor and (cause := _wrong_angles(recordings, rig, () if stops else OTHER_ANGLES)):
+        return [cause]
     if poor and not stops and (pushed := undescribed_drive(runs, rig)):
         return [pushed]
     cause = wrong_input(rig.motor.input, _gain(fit, rig)) if gain_seen and rig.motor else ""
     return [*stops, *([cause] if cause else []), *([] if fit.converged else [_unconverged(recordings)])]
 
 
-def _wrong_angles(recordings: Sequence[ArmRecording], rig: Rig) -> str:
+def _wrong_angles(recordings: Sequence[ArmRecording], rig: Rig, others: Sequence[ScaledReadings]) -> str:
     """Return a message if a different interpretation of the angles fits far better, otherwise an empty text.
 
     Short segments at the beginning of the recordings are fitted.
@@ -74,11 +80,11 @@ def _wrong_angles(recordings: Sequence[ArmRecording], rig: Rig) -> str:
     def fitted(other: ScaledReadings) -> Interpreted | None:
         with suppress(DprError, np.linalg.LinAlgError):
             fit = fit_short_segments([_reinterpreted(_beginning(recording), other) for recording in recordings], rig)
-            return Interpreted(fit.fit, _gain(fit, rig))
+            return Interpreted(fit.fit, fit.problem.evidence_by_segment, _gain(fit, rig))
         return None
 
     moving = [recording.run for recording in recordings if recording.run.arm_mode != "clamped"]
-    return wrong_angles(moving, rig, fitted)
+    return wrong_angles(moving, rig, fitted, others)
 
 
 def _gain(fit: ArmFit, rig: Rig) -> float:

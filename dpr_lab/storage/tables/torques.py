@@ -142,8 +142,13 @@ def torque_column(table: Table, name: str) -> Array:
             f"{table.path}: torques of another length: {table.other_lengths[name]:,} values of {name!r} for"
             f" {len(table.lines):,} rows"
         )
+    return table.column(name) * TORQUE_UNITS.get(unit_in(name), 1.0)
+
+
+def unit_in(name: str) -> str:
+    """Return the unit in the name of a torque column; empty if the name states none."""
     match = _named(name)
-    return table.column(name) * (TORQUE_UNITS[match[4]] if match and match[4] else 1.0)
+    return (match and match[4]) or ""
 
 
 def held_torque(t: Array, torque: Array, rows: NDArray[np.intp]) -> Array:

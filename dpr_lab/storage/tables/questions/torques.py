@@ -12,7 +12,7 @@ from dpr_lab.identification.misread.torque_balance import torque_balance
 from dpr_lab.shown import percent
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.readings import BROKEN, READ, OtherReading, energy_residual, read_otherwise
-from dpr_lab.storage.tables.torques import JOINTS, PASSIVE
+from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, unit_in
 
 
 def better_torques(fit: EnergyFit, read: InterpretedTable) -> list[TableQuestion]:
@@ -43,9 +43,12 @@ def _others(read: InterpretedTable) -> Iterator[tuple[Array, OtherReading]]:
     if read.torques is None:
         return
     scale = read.options.scale
+    converted = any(joint in scale for joint in JOINTS) or any(map(unit_in, read.torque_columns))
     for cause, factors in TORQUE_FACTORS.items():
         scaled = {**scale, **{j: scale.get(j, 1.0) * factor for j, factor in zip(JOINTS, factors, strict=True)}}
         words = ",".join(f"{name}={factor:g}" for name, factor in scaled.items() if factor != 1.0)
+        if converted and min(factors) > 0.0:
+            cause = f"the torques must be multiplied by {factors[0]:g}"
         yield read.torques * factors, reading(cause, "--scale", words or "1")
     if PASSIVE not in read.torque_columns:
         first, second = read.torque_columns
