@@ -191,6 +191,8 @@ def test_the_name_of_a_file_is_neither_a_run_nor_a_rig(runs: Any) -> None:
         for rig in ("paper", Path("paper")):
             with pytest.raises(dpr.DprError, match=r"paper: is the name of a rig file, not a rig: .* with load_rig"):
                 function([], cast(Any, rig))
+    with pytest.raises(dpr.DprError, match=r"x1.mcap: is the name of a file, not a run"):
+        dpr.compare(runs, dpr.load_rig("paper"), cast(Any, None))
 
 
 @pytest.mark.parametrize(

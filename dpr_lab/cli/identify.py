@@ -72,7 +72,7 @@ def identify(
         line(f"model: {out}")
     if model.failures:
         raise IdentificationError(
-            "; ".join(model.failures) + f" (the model was written to {out}, but it is not reliable)"
+            f"{'; '.join(model.failures).rstrip('.')}. The model was written to {out}, but it is not reliable"
         )
 
 

@@ -26,7 +26,7 @@ from dpr_lab.planning.worth.criteria import OpenAmplitudes, detectable, library_
 from dpr_lab.planning.worth.goals import limit_forecasts
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.planning.worth.reasons import Expected, Reason, only_ratios_sentence, reason
-from dpr_lab.shown import listed, percent
+from dpr_lab.shown import counted, listed, percent
 
 State = Literal["first", "record", "enough", "bench check"]
 
@@ -55,7 +55,7 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     ]
     return Plan(
         state=state,
-        sentence=_sentence(state, known, releases, stuck, only_ratios_sentence(reasons, state == "record")),
+        sentence=plan_sentence(state, known, releases, stuck, reasons),
         releases=releases,
         minutes=sum(release.minutes for release in releases),
         forecast=[decided for decided in forecast if decided is not None],
@@ -215,8 +215,12 @@ def _state(known: Knowledge, together: Collection[str]) -> State:
     return "bench check" if together and decided(known.diagnosis, together) else "record"
 
 
-def _sentence(
-    state: State, known: Knowledge, releases: Sequence[PlannedRelease], stuck: Sequence[list[Inseparable]], note: str
+def plan_sentence(
+    state: State,
+    known: Knowledge,
+    releases: Sequence[PlannedRelease],
+    stuck: Sequence[list[Inseparable]],
+    reasons: Sequence[Reason],
 ) -> str:
     """Return the main sentence of a plan.
 
@@ -225,7 +229,7 @@ def _sentence(
         known: the current knowledge
         releases: the planned releases
         stuck: pairs of causes that no further release separates, before the first release and after each release
-        note: sentence about the releases that may not be necessary
+        reasons: reason for each planned release
     """
     diagnosis = known.diagnosis
     if diagnosis is not None and state == "enough":
@@ -237,11 +241,13 @@ def _sentence(
         return f"Enough: {answer}. {rest}"
     if not releases:
         return "No release fits the budget."
-    count = f"{len(releases)} release{'s' if len(releases) > 1 else ''}"
+    note = only_ratios_sentence(reasons, state == "record")
     if state == "first":
-        bits = releases[-1].library_bits
+        needed = max((k for k, reason in enumerate(reasons, 1) if not reason.only_ratios), default=len(releases))
+        bits = releases[needed - 1].library_bits
         share = f"{percent(bits)} of" if bits < 0.995 else "nearly all"
-        verb = "is" if len(releases) == 1 else "are"
+        verb = "is" if needed == 1 else "are"
+        count = counted(needed, "release")
         return f"Before any recording: {count} {verb} expected to distinguish {share} the effects of the library.{note}"
     if state == "bench check":
         pairs = listed([f"{a} and {b}" for a, b in (pair.causes for pair in stuck[0])])

@@ -95,7 +95,7 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
             diagnosis = diagnose(wanted, on_event).diagnosis
             runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
     planned = plan_runs(rig, runs, diagnosis, limits=limits, budget_min=budget, seed=request.seed)
-    return _kept(planned, rig, request.out)
+    return write_plan(planned, rig, request.out)
 
 
 def minutes(text: str) -> float:
@@ -111,18 +111,20 @@ def minutes(text: str) -> float:
     return value
 
 
-def _kept(made: "Plan", rig: "Rig", out: Path | None) -> PlanResult:
-    """Write the plan, its input signals, and the rig files with its start poses."""
+def write_plan(made: "Plan", rig: "Rig", out: Path | None) -> PlanResult:
+    """Write the plan, its input signals, and the rig files with its start poses, if it has any."""
     from dpr_lab.planning.signals import write_signal
     from dpr_lab.report.plain import write_json
     from dpr_lab.workflows.planned_rigs import planned_poses, planned_rigs
 
     if out is None:
         return PlanResult(made, {})
-    files, releases = {"plan": str(out / RECORD), "rig": str(out / RIG_FILE)}, []
+    files, releases = {"plan": str(out / RECORD)}, []
     out.mkdir(parents=True, exist_ok=True)
     poses = planned_poses(made, rig)
-    rigs = planned_rigs(poses, rig, out / RIG_FILE)
+    rigs: dict[str, Path] = {}
+    if poses:
+        rigs, files["rig"] = planned_rigs(poses, rig, out / RIG_FILE), str(out / RIG_FILE)
     for pose, release in poses.items():
         release = release.model_copy(update={"pose": pose, "rig": str(rigs[pose])})
         files.setdefault("rig" if rigs[pose].name == RIG_FILE else rigs[pose].stem, str(rigs[pose]))

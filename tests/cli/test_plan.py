@@ -10,6 +10,7 @@ from dpr_lab.planning.result import Plan, PlannedRelease
 from dpr_lab.rig import load_rig
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.run import Run
+from dpr_lab.workflows.plan import write_plan
 from dpr_lab.workflows.planned_rigs import planned_rigs
 from dpr_lab.workflows.reading import refuse_other_runs
 from tests.a_diagnosis import made
@@ -101,6 +102,12 @@ def test_a_rig_file_whose_tables_cannot_be_replaced_is_refused(tmp_path: Path) -
     clamped = release_of_both_rods().model_copy(update={"elbow": "clamped"})
     with pytest.raises(ConfigError, match=r"own\.toml: write rods, added_mass and arm as tables"):
         planned_rigs({"P1": clamped}, own, tmp_path / "rig.toml")
+
+
+def test_a_plan_without_releases_writes_no_rig_file(tmp_path: Path) -> None:
+    result = write_plan(Plan.model_construct(state="enough", releases=[]), load_rig("paper"), tmp_path)
+    assert result.files == {"plan": str(tmp_path / "plan.json")}
+    assert [file.name for file in tmp_path.iterdir()] == ["plan.json"]
 
 
 @pytest.mark.slow

@@ -119,7 +119,7 @@ def test_a_disturbance_of_each_recording_alone_is_not_reproducible() -> None:
 def test_too_few_segments_cannot_decide() -> None:
     rig, runs, _ = recordings(2, [law("coulomb", 0, 8)], seconds=2.0)
     diagnosis = diagnose(runs[:1], rig, library=candidates("coulomb", *SMOOTH))
-    assert of(diagnosis).undecided.startswith("Recordings of fewer than 3 segments")
+    assert of(diagnosis).undecided.startswith("Quarters of a recording with fewer than 3 segments")
     assert of(diagnosis).of_reproducible is None
     assert "do not show which part of the gap is reproducible" in repeatability_sentences(diagnosis)[0]
 

@@ -119,6 +119,7 @@ def test_missing_samples_are_counted(clean: Run, paper: Rig, rng: np.random.Gene
     (result,) = screen(run, paper).findings
     assert result.name == "gap"
     assert result.evidence.startswith(f"{(~keep).sum()} of")
+    assert result.count == (~keep[1:] & keep[:-1]).sum()
 
 
 def test_jitter_is_measured(recorded, paper: Rig):

@@ -183,6 +183,8 @@ def test_a_narrow_interval_is_stated_with_a_decimal() -> None:
     closed = Interval(value=0.9984, interval90=(0.9962, 1.0))
     outcome = Transfer("one release", True, closed, 30.0, (), {}, {}, {}, (), (), (), None)
     assert how_far(outcome).endswith("the gap closes by 99.8 % (90 % interval 99.6 % to 100.0 %).")
+    nearly = replace(outcome, closed=Interval(value=0.9999, interval90=(0.99983, 0.99992)))
+    assert how_far(nearly).endswith("the gap closes by more than 99.9 % (90 % interval above 99.9 %).")
 
 
 @pytest.mark.slow

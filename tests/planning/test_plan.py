@@ -271,7 +271,10 @@ def test_each_release_states_the_information_that_it_adds(first_plan: Plan) -> N
     assert first.reason.endswith("% of the effects of the library")
     assert second.reason.startswith("verifies the result of the first release with another swing")
     shares = np.array([third.ratio_std[name] / std for name, std in second.ratio_std.items()])
-    assert third.reason == f"reduces the standard deviations of the ratios to {percent(np.exp(np.log(shares).mean()))}"
+    assert (
+        third.reason
+        == f"reduces the standard deviations of the ratios by a further {percent(1 - np.exp(np.log(shares).mean()))}"
+    )
 
 
 @pytest.mark.slow

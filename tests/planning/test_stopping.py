@@ -3,6 +3,7 @@
 from dataclasses import replace
 from statistics import NormalDist
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -16,9 +17,10 @@ from dpr_lab.planning.knowledge import known_before
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.plan import usual_count
 from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.result import PlannedRelease
 from dpr_lab.planning.sequence import Planner, SequenceStep
 from dpr_lab.planning.stopping import Causes, causes_of, decided, possible, reservation, significance, undecided
-from dpr_lab.planning.summary import inseparable, inseparable_pairs, summed_up
+from dpr_lab.planning.summary import inseparable, inseparable_pairs, plan_sentence, summed_up
 from dpr_lab.planning.worth.criteria import open_bits
 from dpr_lab.planning.worth.objective import Gain, Objective
 from dpr_lab.planning.worth.reasons import Expected, Reason, only_ratios_sentence, reason
@@ -235,6 +237,14 @@ def test_a_sentence_names_the_releases_that_may_not_be_necessary(
 ) -> None:
     reasons = [Reason("", only) for only in only_ratios]
     assert only_ratios_sentence(reasons, undecided).strip() == words
+
+
+def test_the_first_sentence_counts_only_the_releases_that_distinguish_effects() -> None:
+    releases = [PlannedRelease.model_construct(library_bits=bits) for bits in (0.97, 0.99, 0.99)]
+    reasons = [Reason("", only) for only in (False, False, True)]
+    text = plan_sentence("first", Mock(diagnosis=None), releases, [[]], reasons)
+    assert text.startswith("Before any recording: 2 releases are expected to distinguish 99 % of the effects")
+    assert text.endswith("Release 3 only improves the accuracy of the ratios.")
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,9 @@ def test_a_counter_of_microseconds_that_was_logged_in_seconds_is_known_too(tmp_p
 
 def test_a_counter_of_another_width_needs_its_period(tmp_path: Path, paper) -> None:
     file = table(tmp_path / "a.csv", (np.round(T * 1e3).astype(np.int64) + 500) % 1000, "t_ms", "d")
-    with pytest.raises(RunError, match=r"or give the period of a counter that wraps \(--time-wrap\)$"):
+    with pytest.raises(
+        RunError, match=r"If the same swing continues, give the period of its counter \(--time-wrap 1000\)$"
+    ):
         import_csv(file, paper, ImportOptions(keep_rest=True))
     run = import_csv(file, paper, ImportOptions(keep_rest=True, time_wrap=1000))
     np.testing.assert_allclose(run.t, T, atol=1e-9)

@@ -15,13 +15,20 @@ from tests.storage.test_rod_alone import table
 T = np.arange(0, 16, 0.04)
 
 
-def swing(angle: float, drag: float = 0.0) -> np.ndarray:
+def swing(angle: float, drag: float = 0.0, damping: float = 0.06) -> np.ndarray:
     """(n,) angle of a bob at 0.3 m with viscous friction and air drag, released at rest, rad."""
 
     def rates(_: float, state: np.ndarray) -> list[float]:
-        return [state[1], -9.81 / 0.3 * math.sin(state[0]) - (0.06 + drag * abs(state[1])) * state[1]]
+        return [state[1], -9.81 / 0.3 * math.sin(state[0]) - (damping + drag * abs(state[1])) * state[1]]
 
     return solve_ivp(rates, (0, T[-1]), [angle, 0.0], t_eval=T, rtol=1e-9, atol=1e-9).y[0]
+
+
+@pytest.mark.parametrize("angle", [0.5, 1.0, 2.0])
+def test_a_constant_amplitude_shows_nothing(tmp_path: Path, one: Rig, angle: float) -> None:
+    file = table(tmp_path, "t,theta1", T, swing(angle, damping=0.0))
+    sentences = [question.sentence for question in understand(file, one, ImportOptions(zero="hanging")).questions]
+    assert not [sentence for sentence in sentences if "position of a point" in sentence]
 
 
 def doubts(folder: Path, rig: Rig, degrees: np.ndarray) -> list[str]:

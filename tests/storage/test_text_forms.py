@@ -201,7 +201,7 @@ def test_whole_numbers_that_change_too_fast_for_radians_may_be_counts():
     counts = np.round(1000 / 360 * DEG)
     theta = np.column_stack([0 * T, counts + np.pi, 0 * T])
     (note,) = odd_notes(T, theta, upright=False, rods=1, in_radians=True)
-    assert "whole numbers are usually counts of an encoder (--unit counts" in note
+    assert "whole numbers are usually degrees (--unit deg), or counts of an encoder (--unit counts" in note
     (note,) = odd_notes(T, 1.01 * theta, upright=False, rods=1, in_radians=True)
     assert "are the units right" in note
 

@@ -158,6 +158,9 @@ def how_far(transferred: Transfer) -> str:
     estimate, (low, high) = transferred.closed.value, transferred.closed.interval90
     if held_out_gap_invisible(transferred):
         return f"{_tested_on(transferred)} the gap is too small to show a reduction."
+    if low > VERDICT.nearly_all:
+        limit = percent(VERDICT.nearly_all, 1)
+        return f"{_tested_on(transferred)} the gap closes by more than {limit} (90 % interval above {limit})."
     digits = int(high - low < VERDICT.narrow)
     interval = f"90 % interval {percent(low, digits)} to {percent(high, digits)}"
     if estimate > 0 and low < VERDICT.closes and transferred.basis == "one release":

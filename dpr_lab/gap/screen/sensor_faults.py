@@ -300,12 +300,10 @@ def _gaps(name: str, t: Array, period: float) -> list[Finding]:
     wide = wide[np.array(stays) > 0.5 * period]
     if not len(wide):
         return []
-    longest = wide[np.argmax(missing[wide])]
     evidence = (
-        f"{missing[wide].sum():.0f} of {len(t)} samples missing in {len(wide)} gaps;"
-        f" the longest, here, is {1e3 * spacing[longest]:.3g} ms"
+        f"{missing[wide].sum():.0f} of {len(t)} samples missing; the longest gap is {1e3 * spacing[wide].max():.3g} ms"
     )
-    return [Finding("gap", name, None, float(t[longest]), evidence)]
+    return [Finding("gap", name, None, float(t[wide[0]]), evidence, count=len(wide))]
 
 
 def _levels(run: Run, rig: Rig, std: Array, dithered: Flags) -> list[Finding]:

@@ -96,9 +96,9 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     parts = _Linearised.of(problem, after, fold, followed)
     explained = parts.left_out_chi2()
     if fold.max() == 0 or min(np.bincount(fold[followed], minlength=fold.max() + 1)) < REPEATABILITY.segments:
-        length = everything.working_length
-        fewer = f"Recordings of fewer than {REPEATABILITY.segments} segments of {length:.2g} s"
-        reason = f"{fewer} do not show which part of the gap is reproducible."
+        parts_of_data = "Recordings" if len(recordings.records) > 1 else "Quarters of a recording"
+        fewer = f"with fewer than {REPEATABILITY.segments} segments of {everything.working_length:.2g} s"
+        reason = f"{parts_of_data} {fewer} do not show which part of the gap is reproducible."
         return budget_of([total, *[float(explained.sum())] * 3], noise, names, (), reason)
     if residuals.z > THRESHOLDS.noise_floor:
         parts = parts.with_discrepancy(discrepancy_columns(problem, after))

@@ -63,7 +63,10 @@ def reason(before: Expected, after: Expected, needed: bool = False, diagnosed: b
     if after.gain.limits - before.gain.limits >= NOTICEABLE.limits:
         parts.append("tests the limits more accurately")
     share = float(np.exp(np.log(after.ratio_std / before.ratio_std).mean()))
-    return Reason("; ".join(parts) or f"reduces the standard deviations of the ratios to {percent(share)}", not parts)
+    return Reason(
+        "; ".join(parts) or f"reduces the standard deviations of the ratios by a further {percent(1 - share)}",
+        not parts,
+    )
 
 
 def _distinguishes(before: float, after: float, diagnosed: bool) -> str:

@@ -78,9 +78,11 @@ def check_forwards(table: Table, t: Array, options: ImportOptions) -> None:
                 f"{place}: the time column contains values near {np.median(t[known]) / unit:g}, which are probably the"
                 " durations of the rows, not times: state the rate of the rows (--rate-hz) instead"
             )
+        period = t[before] - t[row] + np.median(np.diff(t[known]))
+        value = f" {period / unit:.6g}" if np.ptp(t[known]) < period else ""
         raise RunError(
             f"{place}: time decreases by {t[before] - t[row]:g} s, to {t[row]:.10g} s: split the table there if another"
-            " recording begins, or give the period of a counter that wraps (--time-wrap)"
+            f" recording begins. If the same swing continues, give the period of its counter (--time-wrap{value})"
         )
 
 

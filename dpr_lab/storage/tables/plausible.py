@@ -249,7 +249,8 @@ def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool
     turns, points = ("the rod turns", "the rod points") if rods == 1 else ("the rods turn", "both rods point")
     counted = in_radians and bool((np.abs(moved[:, :rods] - np.round(moved[:, :rods])) < PLAUSIBLE.whole).all())
     units = (
-        "whole numbers are usually counts of an encoder (--unit counts, with counts_per_rev in the rig file)"
+        "whole numbers are usually degrees (--unit deg), or counts of an encoder (--unit counts, with counts_per_rev in"
+        " the rig file)"
         if counted
         else "are the units right (--unit, --scale, --time-unit)?"
     )

@@ -171,8 +171,8 @@ in the folder of the workspace.
         self.query_one(TabbedContent).active = TABS[1]
         self.post_message(self.Done())
         if result.model.failures:
-            failed = "; ".join(result.model.failures)
-            raise DprError(f"{failed} (the model was written to {self._shown}, but it is not reliable)")
+            failed = "; ".join(result.model.failures).rstrip(".")
+            raise DprError(f"{failed}. The model was written to {self._shown}, but it is not reliable")
 
     def ended(self, why: str) -> None:
         """Show why no new model was computed; the previous model and its summary remain."""
