@@ -43,6 +43,15 @@ print("SCHEMA")
 app(["schema", "model"], standalone_mode=False)
 """
 """Program that loads the C sources and a plant, and prints the folders, a rig and a schema."""
+IMPORTED = """
+import pkgutil, sys
+from importlib import import_module
+for package in map(import_module, sys.argv[1:]):
+    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        if not module.name.endswith("__main__"):
+            import_module(module.name)
+"""
+"""Program that imports every module of the packages."""
 
 
 @pytest.fixture
@@ -74,6 +83,12 @@ def test_the_wheel_works_in_an_empty_environment(installed: tuple[Path, Callable
     builtin = place / "dpr_lab" / "builtin"
     assert {"effects.md", "rig-file.md"} <= {file.name for file in builtin.iterdir()}
     assert json.loads(printed) == json.loads((builtin / "schemas" / "model.json").read_text())
+
+
+@pytest.mark.long
+def test_every_module_of_the_wheel_is_imported(installed: tuple[Path, Callable[..., str]]) -> None:
+    _, run = installed
+    run("-c", IMPORTED, *PACKAGES)
 
 
 @pytest.mark.long

@@ -1,6 +1,7 @@
 """`dpr-lab plan`: tables, JSON, files and refusals."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -51,10 +52,29 @@ def test_from_the_rig_file_alone(cli, tmp_path: Path) -> None:
     assert len(rows) == 501
 
 
-def release_of_both_rods() -> PlannedRelease:
-    return PlannedRelease.model_construct(
-        number=1, theta1_rad=1.2, theta2_rad=2.9, mounted="both", elbow="free", added_mass=None, arm="held"
-    )
+def planned_release(**changed: Any) -> PlannedRelease:
+    release: dict[str, Any] = {
+        "number": 1,
+        "text": "",
+        "reason": "",
+        "theta1_rad": 1.2,
+        "theta2_rad": 2.9,
+        "duration_s": 10.0,
+        "rate_hz": 500,
+        "mounted": "both",
+        "elbow": "free",
+        "added_mass": None,
+        "arm": "held",
+        "signal": "",
+        "input": None,
+        "minutes": 1.0,
+        "horizon_s": 5.0,
+        "pairs": [],
+        "library_bits": 0.0,
+        "ratio_std": {},
+        "decided": None,
+    }
+    return PlannedRelease(**release | changed)
 
 
 def test_other_rods_a_mass_and_the_arm_are_in_a_rig_file_of_their_own(tmp_path: Path) -> None:
@@ -66,14 +86,14 @@ def test_other_rods_a_mass_and_the_arm_are_in_a_rig_file_of_their_own(tmp_path: 
         "[poses.X1]", "[poses.P1]"
     )
     rig.write_text(text)
-    own, first = load_rig(rig), release_of_both_rods()
+    own = load_rig(rig)
     mass = AddedMass(rod="inner", mass=0.2, position=0.2)
     releases = [
-        first,
-        first.model_copy(update={"elbow": "clamped"}),
-        first.model_copy(update={"added_mass": mass}),
-        first.model_copy(update={"elbow": "clamped"}),
-        first.model_copy(update={"mounted": "inner", "arm": "free"}),
+        planned_release(),
+        planned_release(elbow="clamped"),
+        planned_release(added_mass=mass),
+        planned_release(elbow="clamped"),
+        planned_release(mounted="inner", arm="free"),
     ]
     made = planned_rigs(dict(zip(("P2", "P3", "P4", "P5", "P6"), releases, strict=True)), own, tmp_path / "rig.toml")
     assert [path.name for path in made.values()] == [
@@ -99,7 +119,7 @@ def test_a_rig_file_whose_tables_cannot_be_replaced_is_refused(tmp_path: Path) -
     rig = tmp_path / "own.toml"
     rig.write_text('rods.mounted = "both"\n' + paper.path.read_text())
     own = load_rig(rig)
-    clamped = release_of_both_rods().model_copy(update={"elbow": "clamped"})
+    clamped = planned_release(elbow="clamped")
     with pytest.raises(ConfigError, match=r"own\.toml: write rods, added_mass and arm as tables"):
         planned_rigs({"P1": clamped}, own, tmp_path / "rig.toml")
 
@@ -122,9 +142,7 @@ def test_the_tables_name_what_to_record(cli, tmp_path: Path) -> None:
 
 
 def test_a_driven_release_is_recorded_while_the_device_replays_its_input() -> None:
-    release = PlannedRelease.model_construct(
-        number=1, signal="chirp", pose="P1", rig="rig.toml", input="input_1.csv", duration_s=10.0
-    )
+    release = planned_release(signal="chirp", pose="P1", rig="rig.toml", input="input_1.csv")
     (command,) = commands(Plan.model_construct(state="first", releases=[release]))
     assert "let the device replay input_1.csv from the release on, and dpr-lab capture --rig rig.toml" in command
     (free,) = commands(

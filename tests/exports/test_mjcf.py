@@ -14,6 +14,8 @@ from dpr_lab.rig import Rig
 from tests.exports.models import SETS, X0, lab_readings, lab_states, model_of, run_source, typical
 from tests.thinned import thinned
 
+pytest.importorskip("mujoco")
+
 SMOOTH = [
     (name,)
     for name, effect in EFFECTS.items()

@@ -41,7 +41,10 @@ for target in sys.argv[1:]:
 def test_an_export_that_fails_leaves_nothing(tmp_path: Path) -> None:
     targets, pipe = [str(tmp_path / f"run{suffix}") for suffix in EXPORTERS], subprocess.PIPE
     with started("tests.program_text", [PROGRAM, *targets], stdout=pipe, stderr=pipe, text=True) as process:
-        out, err = process.communicate()
+        try:
+            out, err = process.communicate(timeout=600)
+        finally:
+            process.kill()
     assert process.returncode == 0, err[-500:]
     messages = out.splitlines()
     assert len(messages) == len(targets)

@@ -237,7 +237,7 @@ def _delayed(cycle: int, late: Flags, usable: list[tuple[Array, Array]], weights
 
 def _without_outliers(fit: PeriodicDelay, score: Array, information: Array) -> float:
     """Return the significance of a delay without the late readings that have the largest influence."""
-    others = np.argsort(np.abs(score[fit.late]))[: -INSTANTS.outliers]
+    others = np.argsort(-np.abs(score[fit.late]))[INSTANTS.outliers :]
     known = max(float(information[fit.late][others].sum()), np.finfo(float).tiny)
     return float(np.sign(fit.delay_s) * score[fit.late][others].sum() / known**0.5)
 

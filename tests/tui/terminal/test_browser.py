@@ -197,8 +197,9 @@ def test_the_page_is_for_this_computer_and_its_token_alone_and_its_screen_is_rea
     assert "//" not in may_load.replace(f"http://{place}", "").replace(f"ws://{place}", "")
     assert opened(page.url, Host="evil.example")[0] == 403
     assert opened(page.url, Origin="http://evil.example")[0] == 403
-    url = page.websocket(f"/ws?token={page.token}&width=80&height=24")
+    url = page.websocket(f"/{page.token}/ws?width=80&height=24")
     assert "read-only" in asyncio.run(screen_of(url, "Connect", "c", "read-only"))
+    assert "Connect" in asyncio.run(screen_of(page.websocket(f"/ws?token={page.token}"), "Connect"))
     with started("dpr_lab", page.words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as second:
         _, errors = second.communicate()
     assert second.returncode == 4
