@@ -139,8 +139,8 @@ class OpenPairs:
         G = given(F, self.fitted, columns)
         rows = [[columns.index(i) for i in places] for places in self.places]
         moments = np.zeros((len(rows), *G.shape))  # E[a a^T] of the amplitudes of each cause
-        for moment, places, size, spread in zip(moments, rows, self.sizes, self.spreads, strict=True):
-            moment[np.ix_(places, places)] = np.outer(size, size) + spread
+        for i, (places, size, spread) in enumerate(zip(rows, self.sizes, self.spreads, strict=True)):
+            moments[i][np.ix_(places, places)] = np.outer(size, size) + spread
         squared = np.zeros((len(rows), len(rows)))
         for nearest, places in enumerate(rows):
             inverse = np.linalg.pinv(G[np.ix_(places, places)], 1e-12, hermitian=True)
