@@ -18,7 +18,7 @@
 Why was cause X preferred to Y? The field `search` of a diagnosis lists all trials of the search. The trial that rejects
 Y, or that replaces Y by X, states its move and the reason.
 
-Reading order. These modules contain the rules of this choice:
+Reading order. About 9,800 words contain the rules of this choice:
 
     `hypothesis.hypothesis`      the cost, by which sets are compared
     `hypothesis.thresholds`      the numbers in the rules
@@ -32,10 +32,11 @@ Reading order. These modules contain the rules of this choice:
     `which.alternatives`
     `classes.posterior`          the probabilities of X and Y, if both remain
 
-These contain the stages: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`, `which.select`, `corrections`,
-`transfer.transfer`, `conclusion.verdict`. Each other module contains the computations of one decision, and can be read
-when it is changed. Three of them belong to no single stage: `damage` (disturbances, and rods moved by a hand, which the
-fit of the bare model removes), `moving_camera` and `rolling_shutter` (corrections of films).
+About 7,700 words contain the stages: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`, `which.select`,
+`corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 68,000 words. Each contains the
+computations of one decision, and can be read when it is changed. Three of them belong to no single stage: `damage`
+(disturbances, and rods moved by a hand, which the fit of the bare model removes), `moving_camera` and
+`rolling_shutter` (corrections of films).
 
 Terms of all modules:
 

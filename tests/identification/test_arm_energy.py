@@ -32,6 +32,6 @@ def test_only_a_motor_that_is_on_gives_energy_to_a_free_arm(rods: str):
 def test_such_a_fit_is_not_reliable(monkeypatch: pytest.MonkeyPatch):
     run, rig = swing("inner", 3.0)
     recordings = recordings_of([run], rig)
-    monkeypatch.setattr(doubts, "_wrong_angles", lambda recordings, rig: "")
+    monkeypatch.setattr(doubts, "_wrong_angles", lambda recordings, rig, others: "")
     (sentence,) = doubts.failures(cast(Any, SimpleNamespace(misfit=100.0)), recordings, rig)
     assert "rises by" in sentence
