@@ -29,7 +29,7 @@ class DescriptionLimits:
     doubted: float = 20.0
     """Minimum reduced chi-square for which other signs, zeros and scales are tested."""
     better: float = 4.0
-    """Minimum factor by which the other sign of the arm's angle must reduce chi-square."""
+    """Minimum factor by which the opposite sign of the arm or of the rods must reduce chi-square."""
     better_angles: float = 10.0
     """Minimum factor by which another zero or scale must reduce chi-square.
 
@@ -125,7 +125,7 @@ def wrong_angles(
 
 
 def wrong_sign(rig: Rig, before: float, after: float, *, of_rods: bool) -> str:
-    """Describe the incorrect sign if the model fits with the opposite sign of theta0.
+    """Describe the incorrect sign if the model fits with the opposite sign of the arm or of the rods.
 
     Args:
         rig: rig with its mounted rods

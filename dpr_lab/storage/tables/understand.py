@@ -24,7 +24,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import FilmNoise, as_mounted
 from dpr_lab.storage.readers import read_any
 from dpr_lab.storage.readers.merged import rows_of_angles
-from dpr_lab.storage.tables.angles import angles, frame_notes, in_radians, refuse_converter
+from dpr_lab.storage.tables.angles import angles, in_radians
 from dpr_lab.storage.tables.arm_input import cart_note, known_inputs, stated_arm, unused_input
 from dpr_lab.storage.tables.clock_wrap import check_forwards, unwrapped_times
 from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, numbers, with_still_joint2
@@ -34,8 +34,10 @@ from dpr_lab.storage.tables.plausible import (
     PLAUSIBLE,
     check_spacing,
     drop_outliers,
+    frame_notes,
     gap_notes,
     recorded_by_stamps,
+    refuse_converter,
     refuse_missing,
     turn_of_hanging,
     without_wraps,
