@@ -28,11 +28,3 @@ def test_the_remainder_is_the_torque_that_no_effect_of_the_library_makes() -> No
     assert len(re.findall(r"\.(?= |$)", diagnosis.sentence)) == 3  # causes, gap reduction, remainder
     size = diagnosis.effects[0].parameters["torque_Nm"]
     assert size.interval90[0] < unit * 6e-3 < size.interval90[1]
-
-
-@pytest.mark.slow
-def test_a_residual_of_noise_has_no_remainder() -> None:
-    rig, runs, _ = recordings(2, [law("coulomb", 0, 4)])
-    diagnosis = diagnose(runs, rig, library=LIBRARY)
-    assert (diagnosis.gap.remainder_Nm, diagnosis.gap.remainder_rad) == ({}, {})
-    assert "remainder" not in diagnosis.sentence

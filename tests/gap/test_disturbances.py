@@ -10,6 +10,7 @@ from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.damage.disturbances import _intervals, _merged, _remaining
 from dpr_lab.gap.damage.jumps import Jump
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.record import Record, record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.rig import Rig
@@ -36,10 +37,20 @@ def recorded(folder: Path, rod: Rod, seed: int = 0) -> tuple[Rig, list[Run]]:
     return rig, runs
 
 
+def fitted(rig: Rig, runs: list[Run]) -> tuple[Recordings, Hypothesis]:
+    """Recordings without disturbances, and the bare model."""
+    screened = Recordings(tuple(record(run, rig) for run in runs), rig)
+    cleaned, _, bare = fit_bare_model(screened, nominal_ratios(rig))
+    return cleaned, bare
+
+
 def disturbances(rig: Rig, runs: list[Run]) -> list[tuple[str, float | None]]:
     """Run and instant of each that the bare model's fit leads to."""
-    screened = Recordings(tuple(record(run, rig) for run in runs), rig)
-    cleaned, *_ = fit_bare_model(screened, nominal_ratios(rig))
+    return instants(fitted(rig, runs)[0])
+
+
+def instants(cleaned: Recordings) -> list[tuple[str, float | None]]:
+    """Run and instant of each disturbance."""
     findings = [finding for one in cleaned.records for finding in one.screened.findings]
     return [(finding.run, finding.at_s) for finding in findings if finding.name == "disturbance"]
 
@@ -68,9 +79,8 @@ def test_a_kick_is_found_although_another_recording_is_short(tmp_path):
 def test_a_push_in_the_middle_is_left_out_from_its_first_to_its_last_reading(tmp_path, since, until):
     push = Rod(W2, 0.02, 0.1, 0.01, torque=lambda now: 4.0 * (since < now < until))
     rig, runs = recorded(tmp_path, push)
-    screened = Recordings(tuple(record(run, rig) for run in runs), rig)
-    cleaned, _, bare = fit_bare_model(screened, nominal_ratios(rig))
-    (result,) = disturbances(rig, runs)
+    cleaned, bare = fitted(rig, runs)
+    (result,) = instants(cleaned)
     assert result == ("first", pytest.approx(since, abs=0.15))
     left = cleaned.records[0].t
     assert not ((left > since + 0.05) & (left < until - 0.05)).any()
@@ -88,8 +98,7 @@ def test_a_hand_that_pushes_at_the_beginning_is_left_out(tmp_path):
 @pytest.mark.slow
 def test_a_hand_that_still_brakes_at_the_beginning_is_left_out(tmp_path):
     rig, runs = recorded(tmp_path, Rod(W2, 0.02, 0.1, 0.01, push=(0.12, 15.0)))
-    screened = Recordings(tuple(record(run, rig) for run in runs), rig)
-    cleaned, *_ = fit_bare_model(screened, nominal_ratios(rig))
+    cleaned, _ = fitted(rig, runs)
     assert 0.05 < cleaned.records[0].t[0] < 0.2
     assert cleaned.records[1].t[0] < 0.05
 
@@ -102,10 +111,10 @@ def test_rows_in_which_a_hand_still_holds_the_rod_are_left_out_at_a_low_rate(tmp
     hand = 0.6 + np.array([0.0, -0.005, 0.004, 0.001])[:rows]
     angle = np.append(hand, rod_swing(Rod(W2, 0.2, 0.0, 0.0), 0.6, t[: len(t) - rows]))
     run = table(tmp_path, "hand", rig, {"t_s": t, "theta1_rad": 2.6e-3 * np.rint(angle / 2.6e-3)})
-    cleaned, *_ = fit_bare_model(Recordings((record(run, rig),), rig), nominal_ratios(rig))
+    cleaned, _ = fitted(rig, [run])
     begin = float(cleaned.records[0].t[0])
     assert begin == pytest.approx(0.05 * (rows or 1), abs=0.06)
-    assert bool(disturbances(rig, [run])) == (rows > 0)
+    assert bool(instants(cleaned)) == (rows > 0)
 
 
 @pytest.mark.slow
@@ -116,7 +125,7 @@ def test_a_push_soon_after_the_release_is_left_out_to_its_end(tmp_path, since, u
     rod = Rod(W2, 0.3, 0.0, 0.0, torque=lambda now: acceleration * (since < now < until))
     angle = rod_swing(rod, 0.33, t) + rng.normal(0.0, 5e-4, len(t))
     run = table(tmp_path, "pushed", rig, {"t_s": t, "theta1_rad": angle})
-    cleaned, _, bare = fit_bare_model(Recordings((record(run, rig),), rig), nominal_ratios(rig))
+    cleaned, bare = fitted(rig, [run])
     assert until < cleaned.records[0].t[0] < until + 0.3
     assert bare.residuals.noise_ratio < 0.5
 
@@ -132,8 +141,7 @@ def filmed(folder: Path, rod: Rod) -> tuple[Rig, list[Run]]:
 @pytest.mark.slow
 def test_a_hand_is_found_in_a_film_too(tmp_path):
     rig, runs = filmed(tmp_path, Rod(14.6, 0.06, 0.0, 0.0, push=(0.25, 30.0)))
-    screened = Recordings(tuple(record(run, rig) for run in runs), rig)
-    cleaned, *_ = fit_bare_model(screened, nominal_ratios(rig))
+    cleaned, _ = fitted(rig, runs)
     assert 0.2 < cleaned.records[0].t[0] < 1.0
 
 

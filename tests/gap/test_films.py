@@ -18,6 +18,7 @@ from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
 from dpr_lab.workflows.rig_toml import Measure
 from tests.bench_rigs import rods_swing
+from tests.thinned import thinned
 
 RATE_HZ = 60.0
 CORRELATION = 0.92
@@ -53,7 +54,7 @@ def filmed(seed: int, folder: Path, dry2: float = 0.0) -> tuple[Rig, Run]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 5])
+@pytest.mark.parametrize("seed", thinned([1, 5], 2))
 def test_errors_of_a_tracker_are_not_a_gap(tmp_path: Path, seed: int) -> None:
     rig, run = filmed(seed, tmp_path)
     diagnosis = diagnose(run, rig)

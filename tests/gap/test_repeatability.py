@@ -68,6 +68,8 @@ def test_a_named_effect_explains_all_that_is_reproducible() -> None:
     assert bar is not None
     assert sum(share for _, share in bar.parts) == pytest.approx(1.0)
     assert "% of the mean squared gap, and 100 % of its reproducible part" in repeatability_sentences(diagnosis)[0]
+    assert (diagnosis.gap.remainder_Nm, diagnosis.gap.remainder_rad) == ({}, {})
+    assert "remainder" not in diagnosis.sentence
 
 
 @pytest.mark.slow
@@ -100,7 +102,10 @@ def test_a_parameter_drawn_for_each_recording_varies() -> None:
 def test_a_law_outside_the_library_is_reproducible_and_unmodelled() -> None:
     rig, runs, _ = recordings(4, [law("coulomb", 0, 4)])
     library = {name: effect for name, effect in candidates(*SMOOTH).items() if not name.startswith(FRICTION)}
-    budget = of(diagnose(runs, rig, library=library))
+    diagnosis = diagnose(runs, rig, library=library)
+    assert diagnosis.verdict in ("unexplained", "partly_explained")
+    assert all(effect.probability < 0.5 for effect in diagnosis.effects)
+    budget = of(diagnosis)
     assert budget.unmodelled > 0.5
     assert budget.not_reproducible < 0.1
     assert budget.of_reproducible is not None

@@ -35,7 +35,7 @@ from sim_device.trials.offline_recorder import record
 from sim_device.trials.parameters import weighed
 from sim_device.trials.request import parse_request
 from tests.background_rigs import Law, law, recordings
-from tests.thinned import candidates, thinned
+from tests.thinned import candidates
 
 Truth = Mapping[str, Mapping[str, float]]
 
@@ -61,16 +61,19 @@ MOVES = {
     if isinstance(move, Move)
 }
 EVERY_MOVE = (forward_selection(4), short_segments(Mock()), *MOVES.values())
-FAST = ("clean", "two effects")
 LIKELY = ("coulomb", "stribeck", "load_friction", "encoder", "latency", "base_tilt")
 
 
 def assert_order_does_not_matter(runs: list[Run], rig: Rig, seed: int, names: tuple[str, ...] = LIBRARY) -> None:
     """Diagnose as recorded, and with a permuted library and permuted runs: one answer."""
-    rng = np.random.default_rng(seed)
     library = {name: EFFECTS[name] for name in names}
-    permuted = {name: EFFECTS[name] for name in rng.permutation(names).tolist()}
-    assert_same(diagnose([*runs[1:], runs[0]], rig, library=permuted), diagnose(runs, rig, library=library))
+    assert_same(permuted(runs, rig, seed, names), diagnose(runs, rig, library=library))
+
+
+def permuted(runs: list[Run], rig: Rig, seed: int, names: tuple[str, ...]) -> Diagnosis:
+    """Diagnosis with a permuted library and permuted runs."""
+    names = np.random.default_rng(seed).permutation(names).tolist()
+    return diagnose([*runs[1:], runs[0]], rig, library={name: EFFECTS[name] for name in names})
 
 
 def assert_same(one: Diagnosis, other: Diagnosis) -> None:
@@ -88,12 +91,21 @@ def trial_of(step: SearchStep) -> tuple[str, list[str], bool]:
     return step.move, sorted(step.tried), step.accepted
 
 
+@pytest.fixture(scope="module")
+def short_runs(recorded: Callable[..., list[Run]]) -> list[Run]:
+    return recorded(TRUTHS["two effects"], duration=2.0)[:2]
+
+
+@pytest.fixture(scope="module")
+def diagnosed(short_runs: list[Run], paper: Rig) -> Diagnosis:
+    return diagnose(short_runs, paper, library=candidates(*LIKELY))
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("truth", thinned(reversed(FAST), 2))
 def test_the_order_of_runs_and_of_the_library_does_not_change_the_answer(
-    paper: Rig, recorded: Callable[..., list[Run]], truth: str
+    short_runs: list[Run], diagnosed: Diagnosis, paper: Rig
 ) -> None:
-    assert_order_does_not_matter(recorded(TRUTHS[truth], duration=2.0)[:2], paper, 1, tuple(candidates(*LIKELY)))
+    assert_same(permuted(short_runs, paper, 1, tuple(candidates(*LIKELY))), diagnosed)
 
 
 @pytest.mark.long
@@ -295,15 +307,14 @@ def test_no_move_exceeds_the_maximum_number_of_effects(sets: FittedSets) -> None
 
 
 @pytest.mark.slow
-def test_the_trace_leads_from_the_bare_model_to_the_chosen_set(paper: Rig, recorded: Callable[..., list[Run]]) -> None:
-    diagnosis = diagnose(recorded(TRUTHS["two effects"], duration=2.0), paper, library=candidates(*LIKELY))
+def test_the_trace_leads_from_the_bare_model_to_the_chosen_set(diagnosed: Diagnosis) -> None:
     current: list[str] = []
-    for step in diagnosis.search:
+    for step in diagnosed.search:
         assert step.move in {move.name for move in EVERY_MOVE}
         assert step.before == ([] if step.move == "short segments" else current)
         current = step.tried if step.accepted else step.before
-    assert sorted(current) == sorted(diagnosis.model_effects)
-    rows = trial_rows(diagnosis)
+    assert sorted(current) == sorted(diagnosed.model_effects)
+    rows = trial_rows(diagnosed)
     assert {len(row) for row in rows} == {len(TRIAL_COLUMNS)}
     assert any("+ Coulomb friction, joint 2" in row[1] for row in rows if "accepted" in row)
 

@@ -83,8 +83,11 @@ def test_drag_with_the_elbow_clamped_has_an_interval_that_holds_the_truth(
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("rods", "poses"),
-    [({"mounted": "inner"}, ["X2"]), ({"mounted": "outer"}, ["X2"]), ({"elbow": "clamped"}, ["X1"])],
-    ids=["inner rod alone", "outer rod alone", "one elbow clamped"],
+    [
+        pytest.param({"mounted": "inner"}, ["X2"], marks=pytest.mark.long, id="inner rod alone"),
+        pytest.param({"mounted": "outer"}, ["X2"], marks=pytest.mark.long, id="outer rod alone"),
+        pytest.param({"elbow": "clamped"}, ["X1"], id="one elbow clamped"),
+    ],
 )
 def test_one_release_gives_wide_and_finite_ratios(paper: Rig, rods: dict[str, str], poses: list[str]) -> None:
     rig, runs, truth = case(paper, rods)
