@@ -62,18 +62,6 @@ def test_help_imports_nothing_heavy() -> None:
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-@pytest.mark.slow
-def test_dpr_lab_never_loads_the_simulated_device() -> None:
-    program = (
-        "import sys\nimport dpr_lab.identification.identify, dpr_lab.acquisition.capture\n"
-        "import dpr_lab.identification.compare, dpr_lab.transports.simulated\n"
-        "import dpr_lab.report.html, dpr_lab.cli.app\n"
-        "print([name for name in sys.modules if name.startswith(('sim_device', 'textual'))])"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
-
-
 def test_doctor_greets_a_device(cli) -> None:
     done = cli("doctor", "--link", "sim://?clock=fast", "--rig", "paper", "--json")
     result = {finding["what"]: finding for finding in done.json["findings"]}

@@ -11,6 +11,7 @@ from dpr_lab.configs import BUILTIN
 
 FIGURES = {"matplotlib", "PIL", "jinja2"}
 SCREEN = {"textual", "textual_plot"}
+SIMULATED = {"sim_device"}
 KERNELS = {"numba", "llvmlite", "dpr_lab.kernels"}
 SCIPY = {f"scipy.{name}" for name in ("special", "linalg", "optimize", "interpolate", "stats")}
 TABLES = BUILTIN / "tables"
@@ -47,5 +48,5 @@ def test_a_table_is_imported_without_compiled_kernels_and_other_commands(tmp_pat
 
 
 @pytest.mark.slow
-def test_a_diagnosis_on_the_terminal_needs_neither_figures_nor_scipy(tmp_path: Path) -> None:
-    assert not imported(tmp_path, DIAGNOSIS) & (FIGURES | SCREEN | SCIPY)
+def test_a_diagnosis_on_the_terminal_needs_neither_figures_nor_scipy_nor_the_simulated_device(tmp_path: Path) -> None:
+    assert not imported(tmp_path, DIAGNOSIS) & (FIGURES | SCREEN | SIMULATED | SCIPY)

@@ -79,7 +79,7 @@ def test_minutes_in_which_no_further_release_fits_lengthen_the_releases(paper: R
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("shortest_s", "budget_min"), [(5.0, 0.6), (15.0, 5.0)])
+@pytest.mark.parametrize(("shortest_s", "budget_min"), [(5.0, 0.6), pytest.param(15.0, 5.0, marks=pytest.mark.long)])
 def test_no_release_is_shorter_than_permitted_and_the_shortest_one_uses_a_small_budget(
     paper: Rig, shortest_s: float, budget_min: float
 ) -> None:

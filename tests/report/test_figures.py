@@ -178,18 +178,12 @@ def test_nothing_to_compare_gives_pictures_that_say_so(model, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("samples", thinned([0, 1], 2))
-def test_a_nearly_empty_run_is_drawn(samples, model, comparison, tmp_path):
+def test_a_nearly_empty_run_and_a_simulation_of_nan_are_drawn(samples, model, comparison, tmp_path):
     made = comparison()
     cut = {name: getattr(made, name)[:samples] for name in ("t", "measured", "free_run", "tracked")}
+    simulated_nan = replace(made, free_run=np.full_like(made.free_run, np.nan))
 
-    save_figures(model(), [replace(made, **cut, free_run_rms_rad=np.full(2, np.nan))], tmp_path)
-
-
-@pytest.mark.slow
-def test_a_simulation_of_nan_is_drawn(model, comparison, tmp_path):
-    made = comparison()
-
-    save_figures(model(), [replace(made, free_run=np.full_like(made.free_run, np.nan))], tmp_path)
+    save_figures(model(), [replace(made, **cut, free_run_rms_rad=np.full(2, np.nan)), simulated_nan], tmp_path)
 
 
 @pytest.mark.long

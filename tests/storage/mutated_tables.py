@@ -67,9 +67,14 @@ class MutatedTable:
     name: str
     """Names of base table and mutation, for example `free/swapped_angles`."""
     mutation: str
-    content: bytes
+    written: Sheet | bytes
     options: ImportOptions
     """How its user imports it."""
+
+    @property
+    def content(self) -> bytes:
+        """Bytes of the file; the text of a sheet is made only when it is needed."""
+        return self.written if isinstance(self.written, bytes) else self.written.text()
 
     def write(self, folder: Path) -> Path:
         """Write the file into a folder, with the name of the table."""
@@ -130,8 +135,8 @@ def doubly_mutated(base: str, sheet: Sheet, seed: int) -> MutatedTable:
         if isinstance(half, bytes) or not {*NEEDS.get(second, ())} <= set(half.columns) or len(_readings(half)) < 2:
             continue
         whole = MUTATIONS[second](half, rng)
-        content, options = (whole, half.options) if isinstance(whole, bytes) else (whole.text(), whole.options)
-        return MutatedTable(f"{base}/{first}+{second}", f"{first}+{second}", content, ImportOptions(**options))
+        options = half.options if isinstance(whole, bytes) else whole.options
+        return MutatedTable(f"{base}/{first}+{second}", f"{first}+{second}", whole, ImportOptions(**options))
 
 
 def _mutated(seed: int, rig: Rig | None) -> Iterator[MutatedTable]:
@@ -141,10 +146,8 @@ def _mutated(seed: int, rig: Rig | None) -> Iterator[MutatedTable]:
             if not set(needed) <= set(sheet.columns):
                 continue
             mutated = mutation(sheet, np.random.default_rng([seed, number]))
-            content, options = (
-                (mutated, sheet.options) if isinstance(mutated, bytes) else (mutated.text(), mutated.options)
-            )
-            yield MutatedTable(f"{base}/{name}", name, content, ImportOptions(**options))
+            options = sheet.options if isinstance(mutated, bytes) else mutated.options
+            yield MutatedTable(f"{base}/{name}", name, mutated, ImportOptions(**options))
 
 
 def _angles(t: NDArray[np.float64], theta: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:

@@ -53,7 +53,17 @@ def listeners(group: int) -> set[str]:
     return result
 
 
-@pytest.mark.slow
+def test_every_address_of_the_recipe_is_this_machine() -> None:
+    commands = recipe()
+    assert [command.split()[1] for command in commands] == ["scheduler", "worker"]
+    for command in commands:
+        words = shlex.split(command)
+        assert words[words.index("--host") + 1] == "127.0.0.1"
+        assert words[words.index("--dashboard-address") + 1].startswith("127.0.0.1:")
+    assert exposure(words[2]) is None
+
+
+@pytest.mark.long
 @pytest.mark.timeout(900)
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs /proc to see who listens")
 def test_the_recipe_listens_on_this_machine_alone(tmp_path: Path) -> None:

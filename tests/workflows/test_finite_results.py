@@ -12,13 +12,12 @@ import pytest
 from numpy.typing import NDArray
 
 from dpr_lab.rig import Rig
-from dpr_lab.storage.csv_import import ImportOptions, import_csv
+from dpr_lab.storage.csv_import import ImportOptions
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
 from tests.faulty_loggers import FAULTS, log
 from tests.storage.mutated_tables import MutatedTable, Sheet, base_tables
-from tests.thinned import thinned
-from tests.workflows.test_mutated_tables import QUICK, analysed
+from tests.workflows.test_mutated_tables import analysed
 
 RATE_HZ, DURATION_S = 200.0, 2.5
 RODS: dict[str, dict[str, str]] = {
@@ -85,8 +84,8 @@ CHANGES: dict[str, Change] = {
     "time lapse": lambda sheet, rng: sheet.with_columns(t=sheet.columns["t"] / 100),
 }
 CASES = [f"{kind}/{change}" for kind in KINDS for change in CHANGES]
-EACH = 58
-"""Fast tests use every n-th case."""
+QUICK = ("outer/coarse", "prescribed arm/one dead encoder")
+"""Cases of `make test`."""
 
 
 def table_of(kind: str, paper: Rig) -> tuple[Sheet, Rig]:
@@ -103,28 +102,13 @@ def table_of(kind: str, paper: Rig) -> tuple[Sheet, Rig]:
     return Sheet(columns), rig
 
 
-@pytest.fixture(scope="module")
-def clean(paper: Rig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of a run without a mistake, and its model."""
-    from dpr_lab.workflows.identify import IdentifyRequest, identify
-
-    folder = tmp_path_factory.mktemp("clean")
-    (folder / "quick.toml").write_text(QUICK)
-    sheet, rig = table_of("both", paper)
-    table = MutatedTable("both", "none", sheet.text(), ImportOptions())
-    import_csv(table.write(folder), rig, table.options, folder / "clean.mcap")
-    settings = str(folder / "quick.toml")
-    identify(IdentifyRequest((folder / "clean.mcap",), "paper", folder / "model.json", settings=settings))
-    return folder
-
-
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("name", thinned(CASES, EACH))
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] * (name not in QUICK)) for name in CASES])
 def test_every_result_is_finite_or_a_sentence(paper: Rig, clean: Path, tmp_path: Path, name: str) -> None:
     kind, _, change = name.partition("/")
     sheet, rig = table_of(kind, paper)
     rng = np.random.default_rng(CASES.index(name))
     changed = CHANGES[change](replace(sheet, columns=dict(sheet.columns)), rng)
-    table = MutatedTable(name.replace(" ", "-"), change, changed.text(), ImportOptions(**changed.options))
+    table = MutatedTable(name.replace(" ", "-"), change, changed, ImportOptions(**changed.options))
     analysed(table, rig, clean, tmp_path)
