@@ -104,23 +104,6 @@ def test_broken_plugins_are_named_and_skipped(announce: Announce) -> None:
 
 
 @pytest.mark.slow
-def test_a_plugin_that_fails_at_work_is_named_with_file_and_line(announce: Announce, tmp_path: Path) -> None:
-    site = announce("own_reader", OWN_READER, readers="bench = own_reader:READER")
-    (tmp_path / "swing.log").write_bytes(b"BENCH1")
-    code = f"""
-    try:
-        {COMMAND.format(["import", "table", "swing.log", "--rig", "paper"])}
-    except SystemExit as ended:
-        print(ended.code)
-    """
-    done = run(code, site, cwd=tmp_path)
-    assert done.stdout == "1\n"
-    reason = "plugin own_reader 1.0 failed (own_reader.py, line 5): KeyError: 'speed': update or remove it"
-    assert reason in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-@pytest.mark.slow
 def test_no_plugins_turns_them_off(
     forget_plugins: Callable[[], None], announce: Announce, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -190,7 +173,9 @@ def test_the_cache_of_kernels_and_the_certificate_know_plugins(
 
 
 @pytest.mark.slow
-def test_readers_links_searches_and_formats(announce: Announce) -> None:
+def test_readers_links_searches_and_formats_are_loaded_and_a_failure_is_named_with_file_and_line(
+    announce: Announce, tmp_path: Path
+) -> None:
     site = announce(
         "own_format",
         """
@@ -224,7 +209,8 @@ def test_readers_links_searches_and_formats(announce: Announce) -> None:
         """,
         searches="mine = own_search:SEARCH",
     )
-    code = """
+    (tmp_path / "swing.log").write_bytes(b"BENCH1")
+    code = f"""
     from dpr_lab.exports import FORMATS
     from dpr_lab.plugins.rows import skipped
     from dpr_lab.search import ALGORITHMS
@@ -232,8 +218,16 @@ def test_readers_links_searches_and_formats(announce: Announce) -> None:
     from dpr_lab.transports import open_transport
     print(skipped())
     print("list" in FORMATS, READERS[-1].kind, ALGORITHMS["mine"].words, open_transport("loop://here"))
+    try:
+        {COMMAND.format(["import", "table", "swing.log", "--rig", "paper"])}
+    except SystemExit as ended:
+        print(ended.code)
     """
-    assert run(code, site).stdout == "()\nTrue bench log mine loop\n"
+    done = run(code, site, cwd=tmp_path)
+    assert done.stdout == "()\nTrue bench log mine loop\n1\n"
+    reason = "plugin own_reader 1.0 failed (own_reader.py, line 5): KeyError: 'speed': update or remove it"
+    assert reason in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_the_help_of_a_command_lists_the_plugins_that_extend_it(announce: Announce) -> None:
