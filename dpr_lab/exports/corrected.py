@@ -19,7 +19,7 @@ from dpr_lab.estimation.usable_runs import refuse_other_rigs
 from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.ensemble.sampled import signed
 from dpr_lab.exports.moving_arm.corrected import corrected_arm_model, has_moving_arm
-from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS
+from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS, visible_ratios
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.identification.model import (
@@ -75,14 +75,15 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
         name: parameter.model_copy(update={"value": parameter.value * factor}) for name, parameter in base.items()
     }
     std = np.sqrt(np.diag(covariance))
-    scale = diagnosis.scale or scale_of(absolute["b"], diagnosis.unknowns, rig)
+    alone = bool(diagnosis.fitted)
+    scale = diagnosis.scale or scale_of(absolute["b"], diagnosis.unknowns, rig, alone=alone)
     scale = scale.as_inertia("b", absolute["b"].value / scale.b)
     ratios = {
         name: EstimatedValue(value=value, std=float(s), interval90=interval.interval90)
         for (name, interval), value, s in zip(diagnosis.all_ratios.items(), values.tolist(), std, strict=True)
     }
-    nine, absolute = with_intervals(nine, absolute, ratios, scale, diagnosis.unknowns, rig)
-    alone = bool(diagnosis.fitted)
+    visible = visible_ratios(run.setup for run in runs)
+    nine, absolute = with_intervals(nine, absolute, ratios, scale, diagnosis.unknowns, rig, visible, alone=alone)
     return Model(
         rig=RigFacts.of(rig),
         ratios=_alone(diagnosis, [*ratios.values()], rig) if alone else ratios,

@@ -248,6 +248,7 @@ def identifiability(
     *,
     lengths: bool = True,
     visible: Sequence[int] | None = None,
+    alone: bool = False,
 ) -> Identifiability:
     """Analyse which parameters are identifiable from recordings and measured values.
 
@@ -258,6 +259,7 @@ def identifiability(
         Z: (9,) parameters of the linearisation, SI; default: best known values of the rig file
         visible: indices in `UNKNOWN_RATIOS` of the unknowns of the information; default: the first entries
         lengths: whether to compute the effect of an error of L1, which needs a fit to simulated releases
+        alone: whether only the inner rod is mounted
     """
     Z = rig.nominal if Z is None else Z
     places = list(range(len(information)) if visible is None else visible)
@@ -275,7 +277,7 @@ def identifiability(
         sequence=directions.sequence,
         unknowns=_named([UNKNOWN_RATIOS[i] for i in places], values),
         cramer_rao_std=_named([UNKNOWN_RATIOS[i] for i in places], values * spread(root * values)),
-        parameters=_parameters(rows, rig, Z, places),
+        parameters=_parameters(rows, rig, Z, places, alone),
         helps=_helps(rows, rig),
         length_error=_length_error(rig, Z) if lengths and rig.poses else None,
     )
@@ -302,10 +304,12 @@ def _bounded_spread(known: Array, bounds: Array) -> Array:
     return spread(np.vstack([known, bounds]), least=0.0)
 
 
-def _parameters(rows: InformationRows, rig: Rig, Z: Array, visible: Sequence[int]) -> dict[str, ParameterValue]:
+def _parameters(
+    rows: InformationRows, rig: Rig, Z: Array, visible: Sequence[int], alone: bool
+) -> dict[str, ParameterValue]:
     loose, std = np.isinf(spread(rows.known)), Z * _bounded_spread(rows.known, rows.bounds)
     reach = NORMAL_Q90 * std
-    wide = loose90(Z, unknown_ratios(whole_parameters(Z, rig.L1, rig.g)), rig, visible)
+    wide = loose90(Z, unknown_ratios(whole_parameters(Z, rig.L1, rig.g)), rig, visible, alone=alone)
     return {
         name: ParameterValue(
             value=float(Z[i]),

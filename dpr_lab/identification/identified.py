@@ -95,9 +95,9 @@ def identified_model(
     rms = np.sqrt(np.mean((measured - ratio_fit.predicted) ** 2, axis=0))
     ratios = {name: _ratio(ratio_fit, ratio_uncertainty, rig, name, profile) for name in RATIOS}
     parameters, base = update_prior(ratio_uncertainty.values, ratio_uncertainty.of_runs, rig, ratio_fit.visible)
-    scale, unknown = _scale(ratio_fit, ratio_uncertainty, rig, base["b"]), ratio_fit.fit.estimate.ratios
-    parameters, base = with_intervals(parameters, base, ratios, scale, unknown, rig, ratio_fit.visible)
     alone = only_inner(prepared.run.setup for prepared in runs)
+    scale, unknown = _scale(ratio_fit, ratio_uncertainty, rig, base["b"], alone=alone), ratio_fit.fit.estimate.ratios
+    parameters, base = with_intervals(parameters, base, ratios, scale, unknown, rig, ratio_fit.visible, alone=alone)
     p_over_b = float(unknown[ON_ELBOW])
     std = dict.fromkeys(RATIOS, 0.0) | _of_ratios(ratio_uncertainty.names, ratio_uncertainty.cramer_rao_std)
     share = float(unknown[RATIOS.index("a/b")]) - p_over_b
@@ -171,14 +171,16 @@ def _ratio(
     )
 
 
-def _scale(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, b: ParameterValue) -> Scale:
+def _scale(
+    ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, b: ParameterValue, *, alone: bool
+) -> Scale:
     """Return the scale of absolute sizes, which the runs or the rig file determine.
 
     The scale is the inertia `b`. Bounds of the rig file may shift it away from the estimate of the runs. The interval
     then contains both values.
     """
     if SCALE not in ratio_fit.visible:
-        return scale_of(b, ratio_fit.fit.estimate.ratios, rig, ratio_fit.visible)
+        return scale_of(b, ratio_fit.fit.estimate.ratios, rig, ratio_fit.visible, alone=alone)
     low, high = ratio_uncertainty.interval90(list(ratio_fit.visible).index(SCALE))
     return Scale(b=b.value, interval90=(max(min(low, b.value), 1e-3 * b.value), max(high, b.value)), fixed_by="data")
 

@@ -32,6 +32,7 @@ from dpr_lab.run import Run, as_runs, moves
 from dpr_lab.search import ALGORITHMS, load_search
 from dpr_lab.search.problem import Generation
 from dpr_lab.search.settings import SearchSettings
+from dpr_lab.setup import only_inner
 
 
 @solvable
@@ -221,7 +222,11 @@ def identifiability(
     nine, _ = update_prior(ratio_uncertainty.values, ratio_uncertainty.of_runs, rig, ratio_fit.visible)
     Z = np.array([value.value for value in nine.values()])
     # A residual above the noise floor is treated as noise of that size.
-    return analysed(ratio_uncertainty.information / max(1.0, ratio_fit.chi2_per_dof), rig, Z, visible=ratio_fit.visible)
+    information, alone = (
+        ratio_uncertainty.information / max(1.0, ratio_fit.chi2_per_dof),
+        only_inner(r.setup for r in runs),
+    )
+    return analysed(information, rig, Z, visible=ratio_fit.visible, alone=alone)
 
 
 def _suited(name: str, search: str) -> SearchSettings:

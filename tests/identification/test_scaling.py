@@ -4,10 +4,10 @@ import pytest
 from dpr_lab.dynamics.base import BASE, RATIOS, base_parameters, whole_parameters
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import EffectParameter
-from dpr_lab.fitting.estimate import unknown_ratios
-from dpr_lab.identification.model import EstimatedValue
+from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, alone_share, unknown_ratios
+from dpr_lab.identification.model import EstimatedValue, ParameterValue
 from dpr_lab.identification.prior_update import update_prior
-from dpr_lab.identification.scaling.prior_spread import scale_of, with_intervals
+from dpr_lab.identification.scaling.prior_spread import loose90, scale_of, with_intervals
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import PARAMETERS, Rig, load_rig
 from dpr_lab.rig_tables import Parameter
@@ -50,6 +50,25 @@ def test_the_interval_of_the_scale_holds_the_true_b_in_nine_rigs_of_ten(name: st
         low, high = scale(known(rig, Z, *weighed), seen(rig, Z)).interval90
         held.append(low <= base_parameters(Z, rig.L1, rig.g)[BASE.index("b")] <= high)
     assert 0.8 < np.mean(held) <= 1.0
+
+
+@pytest.mark.parametrize("name", ["paper", pytest.param("multiarm", marks=pytest.mark.long)])
+def test_the_intervals_of_the_inner_rod_alone_hold_its_true_values_in_nine_rigs_of_ten(name: str) -> None:
+    rig, rng, held = load_rig(name), np.random.default_rng(1), []
+    nominal, visible = seen(rig, rig.nominal), (RATIOS.index("e1/b"), RATIOS.index("c1/b"))
+    share, carried = alone_share(nominal), nominal[ON_ELBOW] * rig.g / rig.L1
+    for _ in range(100):
+        Z = rng.uniform(*rig.bounds)
+        without = base_parameters(Z * (np.array(PARAMETERS) != "m2"), rig.L1, rig.g)
+        a, e1, c1 = (float(without[BASE.index(name)]) for name in ("a", "e1", "c1"))
+        fitted = nominal.copy()
+        fitted[list(visible)] = e1 / a * share + carried, c1 / a * share
+        assumed = ParameterValue(value=nominal[SCALE], std=None, fixed_by="bound")
+        of_a = scale_of(assumed, fitted, rig, visible, alone=True).as_inertia("a", share)
+        in_use = np.where(np.array(PARAMETERS) == "c1", c1 / a * of_a.b, rig.nominal)
+        of_c1 = loose90(in_use, fitted, rig, visible, alone=True)["c1"]
+        held.append([low <= value <= high for value, (low, high) in ((a, of_a.interval90), (c1, of_c1))])
+    assert (np.mean(held, axis=0) > 0.8).all()
 
 
 def test_a_scale_fixed_only_by_bounds_is_reported_as_not_measured(paper: Rig) -> None:

@@ -84,11 +84,12 @@ def scale(state: Transferred) -> Scale:
     If only the inner rod is mounted, the value of a is stated instead.
     """
     setups, unknown = state.fitted.problem.segments.setups, state.selection.chosen.estimate.ratios
-    of_b = _scale_b(state)
-    return of_b.as_inertia("a", alone_share(unknown)) if only_inner(setups) else of_b
+    alone = only_inner(setups)
+    of_b = _scale_b(state, alone)
+    return of_b.as_inertia("a", alone_share(unknown)) if alone else of_b
 
 
-def _scale_b(state: Transferred) -> Scale:
+def _scale_b(state: Transferred, alone: bool) -> Scale:
     rig, unknown, intervals = state.fitted.recordings.rig, state.selection.chosen.estimate.ratios, state.intervals
     b = float(unknown[SCALE])
     if ("", "b") in intervals:
@@ -99,7 +100,7 @@ def _scale_b(state: Transferred) -> Scale:
         return Scale(b=b, interval90=(max(b - reach, 1e-3 * b), b + reach), fixed_by="data", constants_std=of_drive)
     visible = [i for i, name in enumerate(UNKNOWN_RATIOS) if ("", name) in intervals]
     assumed = assumed_b(state.selection.bare.estimate.ratios, rig)
-    return scale_of(assumed.model_copy(update={"value": b}), unknown, rig, visible)
+    return scale_of(assumed.model_copy(update={"value": b}), unknown, rig, visible, alone=alone)
 
 
 def ratio_covariance(state: Transferred) -> Array:

@@ -3,8 +3,9 @@
 The theory is in docs/theory.md, equation 56. Each of the nine parameters has a lognormal prior. Its median is the
 measured value, or the nominal value without a measurement. The standard deviation of its logarithm is std / measured
 for a measured value. Otherwise, it is that of a uniform distribution between the bounds, ln(upper / lower) / sqrt(12).
-The ratios q of inertias and gravity, with the covariance C of their logarithms, then update this prior. The update uses
-the logarithms z = ln Z of the parameters Z, with the prior mean z0 and covariance P0:
+The ratios q of inertias and gravity, with the covariance C of their logarithms, then update this prior. For the inner
+rod alone, q is e1/a of this rod. The update uses the logarithms z = ln Z of the parameters Z, with the prior mean z0
+and covariance P0:
 
     K = P0 J^T (J P0 J^T + C)^-1,    z = z0 + K (ln q - ln q(z0)),    P = P0 - K J P0,    J = d ln q / d z
 
@@ -21,7 +22,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import BASE, RATIOS, base_jacobian, base_parameters, whole_parameters
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, unknown_ratios
+from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, alone_share, unknown_ratios
 from dpr_lab.fitting.prior import unknown_jacobian
 from dpr_lab.identification.model import EstimatedValue, ParameterValue
 from dpr_lab.identification.scaling.scale import Interval90, Scale, lognormal90
@@ -42,10 +43,12 @@ class PriorSettings:
 
 SETTINGS = PriorSettings()
 
-_B = BASE.index("b")
+_A, _B, _E1 = (BASE.index(name) for name in ("a", "b", "e1"))
 
 
-def scale_of(b: ParameterValue, unknown: Array, rig: Rig, visible: Sequence[int] | None = None) -> Scale:
+def scale_of(
+    b: ParameterValue, unknown: Array, rig: Rig, visible: Sequence[int] | None = None, *, alone: bool = False
+) -> Scale:
     """Compute the scale of absolute sizes from the rig file.
 
     Args:
@@ -53,14 +56,13 @@ def scale_of(b: ParameterValue, unknown: Array, rig: Rig, visible: Sequence[int]
         unknown: (7,) ratios, b and p/b, of which only the ratios are used
         rig: measured values, nominal values and bounds
         visible: indices in `UNKNOWN_RATIOS` that the recordings determine; default: the five ratios
+        alone: whether only the inner rod is mounted; the scale is then its inertia a, converted to b by the ratio
     """
-    Z, P = _posterior(unknown, rig, visible)
-    base = base_parameters(Z, rig.L1, rig.g)[_B]
-    slopes = base_jacobian(Z, rig.L1, rig.g)[_B] * Z / base
-    std = float(np.sqrt(slopes @ P @ slopes))
-    lower, upper = (float(base_parameters(edge, rig.L1, rig.g)[_B]) for edge in _edges(rig))
-    interval = _interval(float(base), std, lower, upper, b.value)
-    return Scale(b=b.value, interval90=interval, fixed_by="bound" if b.fixed_by == "bound" else "measured")
+    share = alone_share(unknown) if alone else 1.0
+    low, high = _posterior(unknown, rig, visible, alone).of_base(_A if alone else _B, share * b.value, alone)
+    return Scale(
+        b=b.value, interval90=(low / share, high / share), fixed_by="bound" if b.fixed_by == "bound" else "measured"
+    )
 
 
 def with_intervals(
@@ -71,6 +73,8 @@ def with_intervals(
     unknown: Array,
     rig: Rig,
     visible: Sequence[int] | None = None,
+    *,
+    alone: bool = False,
 ) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
     """Add 90 % intervals to the nine rig parameters and to the base parameters.
 
@@ -84,24 +88,28 @@ def with_intervals(
         unknown: (7,) ratios, b and p/b
         rig: measured values, nominal values and bounds
         visible: as in `scale_of`
+        alone: as in `scale_of`
     """
-    absolute = {"b": base["b"].model_copy(update={"interval90": scale.interval90})}
-    for name in BASE:
-        if name != "b":
-            ends = (scale.b * ratios[f"{name}/b"].interval90[0], scale.b * ratios[f"{name}/b"].interval90[1])
-            interval = _of_std(base[name]) or scale.absolute90(base[name].value, ends)
-            absolute[name] = base[name].model_copy(update={"interval90": interval})
-    loose = loose90(np.array([parameter.value for parameter in nine.values()]), unknown, rig, visible)
+    loose = loose90(np.array([parameter.value for parameter in nine.values()]), unknown, rig, visible, alone=alone)
+    posterior, absolute = _posterior(unknown, rig, visible, alone), {}
+    for place, name in enumerate(BASE):
+        interval = _of_std(base[name])
+        if interval is None and not alone and _determined(f"{name}/b", visible):
+            low, high = ratios[f"{name}/b"].interval90
+            interval = scale.absolute90(base[name].value, (scale.b * low, scale.b * high))
+        absolute[name] = interval or loose.get(name) or posterior.of_base(place, base[name].value, alone=False)
+    if not alone:
+        absolute["b"] = scale.interval90
     parameters = {
-        name: parameter.model_copy(
-            update={"interval90": _of_std(parameter) or (absolute.get(name) or parameter).interval90 or loose[name]}
-        )
+        name: parameter.model_copy(update={"interval90": _of_std(parameter) or absolute.get(name) or loose[name]})
         for name, parameter in nine.items()
     }
-    return parameters, {name: absolute[name] for name in BASE}
+    return parameters, {name: base[name].model_copy(update={"interval90": absolute[name]}) for name in BASE}
 
 
-def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = None) -> dict[str, Interval90]:
+def loose90(
+    Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = None, *, alone: bool = False
+) -> dict[str, Interval90]:
     """Compute the 90 % intervals of the parameters that are determined only by bounds.
 
     Args:
@@ -109,20 +117,26 @@ def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = 
         unknown: (7,) ratios, b and p/b
         rig: measured values, nominal values and bounds
         visible: as in `scale_of`
+        alone: as in `scale_of`
     """
-    median, P = _posterior(unknown, rig, visible)
+    posterior = _posterior(unknown, rig, visible, alone)
+    inertia, std = posterior.base(_A if alone else _B, alone)
+    assumed = unknown[SCALE] * (alone_share(unknown) if alone else 1.0)
     lower, upper = _edges(rig)
-    b = base_parameters(median, rig.L1, rig.g)[_B]
-    slopes = base_jacobian(median, rig.L1, rig.g)[_B] * median / b
-    scale_std = np.sqrt(slopes @ P @ slopes)
     intervals = {}
     for i, name in enumerate(PARAMETERS):
-        if name in BASE:  # friction: its ratio to b is determined, but b is not
-            low, high = lognormal90(float(b / unknown[SCALE] * Z[i]), float(scale_std))
+        if _determined(f"{name}/b", visible):  # friction: its ratio to the inertia is determined, the inertia is not
+            low, high = lognormal90(inertia / assumed * Z[i], std)
             intervals[name] = (float(min(low, Z[i])), float(max(high, Z[i])))
         else:
-            intervals[name] = _interval(median[i], P[i, i] ** 0.5, lower[i], upper[i], Z[i])
+            log_std = posterior.covariance[i, i] ** 0.5
+            intervals[name] = _interval(posterior.median[i], log_std, lower[i], upper[i], Z[i])
     return intervals
+
+
+def _determined(ratio: str, visible: Sequence[int] | None) -> bool:
+    """Check whether the recordings determine a ratio."""
+    return ratio in RATIOS and (visible is None or RATIOS.index(ratio) in visible)
 
 
 def _of_std(value: ParameterValue) -> Interval90 | None:
@@ -151,13 +165,49 @@ def _edges(rig: Rig) -> Array:
     return rig.bounds + np.outer([-1.0, 1.0], reach)
 
 
-def _posterior(unknown: Array, rig: Rig, visible: Sequence[int] | None) -> tuple[Array, Array]:
-    """Compute the most probable parameters (9,) and the covariance (9, 9) of their logarithms.
+@dataclass(frozen=True, slots=True)
+class _Posterior:
+    """Lognormal distribution of the nine parameters, given the ratios."""
 
-    All ratios except friction are given.
+    median: Array
+    """(9,) most probable parameters."""
+    covariance: Array
+    """(9, 9) covariance of their logarithms."""
+    rig: Rig
+    """Rig file of the prior."""
+
+    def base(self, place: int, alone: bool) -> tuple[float, float]:
+        """Return the median of a base parameter, and the standard deviation of its logarithm."""
+        value, slopes = _base(self.median, self.rig, alone)
+        return float(value[place]), float(np.sqrt(slopes[place] @ self.covariance @ slopes[place]))
+
+    def of_base(self, place: int, value: float, alone: bool) -> Interval90:
+        """Return the 90 % interval of a base parameter, extended to the value in use."""
+        lower, upper = (_base(edge, self.rig, alone)[0][place] for edge in _edges(self.rig))
+        return _interval(*self.base(place, alone), lower, upper, value)
+
+
+def _base(Z: Array, rig: Rig, alone: bool) -> tuple[Array, Array]:
+    """Return the base parameters (6,) and the derivatives (6, 9) of their logarithms by the logarithms of Z (9,).
+
+    Those of the inner rod alone do not contain the mass of the outer rod.
+    """
+    mounted = np.where(np.array(PARAMETERS) == "m2", 0.0, Z) if alone else Z
+    base = base_parameters(mounted, rig.L1, rig.g)
+    return base, base_jacobian(mounted, rig.L1, rig.g) * mounted / np.maximum(base, 1e-30)[:, None]
+
+
+def _posterior(unknown: Array, rig: Rig, visible: Sequence[int] | None, alone: bool) -> _Posterior:
+    """Compute the distribution of the parameters, given all determined ratios except friction.
+
+    The inner rod alone determines only the ratio e1/a.
     """
     determined = range(len(RATIOS)) if visible is None else visible
     places = [i for i in (*range(len(RATIOS)), ON_ELBOW) if i in determined and i not in FRICTION]
+    estimated = unknown[places]
+    if alone:
+        gravity = unknown[RATIOS.index("e1/b")] - unknown[ON_ELBOW] * rig.g / rig.L1
+        estimated = np.array([gravity / alone_share(unknown)])
     lower, upper = rig.bounds
     relative = np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS]) / rig.nominal
     P0 = np.diag(np.where(rig.searched, np.log(upper / lower) / np.sqrt(12), relative) ** 2)
@@ -165,12 +215,16 @@ def _posterior(unknown: Array, rig: Rig, visible: Sequence[int] | None) -> tuple
     P = P0
     for _ in range(30):
         Z = np.exp(z)
-        q = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))[places]
-        J = unknown_jacobian(Z, rig)[places] * Z / q[:, None]
-        K = P0 @ J.T @ np.linalg.pinv(J @ P0 @ J.T + SETTINGS.ratio_std**2 * np.eye(len(places)), hermitian=True)
+        if alone:
+            base, slopes = _base(Z, rig, alone)
+            q, J = base[[_E1]] / base[_A], slopes[[_E1]] - slopes[_A]
+        else:
+            q = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))[places]
+            J = unknown_jacobian(Z, rig)[places] * Z / q[:, None]
+        K = P0 @ J.T @ np.linalg.pinv(J @ P0 @ J.T + SETTINGS.ratio_std**2 * np.eye(len(q)), hermitian=True)
         P = P0 - K @ J @ P0
-        step = z0 + K @ (np.log(unknown[places] / q) - J @ (z0 - z)) - z
+        step = z0 + K @ (np.log(estimated / q) - J @ (z0 - z)) - z
         z = z + np.clip(step, -SETTINGS.longest_step, SETTINGS.longest_step)
         if np.max(np.abs(step)) < SETTINGS.converged:
             break
-    return np.exp(z), P
+    return _Posterior(np.exp(z), P, rig)
