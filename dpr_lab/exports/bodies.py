@@ -6,14 +6,13 @@ The effects are represented by elements that simulators have in common (`Words`)
 import json
 from collections.abc import Collection, Mapping
 
-from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.effects.effect import Words
 from dpr_lab.effects.effect_kernels import active_effects, arm_model
 from dpr_lab.effects.quantities import HELD_ARM
-from dpr_lab.exports.module_parts import base_of, known_effects
+from dpr_lab.exports.module_parts import base_of, constants_of, known_effects
 from dpr_lab.exports.moving_arm.bodies import arm_bodies
-from dpr_lab.exports.rigid_bodies import Arm, Bodies, rod_about_joint, words_of_joint
+from dpr_lab.exports.rigid_bodies import LEAST_MASS, Arm, Bodies, rod_about_joint, words_of_joint
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
@@ -79,18 +78,19 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
         return arm_bodies(model, rig, expressed)
     a, b, d, e1, _, c1, c2 = base_of(model)
     m1, m2, mb = _masses(model)
-    values, constants = list(expressed.values()), rig_constants(rig)
+    values, constants = list(expressed.values()), constants_of(model, rig)
     length = model.rig.L1 + sum(words.get("added_length", 0.0) for words in values)
     length2 = rig.L2 or 2 * model.parameters["l2"].value
+    if model.fitted:  # the inner rod alone contains the parts at joint 2
+        m1, m2, mb = max(m1 + mb, LEAST_MASS * (e1 / model.rig.g) ** 2 / a), 0.0, 0.0
     moment1, inertia1 = e1 / model.rig.g - (m2 + mb) * length, a - (m2 + mb) * length**2
     inner, outer = (words_of_joint(expressed, joint) for joint in range(2))
-    rods = (
-        rod_about_joint(length, m1, moment1, inertia1, c1, constants.m1, inner),
-        rod_about_joint(length2, m2, d / length, b, c2, constants.m2, outer),
-    )
+    rods = [rod_about_joint(length, m1, moment1, inertia1, c1, constants.m1, inner)]
+    if not model.fitted:
+        rods.append(rod_about_joint(length2, m2, d / length, b, c2, constants.m2, outer))
     tilt = sum(words.get("tilt", 0.0) for words in values)
     arm = arm_of(model, rig) if any("arm" in words for words in values) else None
-    return Bodies(rods, mb, model.rig.g, tilt, arm)
+    return Bodies(tuple(rods), mb, model.rig.g, tilt, arm)
 
 
 def _masses(model: Model) -> tuple[float, float, float]:
@@ -114,7 +114,7 @@ def arm_of(model: Model, rig: Rig) -> Arm | None:
     The result is None if there is no such effect, or if the arm is lighter than the rods at its tip.
     """
     params = effect_params(known_effects(model.effects))
-    held = arm_model(rig_constants(rig), HELD_ARM, params.tolist(), active_effects(params))
+    held = arm_model(constants_of(model, rig), HELD_ARM, params.tolist(), active_effects(params))
     alone = held.inertia - sum(_masses(model)) * rig.rig.L0**2
     if held is HELD_ARM or not 0.0 < alone < float("inf"):
         return None

@@ -128,9 +128,8 @@ class EngineSwing({kind}):
 _PUSH = '''
     def push(self, torque1, torque2):
         """Apply the torques of joints 1 and 2, N m."""
-        for number, torque in ((1, torque1), (2, torque2)):
-            name, _, sign = JOINTS[number]
-            self.data.joint(name).qfrc_applied[0] = sign * torque
+        for number, (name, _, sign) in JOINTS.items():
+            self.data.joint(name).qfrc_applied[0] = sign * (torque1, torque2)[number - 1]
 
 
 def arm_torques(data, motion):
@@ -212,7 +211,8 @@ def passive(
     """
     expressed = in_words(model, rig, WORDS) if expressed is None else expressed
     place = EngineFile() if engine_file is None else engine_file
-    moving, outer = isinstance(model, MovingArmModel), not isinstance(model, MovingArmModel) or model.mounted == "both"
+    moving = isinstance(model, MovingArmModel)
+    outer = model.mounted == "both" if isinstance(model, MovingArmModel) else not model.fitted
     called = [name for name in model.effects if name in EFFECTS and name not in expressed]
     more = {"motion_of": motion_of, "under_load": under_load, "joint_forces": joint_forces, "held": held, "plus": plus}
     more |= {"reduced_rods": reduced_rods, "with_arm": with_arm, "called_torques": effect_torques}

@@ -15,6 +15,7 @@ from dpr_lab.dynamics.arm import with_gravity
 from dpr_lab.dynamics.base import BASE
 from dpr_lab.dynamics.encoder_errors import read_at
 from dpr_lab.dynamics.lanes.interpolation import cubic
+from dpr_lab.dynamics.rig_constants import constants_of_run, rig_constants
 from dpr_lab.dynamics.step import RigModel, RigState, accelerations_at, stepped
 from dpr_lab.effects import EFFECTS, SLICES, effect_kernels
 from dpr_lab.effects.effect_kernels import AT_RELEASE, STEPPED, required_by
@@ -23,6 +24,8 @@ from dpr_lab.effects.stages import Requirements
 from dpr_lab.exports.source import PREAMBLE, Rewrite, sources
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.rig import Rig
+from dpr_lab.setup import Setup
 
 _EVERY = """
 effect_torques load_torques dry_limits arm_model free_arm_model arm_torques arm_drives whole_torques arm_delay
@@ -199,8 +202,21 @@ def assembled(
 
 
 def base_of(model: Model | MovingArmModel) -> BaseParameters:
-    """Return the base parameters of the rods, SI."""
-    return with_gravity([model.sizes[name] for name in BASE], model.rig.L1, model.rig.g)
+    """Return the base parameters of the mounted rods, SI.
+
+    If only the inner rod is mounted, d and c2 are zero, so that the outer rod has no influence.
+    """
+    sizes, frame = model.sizes, model.rig
+    if isinstance(model, Model) and model.fitted:
+        p = (model.p_over_b or 0.0) * sizes["b"]
+        sizes |= {"a": sizes["a"] - p, "d": 0.0, "e1": sizes["e1"] - p * frame.g / frame.L1, "c2": 0.0}
+    return with_gravity([sizes[name] for name in BASE], frame.L1, frame.g)
+
+
+def constants_of(model: Model | MovingArmModel, rig: Rig) -> RigConstants:
+    """Return the rig constants of the mounted rods."""
+    alone = isinstance(model, Model) and bool(model.fitted)
+    return constants_of_run(rig_constants(rig), Setup("inner" if alone else "both"))
 
 
 def known_effects(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:

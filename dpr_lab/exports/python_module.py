@@ -12,11 +12,10 @@ import numpy as np
 
 from dpr_lab.dynamics.arm import CLAMPED, FREE
 from dpr_lab.dynamics.base import BASE
-from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS, effect_params
 from dpr_lab.effects.effect_kernels import arm_model
 from dpr_lab.effects.quantities import HELD_ARM
-from dpr_lab.exports.module_parts import assembled, base_of, known_effects, simulated_rig
+from dpr_lab.exports.module_parts import assembled, base_of, constants_of, known_effects, simulated_rig
 from dpr_lab.exports.moving_arm.python_module import arm_module_text
 from dpr_lab.exports.source import Rewrite
 from dpr_lab.identification.model import Model
@@ -97,9 +96,10 @@ def python_module(
         return arm_module_text(model, rig, more, rewritten)
     effects = {name: values for name, values in model.effects.items() if name in OF_FREE_SWINGS}
     params = effect_params(known_effects(effects))
-    constants = rig_constants(rig)._replace(L1=model.rig.L1, g=model.rig.g)
+    constants = constants_of(model, rig)._replace(L1=model.rig.L1, g=model.rig.g)
     arm = arm_model(constants, HELD_ARM, params.tolist(), np.isin(list(EFFECTS), list(effects)))
-    simulated = simulated_rig(base_of(model), constants, arm, effects)
+    base = base_of(model)
+    simulated = simulated_rig(base, constants, arm, effects)
     mode = FREE if simulated.required.arm else CLAMPED
-    further = {"L2": constants.L2, "base": tuple(model.sizes[name] for name in BASE)}
+    further = {"L2": constants.L2, "base": tuple(base._asdict()[name] for name in BASE)}
     return assembled(model, (_HEAD, _CLAMPED), simulated, effects, mode, more, rewritten, **further)

@@ -34,10 +34,13 @@ def release(run: Run, rig: Rig, model: Model, until: float | None = None) -> Rep
     steps = REPLAY.steps(start, end)
     drives = followed.preprocessed.run.setup.torques
     pushed = np.zeros((len(steps), 2)) if drives is None else drives.mean_before(steps)
+    measured = followed.preprocessed.run.theta[samples, 1:]
+    if followed.preprocessed.run.setup.alone:
+        measured[:, 1] = np.nan
     return Replay(
         run.name,
         freely.t[samples],
-        followed.preprocessed.run.theta[samples, 1:],
+        measured,
         freely.theta[samples],
         start,
         followed.estimate.initial[0],

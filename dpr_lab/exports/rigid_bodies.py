@@ -13,6 +13,9 @@ Vector = tuple[float, float, float]
 THIN = 1e-12
 """Inertia of a thin rod about its own axis, kg m^2. It is positive, because simulators require this."""
 
+LEAST_MASS = 1.05
+"""Minimum mass of a rod, relative to the smallest mass that its first moment and inertia allow."""
+
 
 @dataclass(frozen=True, slots=True)
 class Rod:

@@ -61,6 +61,13 @@ class ExportResult:
         return {"schema": 1, **asdict(self)}
 
 
+INNER_ALONE = (
+    "the model was identified from the inner rod alone, so the outer rod is unknown: {}. For both rods, identify from"
+    " recordings of both rods"
+)
+"""Message about a model without the outer rod; {} is the consequence."""
+
+
 def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
     """Export a model.
 
@@ -84,6 +91,8 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
     rig = load_rig(request.rig)
     model = model_to_export(request.model, rig)
     runs = read_runs(request.check, rig, on_event, torque=request.torque, moving=isinstance(model, MovingArmModel))
+    if not isinstance(model, MovingArmModel) and model.fitted and rig.rods.mounted == "both":
+        on_event(Warned(INNER_ALONE.format("the files contain only this rod")))
     for run in runs:
         if run.arm is not None:
             raise RunError(f"{run.name}: its arm moves, which the replay does not support: check another run")

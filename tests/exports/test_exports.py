@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.exports import FORMATS
@@ -16,7 +17,7 @@ from dpr_lab.exports.python_module import python_module
 from dpr_lab.exports.sdf import sdf
 from dpr_lab.exports.urdf import urdf
 from dpr_lab.rig import Rig
-from tests.exports.models import model_of, run_source
+from tests.exports.models import identified_model, model_of, run_source
 from tests.thinned import thinned
 
 
@@ -34,6 +35,29 @@ def test_mjcf_contains_the_effects_that_it_can_and_lists_the_others(paper: Rig):
     assert "frictionloss" not in second
     assert [body.attrib["name"] for body in root.iter("body")] == ["inner", "encoder2", "outer"]
     assert next(root.iterfind("custom/text")).attrib["data"] == "Effects not in this file: latency_joint2."
+
+
+def test_a_model_of_the_inner_rod_alone_is_exported_as_one_rod(paper: Rig, tmp_path: Path):
+    l1, _, m1, m2, mb, c1, _, J1, _ = paper.nominal.tolist()
+    a, e1 = J1 + m1 * l1**2 + mb * paper.L1**2, (m1 * l1 + mb * paper.L1) * paper.g
+    both = identified_model(paper, {})
+    p_over_b = m2 * paper.L1**2 / both.base["b"].value
+    model = both.model_copy(update={"fitted": list(both.ratios.values()), "p_over_b": p_over_b})
+    bodies = ElementTree.fromstring(mjcf(model, paper)).findall(".//body")
+    assert [body.attrib["name"] for body in bodies] == ["inner"]
+    inertial = bodies[0].find("inertial")
+    assert inertial is not None
+    mass, centre = float(inertial.attrib["mass"]), float(inertial.attrib["pos"].split()[2])
+    assert mass * centre * paper.g == pytest.approx(e1)
+    assert float(inertial.attrib["diaginertia"].split()[0]) + mass * centre**2 == pytest.approx(a)
+    assert "outer" not in urdf(model, paper, {})
+    assert "outer" not in sdf(model, paper, {})
+    t = np.linspace(0.0, 1.0, 11)
+    exact = solve_ivp(
+        lambda _, x: (x[1], (e1 * np.sin(x[0]) - c1 * x[1]) / a), (0, 1), (1.0, 0.0), t_eval=t, rtol=1e-10
+    )
+    states = run_source(python_module(model, paper), tmp_path)["simulate"]((1.0, 1.0, 0.0, 0.0), t)
+    assert states[:, 0] == pytest.approx(exact.y[0], abs=1e-6)
 
 
 HOSTILE = [

@@ -11,19 +11,18 @@ from collections.abc import Mapping
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.effects.effect import ARM, Words
 from dpr_lab.errors import ConfigError
-from dpr_lab.exports.rigid_bodies import Arm, Bodies, rod_about_joint, words_of_joint
+from dpr_lab.exports.rigid_bodies import LEAST_MASS, Arm, Bodies, rod_about_joint, words_of_joint
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 
 
-def arm_bodies(model: MovingArmModel, rig: Rig, expressed: Mapping[str, Words], margin: float = 1.05) -> Bodies:
+def arm_bodies(model: MovingArmModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
     """Build rigid bodies that move like the model, with the effects of a format.
 
     Args:
         model: the model
         rig: rig of the model
         expressed: simulator elements of each effect
-        margin: minimum mass of a rod, relative to the smallest mass that its first moment and inertia allow
 
     Raises:
         ConfigError: the recordings determine no inertia of the arm, or no bodies with positive masses have this motion.
@@ -40,11 +39,11 @@ def arm_bodies(model: MovingArmModel, rig: Rig, expressed: Mapping[str, Words], 
     least2 = S2**2 / values["b"] if both_rods else 0.0
     nominal1, nominal2 = rig.parameters["m1"].nominal, rig.parameters["m2"].nominal if both_rods else 0.0
     for share in (1.0, 0.5, 0.25, 0.0):  # smaller masses of the rods leave a larger inertia for the arm
-        m2 = max(share * nominal2, margin * least2)
+        m2 = max(share * nominal2, LEAST_MASS * least2)
         S1, about1 = values["e1"] / model.rig.g - m2 * length, values["a"] - m2 * length**2
         if about1 <= 0.0:
             continue
-        m1 = max(share * nominal1, margin * S1**2 / about1, 1e-6)
+        m1 = max(share * nominal1, LEAST_MASS * S1**2 / about1, 1e-6)
         alone = values["A"] - (m1 + m2) * L0**2
         if alone > 0.0:
             words = [words_of_joint(expressed, joint) for joint in (0, 1)]
