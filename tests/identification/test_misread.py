@@ -13,7 +13,7 @@ from dpr_lab.fitting.gauss_newton import StopReason
 from dpr_lab.identification.identify import identify
 from dpr_lab.identification.misread import tried
 from dpr_lab.identification.misread.energy import energy_remedy, energy_rise
-from dpr_lab.identification.misread.readings import readings
+from dpr_lab.identification.misread.readings import HELD_BY_SPRING, listed_causes, readings
 from dpr_lab.identification.misread.refuse import refuse_impossible_scale, refuse_misread
 from dpr_lab.identification.misread.tried import fitted, impossible, second_look
 from dpr_lab.identification.preprocess import preprocess
@@ -337,3 +337,18 @@ def test_readings_larger_than_the_angles_are_named_if_a_spring_replaces_gravity(
     unknown = np.array([4.0, 1.5, -28.0, 0.5, 0.06, 1e-3, 3.0])
     with pytest.raises(IdentificationError, match=r"e1/b = -28.*The readings are then larger than the angles.*--scale"):
         refuse_impossible_scale(unknown, swings, paper, ("spring_joint1",))
+
+
+def test_a_spring_is_a_cause_of_readings_that_seem_too_large_only_below_upright(paper: Rig):
+    t = np.arange(0.0, 5.0, 0.01)
+    swung = [np.pi + amplitude * np.cos(6.0 * t) for amplitude in (1.0, 40.0)]
+    small, large = (
+        Run("cosine", t, np.column_stack([0 * t, theta, theta]), None, None, paper.name, "", 100.0, mounting="inner")
+        for theta in swung
+    )
+    smaller = [reading for reading in readings(paper) if reading.smaller]
+    assert any("in degrees" in reading.cause for reading in smaller)
+    assert all(np.ptp(reading.read(small).theta[:, 1]) < 2.0 for reading in smaller if reading.read(small))
+    assert listed_causes(smaller, [small]).endswith(HELD_BY_SPRING)
+    assert HELD_BY_SPRING not in listed_causes(smaller, [large])
+    assert HELD_BY_SPRING not in listed_causes([r for r in readings(paper) if not r.smaller], [small])

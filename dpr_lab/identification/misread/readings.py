@@ -29,6 +29,27 @@ class Misreading:
     """Whether the arm moves in this interpretation; a compliant arm also moves."""
     time_factor: float = 1.0
     """Factor on the times in this interpretation."""
+    smaller: bool = False
+    """Whether the angles are smaller than the readings, so that the period hardly depends on the amplitude."""
+
+
+HELD_BY_SPRING = "a spring or cable holds the rod: compare the reading with an angle measured on the rig"
+"""Cause of a period that hardly depends on the amplitude, if the readings are the angles."""
+
+
+def listed_causes(tried: Sequence[Misreading], runs: Sequence[Run]) -> str:
+    """List the mistakes that some interpretations correct.
+
+    If smaller angles fit a swing that does not turn over, a spring is another cause.
+    """
+    causes = [reading.cause for reading in tried]
+    if any(reading.smaller for reading in tried) and all(_below_upright(run) for run in runs):
+        causes.append(HELD_BY_SPRING)
+    return ", or ".join(dict.fromkeys(causes))
+
+
+def _below_upright(run: Run) -> bool:
+    return bool(np.all(np.abs(run.theta[:, 1:] - np.pi) < np.pi))
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,9 +175,11 @@ _ANGLES = (
         " (import with --zero upright --angles absolute)",
         lambda inner, outer: (inner - np.pi, outer - inner),
     ),
-    _of_angles(_DEGREES, lambda a, b: (np.radians(a), np.radians(b))),
+    replace(_of_angles(_DEGREES, lambda a, b: (np.radians(a), np.radians(b))), smaller=True),
     # the readings are degrees from hanging
-    _of_angles(_DEGREES, lambda a, b: (np.pi + np.radians(a - np.pi), np.pi + np.radians(b - np.pi))),
+    replace(
+        _of_angles(_DEGREES, lambda a, b: (np.pi + np.radians(a - np.pi), np.pi + np.radians(b - np.pi))), smaller=True
+    ),
     _of_angles(
         "the angles are in radians (import with --unit rad)",
         lambda a, b: (np.pi + np.degrees(a - np.pi), np.pi + np.degrees(b - np.pi)),
@@ -177,17 +200,17 @@ def _scaled(rig: Rig) -> Iterator[Misreading]:
         tables = f"import a table of angles with --scale {factor:g}, and with --offset unless they are zero for hanging"
         for_both = key.format(f"{stated[1]} for joint 1 and {stated[2]} for joint 2", f"{counts[1]} and {counts[2]}")
         cause = f"both joints turn by {factor:g} times the reading ({for_both}; {tables})"
-        yield _of_two_rods(cause, _times(factor, factor))
+        yield replace(_of_two_rods(cause, _times(factor, factor)), smaller=factor < 1)
         for joint in (1, 2):
             for_one = key.format(f"{stated[joint]} for joint {joint}", counts[joint])
             option = f"import a table of joint angles with --scale theta{joint}={factor:g}"
             s1, s2 = (factor, 1.0) if joint == 1 else (1.0, factor)
             cause = f"joint {joint} turns by {factor:g} times the reading ({for_one}; {option})"
             interpretation = _of_angles if joint == 1 else _of_two_rods
-            yield interpretation(cause, _times(s1, s2, relative))
+            yield replace(interpretation(cause, _times(s1, s2, relative)), smaller=factor < 1)
             if relative:
                 rod = f"theta{joint} is {factor:g} times the reading (--scale theta{joint}={factor:g} and --offset)"
-                of_rod = _of_two_rods(rod, _times(s1, s2))
+                of_rod = replace(_of_two_rods(rod, _times(s1, s2)), smaller=factor < 1)
                 yield replace(of_rod, read=_of_tables(of_rod))
 
 

@@ -13,6 +13,7 @@ from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects.spring import SPRING
 from dpr_lab.errors import IdentificationError, RunError
 from dpr_lab.fitting.estimate import SCALE
+from dpr_lab.identification.misread.readings import HELD_BY_SPRING, listed_causes
 from dpr_lab.identification.misread.tried import (
     SETTINGS,
     better_readings,
@@ -47,10 +48,10 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
     # impossible masses may fit the readings down to the noise, so another interpretation need not fit better
     if not possible:
         chi2 = max(chi2, SETTINGS.explained * SETTINGS.better)
-    causes = [reading.cause for reading, _ in better_readings(runs, rig, chi2, chi2 / SETTINGS.better)]
-    if causes:
+    better = better_readings(runs, rig, chi2, chi2 / SETTINGS.better)
+    if causes := listed_causes([reading for reading, _ in better], runs):
         raise IdentificationError(
-            f"these recordings do not fit this rig as interpreted; another interpretation fits: {', or '.join(causes)}"
+            f"these recordings do not fit this rig as interpreted; another interpretation fits: {causes}"
         )
     if refused is not None:
         raise refused
@@ -74,8 +75,8 @@ _UNKNOWN_DRIVE = (
 
 _NO_GRAVITY = (
     "The model contains a spring of joint 1 instead of gravity, because the period of the swing hardly depends on its"
-    " amplitude. The readings are then larger than the angles, or a spring or cable holds the rod: compare the reading"
-    " with an angle measured on the rig, and correct the scale (--scale, --unit, counts_per_rev)"
+    f" amplitude. The readings are then larger than the angles, or {HELD_BY_SPRING}, and correct the scale (--scale,"
+    " --unit, counts_per_rev)"
 )
 
 

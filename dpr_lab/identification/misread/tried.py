@@ -12,7 +12,7 @@ from dpr_lab.estimation.noise import noise_floor
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, alone_share, unknown_ratios
 from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON, GaussNewton
 from dpr_lab.identification.misread.energy import ENERGY, energy_remedy, energy_rise
-from dpr_lab.identification.misread.readings import Misreading, other_zeros, readings
+from dpr_lab.identification.misread.readings import Misreading, listed_causes, other_zeros, readings
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
 from dpr_lab.identification.ratio_fit import RatioFit, first_fit, short_fit
 from dpr_lab.rig import Rig
@@ -110,15 +110,16 @@ class SecondLook:
     """
     energy_remedy: str = ""
     """Probable cause of the increase on this rig, with its remedy."""
+    causes: str = ""
+    """Mistakes that the other interpretations correct."""
 
     @property
     def sentence(self) -> str:
         """Probable mistake and its correction; empty without evidence against the description."""
         if self.tried:
-            causes = ", or ".join(dict.fromkeys(trial.reading.cause for trial in self.tried))
             return (
                 f"With another interpretation of the readings, a model without effects explains"
-                f" {percent(self.tried[0].share, 1)} of the excess chi-square: {causes}."
+                f" {percent(self.tried[0].share, 1)} of the excess chi-square: {self.causes}."
             )
         if self.energy_rise < ENERGY.entering:
             return ""
@@ -162,7 +163,7 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
         tried = [
             BetterReading(reading, float(1 - max(fit.chi2_per_dof - 1, 0.0) / before)) for reading, fit in explained
         ]
-        return SecondLook(tuple(tried), 0.0)
+        return SecondLook(tuple(tried), 0.0, causes=listed_causes([reading for reading, _ in explained], runs))
     passive = np.isfinite(first) and all(run.inner is None for run in runs)
     rise = energy_rise(_preprocessed(runs, rig, SETTINGS.looked_at_s), rig) if passive else 0.0
     return SecondLook((), rise, energy_remedy(runs, rig))
