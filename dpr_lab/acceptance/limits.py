@@ -18,11 +18,11 @@ horizon_s = 2.0
 unit = "rad"
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from dpr_lab.configs import read_config
 from dpr_lab.dynamics.base import RATIO_UNITS
@@ -108,6 +108,18 @@ class Limits(RigTable):
     free_run: FreeRunLimit | None = None
     """Limit on the free-run error; None if there is no such limit."""
 
+    @field_validator("effects", "ratios", mode="before")
+    @classmethod
+    def _known_names(cls, table: object, field: ValidationInfo) -> object:
+        """Check the names first, so that a fault in an entry of an unknown name is not reported instead."""
+        kind, names = ("effect", EFFECTS) if field.field_name == "effects" else ("ratio", RATIO_UNITS)
+        for name, entries in table.items() if isinstance(table, dict) else ():
+            _known(kind, name, names)
+            if kind == "effect" and isinstance(entries, dict):
+                for parameter in entries:
+                    _known(f"amplitude of {name}", parameter, [p.name for p in EFFECTS[name].amplitudes])
+        return table
+
     @property
     def has_any(self) -> bool:
         """Whether the file contains at least one limit."""
@@ -146,30 +158,26 @@ def load_limits(path: Path, model: type[AnyLimits]) -> AnyLimits:
 
 
 def refuse_other_limits(path: Path, limits: Limits) -> None:
-    """Check the names and units in a limits file.
+    """Check the units in a limits file.
 
     Raises:
-        ConfigError: an effect, amplitude or ratio is unknown, or a unit is incorrect; the message names it.
+        ConfigError: a unit is incorrect; the message names it.
     """
     for name, amplitudes in limits.effects.items():
-        _known(path, "effects", "effect", name, EFFECTS)
         units = {p.name: p.unit for p in EFFECTS[name].amplitudes}
         for parameter, limit in amplitudes.items():
-            _known(path, f"effects.{name}", f"amplitude of {name}", parameter, units)
             _same_unit(path, f"effects.{name}.{parameter}", limit.unit, units[parameter])
     for joint, friction in limits.friction.items():
         _same_unit(path, f"friction.{joint}", friction.unit, "N m")
     if limits.free_run is not None:
         _same_unit(path, "free_run", limits.free_run.unit, "rad")
     for name, limit in limits.ratios.items():
-        _known(path, "ratios", "ratio", name, RATIO_UNITS)
         _same_unit(path, f"ratios.{name}", limit.unit, RATIO_UNITS[name])
 
 
-def _known(path: Path, table: str, kind: str, name: str, names: Iterable[str]) -> None:
-    known = list(names)
-    if name not in known:
-        raise ConfigError(unknown_name(f"{path}: {table}: no {kind} named {name}", name, known))
+def _known(kind: str, name: str, names: Collection[str]) -> None:
+    if name not in names:
+        raise ValueError(unknown_name(f"no {kind} named {name}", name, names))
 
 
 def _same_unit(path: Path, key: str, unit: str, right: str) -> None:

@@ -7,6 +7,7 @@ import typer
 
 from dpr_lab.cli.checks import AnyClock, Json, RigName, TorqueKind, require_runs
 from dpr_lab.cli.console import emit, line, table
+from dpr_lab.errors import ConfigError
 from dpr_lab.shown import in_command, percent
 
 if TYPE_CHECKING:
@@ -32,6 +33,20 @@ BITS = "1 bit decides between two equally probable causes."
 NOT_SEEN = "Not detectable: the effect is not visible at any size, or is indistinguishable from an effect of the model."
 
 
+def _budget(text: str | None) -> str | None:
+    """Check the form of the option `--budget`.
+
+    Raises:
+        BadParameter: the text is not a time.
+    """
+    from dpr_lab.workflows.plan import minutes
+
+    try:
+        return text if text is None or minutes(text) else None
+    except ConfigError as error:
+        raise typer.BadParameter(str(error)) from error
+
+
 def plan(
     rig: RigName,
     runs: Annotated[
@@ -39,7 +54,8 @@ def plan(
         typer.Argument(help="Run files (.mcap) recorded so far. Without runs, the plan is based on the rig file."),
     ] = None,
     budget: Annotated[
-        str | None, typer.Option(help="Available time at the rig, such as 10min or 1h. Default: three releases.")
+        str | None,
+        typer.Option(callback=_budget, help="Available time at the rig, such as 10min or 1h. Default: three releases."),
     ] = None,
     limits: Annotated[
         Path | None,

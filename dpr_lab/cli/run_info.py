@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dpr_lab.report.digits import NONE
+from dpr_lab.storage.reader import TABLES, stored_object
 
 QUANTITIES = {
     "file": "file",
@@ -80,6 +81,14 @@ PARTS = {
     "dpr_lab": "dpr-lab",
     "arrival_ppm": "rate error by the arrival of samples (ppm)",
     "arrival_margin_ppm": "error bound of that rate error (ppm)",
+    "file_sha256": "SHA-256 of the table",
+    "t_offset_s": "time of the release in the table (s)",
+    "columns": "columns of the table:",
+    "torque_kind": "kind of the torques",
+    "input_delay_s": "delay of the torques (s)",
+    "film_noise": "noise of the tracker:",
+    "at_edges": "angles of the count edges",
+    "options": "import with",
 }
 """Words in the table for the name of a loss, a check or a clock figure. Other names are printed without underscores."""
 
@@ -92,7 +101,23 @@ _WITH_UNIT = re.compile(r"(\w+) \((.+)\)")
 
 def info_rows(info: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return the quantity and value of each entry of a run's metadata."""
-    return [(QUANTITIES[name], _text(value)) for name, value in info.items()]
+    return [(QUANTITIES[name], _imported(value) if name == "extra" else _text(value)) for name, value in info.items()]
+
+
+def _imported(extra: Mapping[str, str]) -> str:
+    """Return the known facts of an import in words, with the options that were given."""
+    known = {name: stored_object(text) if name in TABLES else text for name, text in extra.items() if text}
+    if isinstance(options := known.get("options"), Mapping):
+        given = {name: value for name, value in options.items() if value not in (None, "", {}, [], False)}
+        known["options"] = [f"--{name.replace('_', '-')} {_option(value)}".rstrip() for name, value in given.items()]
+    return _text({name: value for name, value in known.items() if value})
+
+
+def _option(value: object) -> str:
+    """Return the value of an option as it is typed."""
+    if isinstance(value, Mapping):
+        return ",".join(f"{name}={entry}" for name, entry in value.items())
+    return "" if value is True else _text(value)
 
 
 def _text(value: object) -> str:

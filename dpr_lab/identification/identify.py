@@ -22,7 +22,7 @@ from dpr_lab.identification.model import Model, SearchRecord
 from dpr_lab.identification.moving_arm.identifiability import ArmIdentifiability, identifiability_of_arm
 from dpr_lab.identification.moving_arm.identify import identify_moving_arm
 from dpr_lab.identification.moving_arm.model import MovingArmModel
-from dpr_lab.identification.objectives import OBJECTIVES
+from dpr_lab.identification.objectives import OBJECTIVES, SETTINGS
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
 from dpr_lab.identification.prior_update import update_prior
 from dpr_lab.identification.ratio_fit import RatioFit, short_fit
@@ -115,7 +115,9 @@ def identify(
         if stop and stop():
             break
     if not np.isfinite(history[0].best_cost):
-        raise IdentificationError("no candidate inside the bounds could be simulated: check the bounds in the rig file")
+        raise IdentificationError(
+            f"no candidate inside the bounds could be simulated: {_gap(runs) or 'check the bounds in the rig file'}"
+        )
     record = SearchRecord(
         algorithm=search,
         objective=objective,
@@ -133,6 +135,17 @@ def identify(
     if on_polish:
         on_polish()
     return identified_model(polish(history[-1].best, prepared_runs, rig), prepared_runs, rig, record, profile)
+
+
+def _gap(runs: Sequence[Run]) -> str:
+    """Describe the longest gap of the runs; empty if it is shorter than a segment of the search."""
+    longest, name = max((float(np.diff(run.swing.t).max(initial=0.0)), run.name) for run in runs)
+    if longest < SETTINGS.segment_s:
+        return ""
+    return (
+        f"{name} has a gap of {longest:.3g} s, which is too long for a prediction. Import the parts before and after"
+        " the gap as separate runs (--start-s, --duration-s)"
+    )
 
 
 def has_arm_model(runs: Sequence[Run], rig: Rig) -> bool:

@@ -110,6 +110,10 @@ def run_of(stored: Scan) -> Run:
     return released(run) if run.keep_rest is False and t[0] == 0 else run
 
 
+TABLES = "options", "columns", "film_noise"
+"""Facts about an import that are JSON objects."""
+
+
 def of_a_table(metadata: RunMetadata) -> dict[str, Any]:
     """Return the fields of a `Run` that exist only for imported tables.
 
@@ -117,7 +121,7 @@ def of_a_table(metadata: RunMetadata) -> dict[str, Any]:
     """
     if metadata.time_source != "table":
         return {}
-    options, columns, film = (_object(metadata.extra.get(key, "")) for key in ("options", "columns", "film_noise"))
+    options, columns, film = (stored_object(metadata.extra.get(key, "")) for key in TABLES)
     return {
         "keep_rest": options.get("keep_rest") is True,
         "continuous": options.get("intersample") == "continuous",
@@ -136,7 +140,8 @@ def _film_noise(stored: dict[str, Any]) -> FilmNoise | None:
     return FilmNoise(std, correlation) if valid else None
 
 
-def _object(text: str) -> dict[str, Any]:
+def stored_object(text: str) -> dict[str, Any]:
+    """Read a JSON object in the metadata; an invalid text is an empty object."""
     try:
         return json_object(text.encode())
     except STRANGE:

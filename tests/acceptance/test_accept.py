@@ -197,6 +197,9 @@ def test_a_ratio_is_not_decidable_where_the_cause_is_unsure(diagnosis: Diagnosis
     [
         ("", "contains no limits"),
         ('[effects.coulomb_jont2]\ntorque_Nm = {max = 1, unit = "N m"}', "coulomb_joint2"),
+        ("[effects.coulomb_jont2]\ntorque_Nm = {max = 1}", "no effect named coulomb_jont2; nearest of"),
+        ("[effects.coulomb_joint2]\ntorque = {max = 1}", "no amplitude of coulomb_joint2 named torque"),
+        ('[ratios]\n"c3/b" = {max = 1.0}', "no ratio named c3/b"),
         ('[effects.coulomb_joint2]\ntorque = {max = 1.0, unit = "N m"}', "torque_Nm"),
         ('[effects.coulomb_joint2]\ntorque_Nm = {max = 1.0, unit = "mN m"}', 'must be "N m"'),
         ('[effects.coulomb_joint2]\ntorque_Nm = {max = -1.0, unit = "N m"}', "torque_Nm.max = -1.0"),

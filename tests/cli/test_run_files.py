@@ -1,5 +1,6 @@
 """`dpr-lab run info|verify|export`: one file or many."""
 
+import json
 import shutil
 from dataclasses import fields
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from dpr_lab.cli.run_info import QUANTITIES
+from dpr_lab.cli.run_info import QUANTITIES, info_rows
 from dpr_lab.storage.inspect import RunInfo
 from dpr_lab.storage.sidecar import sidecar_of
 
@@ -54,6 +55,23 @@ def test_the_json_of_one_file_is_an_object_and_of_many_a_list(runs: list[Path], 
     one, many = cli("run", "verify", damaged, "--json"), cli("run", "verify", runs[0], damaged, "--json")
     assert one.code == many.code == 3
     assert [entry["ok"] for entry in (one.json, *many.json)] == [False, True, False]
+
+
+def test_info_names_the_facts_of_an_import_in_words() -> None:
+    options = {"angles": "absolute", "scale": {"theta1": -1.0}, "keep_rest": True, "pose": None, "take": []}
+    extra = {
+        "file_sha256": "ab",
+        "options": json.dumps(options),
+        "columns": '{"t": "time"}',
+        "film_noise": "{",
+        "at_edges": "",
+    }
+    ((quantity, words),) = info_rows({"extra": extra})
+    assert quantity == "further information"
+    assert words == (
+        "SHA-256 of the table ab, import with --angles absolute, --scale theta1=-1.0, --keep-rest,"
+        " columns of the table: t time"
+    )
 
 
 def test_info_names_quantities_in_words_with_units(runs: list[Path], cli) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.base import base_parameters, whole_parameters
-from dpr_lab.errors import RunError
+from dpr_lab.errors import IdentificationError, RunError
 from dpr_lab.fitting.estimate import unknown_ratios
 from dpr_lab.identification.compare import compare_run
 from dpr_lab.identification.identify import identify, polish
@@ -119,3 +119,11 @@ def test_a_joint_that_turns_though_no_rod_hangs_there_is_refused(runs: dict[str,
         as_mounted(theta, "clamped", "X2")
     resting = np.column_stack([theta[:, :2], np.full(len(theta), np.pi)])
     assert (as_mounted(resting, "inner", "X2")[:, 2] == theta[:, 1]).all()
+
+
+@pytest.mark.slow
+def test_a_gap_too_long_for_a_prediction_is_named(paper: Rig, runs: dict[str, list[Run]]) -> None:
+    run = runs["inner"][0]
+    apart = replace(run, t=run.t + 500.0 * (run.t > 1.001))
+    with pytest.raises(IdentificationError, match=r"has a gap of 500 s.*--start-s, --duration-s"):
+        identify(apart, paper, settings=load_search("segments").model_copy(update={"generations": 1}))
