@@ -106,7 +106,9 @@ def info_rows(info: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def _imported(extra: Mapping[str, str]) -> str:
     """Return the known facts of an import in words, with the options that were given."""
-    known = {name: stored_object(text) if name in TABLES else text for name, text in extra.items() if text}
+    known: dict[str, object] = {
+        name: stored_object(text) if name in TABLES else text for name, text in extra.items() if text
+    }
     if isinstance(options := known.get("options"), Mapping):
         given = {name: value for name, value in options.items() if value not in (None, "", {}, [], False)}
         known["options"] = [f"--{name.replace('_', '-')} {_option(value)}".rstrip() for name, value in given.items()]

@@ -12,7 +12,7 @@ from dpr_lab.effects.effect_kernels import active_effects, arm_model
 from dpr_lab.effects.quantities import HELD_ARM
 from dpr_lab.exports.module_parts import base_of, constants_of, known_effects
 from dpr_lab.exports.moving_arm.bodies import arm_bodies
-from dpr_lab.exports.rigid_bodies import LEAST_MASS, Arm, Bodies, rod_about_joint, words_of_joint
+from dpr_lab.exports.rigid_bodies import Arm, Bodies, least_mass, rod_about_joint, words_of_joint
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
@@ -82,7 +82,7 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
     length = model.rig.L1 + sum(words.get("added_length", 0.0) for words in values)
     length2 = rig.L2 or 2 * model.parameters["l2"].value
     if model.fitted:  # the inner rod alone contains the parts at joint 2
-        m1, m2, mb = max(m1 + mb, LEAST_MASS * (e1 / model.rig.g) ** 2 / a), 0.0, 0.0
+        m1, m2, mb = max(m1 + mb, least_mass(e1 / model.rig.g, a)), 0.0, 0.0
     moment1, inertia1 = e1 / model.rig.g - (m2 + mb) * length, a - (m2 + mb) * length**2
     inner, outer = (words_of_joint(expressed, joint) for joint in range(2))
     rods = [rod_about_joint(length, m1, moment1, inertia1, c1, constants.m1, inner)]

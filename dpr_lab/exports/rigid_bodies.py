@@ -13,9 +13,6 @@ Vector = tuple[float, float, float]
 THIN = 1e-12
 """Inertia of a thin rod about its own axis, kg m^2. It is positive, because simulators require this."""
 
-LEAST_MASS = 1.05
-"""Minimum mass of a rod, relative to the smallest mass that its first moment and inertia allow."""
-
 
 @dataclass(frozen=True, slots=True)
 class Rod:
@@ -159,6 +156,11 @@ def words_of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]
         if EFFECTS[name].joints == (joint,):
             of_joint |= words
     return of_joint
+
+
+def least_mass(moment: float, about_joint: float, margin: float = 1.05) -> float:
+    """Return the least mass of a rod with a first moment and an inertia about its joint, times a margin."""
+    return margin * moment**2 / about_joint
 
 
 def rod_about_joint(

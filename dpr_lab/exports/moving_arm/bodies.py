@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.effects.effect import ARM, Words
 from dpr_lab.errors import ConfigError
-from dpr_lab.exports.rigid_bodies import LEAST_MASS, Arm, Bodies, rod_about_joint, words_of_joint
+from dpr_lab.exports.rigid_bodies import Arm, Bodies, least_mass, rod_about_joint, words_of_joint
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 
@@ -36,14 +36,14 @@ def arm_bodies(model: MovingArmModel, rig: Rig, expressed: Mapping[str, Words]) 
     values, both_rods, constants = model.sizes, model.mounted == "both", rig_constants(rig)
     length = model.rig.L1 + sum(words.get("added_length", 0.0) for words in expressed.values())
     L0, S2 = values["L0"], values["d"] / length if both_rods else 0.0
-    least2 = S2**2 / values["b"] if both_rods else 0.0
+    least2 = least_mass(S2, values["b"]) if both_rods else 0.0
     nominal1, nominal2 = rig.parameters["m1"].nominal, rig.parameters["m2"].nominal if both_rods else 0.0
     for share in (1.0, 0.5, 0.25, 0.0):  # smaller masses of the rods leave a larger inertia for the arm
-        m2 = max(share * nominal2, LEAST_MASS * least2)
+        m2 = max(share * nominal2, least2)
         S1, about1 = values["e1"] / model.rig.g - m2 * length, values["a"] - m2 * length**2
         if about1 <= 0.0:
             continue
-        m1 = max(share * nominal1, LEAST_MASS * S1**2 / about1, 1e-6)
+        m1 = max(share * nominal1, least_mass(S1, about1), 1e-6)
         alone = values["A"] - (m1 + m2) * L0**2
         if alone > 0.0:
             words = [words_of_joint(expressed, joint) for joint in (0, 1)]

@@ -104,10 +104,7 @@ class SecondLook:
     tried: tuple[BetterReading, ...]
     """Other interpretations that explain the recordings better, best first."""
     energy_rise: float
-    """Increase of the rods' energy relative to its range, which is impossible for passive rods.
-
-    The increase is evidence if no other interpretation explains the recordings.
-    """
+    """Impossible increase of passive rods' energy, relative to its range; zero if there are other interpretations."""
     energy_remedy: str = ""
     """Probable cause of the increase on this rig, with its remedy."""
     causes: str = ""
