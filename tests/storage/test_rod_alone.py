@@ -154,6 +154,13 @@ def test_a_wrong_reading_of_one_rod_is_questioned(
     assert " ".join(preview(file, one, ImportOptions(zero="hanging")).mend).startswith(mend)
 
 
+def test_a_zero_error_that_a_diagnosis_fits_is_not_questioned(one: Rig, tmp_path: Path) -> None:
+    """It changes the energy of a small swing by a third of the exchanged energy, but there is no option to propose."""
+    t, angle = fallen(0.12, 6.0)
+    file = table(tmp_path, "t,theta1", t, angle + 0.018)
+    assert preview(file, one, ImportOptions(zero="hanging")).questions == ()
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_zero_elsewhere_is_found_in_a_slow_table_with_late_stamps(one: Rig, tmp_path: Path, seed: int) -> None:
     rng, swing = np.random.default_rng(seed), friction_swing(one)

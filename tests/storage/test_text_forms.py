@@ -143,6 +143,17 @@ def test_errors_next_to_x_and_y_are_no_second_point(tmp_path, one):
     np.testing.assert_allclose(run.theta[:, 1] - np.pi, SWING, atol=1e-5)
 
 
+def test_names_may_be_separated_otherwise_than_a_spreadsheet_separates_its_cells(tmp_path, one):
+    """The names stand in one cell; time and angle are named x and y, and two frames have the same rounded time."""
+    times = np.minimum(np.arange(len(SWING)) / 100, (len(SWING) - 2) / 100)
+    rows = (f"{t:.2f}\t{angle:.6f}\t0.01\t0.05\n" for t, angle in zip(times, SWING, strict=True))
+    (tmp_path / "a.txt").write_text("x y dx dy\t\t\t\n" + "".join(rows))
+    with pytest.raises(RunError, match="no single column found for t and theta1; the table has: x, y, dx, dy"):
+        import_csv(tmp_path / "a.txt", one)
+    run = import_csv(tmp_path / "a.txt", one, ImportOptions(zero="hanging", columns={"t": "x", "theta1": "y"}))
+    np.testing.assert_allclose(run.theta[:90, 1] - np.pi, SWING[:90], atol=1e-5)
+
+
 @pytest.mark.parametrize("rates", [["Gyroscope x (rad/s)", "Gyroscope y (rad/s)", "Absolute (rad/s)"], ["omega"]])
 def test_rates_are_no_angles(tmp_path, one, rates):
     """Tables of the app phyphox and of one rate."""

@@ -29,7 +29,7 @@ from dpr_lab.storage.readers.downwards import points_downwards
 from dpr_lab.storage.readers.rod_lengths import WANTED, rod_length
 from dpr_lab.storage.tables.columns import is_time, numbers
 from dpr_lab.storage.tables.table import Table, own_name, read_table, without_copies
-from dpr_lab.storage.tables.time_stamps import runs, varies
+from dpr_lab.storage.tables.time_stamps import never_falls, runs, varies
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,9 +103,9 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
             " to the pivot, remove them from the table: then the coordinates are imported"
         )
         unused = _points(table, despite_angles=True)[1]
-        moving = any(all(map(varies, point.at.T)) and not _NO_POINT.search(point.name) for point in unused)
-        notes = (note,) if moving else ()
-        return without_copies(replace(table, notes=(*table.notes, *notes)))
+        if any(all(map(varies, point.at.T)) and not _NO_POINT.search(point.name) for point in unused):
+            table = replace(table, notes=(*table.notes, note))
+        return without_copies(table)
     return _angles(replace(table, kind=kind, notes=(*table.notes, note) if note else table.notes), tracked, take)
 
 
@@ -129,8 +129,9 @@ def _points(table: Table, despite_angles: bool = False) -> tuple[str, list[_Poin
     )
     alone, axes, note = in_plane([only_coordinate(name) for name in ungrouped], table.values)
     timed = len(ungrouped) > 2 and any(map(is_time, table.names))
-    abscissa = next((column for (_, axis), column in zip(alone, table.values, strict=True) if axis == "x"), None)
-    plotted = not timed and abscissa is not None and runs(abscissa)  # x is the time, as in a plot of one quantity
+    # x is the time, as in a plot of one quantity
+    x = (column for (_, axis), column in zip(alone, table.values, strict=True) if axis == "x")
+    plotted = not timed and any(map(never_falls, x))
     if sorted(axis for _, axis in alone if axis) == ["x", "y"] and (plotted or not angles):
         return ("", [], "") if plotted else (_of_plane(axes), list(_upwards(table, alone, 0, -1.0)), note)
     columns, axes, note = in_plane([coordinate(name) for name in ungrouped], table.values)

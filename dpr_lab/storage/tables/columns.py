@@ -372,7 +372,10 @@ def _check_units(table: Table, named: Mapping[str, str], unit: str, time_unit: s
         pattern, given = (_SAID_TIME_UNIT, time_unit) if quantity == "t" else (_SAID_UNIT, unit)
         stated = pattern.search(name.lower())
         if stated and (stated[1] or "deg") != given:
-            raise RunError(f"{table.path}: column {name!r} states {stated[0]}, but the given unit is {given}")
+            raise RunError(
+                f"{table.path}: column {name!r} states {stated[0]}, but the given unit is {given}: remove the"
+                " option, or correct the name in the table"
+            )
 
 
 def _refuse_mrad(table: Table, named: Mapping[str, str], scale: Mapping[str, float]) -> None:

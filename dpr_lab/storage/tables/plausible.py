@@ -200,7 +200,7 @@ def frame_notes(options: ImportOptions, rig: Rig) -> list[str]:
         return []
     return [
         'theta2 is absolute, but joint2 = "relative" in the rig file: if no relative encoder measured it (for example,'
-        ' in a film), write joint2 = "absolute", because its noise is then independent of theta1'
+        ' in a film), write joint2 = "absolute" and import the table again: its noise is then independent of theta1'
     ]
 
 

@@ -110,11 +110,10 @@ def better_readings(fit: EnergyFit, read: InterpretedTable) -> list[OtherReading
     """List interpretations with a clearly smaller energy residual than `fit`, best first."""
     if fit.residual <= READ.right:
         return []
-    tried: list[tuple[float, OtherReading]] = []
     slower = [_slower(read, fit.time_scale)] if np.isfinite(fit.time_scale) else []
-    for reading in (*other_readings(read), *slower):
-        if (residual := energy_residual(read, reading)) < min(READ.sure, fit.residual / READ.better):
-            tried.append((residual, reading))
+    residuals = ((energy_residual(read, reading), reading) for reading in (*other_readings(read), *slower))
+    limit = min(READ.sure, fit.residual / READ.better)
+    tried = [(residual, reading) for residual, reading in residuals if residual < limit]
     free = read.torques is None and not read.drive
     if not tried and free and (moved := _as_counts(read) or _with_other_zeros(read)):
         return [moved]
@@ -161,12 +160,21 @@ def _conserves(fit: EnergyFit | None) -> bool:
 
 
 def _with_other_zeros(read: InterpretedTable) -> OtherReading | None:
-    """Return other zeros with which a free swing conserves its energy, or None."""
+    """Return other zeros with which a free swing conserves its energy.
+
+    The result is None without such zeros. It is also None if the zeros differ so little that a diagnosis fits them.
+    """
+    if (added := _conserving_zeros(read)) is None:
+        return None
+    moved = _with_zeros(read, added)
+    return moved if moved.mend or read.options.unit == "counts" else None
+
+
+def _conserving_zeros(read: InterpretedTable) -> tuple[float, float] | None:
+    """Return the (2,) offsets, rad, with which a free swing conserves its energy, or None."""
     rods = read.rods(read.values, read.options)
     added = energy_zeros(read.t, rods, read.rig)
-    if added is None or not _conserves(energy_fit(read.t, rods + added, None, read.rig)):
-        return None
-    return _with_zeros(read, added)
+    return added if added is not None and _conserves(energy_fit(read.t, rods + added, None, read.rig)) else None
 
 
 def balanced_readings(read: InterpretedTable) -> list[OtherReading]:
@@ -186,12 +194,10 @@ def balanced_readings(read: InterpretedTable) -> list[OtherReading]:
         other = None if reading.time_factor != 1 else balance(reading.values, reading.options)
         if other is not None:
             tried.append((other.residual(), reading))
-    limit = min(READ.sure_balance, residual / READ.better_balance)
-    limit = min(limit, READ.alike_balance * min((unbalance for unbalance, _ in tried), default=np.inf))
-    alike = sorted(
-        ((unbalance, reading) for unbalance, reading in tried if unbalance <= limit), key=lambda pair: pair[0]
-    )
-    named = [reading for _, reading in alike if reading is not zeros] or [reading for _, reading in alike]
+    best = min((unbalance for unbalance, _ in tried), default=np.inf)
+    limit = min(READ.sure_balance, residual / READ.better_balance, READ.alike_balance * best)
+    alike = [reading for unbalance, reading in sorted(tried, key=lambda pair: pair[0]) if unbalance <= limit]
+    named = [reading for reading in alike if reading is not zeros] or alike
     if named:
         return fewest_changes(named)
     far = np.abs(nearest).max() >= READ.wrong_zero_rad and not read.drive
@@ -207,11 +213,10 @@ def _by_energy(read: InterpretedTable, balancing: tuple[float, float]) -> tuple[
     """
     if read.rig.rods.mounting == "both" or read.torques is not None:
         return balancing
-    rods = read.rods(read.values, read.options)
-    added = energy_zeros(read.t, rods, read.rig)
+    added = _conserving_zeros(read)
     if added is None or abs((added[0] - balancing[0] + np.pi) % (2 * np.pi) - np.pi) > READ.wrong_zero_rad:
         return balancing
-    return added if _conserves(energy_fit(read.t, rods + added, None, read.rig)) else balancing
+    return added
 
 
 def _with_zeros(read: InterpretedTable, added: ArrayLike) -> OtherReading:
@@ -257,8 +262,8 @@ def with_zeros(read: InterpretedTable, added: ArrayLike, tolerance: float = 0.0)
     digits = 1 if options.unit == "deg" else 3
     offset = tuple(round(zero / unit, digits) if abs(zero) > READ.zero_rad else 0.0 for zero in columns)
     moved = {axis: values[axis] + value for axis, value in zip(AXES[1:], offset, strict=True)}
-    cause = "the angles have other zeros"
-    return OtherReading((cause,), (), {**values, **moved}, options, offset=(offset[0], offset[1]))
+    causes = ("the angles have other zeros",)
+    return OtherReading(causes, (), {**values, **moved}, options, offset=(offset[0], offset[1]))
 
 
 def _per_rod(option: str, value: Mapping[str, float], neutral: float) -> tuple[str, str]:

@@ -264,11 +264,12 @@ class _Columns:
 
     def _refuse(self, number: int, length: int, points: bool = False) -> NoReturn:
         width = len(self._values)
-        decimal = ": if commas are decimal signs, export it with semicolons between the columns"
-        raise RunError(
-            f"{self._path}: line {number} has {length} fields, but there are {width} columns"
-            + (decimal if width < length <= 2 * width and not points else ": correct or delete this line")
-        )
+        mend = ": correct or delete this line"
+        if width < length <= 2 * width and not points:
+            mend = ": if commas are decimal signs, export it with semicolons between the columns"
+        elif width < length and not self._lines:
+            mend = ": add the missing names to the header"
+        raise RunError(f"{self._path}: line {number} has {length} fields, but there are {width} columns{mend}")
 
     def _number(self, word: str, place: int, line: int) -> float:
         """Convert a field to a number.
@@ -306,7 +307,9 @@ def _names(early: list[list[str]], comments: Sequence[str], delimiter: str | Non
     """
     if not early:
         return _commented_header(comments, delimiter, width)
-    wide = [row for row in early if len(row) == width] or _otherwise_separated(early, delimiter, width)
+    # A row with a single field is a title, or a header with another delimiter.
+    wide = [row for row in early if len(row) == width and any(map(str.strip, row[1:]))]
+    wide = wide or _otherwise_separated(early, delimiter, width)
     # Names of groups may precede the names of columns, and units may follow them.
     names = max(wide or early[-1:], key=lambda row: sum(bool(cell.strip()) for cell in row))
     below = wide[wide.index(names) + 1 :] if names in wide else []
