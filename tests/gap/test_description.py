@@ -17,7 +17,6 @@ from dpr_lab.gap.conclusion.description import unbalanced
 from dpr_lab.gap.conclusion.sentence import _in_noise
 from dpr_lab.gap.conclusion.verdict import listed_causes
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.plain import as_json
 from dpr_lab.rig import Rig, load_rig, parse_rig
 from dpr_lab.run import Run
@@ -57,14 +56,13 @@ def with_signs(runs: list[Run], signs: tuple[int, int]) -> list[Run]:
     return [replace(run, torques=np.asarray(run.torques) * signs, commanded=None) for run in runs]
 
 
-@pytest.fixture(scope="module")
-def without_torques(driven: list[Run], paper: Rig) -> Diagnosis:
-    runs = [replace(run, torques=None, commanded=None, torque_kind="") for run in driven]
-    return diagnose(runs, paper, library=SOME)
-
-
 @pytest.mark.slow
-def test_torques_that_were_left_out_are_a_hint_and_no_cause_is_named(without_torques: Diagnosis) -> None:
+def test_torques_that_were_left_out_are_a_hint_and_no_cause_is_named(
+    driven: list[Run], paper: Rig, few_readings: Callable[[str], None]
+) -> None:
+    few_readings("torque")
+    runs = [replace(run, torques=None, commanded=None, torque_kind="") for run in driven]
+    without_torques = diagnose(runs, paper, library=SOME)
     assert without_torques.verdict == "unexplained"
     assert "--torque none" in without_torques.sentence
     assert without_torques.effects == without_torques.rivals == []
@@ -175,8 +173,9 @@ def test_a_delay_that_is_shorter_than_coarse_rows_of_torques_is_no_cause(
 
 @pytest.mark.slow
 def test_torques_that_contradict_the_rig_file_s_inertia_are_unexplained_with_a_hint_at_the_sign(
-    driven: list[Run], paper: Rig
+    driven: list[Run], paper: Rig, few_readings: Callable[[str], None]
 ) -> None:
+    few_readings("torque")
     runs = with_signs(driven, (1, -1))
     diagnosis = diagnose(runs, paper, library={name: SOME[name] for name in ("coulomb_joint1", "spring_joint2")})
     assert (diagnosis.verdict, diagnosis.effects) == ("unexplained", [])

@@ -1,6 +1,7 @@
 """Model discrepancy term: it has the size of the remainder, and widens the intervals of the named effects."""
 
 import re
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ LIBRARY = {name: EFFECTS[name] for name in ("coulomb_joint1", "spring_joint2")}
 
 
 @pytest.mark.slow
-def test_the_remainder_is_the_torque_that_no_effect_of_the_library_makes() -> None:
+def test_the_remainder_is_the_torque_that_no_effect_of_the_library_makes(few_readings: Callable[[str], None]) -> None:
+    few_readings("no interpretation is expected")
     small = 6e-4  # N m, sin(3 angle): 4.2e-4 rms over a turn
     rig, runs, _ = recordings(7, [law("coulomb", 0, 6), law("third", 0, 0.6)])
     diagnosis = diagnose(runs, rig, library=LIBRARY)

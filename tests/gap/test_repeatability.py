@@ -1,7 +1,7 @@
 """Reproducible share of the gap on rigs with known truth, simulated by SciPy."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -99,7 +99,8 @@ def test_a_parameter_drawn_for_each_recording_varies() -> None:
 
 
 @pytest.mark.slow
-def test_a_law_outside_the_library_is_reproducible_and_unmodelled() -> None:
+def test_a_law_outside_the_library_is_reproducible_and_unmodelled(few_readings: Callable[[str], None]) -> None:
+    few_readings("no interpretation is expected")
     rig, runs, _ = recordings(4, [law("coulomb", 0, 4)])
     library = {name: effect for name, effect in candidates(*SMOOTH).items() if not name.startswith(FRICTION)}
     diagnosis = diagnose(runs, rig, library=library)

