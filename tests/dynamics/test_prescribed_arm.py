@@ -68,7 +68,7 @@ def swung() -> np.ndarray:
         M, f = equations()(t, *x)
         return [*x[2:], *np.linalg.solve(M, f)[:, 0]]
 
-    y = solve_ivp(rates, (0.0, T[-1]), START, "DOP853", t_eval=T, rtol=1e-7, atol=1e-8).y
+    y = solve_ivp(rates, (0.0, T[-1]), START, "DOP853", t_eval=T, rtol=1e-9, atol=1e-10).y
     return np.column_stack([y[0], y[1] - y[0]])
 
 

@@ -16,6 +16,8 @@ from tests.thinned import FULL, thinned
 
 TURNS = 5
 """Number of turns, equal to the number of base tables."""
+SLOW = {"noise_only", "zeros_between"}
+"""Tables whose readings are compared for seconds; `make test` imports tables with outliers and stale readings."""
 
 
 @pytest.fixture(scope="module")
@@ -41,12 +43,13 @@ def turn(table: MutatedTable, tables: list[MutatedTable]) -> int:
 @pytest.mark.slow
 @pytest.mark.parametrize("number", thinned(range(TURNS), TURNS))
 def test_no_mistake_in_a_table_ends_in_another_error_than_a_sentence(
-    paper: Rig, tables: list[MutatedTable], tmp_path: Path, number: int, few_readings
+    paper: Rig, tables: list[MutatedTable], tmp_path: Path, number: int
 ) -> None:
-    few_readings("no interpretation is expected")
     chosen = [table for table in tables if turn(table, tables) == number]
     assert number or {table.mutation for table in chosen} == set(MUTATIONS)
-    for index, table in enumerate(chosen[:: 1 if FULL else 2]):
+    if not FULL:
+        chosen = [table for table in chosen[::2] if table.mutation not in SLOW]
+    for index, table in enumerate(chosen):
         file = table.write(tmp_path)
         try:
             run = import_csv(file, paper, table.options)
