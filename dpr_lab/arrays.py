@@ -1,9 +1,10 @@
-"""Type aliases of NumPy arrays, and sums over few columns.
+"""Type aliases of NumPy arrays, sums over few columns, and neighbours of values.
 
 Docstrings state the shapes of arrays.
 """
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -19,3 +20,8 @@ Integers = NDArray[np.int64]
 def row_sums(values: Array) -> Array:
     """Return (n,) sums over few columns (n, k), several times faster than `values.sum(axis=1)`."""
     return sum(values.T[1:], values[:, 0])
+
+
+def neighbours(values: Array, half: int) -> Array:
+    """Return each value with `half` neighbours on either side, (n, 2 half + 1); end values are repeated."""
+    return sliding_window_view(np.pad(values, half, mode="edge"), 2 * half + 1)

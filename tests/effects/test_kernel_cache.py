@@ -81,7 +81,9 @@ def test_an_edited_effect_changes_the_answer_of_a_cached_caller(copy, tmp_path):
 
 LOADED = """
 import sys
+import numpy as np
 import dpr_lab.gap.diagnose
+from dpr_lab.gap.screen.local_faults import local_faults
 from dpr_lab.dynamics.prediction import predict
 from dpr_lab.effects import effect_params
 from dpr_lab.dynamics.segments import segments
@@ -91,6 +93,8 @@ from dpr_lab.rig import load_rig
 rig = load_rig("paper")
 base = base_parameters(rig.nominal, rig.L1, rig.g)
 predict(base, effect_params({}), rig_constants(rig), segments([[0.0, 0.1]]), [[3.0, 3.0, 0.0, 0.0]])
+t = 1e-3 * np.arange(500)
+local_faults(t, np.sin(t), np.ones(500, dtype=bool), (1e-4, 0.0), 1e-3)
 print([name for name in ("scipy.linalg", "scipy.special", "scipy.optimize") if name in sys.modules])
 """
 
@@ -98,7 +102,8 @@ print([name for name in ("scipy.linalg", "scipy.special", "scipy.optimize") if n
 @pytest.mark.slow
 def test_a_second_start_compiles_nothing_and_loads_nothing_that_a_compilation_imports():
     # What holds the arm was compiled in every process, by functions that are written from the table and have no file.
-    # What a compilation imports takes longer to import than every kernel of a diagnosis takes to load.
+    # What a compilation imports takes longer to import than every kernel of a diagnosis takes to load. The screening of
+    # readings without a gap does not need SciPy either.
     for _ in range(2):  # the first start may compile
         command = [sys.executable, "-c", COMPILED + LOADED + SWING]
         modules, *others = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()

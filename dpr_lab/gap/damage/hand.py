@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dpr_lab.arrays import Array
+from dpr_lab.arrays import Array, neighbours
 from dpr_lab.dynamics.base import base_of_run
 from dpr_lab.effects import effect_params
 from dpr_lab.fitting.cut import MIN_SAMPLES
@@ -117,7 +117,7 @@ def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float |
         # The model of undriven rods does not fit a push, so the speeds are estimated from the readings.
         of_readings = energies(problem, fit.estimate.changed(initial=recordings.cut(LENGTHS.first)[1]))
         energy = np.concatenate([of_readings[:1], energy[1:]])
-    smooth, scatter = _smoothed(energy), _scatter(energy)
+    smooth, scatter = np.median(neighbours(energy, HAND.smoothed // 2), axis=1), _scatter(energy)
     top = int(np.argmax(energy >= smooth.max() - 2 * scatter))
     if not _only_rose_before(energy, smooth, top, begins, scatter):
         return None
@@ -178,13 +178,6 @@ def _only_rose_before(energy: Array, smooth: Array, top: int, begins: Array, sca
     second_rise = float(np.max(after - np.minimum.accumulate(after))) / most
     early = begins[top] - begins[0] <= HAND.early * (begins[-1] - begins[0])
     return bool(early and second_rise < 0.5 * rise and second_rise < max(HAND.rises, 2 * scatter / most))
-
-
-def _smoothed(energy: Array) -> Array:
-    """Return running medians of the energy, with the end values repeated."""
-    half = HAND.smoothed // 2
-    padded = np.pad(energy, half, mode="edge")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, HAND.smoothed), axis=1))
 
 
 def _scatter(energy: Array) -> float:

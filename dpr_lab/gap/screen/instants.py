@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from dpr_lab.arrays import Array, Flags, Integers
+from dpr_lab.arrays import Array, Flags, Integers, neighbours
 from dpr_lab.estimation.noise import ORDER, difference_weights
 from dpr_lab.fitting.spread import NORMAL_MAD
 
@@ -154,8 +154,8 @@ def _even_clock(t: Array) -> tuple[float, Array, Flags]:
     steady = np.polyval(np.polyfit(index[usual], offset[usual], 1), index)
     if np.std(wandering - steady) < INSTANTS.wander * jitter:
         return period, index * period + steady, np.ones(len(t), dtype=bool)
-    windows = sliding_window_view(np.pad(wandering, drift, mode="edge"), 2 * drift + 1)
-    return period, index * period + wandering, np.asarray(np.ptp(windows, axis=1) < INSTANTS.widest * period)
+    spread = np.ptp(neighbours(wandering, drift), axis=1)
+    return period, index * period + wandering, np.asarray(spread < INSTANTS.widest * period)
 
 
 def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
@@ -215,7 +215,7 @@ def _ticks(t: Array, period: float) -> Integers:
     After a late stamp, in contrast to a lost sample, the next interval is short.
     """
     spacing = np.diff(t)
-    around = np.convolve(np.pad(spacing, 1, mode="edge"), np.ones(3), mode="valid")
+    around = neighbours(spacing, 1).sum(axis=1)
     lost = (spacing > 1.5 * period) & (around > 3.5 * period)
     return np.append(0, np.cumsum(np.where(lost, np.rint(spacing / period), 1.0))).astype(np.int64)
 

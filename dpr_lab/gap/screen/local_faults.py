@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from dpr_lab.arrays import Array, Flags, Integers
+from dpr_lab.arrays import Array, Flags, Integers, neighbours
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,10 +87,8 @@ def local_faults(
     outliers: list[int] = []
     steps: list[tuple[int, float]] = []
     if keep.sum() >= 4 * half:
-        from scipy.interpolate import CubicSpline  # its import is slow
-
         grid = np.arange(t[0], t[-1] + 0.5 * period, period)
-        z = _significance(CubicSpline(t[keep], angle[keep])(grid), half, noise, period)
+        z = _significance(_at(grid, t[keep], angle[keep]), half, noise, period)
         for instant_near in grid[_peaks(z, half)]:
             window = (half + 0.5) * period
             first, last = (
@@ -108,15 +106,23 @@ def local_faults(
     return LocalFaults(np.array(outliers, dtype=np.int64), tuple(steps))
 
 
+def _at(grid: Array, t: Array, angle: Array) -> Array:
+    """Return the readings at the instants of an even grid, interpolated unless they were taken at these instants."""
+    if len(t) == len(grid) and np.allclose(t, grid, rtol=0.0):
+        return angle
+    from scipy.interpolate import CubicSpline  # its import takes a tenth of a short diagnosis
+
+    return np.asarray(CubicSpline(t, angle)(grid))
+
+
 def _significance(even: Array, half: int, noise: tuple[float, float], period: float) -> Array:
     """Return the (n,) significance of a step or outlier, in standard deviations.
 
     A swing that is too fast for the polynomial leaves a residual. Only deviations above this residual are significant.
     The significance is 0 at the ends.
     """
-    reach = LOCAL_FAULTS.smooth
-    level = np.convolve(np.pad(even, reach, mode="edge"), np.full(2 * reach + 1, 1 / (2 * reach + 1)), mode="valid")
-    speed = _highest(np.abs(np.gradient(level, period)), half)[half:-half]
+    level = neighbours(even, LOCAL_FAULTS.smooth).mean(axis=1)
+    speed = neighbours(np.abs(np.gradient(level, period)), half).max(axis=1)[half:-half]
     responses = [np.abs(np.convolve(even, filter_[::-1], mode="valid")) for filter_ in _filters(half)]
     bent = LOCAL_FAULTS.bends * (speed * half * period) ** (LOCAL_FAULTS.degree + 1) * np.sqrt(2 * half + 1)
     return np.pad(np.maximum(*responses) / np.sqrt(noise[0] ** 2 + (noise[1] * speed) ** 2 + bent**2), half)
@@ -137,16 +143,9 @@ def _filters(half: int) -> tuple[Array, Array]:
     return filters[0], filters[1]
 
 
-def _highest(values: Array, half: int) -> Array:
-    """Return the (n,) maximum of each value and `half` neighbours on either side."""
-    from scipy.ndimage import maximum_filter1d  # its import is slow
-
-    return np.asarray(maximum_filter1d(values, 2 * half + 1))
-
-
 def _peaks(z: Array, half: int) -> Integers:
     """Return the indices of significant local maxima far above their surroundings."""
-    highest = np.flatnonzero((z > LOCAL_FAULTS.stands_out) & (z >= _highest(z, half)))
+    highest = np.flatnonzero((z > LOCAL_FAULTS.stands_out) & (z >= neighbours(z, half).max(axis=1)))
     return highest[z[highest] > LOCAL_FAULTS.above_surroundings * _usual(z, highest, half)]
 
 
