@@ -250,6 +250,24 @@ def test_a_column_in_mrad_requires_a_scale(tmp_path, one, name):
     np.testing.assert_allclose(import_csv(tmp_path / "a.csv", one, scaled).theta[:, 1] - np.pi, SWING, atol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("name", "per_radian", "unit", "scale"),
+    [
+        ("angle_gon", 200 / np.pi, "deg", 0.9),
+        ("theta (turns)", 0.5 / np.pi, "deg", 360.0),
+        ("theta_cdeg", 18000 / np.pi, "deg", 0.01),
+        ("theta_e3", 1000.0, None, 0.001),
+    ],
+)
+def test_a_column_in_a_unit_with_a_factor_requires_its_scale(tmp_path, one, name, per_radian, unit, scale):
+    rows = lines("{t:.2f},{angle:.8f}\n", per_radian * SWING)
+    (tmp_path / "a.csv").write_text(f"t,{name}\n" + rows)
+    with pytest.raises(RunError, match=f"by its name: convert it .*--scale {scale:g}"):
+        import_csv(tmp_path / "a.csv", one, ImportOptions(zero="hanging"))
+    scaled = ImportOptions(zero="hanging", unit=unit, scale={"theta1": scale})
+    np.testing.assert_allclose(import_csv(tmp_path / "a.csv", one, scaled).theta[:, 1] - np.pi, SWING, atol=1e-5)
+
+
 def small_swing(t: np.ndarray, start: float) -> np.ndarray:
     return solve_ivp(lambda _, y: [y[1], -45.3 * np.sin(y[0]) - 0.1 * y[1]], (0, 6), [start, 0], t_eval=t).y[0]
 

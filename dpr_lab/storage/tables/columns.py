@@ -48,7 +48,15 @@ _SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
 _SAID_UNIT = re.compile(
     r"((?<![a-z])rad|(?<![a-z])counts|(?<!m)(?<!milli)deg)(ians|rees|r[eé]s)?(?![a-z])|[°º˚]|gra(us|dos|di|den|d)(?![a-z])"
 )
-_SAID_MRAD = re.compile(r"(m|milli)rad(ians?)?(?![a-z])", re.I)
+_SCALED_UNITS = (
+    (re.compile(r"(m|milli)rad(ians?)?(?![a-z])", re.I), "in mrad", "", 0.001),
+    (re.compile(r"(?<![a-z])(m|milli)deg(rees?)?(?![a-z])", re.I), "in mdeg", "--unit deg ", 0.001),
+    (re.compile(r"(?<![a-z])(c|centi)deg(rees?)?(?![a-z])", re.I), "in hundredths of a degree", "--unit deg ", 0.01),
+    (re.compile(r"(?<![a-z])gons?(?![a-z])", re.I), "in gon", "--unit deg ", 0.9),
+    (re.compile(r"(?<![a-z])(revs?|revolutions?|turns?)(?![a-z0-9])", re.I), "in revolutions", "--unit deg ", 360.0),
+    (re.compile(r"_e3$", re.I), "multiplied by 1000", "", 0.001),
+)
+"""Patterns of names that state a unit with a factor: the pattern, its meaning, the option `--unit` and the scale."""
 _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
 _ERROR = re.compile(r"d[xyt]|(delta|δ|unc|uncertainty|sigma|std)\w*")
 """Pattern of the error of a value, a column of fit programs."""
@@ -160,7 +168,7 @@ def find_columns(table: Table, given: Mapping[str, str], options: ImportOptions)
         named.pop("t", None)
     _refuse(table, named, given, options.rate_hz is None)
     _check_units(table, named, unit, time_unit)
-    _refuse_mrad(table, named, options.scale)
+    _refuse_scaled_units(table, named, options.scale)
     return Columns(named, unit, time_unit, notes)
 
 
@@ -378,10 +386,13 @@ def _check_units(table: Table, named: Mapping[str, str], unit: str, time_unit: s
             )
 
 
-def _refuse_mrad(table: Table, named: Mapping[str, str], scale: Mapping[str, float]) -> None:
-    """Refuse columns of angles whose names state mrad, if no scale is given for them."""
-    axes = [axis for axis in AXES if axis not in scale and _SAID_MRAD.search(named.get(axis, ""))]
-    if axes:
-        name = named[axes[0]]
-        factors = "0.001" if "theta0" not in axes else ",".join(f"{axis}=0.001" for axis in axes)
-        raise RunError(f"{table.path}: column {name!r} is in mrad by its name: convert it (--scale {factors})")
+def _refuse_scaled_units(table: Table, named: Mapping[str, str], scale: Mapping[str, float]) -> None:
+    """Refuse columns of angles whose names state a unit with a factor, if no scale is given for them."""
+    for pattern, meaning, unit, factor in _SCALED_UNITS:
+        axes = [axis for axis in AXES if axis not in scale and pattern.search(named.get(axis, ""))]
+        if axes:
+            name = named[axes[0]]
+            factors = f"{factor:g}" if "theta0" not in axes else ",".join(f"{axis}={factor:g}" for axis in axes)
+            raise RunError(
+                f"{table.path}: column {name!r} is {meaning} by its name: convert it ({unit}--scale {factors})"
+            )
