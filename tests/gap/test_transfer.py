@@ -73,11 +73,12 @@ def test_a_diagnosis_of_one_release_states_that_it_was_not_validated_on_another(
 def test_a_single_recording_that_stays_unexplained_names_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in (("_classes", "an effect"), ("fitted_only", True), ("how_far", "Not closed.")):
         monkeypatch.setattr(sentence, name, lambda *_, value=value: value)
-    selection = Mock(share_explained=0.96, chosen=Mock(residuals=Mock(noise_ratio=3.0)))
+    chosen = Mock(effects=("coulomb_joint1",), residuals=Mock(noise_ratio=3.0))
+    selection = Mock(share_explained=0.96, expected=frozenset(), chosen=chosen)
     states = {b: Mock(selection=selection, posteriors=[Mock()]) for b in ("one release", "releases left out")}
     for basis, state in states.items():
         state.transfer.basis = basis
-    result = {basis: sentence._unexplained(state) for basis, state in states.items()}
+    result = {basis: sentence._unexplained(state, Mock()) for basis, state in states.items()}
     assert "but not in the quarters that were not fitted." in result["one release"]
     assert "but not in other recordings." in result["releases left out"]
 

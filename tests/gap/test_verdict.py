@@ -9,9 +9,19 @@ import pytest
 from dpr_lab.gap.classes.posterior import Alternative, EffectPosterior
 from dpr_lab.gap.conclusion.sentence import sentence
 from dpr_lab.gap.conclusion.verdict import held_out_gap_invisible, verdict
+from dpr_lab.gap.result.evidence import Budget, RunBudget
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.transfer.outcome import Transfer, WorseFreeRun
 
+
+def free_run(error_rad: float, growth_per_s: float = 0.0) -> Any:
+    """Free run of 2 s with an uncertainty of 1 mrad."""
+    return RunBudget.model_construct(
+        run="run", until_s=2.0, growth_per_s=growth_per_s, error_before_rad=error_rad, u_before_rad=1e-3
+    )
+
+
+PREDICTED = Budget.model_construct(runs=[free_run(1e-3)])
 NOISE, SMALL, GAP = Fake(z=1.0, noise_ratio=0.01), Fake(z=8.0, noise_ratio=0.49), Fake(z=50.0, noise_ratio=3.0)
 
 
@@ -44,6 +54,7 @@ def kind(
     expected: tuple[str, ...] = (),
     withholds: bool = False,
     visible: tuple[int, int] = (10, 10),
+    budget: Any = PREDICTED,
 ) -> str:
     """Verdict for a set with some causes, each with its probability and that of a cause outside the library."""
     effects = tuple("abc"[: len(causes)])
@@ -60,7 +71,7 @@ def kind(
         transfer=outcome or transfer(),
         description=Fake(withholds=withholds),
     )
-    return verdict(state, visible)
+    return verdict(state, visible, budget)
 
 
 def test_a_probable_set_that_leaves_noise_and_carries_over_is_named() -> None:
@@ -137,7 +148,7 @@ def test_the_sentence_of_an_inconclusive_release_lists_the_leading_candidates_an
         posteriors=causes,
         transfer=transfer(basis="one release", too_short=True),
     )
-    words = sentence("too_short", state, (10, 10))
+    words = sentence("too_short", state, (10, 10), PREDICTED)
     assert words.startswith("Inconclusive: this release of 1.6 s is too short to decide the cause of the gap.")
     candidates = "base_tilt or encoder_offset_joint1 (49 %), encoder_drift_joint1 (30 %) and coulomb_joint1 (12 %)"
     assert f"The leading candidates are {candidates}. Record three releases" in words
@@ -147,14 +158,19 @@ def test_a_short_release_without_a_significant_effect_does_not_exclude_the_libra
     state: Any = Fake(
         description=Fake(hint="", withholds=False),
         fitted=Fake(problem=Fake(t=np.array([0.0, 1.3]))),
-        selection=Fake(chosen=Fake(effects=(), residuals=GAP, at_noise_floor=False), share_explained=0.0),
+        selection=Fake(
+            chosen=Fake(effects=(), residuals=GAP, at_noise_floor=False),
+            bare=Fake(residuals=GAP, at_noise_floor=False),
+            share_explained=0.0,
+            expected=frozenset(),
+        ),
         posteriors=(),
         transfer=transfer(0.0, basis="one release", too_short=True),
     )
     words = "Unexplained: a gap of 3 times the noise. This release of 1.3 s is too short to exclude the effects of the"
-    assert sentence("unexplained", state, (10, 10)).startswith(words)
+    assert sentence("unexplained", state, (10, 10), PREDICTED).startswith(words)
     state.transfer = transfer(0.0, basis="one release")
-    assert "and no effect of the library fits it" in sentence("unexplained", state, (10, 10))
+    assert "and no effect of the library fits it" in sentence("unexplained", state, (10, 10), PREDICTED)
 
 
 def test_the_interval_decides_if_the_gap_is_below_half_of_the_noise() -> None:
@@ -171,6 +187,32 @@ def test_without_effects_the_remainder_decides_between_no_gap_and_unexplained() 
     assert kind(transfer(gap_ratio=1.01), causes=()) == "no_gap"
     assert kind(causes=(), visible=(5, 10)) == "no_gap"
     assert kind(causes=(), visible=(4, 10)) == "inconclusive"
+
+
+def test_a_free_run_far_outside_its_uncertainty_is_a_gap_unless_it_is_unpredictable() -> None:
+    def with_runs(*runs: Any) -> str:
+        return kind(causes=(), budget=Budget.model_construct(runs=list(runs)))
+
+    assert with_runs() == "no_gap"
+    assert with_runs(free_run(3.9e-3), free_run(1e-3)) == "no_gap"
+    assert with_runs(free_run(4.1e-3), free_run(1e-3)) == "unexplained"
+    assert with_runs(free_run(1.0, growth_per_s=1.6), free_run(1e-3)) == "unexplained"
+    assert with_runs(free_run(1.0, growth_per_s=1.8)) == "no_gap"  # an initial error grows by more than 30
+    deviating = Budget.model_construct(runs=[free_run(1.0)])
+    assert kind(causes=(), visible=(4, 10), budget=deviating) == "unexplained"
+    assert kind(budget=deviating) == "named"
+
+
+def test_the_sentence_without_a_gap_states_the_worst_free_run() -> None:
+    state: Any = Fake(
+        description=Fake(hint="", withholds=False), selection=Fake(bare=Fake(residuals=NOISE, at_noise_floor=True))
+    )
+    words = sentence("no_gap", state, (10, 10), Budget.model_construct(runs=[free_run(0.0182), free_run(0.1, 1.8)]))
+    assert "The free run of run has an error of 18 mrad rms" in words
+    assert "causes 1 mrad" in words
+    assert sentence("no_gap", state, (10, 10), Budget.model_construct(runs=[])).endswith(
+        "No free run is long and predictable enough to test this."
+    )
 
 
 def test_a_small_remainder_with_only_expected_effects_is_no_gap() -> None:

@@ -41,7 +41,7 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
     chosen, minimum_sizes = state.selection.chosen, state.selection.detectable
     withheld, transfer = state.description.withholds, state.transfer
     visible_counts = visible(minimum_sizes, state.fitted.recordings.prior.limits)
-    kind = verdict(state, visible_counts)
+    kind = verdict(state, visible_counts, evidence.budget)
     shown = state.posteriors if kind == "named" else listed_causes(state.posteriors)
     names_causes, assumed = kind in ("named", "partly_explained", "too_short"), scale(state)
     probable = () if withheld or kind == "inconclusive" else state.posteriors
@@ -50,7 +50,7 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
     sizes, residuals = named_params(chosen.estimate.params), chosen.residuals
     return Diagnosis(
         verdict="inconclusive" if kind == "too_short" else kind,
-        sentence=sentence(kind, state, visible_counts),
+        sentence=sentence(kind, state, visible_counts, evidence.budget),
         notes=notes(state, "partly_explained" if kind == "too_short" else kind, named_families),
         hints=[state.description.hint] if state.description.hint else [],
         basis=transfer.basis,

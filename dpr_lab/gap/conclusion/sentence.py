@@ -13,24 +13,26 @@ from dpr_lab.gap.conclusion.verdict import (
     gap_is_small,
     held_out_gap_invisible,
     listed_causes,
+    only_held_out_gap,
 )
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.diagnosis import UNCERTAIN
+from dpr_lab.gap.result.evidence import Budget
 from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.gap.state import Transferred
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.shown import listed, percent
 
 
-def sentence(kind: DetailedVerdict, state: Transferred, visible_counts: tuple[int, int]) -> str:
+def sentence(kind: DetailedVerdict, state: Transferred, visible_counts: tuple[int, int], budget: Budget) -> str:
     """Return the verdict in sentences; see `verdict` for the arguments."""
     hint = state.description.hint
     if kind == "inconclusive":
         return _inconclusive(visible_counts)
     if state.description.withholds:
         return f"Unexplained: a gap of {_in_noise(state.selection.bare.residuals.noise_ratio)}. {hint}"
-    return f"{_sentence(kind, state)} {hint}".rstrip()
+    return f"{_sentence(kind, state, budget)} {hint}".rstrip()
 
 
 def _inconclusive(visible_counts: tuple[int, int]) -> str:
@@ -60,13 +62,13 @@ def _too_short(state: Transferred) -> str:
     )
 
 
-def _sentence(kind: DetailedVerdict, state: Transferred) -> str:
+def _sentence(kind: DetailedVerdict, state: Transferred, budget: Budget) -> str:
     if kind == "too_short":
         return _too_short(state)
     if kind == "no_gap":
-        return _no_gap(state.selection.bare)
+        return f"{_no_gap(state.selection.bare)} {_free_run(budget)}"
     if kind == "unexplained":
-        return _unexplained(state)
+        return _unexplained(state, budget)
     causes, reduction = causes_named(state), how_far(state.transfer)
     if kind == "named":
         least = min(cause.probability for cause in causes)
@@ -79,18 +81,24 @@ def _sentence(kind: DetailedVerdict, state: Transferred) -> str:
     return f"The gap is partly explained by {_classes(causes, doubts=True)}. {reduction} {remains}"
 
 
-def _unexplained(state: Transferred) -> str:
+def _unexplained(state: Transferred, budget: Budget) -> str:
     """Return sentences that state why no effect is the cause.
 
     Either no effect fits, or the closest effects explain too little, or they explain only the fitted runs.
     """
     selection, posteriors, transferred = state.selection, state.posteriors, state.transfer
     share, remainder = selection.share_explained, _in_noise(selection.chosen.residuals.noise_ratio)
-    if not posteriors and gap_is_small(selection.chosen):
+    if not posteriors and only_held_out_gap(selection.chosen, transferred):
         return (
             "Unexplained: the fitted recordings show no gap, but the held-out recordings show a gap of"
             f" {_in_noise(transferred.gap_ratio)}. Fit these recordings too, or check that nothing on the rig"
             " was changed."
+        )
+    if set(selection.chosen.effects) <= selection.expected and gap_is_small(selection.bare):
+        return (
+            f"Unexplained: segments of {state.fitted.recordings.working_length:.2g} s show no gap, but a"
+            f" free run does. {_free_run(budget)} A fitted ratio may absorb the cause in segments: compare the ratios"
+            " with those of the rig file, and check the scale of each recorded angle and input."
         )
     if not posteriors and transferred.too_short:
         return (
@@ -116,12 +124,14 @@ def _unexplained(state: Transferred) -> str:
 
 
 def _in_noise(ratio: float) -> str:
-    """Return a ratio to the noise as text, for example `110 times the noise`.
+    """Return a ratio to the noise as text, for example `110 times the noise`."""
+    rounded = _rounded(ratio)
+    return "the size of the noise" if rounded == "1" else f"{rounded} times the noise"
 
-    The number has two significant digits and no exponent.
-    """
-    rounded = float(f"{ratio:.2g}")
-    return "the size of the noise" if rounded == 1.0 else f"{rounded:g} times the noise"
+
+def _rounded(value: float) -> str:
+    """Return a number with two significant digits and no exponent."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
@@ -148,6 +158,17 @@ def _no_gap(bare: Hypothesis) -> str:
     return (
         "No gap above the noise. No effect of the library explains the remainder of"
         f" {_in_noise(bare.residuals.noise_ratio)}."
+    )
+
+
+def _free_run(budget: Budget) -> str:
+    """State the largest error of a predictable free run relative to its uncertainty."""
+    if (run := budget.worst) is None:
+        return "No free run is long and predictable enough to test this."
+    error, uncertainty = (_rounded(1e3 * value) for value in (run.error_before_rad, run.u_before_rad))
+    return (
+        f"The free run of {run.run} has an error of {error} mrad rms; the uncertainty of parameters, initial state and"
+        f" noise causes {uncertainty} mrad."
     )
 
 

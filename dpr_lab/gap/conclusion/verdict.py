@@ -9,6 +9,7 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.diagnosis import Verdict
+from dpr_lab.gap.result.evidence import Budget
 from dpr_lab.gap.state import Transferred
 from dpr_lab.gap.transfer.outcome import Transfer
 
@@ -67,7 +68,7 @@ DetailedVerdict = Verdict | Literal["too_short"]
 """A verdict, or `too_short`: an inconclusive verdict with candidates, because the only release is too short."""
 
 
-def verdict(state: Transferred, visible_counts: tuple[int, int]) -> DetailedVerdict:
+def verdict(state: Transferred, visible_counts: tuple[int, int], budget: Budget) -> DetailedVerdict:
     """Choose the verdict of a diagnosis.
 
     If there are several releases, the verdict depends on the reduction of the gap in held-out recordings.
@@ -76,10 +77,13 @@ def verdict(state: Transferred, visible_counts: tuple[int, int]) -> DetailedVerd
         state: the selected set, its probabilities and its performance on held-out recordings
         visible_counts: number of effects that are detectable at their typical size, and number of those detectable at
             any size
+        budget: errors of the free runs, and their uncertainties
     """
     if state.description.withholds:
         return "unexplained"
     kind, (detectable, effects) = _verdict(state), visible_counts
+    if kind == "no_gap" and budget.worst and budget.worst.shows_gap:
+        return "unexplained"
     if kind == "partly_explained" and _too_short_to_decide(state):
         return "too_short"
     return "inconclusive" if kind == "no_gap" and detectable < VERDICT.visible * effects else kind
@@ -101,8 +105,7 @@ def _verdict(state: Transferred) -> Verdict:
     selection, posteriors, transferred = state.selection, state.posteriors, state.transfer
     chosen, share = selection.chosen, selection.share_explained
     if not chosen.effects:
-        only_held_out = transferred.basis == "held-out runs" and transferred.gap_ratio > VERDICT.held_out_gap
-        return "no_gap" if gap_is_small(chosen) and not only_held_out else "unexplained"
+        return "no_gap" if gap_is_small(chosen) and not only_held_out_gap(chosen, transferred) else "unexplained"
     complete = share >= THRESHOLDS.explained or chosen.at_noise_floor
     sure = max(posterior.probability for posterior in posteriors) >= VERDICT.sure
     if chosen.residuals.z < VERDICT.noise and complete and sure and _passes_all_tests(transferred):
@@ -128,6 +131,12 @@ def _passes_all_tests(transferred: Transfer) -> bool:
 def gap_is_small(model: Hypothesis) -> bool:
     """Return whether the remainder is noise, or too small to count as a gap."""
     return model.at_noise_floor or model.residuals.noise_ratio < VERDICT.gap_from
+
+
+def only_held_out_gap(chosen: Hypothesis, transferred: Transfer) -> bool:
+    """Return whether the held-out recordings show a gap, but not the fitted recordings."""
+    on_held_out = transferred.basis == "held-out runs" and transferred.gap_ratio > VERDICT.held_out_gap
+    return on_held_out and gap_is_small(chosen)
 
 
 def shows_reduction(transferred: Transfer) -> bool:

@@ -2,12 +2,12 @@
 
     E = simulation - measurement,    u_val^2 = u_num^2 + u_input^2 + u_D^2
 
-An error E above 2 u_val is attributed to the model itself. All contributions are propagated to a free run whose initial
-state is fitted to the first readings, up to the predictability horizon:
+An error E far above u_val (`FREE_RUN_TEST`) is attributed to the model itself. All contributions are propagated to a
+free run whose initial state is fitted to the first readings, up to the predictability horizon:
 
     u_num      by halving the step of the integrator
     u_input    by the measured or assumed constants of the rig, with the ratios refitted each time, and by the noise in
-               the fitted values and the initial state
+               the inputs, the fitted values and the initial state
     u_D        by the noise of the compared readings
 
 No contribution contains the model error; otherwise no error would ever exceed u_val.
@@ -22,6 +22,7 @@ JCGM 100:2008 (GUM), 4.3.7 for limits without a distribution.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal, Self
 
 import numpy as np
@@ -30,9 +31,11 @@ from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.covariance import considered, shifted
+from dpr_lab.fitting.disturbance import disturbance
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import UncertaintySource
+from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import FreeSwings
 from dpr_lab.rig import MASSES, Rig
 
@@ -72,53 +75,66 @@ class _Source:
     """Factor by which the recordings reduce the given standard uncertainty of the source."""
 
 
-def sources(problem: Problem, model: Hypothesis, rig: Rig) -> list[_Source]:
+def sources(problem: Problem, model: Hypothesis, recordings: Recordings) -> list[_Source]:
     """Return all sources of the uncertainty of a prediction."""
-    return [_integrator(problem, model), *_constants(problem, model, rig), *_noise(model)]
+    return [
+        _integrator(problem, model),
+        *_constants(problem, model, recordings.rig),
+        *_inputs(problem, recordings),
+        *_noise(model),
+    ]
+
+
+Change = Callable[[Problem], Problem]
+"""Change of an input by one standard uncertainty, or of the integrator, in the problem of the fit or of free runs."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Refit:
     """First-order refit of the model after a change of the predicted readings."""
 
+    change: Change
     step: Array
     """(free,) change of the fitted values."""
     reduction: float
     """Factor (1 + |c'|^2 / f)^-1/2 by which the recordings reduce the standard uncertainty of the change."""
 
     @classmethod
-    def of(cls, problem: Problem, model: Hypothesis, other: Problem) -> Self:
-        """Refit the model to unchanged readings after `other` replaces the problem."""
+    def of(cls, problem: Problem, model: Hypothesis, change: Change) -> Self:
+        """Refit the model to unchanged readings after a change of the problem."""
         fit = model.fit
-        change = problem.whitened(np.nan_to_num(other.predict(fit.estimate) - problem.predict(fit.estimate)))
-        step = shifted(fit, change)
-        remaining = fit.linear.projected(change[:, :, None])[:, :, 0] + fit.linear.A @ step
-        return cls(step, float((1 + np.sum(remaining**2) / model.inflation) ** -0.5))
+        other = change(problem).predict(fit.estimate)
+        whitened = problem.whitened(np.nan_to_num(other - problem.predict(fit.estimate)))
+        step = shifted(fit, whitened)
+        remaining = fit.linear.projected(whitened[:, :, None])[:, :, 0] + fit.linear.A @ step
+        return cls(change, step, float((1 + np.sum(remaining**2) / model.inflation) ** -0.5))
 
-    def variance(self, swings: FreeSwings, changes: Sequence[Array], factor: float) -> list[Array]:
+    def variance(self, swings: FreeSwings, factor: float) -> list[Array]:
         """Return the (n, 2) squared change, rad^2, of each free run after the refit.
 
         Args:
             swings: the free runs
-            changes: changes of their readings without the refit
             factor: factor on the total change
         """
         return [
             (factor * swing.settled((change + swing.by_values @ self.step)[:, :, None])[:, :, 0]) ** 2
-            for swing, change in zip(swings.each, changes, strict=True)
+            for swing, change in zip(swings.each, swings.otherwise(self.change), strict=True)
         ]
 
 
 def _integrator(problem: Problem, model: Hypothesis) -> _Source:
     """Return the contribution of the integrator, from a prediction with half the step."""
-    halved = replace(problem, segments=replace(problem.segments, step=problem.segments.step / 2))
-    refit = _Refit.of(problem, model, halved)
+    refit = _Refit.of(problem, model, _halved)
     return _Source(
         "integrator",
         "numerical",
         "half the step of the Runge-Kutta method, with refitted values",
-        lambda swings: refit.variance(swings, swings.otherwise(finer=2.0), ASSUMED.richardson),
+        partial(refit.variance, factor=ASSUMED.richardson),
     )
+
+
+def _halved(problem: Problem) -> Problem:
+    return replace(problem, segments=replace(problem.segments, step=problem.segments.step / 2))
 
 
 def _constants(problem: Problem, model: Hypothesis, rig: Rig) -> Iterator[_Source]:
@@ -126,13 +142,33 @@ def _constants(problem: Problem, model: Hypothesis, rig: Rig) -> Iterator[_Sourc
 
     Each value is changed by one standard uncertainty.
     """
-    for name, description, constants in _inputs(problem.model.constants, rig, problem.always):
-        refit = _Refit.of(problem, model, replace(problem, model=problem.model.with_constants(constants)))
+    for name, description, constants in _changed(problem.model.constants, rig, problem.always):
+        refit = _Refit.of(problem, model, partial(_with_constants, constants=constants))
+        yield _Source(name, "input", description, partial(refit.variance, factor=refit.reduction), refit.reduction)
 
-        def variance(swings: FreeSwings, refit: _Refit = refit, constants: RigConstants = constants) -> list[Array]:
-            return refit.variance(swings, swings.otherwise(constants), refit.reduction)
 
-        yield _Source(name, "input", description, variance, refit.reduction)
+def _with_constants(problem: Problem, constants: RigConstants) -> Problem:
+    return replace(problem, model=problem.model.with_constants(constants))
+
+
+def _inputs(problem: Problem, recordings: Recordings) -> Iterator[_Source]:
+    """Yield the contribution of the noise of measured torques and prescribed motions, as process noise."""
+    if all(setup.free and setup.inner is None for setup in problem.segments.setups):
+        return
+    most_Nm = (0.0, 0.0) if recordings.exact_torques else recordings.torque_noise_Nm
+
+    def variance(swings: FreeSwings) -> list[Array]:
+        runs = swings.runs
+        noise = disturbance(runs.problem, runs.start, most_Nm=most_Nm)
+        if noise is None:
+            return [np.zeros_like(swing.predicted) for swing in swings.each]
+        covariances = [np.cumsum(noise.walk[rows], axis=0) for rows in runs.rows]
+        return [
+            np.einsum("nij,njk,nik->ni", noise.out[rows], P, noise.out[rows])
+            for rows, P in zip(runs.rows, covariances, strict=True)
+        ]
+
+    yield _Source("inputs", "input", "noise of measured torques, and of the readings of a prescribed joint", variance)
 
 
 def _noise(model: Hypothesis) -> Iterator[_Source]:
@@ -162,7 +198,7 @@ def _noise(model: Hypothesis) -> Iterator[_Source]:
     yield _Source("readings", "data", "noise of the compared readings", of_readings)
 
 
-def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tuple[str, str, RigConstants]]:
+def _changed(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tuple[str, str, RigConstants]]:
     """Yield name, source and changed constants for each measured constant of the rig.
 
     The change is one standard uncertainty of this constant.

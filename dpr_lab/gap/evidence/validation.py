@@ -80,7 +80,7 @@ def validation(
     pairs = [dict(zip(swings, of_models, strict=True)) for of_models in by_run]
     compared = [_Compared(pair, horizon(pair["after"])) for pair in pairs]
     samples = [run.samples for run in compared]
-    parts = {name: sources(problem, model, recordings.rig) for name, model in models.items()}
+    parts = {name: sources(problem, model, recordings) for name, model in models.items()}
     variances = {name: mean_squares(parts[name], swings[name], samples) for name in models}
     errors = {name: _mean_errors(swings[name], samples) for name in models}
     counts = np.array([of_run.sum() for of_run in samples], dtype=np.float64)

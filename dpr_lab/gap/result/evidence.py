@@ -1,5 +1,6 @@
 """Evidence of a diagnosis: curves, valid range, uncertainty, residuals, excluded effects."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -158,6 +159,22 @@ class UncertaintySource(Saved):
     """Rms change of a prediction of the corrected model by this source, rad."""
 
 
+@dataclass(frozen=True, slots=True)
+class FreeRunTest:
+    """Limits of the test whether a free run shows a gap (decision 103)."""
+
+    coverage: float = 4.0
+    """Maximum ratio of the error to its standard uncertainty.
+
+    It is larger than the usual factor of two, because few uncertain quantities determine the error.
+    """
+    growth: float = 30.0
+    """Maximum growth of an initial error in a tested free run. A larger growth also amplifies unknown small errors."""
+
+
+FREE_RUN_TEST = FreeRunTest()
+
+
 class RunBudget(Saved):
     """Error and uncertainty of one free run, both as rms over its compared part."""
 
@@ -180,6 +197,11 @@ class RunBudget(Saved):
     """Area between two distributions of the angles that the corrected model predicts: without and with noise of the
     readings, rad."""
 
+    @property
+    def shows_gap(self) -> bool:
+        """Whether the error of the bare model is far above its uncertainty."""
+        return self.error_before_rad > FREE_RUN_TEST.coverage * self.u_before_rad
+
 
 class Budget(Saved):
     """Validation uncertainty: the possible error of a prediction by a correct model."""
@@ -190,6 +212,13 @@ class Budget(Saved):
     u_before_rad: Number
     u_after_rad: Number
     runs: list[RunBudget]
+
+    @property
+    def worst(self) -> RunBudget | None:
+        """Predictable free run of the bare model with the largest ratio of error to uncertainty, if there is one."""
+        grown = math.log(FREE_RUN_TEST.growth)
+        tested = [run for run in self.runs if run.u_before_rad > 0 and run.growth_per_s * run.until_s < grown]
+        return max(tested, key=lambda run: run.error_before_rad / run.u_before_rad, default=None)
 
 
 class Curves(Saved):

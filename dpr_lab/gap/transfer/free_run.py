@@ -9,6 +9,7 @@ state is fitted to the first readings h. A change dr of the readings also change
 remains. `settled` returns this remaining change.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -17,7 +18,6 @@ import numpy as np
 
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects import without_events
-from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.cut import MIN_SAMPLES, cut
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import descend
@@ -237,19 +237,10 @@ class FreeSwings:
     runs: FreeRuns
     each: tuple[FreeSwing, ...]
 
-    def otherwise(self, constants: RigConstants | None = None, finer: float = 1.0) -> list[Array]:
-        """Simulate with changed constants or finer steps; return the (n, 2) change of each run's readings.
-
-        Args:
-            constants: constants of the rig for this simulation; None: unchanged
-            finer: factor by which the integration steps are smaller
-        """
-        known = self.runs.problem
-        finer_segments = replace(known.segments, step=known.segments.step / finer)
-        model = known.model if constants is None else known.model.with_constants(constants)
-        changed = replace(known, segments=finer_segments, model=model).predict(self.runs.start)
-        change = np.nan_to_num(changed - self.runs.predicted)
-        return [change[rows] for rows in self.runs.rows]
+    def otherwise(self, change: Callable[[Problem], Problem]) -> list[Array]:
+        """Simulate a changed problem; return the (n, 2) change of each run's readings."""
+        change_of_all = np.nan_to_num(change(self.runs.problem).predict(self.runs.start) - self.runs.predicted)
+        return [change_of_all[rows] for rows in self.runs.rows]
 
 
 def free_swings(runs: FreeRuns, model: Hypothesis) -> FreeSwings:

@@ -71,7 +71,7 @@ def _maps(problem: Problem) -> Iterator[tuple[int, Kind, Coordinate]]:
 def where_sentence(places: tuple[Where, ...]) -> str:
     """Return the sentence about the location of the gap."""
     if not places:
-        return "There is no gap to locate."
+        return "The segments show no gap to locate."
     best = places[0]
     if best.share < CONVINCING:
         return (

@@ -29,8 +29,6 @@ class PageSettings:
     """Number of points along the edge of a map cell; enough for sharp corners of its outline."""
     least_mrad: float = 1e-4
     """Upper limit for the lower end of the budget's logarithmic axis, mrad."""
-    coverage_factor: float = 2.0
-    """Coverage factor of an expanded uncertainty of about 95 % (GUM, 6.2)."""
     white95: float = 1.96
     """Half width of the interval with 95 % of a normal distribution, in standard deviations."""
 

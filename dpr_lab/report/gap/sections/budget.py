@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.evidence import FREE_RUN_TEST
 from dpr_lab.report import style
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.figures import legend_above, new_figure
@@ -51,7 +52,8 @@ def budget_words(diagnosis: Diagnosis) -> list[str]:
         "A simulation can differ from a recording even if the model is correct, because initial state,"
         " lengths and gravity are known with finite accuracy and the integrator has errors. The figure shows how much"
         " each input changes a free"
-        " run, and the error of the free run. An error above twice the combined uncertainty shows a model error.",
+        f" run, and the error of the free run. An error above {FREE_RUN_TEST.coverage:g} times the combined"
+        " uncertainty shows a model error.",
         f"Bare model: {_judged(budget.error_before_rad, budget.u_before_rad)}"
         f" Corrected model: {_judged(budget.error_after_rad, budget.u_after_rad)}",
     ]
@@ -62,7 +64,7 @@ def _judged(error: float, uncertainty: float) -> str:
         f"error of the free run {three(1e3 * error)} mrad, standard uncertainty of the inputs"
         f" {three(1e3 * uncertainty)} mrad;"
     )
-    if error <= PAGE.coverage_factor * uncertainty:
+    if error <= FREE_RUN_TEST.coverage * uncertainty:
         return f"{numbers} no model error is detected."
     model_error = (error**2 - uncertainty**2) ** 0.5
     return f"{numbers} the model error is about {three(1e3 * model_error)} mrad."
@@ -142,7 +144,7 @@ BUDGET = EvidenceSection(
             run_rows,
         ),
     ),
-    symbols="E = S − D, u_val² = u_num² + u_input² + u_D². If E exceeds 2 u_val: δ_model = E ± u_val. ASME V&V 20-2009."
+    symbols="E = S − D, u_val² = u_num² + u_input² + u_D², δ_model = E ± u_val. ASME V&V 20-2009."
     " Limits without a distribution: JCGM 100:2008 (GUM), 4.3.7. The model was calibrated on the fitted"
     " recordings, so their E is not a blind test. Only the E of held-out recordings is a blind test.",
 )
