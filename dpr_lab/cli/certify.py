@@ -169,7 +169,9 @@ def _cell(value: Any) -> str:
 
     Equal entries of a list, such as the outliers of one recording, are combined with their number.
     """
+    from dpr_lab.report.gap.summary import BASIS
+
     if not isinstance(value, str):
         return "" if value is None else f"{value:.5g}"
-    counts = Counter(value.split(", "))
+    counts = Counter(BASIS.get(value, value).split(", "))
     return ", ".join(f"{count} x {entry}" if count > 1 else entry for entry, count in counts.items())

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from dpr_lab.certificate.document import Certificate
+from dpr_lab.cli.certify import _cell
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -35,6 +36,11 @@ def test_certify_and_verify_show_the_choices_first(cli: Callable, certified: tup
     assert shows_choices_first(done.out)
     assert "Every claim is confirmed with the choices above." in done.out
     assert "Choices that are not the default: library, maximum number of effects, seed." in done.out
+
+
+def test_the_data_of_the_test_are_shown_in_words() -> None:
+    assert _cell("releases left out") == "leave-one-run-out cross-validation"
+    assert _cell("held-out runs") == "held-out runs"
 
 
 def test_verify_has_the_same_content_in_json(cli: Callable, certified: tuple[Path, str]) -> None:

@@ -3,6 +3,8 @@
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,6 +46,18 @@ def test_shares_sum_to_one_for_any_remainder() -> None:
         shares = [budget.explained, budget.varying, budget.unmodelled, budget.not_reproducible, budget.noise]
         assert sum(shares) == pytest.approx(1.0)
         assert min(shares) >= 0
+
+
+@pytest.mark.parametrize(
+    ("verdict", "explained", "stated"), [("named", 0.8, True), ("named", 0.9, False), ("partial", 0.8, False)]
+)
+def test_a_named_cause_with_a_share_below_all_states_what_the_share_is_of(verdict, explained, stated) -> None:
+    shares = {"varying": 0.0, "unmodelled": 0.0, "not_reproducible": 0.9 - explained, "noise": 0.1}
+    budget = GapBudget(basis="recordings", explained=explained, **shares)
+    gap = SimpleNamespace(budget=budget, closed_held_out=SimpleNamespace(held_out={}))
+    diagnosis: Any = SimpleNamespace(verdict=verdict, gap=gap)
+    text = " ".join(repeatability_sentences(diagnosis))
+    assert ("a fit to all recordings leaves only noise" in text) == stated
 
 
 @pytest.mark.slow

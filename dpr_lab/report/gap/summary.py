@@ -14,14 +14,16 @@ from dpr_lab.report.pages.page import ShareBar
 from dpr_lab.report.words import named, parameter_words, size_words
 from dpr_lab.shown import listed, percent
 
+BASIS = {
+    "one release": "cross-validation between the quarters of one run",
+    "releases left out": "leave-one-run-out cross-validation",
+}
+"""Words for the data on which the gap reduction is measured, without held-out data."""
+
 
 def basis_words(diagnosis: Diagnosis) -> str:
     """Describe the data on which the gap reduction is measured."""
-    if diagnosis.basis == "one release":
-        return "cross-validation between the quarters of one run"
-    if diagnosis.basis == "releases left out":
-        return "leave-one-run-out cross-validation"
-    return held_out_words(diagnosis)
+    return BASIS.get(diagnosis.basis) or held_out_words(diagnosis)
 
 
 def held_out_words(diagnosis: Diagnosis) -> str:
@@ -112,6 +114,10 @@ def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
             f"The corrected model explains {percent(budget.of_gap)} of the mean squared gap, and"
             f" {percent(budget.of_reproducible)} of its reproducible part, which repeats in the other {between}."
         ]
+    if diagnosis.verdict == "named" and percent(budget.of_gap) != percent(1.0):
+        sentences.append(
+            f"These shares are of the prediction from other {between}; a fit to all {between} leaves only noise."
+        )
     if budget.basis == "pieces of one recording":
         sentences.append("Pieces of a single recording cannot show differences between releases.")
     return [*sentences, *(f"Between {between} {_varying(parameter)}." for parameter in budget.parameters)]
