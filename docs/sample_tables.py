@@ -9,7 +9,7 @@ import numpy as np
 from dpr_lab.acquisition.capture import CaptureOptions
 from dpr_lab.run import Run
 from dpr_lab.storage.reader import load_run
-from dpr_lab.workflows.capture import CaptureRequest, capture
+from dpr_lab.workflows.capture import capture
 
 FOLDER = Path(__file__).parents[1] / "configs" / "tables"
 LINK = "sim://?plant=bench&seed=12&clock=fast"
@@ -20,7 +20,7 @@ def record(out: Path, seconds: float = DURATION_S) -> None:
     """Write one CSV table for each pose of the sample rig: the swing from its release on."""
     with TemporaryDirectory() as folder:
         options = CaptureOptions(duration=seconds)
-        captured = capture(CaptureRequest(str(FOLDER / "bench.toml"), Path(folder), options, url=LINK), lambda: True)
+        captured = capture(str(FOLDER / "bench.toml"), Path(folder), options, lambda: True, url=LINK)
         for run in map(load_run, captured.files):
             (out / f"{run.pose}.csv").write_text(csv(run), encoding="utf-8", newline="\n")
 

@@ -59,15 +59,26 @@ def capture(
     """
     from dpr_lab.acquisition.capture import CaptureOptions
     from dpr_lab.cli.listener import Listener
-    from dpr_lab.workflows.capture import CaptureRequest
     from dpr_lab.workflows.capture import capture as capture_runs
 
     options = CaptureOptions(rate_hz=rate_hz, duration=duration, until_rest=until_rest, note=note)
-    request = CaptureRequest(rig, out, options, tuple(pose or ()), repeat, link, rods, elbow, arm, inner)
     confirm = release_question(ask=_must_confirm(rig, link, yes=yes))
     try:
         with Listener() as listener:
-            captured = capture_runs(request, confirm, listener)
+            captured = capture_runs(
+                rig,
+                out,
+                options,
+                confirm,
+                poses=pose or (),
+                repeat=repeat,
+                url=link,
+                rods=rods,
+                elbow=elbow,
+                arm=arm,
+                inner=inner,
+                on_event=listener,
+            )
     except KeyboardInterrupt as stopped:
         reason = str(stopped) or "stopped by the operator: the rods were not released"
         raise KeyboardInterrupt(reason) from stopped

@@ -52,11 +52,21 @@ def check(
     """
     require_runs(torque, runs)
     from dpr_lab.cli.listener import Listener
-    from dpr_lab.workflows.check import CheckRequest, take_check
+    from dpr_lab.workflows.check import take_check
 
     with Listener() as listener:
-        request = CheckRequest(diagnosis, check_id, tuple(runs or ()), value, std, rig, out, torque, confirmed=force)
-        updated = take_check(request, listener)
+        updated = take_check(
+            diagnosis,
+            check_id,
+            runs or (),
+            value,
+            std,
+            rig_name=rig,
+            out=out,
+            torque=torque,
+            confirmed=force,
+            on_event=listener,
+        )
     if as_json:
         emit(updated.to_json())
     else:

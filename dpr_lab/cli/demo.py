@@ -46,11 +46,10 @@ def demo(
         _write_tables(out or Path("sample"), as_json)
         return
     from dpr_lab.cli.listener import Listener
-    from dpr_lab.workflows.demo import DemoRequest
     from dpr_lab.workflows.demo import demo as run_demo
 
     with Listener() as listener:
-        outcome = run_demo(DemoRequest(out or Path("out/demo"), seed), listener)
+        outcome = run_demo(out or Path("out/demo"), seed, listener)
     if as_json:
         emit(_record(outcome))
     else:

@@ -42,10 +42,20 @@ def drift(
     Example: dpr-lab drift runs/*.mcap --rig paper --by day --fail-on-drift --out drift
     """
     from dpr_lab.cli.listener import Listener
-    from dpr_lab.workflows.drift import DriftRequest, watch_drift
+    from dpr_lab.workflows.drift import watch_drift
 
     with Listener() as listener:
-        result = watch_drift(DriftRequest(tuple(runs), rig, by, diagnosis, model, out, any_clock, torque), listener)
+        result = watch_drift(
+            runs,
+            rig,
+            by,
+            diagnosis=diagnosis,
+            model=model,
+            out=out,
+            any_clock=any_clock,
+            torque=torque,
+            on_event=listener,
+        )
     if as_json:
         emit(result.to_json())
     else:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from dpr_lab.exports.into.replay import FileReplay
     from dpr_lab.workflows.export import ExportResult
-    from dpr_lab.workflows.export_ensemble import EnsembleRequest, EnsembleResult
+    from dpr_lab.workflows.export_ensemble import EnsembleResult
     from dpr_lab.workflows.export_into import ExportedInto
 
 
@@ -90,32 +90,35 @@ def export(
         raise typer.BadParameter("--seed requires --ensemble")
     if torque is not None and not check:
         raise typer.BadParameter("--torque requires --check")
-    if ensemble is not None:
-        from dpr_lab.workflows.export_ensemble import EnsembleRequest
-
-        formats = names_in(to or "mjcf") or ()
-        request = EnsembleRequest(model, rig, ensemble, seed or 0, formats, out, tuple(check or ()), torque)
-        _ensemble(request, as_json)
-        return
     from dpr_lab.cli.listener import Listener
 
+    runs = tuple(check or ())
+    if ensemble is not None:
+        from dpr_lab.workflows.export_ensemble import export_ensemble
+
+        formats = names_in(to or "mjcf") or ()
+        with Listener() as listener:
+            sampled = export_ensemble(model, rig, ensemble, seed or 0, formats, out, runs, torque, listener)
+        if as_json:
+            emit(sampled.to_json())
+        else:
+            _show_ensemble(sampled, ensemble)
+        return
     if into is not None:
         from dpr_lab.workflows.export_into import export_into
 
         with Listener() as listener:
-            written = export_into(model, rig, into, out, names_in(joints) or (), tuple(check or ()), torque, listener)
+            written = export_into(model, rig, into, out, names_in(joints) or (), runs, torque, listener)
         if as_json:
             emit(written.to_json())
         else:
             _show_into(into.name, written)
         return
-    from dpr_lab.workflows.export import ExportRequest
     from dpr_lab.workflows.export import export as export_model
 
     formats = tuple(dict.fromkeys(names_in(to or "mjcf,python,urdf,sdf") or ()))
-    request = ExportRequest(model, rig, formats, out, tuple(check or ()), torque)
     with Listener() as listener:
-        done = export_model(request, listener)
+        done = export_model(model, rig, formats, out, runs, torque, listener)
     if as_json:
         emit(done.to_json())
     else:
@@ -124,21 +127,14 @@ def export(
         raise typer.Exit(1)
 
 
-def _ensemble(request: "EnsembleRequest", as_json: bool) -> None:
-    from dpr_lab.cli.listener import Listener
+def _show_ensemble(done: "EnsembleResult", size: int) -> None:
     from dpr_lab.report.words import in_words
-    from dpr_lab.workflows.export_ensemble import export_ensemble
 
-    with Listener() as listener:
-        done = export_ensemble(request, listener)
-    if as_json:
-        emit(done.to_json())
-        return
     rows = [(in_words(effects.replace("+", ", ")), count) for effects, count in done.sets.items()]
-    table(f"{request.size} models", ("effects", "models"), rows)
+    table(f"{size} models", ("effects", "models"), rows)
     if done.bands:
         _show_bands(done)
-    for sentence in _limits(done, request.size):
+    for sentence in _limits(done, size):
         line(sentence)
     say(f"ensemble: {done.file}")
     if done.folders:

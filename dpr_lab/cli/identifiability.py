@@ -33,11 +33,10 @@ def identifiability(
     require_runs(torque, runs)
     from dpr_lab.cli.listener import Listener
     from dpr_lab.identification.moving_arm.identifiability import ArmIdentifiability
-    from dpr_lab.workflows.identifiability import IdentifiabilityRequest
     from dpr_lab.workflows.identifiability import identifiability as judge
 
     with Listener() as listener:
-        result = judge(IdentifiabilityRequest(rig, tuple(runs or ()), torque), listener)
+        result = judge(rig, runs or (), torque, listener)
     if as_json:
         request = {"rig": result.rig, "runs": runs or [], "torques": result.torques}
         emit(result.identifiability.to_json() | request)

@@ -41,13 +41,12 @@ def paper(
     Example: dpr-lab paper --out out/paper
     """
     from dpr_lab.cli.listener import Listener
-    from dpr_lab.workflows.paper import PaperRequest
     from dpr_lab.workflows.paper import paper as run_again
 
     if quick:
         seeds, generations = min(seeds, QUICK["seeds"]), min(generations, QUICK["generations"])
     with Listener() as listener:
-        reproduction = run_again(PaperRequest(out, seeds, generations, workers or os.cpu_count() or 1), listener)
+        reproduction = run_again(out, seeds, generations, workers or os.cpu_count() or 1, listener)
     if as_json:
         emit(reproduction.record | {"page": reproduction.page})
         return

@@ -108,12 +108,11 @@ def draw(
     """
     from dpr_lab.cli.listener import Listener
     from dpr_lab.trials.sealing import PlantRequest
-    from dpr_lab.workflows.trial import TrialRequest
     from dpr_lab.workflows.trial import draw as draw_trial
 
     with Listener() as listener:
         wanted = PlantRequest(kind, level, seed, *_centres(rig, plant, arm), arm)
-        trial = draw_trial(TrialRequest(wanted, out), listener)
+        trial = draw_trial(wanted, out, listener)
     if as_json:
         emit({"trial": out, "seal": trial.seal, "asked": trial.asked, "runs": trial.runs})
         return
@@ -129,10 +128,10 @@ def run(folder: Folder, as_json: Json = False) -> None:
     """
     from dpr_lab.cli.diagnose import show
     from dpr_lab.cli.listener import Listener
-    from dpr_lab.workflows.trial import DiagnoseTrialRequest, diagnose_trial
+    from dpr_lab.workflows.trial import diagnose_trial
 
     with Listener() as listener:
-        trial = diagnose_trial(DiagnoseTrialRequest(folder), listener)
+        trial = diagnose_trial(folder, on_event=listener)
     if as_json:
         emit(trial.diagnosis.to_json() | {"files": trial.files})
         return
@@ -270,7 +269,7 @@ def campaign(
     from dpr_lab.trials.campaign import Campaign
     from dpr_lab.trials.next_release import STRATEGIES
     from dpr_lab.trials.workers import exposure
-    from dpr_lab.workflows.campaign import CampaignRequest, run_campaign
+    from dpr_lab.workflows.campaign import run_campaign
 
     if scheduler is not None and (warning := exposure(scheduler)):
         say(warning)
@@ -278,7 +277,7 @@ def campaign(
     strategies = tuple(STRATEGIES) if plan else ()
     tried_on = Campaign(kinds, level, seed, *_centres(rig, plant, arm), arm, strategies)
     with Listener() as listener:
-        done = run_campaign(CampaignRequest(tried_on, n, out, jobs or os.cpu_count() or 1, scheduler), listener)
+        done = run_campaign(tried_on, n, out, jobs or os.cpu_count() or 1, scheduler, listener)
     if as_json:
         emit(done.summary | {"failures": [failure.error for failure in done.failures], "files": done.files})
     else:

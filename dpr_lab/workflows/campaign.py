@@ -13,21 +13,6 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class CampaignRequest:
-    """Options of a campaign."""
-
-    campaign: "Campaign"
-    n: int
-    """Number of trials."""
-    out: Path
-    """Folder for the results. An interrupted campaign in this folder is continued."""
-    jobs: int = 1
-    """Number of trials that run in parallel on this machine."""
-    scheduler: str | None = None
-    """Address of a dask scheduler that runs the trials; None: the trials run on this machine."""
-
-
-@dataclass(frozen=True, slots=True)
 class CampaignResult:
     """Results of a campaign."""
 
@@ -36,10 +21,23 @@ class CampaignResult:
     files: dict[str, str]
 
 
-def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> CampaignResult:
+def run_campaign(
+    campaign: "Campaign",
+    n: int,
+    out: Path,
+    jobs: int,
+    scheduler: str | None = None,
+    on_event: OnEvent = ignore,
+) -> CampaignResult:
     """Run a campaign, score it, and write summary, figures and page.
 
-    Event: `TrialDone`, at the start and after each trial.
+    Args:
+        campaign: the plants.
+        n: number of trials.
+        out: folder for the results. An interrupted campaign in this folder is continued.
+        jobs: number of trials that run in parallel on this machine.
+        scheduler: address of a dask scheduler that runs the trials; None: the trials run on this machine.
+        on_event: receives `TrialDone`, at the start and after each trial.
 
     Raises:
         ConfigError: a kind is not available for a moving arm.
@@ -48,17 +46,17 @@ def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> Campai
     """
     from dpr_lab.trials.campaign import run_campaign as run_trials
 
-    check_folder_writable(request.out)
-    _refuse_other_kinds(request.campaign)
+    check_folder_writable(out)
+    _refuse_other_kinds(campaign)
     tried = run_trials(
-        request.campaign,
-        request.n,
-        request.out,
-        jobs=request.jobs,
-        scheduler=request.scheduler,
-        on_trial=lambda done, last: on_event(TrialDone(done, request.n, last)),
+        campaign,
+        n,
+        out,
+        jobs=jobs,
+        scheduler=scheduler,
+        on_trial=lambda done, last: on_event(TrialDone(done, n, last)),
     )
-    summary, files = _saved(tried, request)
+    summary, files = _saved(tried, campaign, n, out)
     return CampaignResult(summary, tried.failures, files)
 
 
@@ -72,7 +70,7 @@ def _refuse_other_kinds(campaign: "Campaign") -> None:
         raise ConfigError(f"kind {others[0]}: not available for plants whose arm moves; choose {available}")
 
 
-def _saved(tried: "Tried", request: CampaignRequest) -> tuple[dict[str, Any], dict[str, str]]:
+def _saved(tried: "Tried", campaign: "Campaign", n: int, out: Path) -> tuple[dict[str, Any], dict[str, str]]:
     """Write summary, figures and page; return the summary, and the paths by name."""
     from dpr_lab.report.saving import write_json
     from dpr_lab.report.trials.figures import save_trial_figures
@@ -80,10 +78,9 @@ def _saved(tried: "Tried", request: CampaignRequest) -> tuple[dict[str, Any], di
     from dpr_lab.trials.sequential_summary import read_strategies, sequential_summary
     from dpr_lab.trials.summary import summary
 
-    campaign, out = request.campaign, request.out
     counted = summary(tried.outcomes)
     if campaign.strategies:
-        counted |= {"strategies": sequential_summary(read_strategies(out, request.n))}
+        counted |= {"strategies": sequential_summary(read_strategies(out, n))}
     figures = save_trial_figures(counted, out)
     setting = (
         f"Kinds of hidden effects, in turn: {', '.join(campaign.kinds)}; size {campaign.level}; drawn around rig"

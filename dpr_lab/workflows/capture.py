@@ -1,6 +1,6 @@
 """Record runs from a device: guide, release, record and check."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,36 +12,10 @@ from dpr_lab.workflows.events import CaptureBegan, CaptureDone, CaptureProgress,
 
 if TYPE_CHECKING:
     from dpr_lab.acquisition.capture import CaptureOptions
-    from dpr_lab.acquisition.device import Device
     from dpr_lab.acquisition.holding import Confirm
     from dpr_lab.acquisition.swing import Captured
     from dpr_lab.rig import Rig
     from firmware_protocol.identity import DeviceInfo
-
-
-@dataclass(frozen=True, slots=True)
-class CaptureRequest:
-    """Options of a capture."""
-
-    rig: str
-    """Rig file, or name of a built-in rig."""
-    out: Path
-    """Folder of the runs."""
-    options: "CaptureOptions"
-    poses: tuple[str, ...] = ()
-    """Names of the poses in order; empty for all poses of the rig."""
-    repeat: int = 1
-    """Number of releases from each pose."""
-    url: str | None = None
-    """URL of the device; None: the link of the rig file."""
-    rods: str | None = None
-    """Mounted rods; None: as in the rig file."""
-    elbow: str | None = None
-    """Whether joint 2 is free or clamped; None: as in the rig file."""
-    arm: str | None = None
-    """Mode of joint 0: clamped, free, prescribed or driven; None: as in the rig file."""
-    inner: str | None = None
-    """Mode of joint 1: free or prescribed; None: as in the rig file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,41 +37,72 @@ class CaptureResult:
         return tuple(run.run_file for run in self.captured)
 
 
-def capture(request: CaptureRequest, confirm: "Confirm", on_event: OnEvent = ignore) -> CaptureResult:
+def capture(
+    rig_name: str,
+    out: Path,
+    options: "CaptureOptions",
+    confirm: "Confirm",
+    *,
+    poses: Sequence[str] = (),
+    repeat: int = 1,
+    url: str | None = None,
+    rods: str | None = None,
+    elbow: str | None = None,
+    arm: str | None = None,
+    inner: str | None = None,
+    on_event: OnEvent = ignore,
+) -> CaptureResult:
     """Record free swings, one run file for each release.
 
-    Events: `DeviceGreeted`; for each pose `CaptureBegan`, `CaptureProgress`, `CaptureDone`.
-
     Args:
-        request: what to record
-        confirm: called for permission before each release, as in `dpr_lab.acquisition.capture.capture`
-        on_event: called with the progress
+        rig_name: rig file, or name of a built-in rig.
+        out: folder of the runs.
+        options: what to record after each release.
+        confirm: called for permission before each release, as in `dpr_lab.acquisition.capture.capture`.
+        poses: names of the poses in order; empty for all poses of the rig.
+        repeat: number of releases from each pose.
+        url: URL of the device; None: the link of the rig file.
+        rods: mounted rods; None: as in the rig file.
+        elbow: whether joint 2 is free or clamped; None: as in the rig file.
+        arm: mode of joint 0: clamped, free, prescribed or driven; None: as in the rig file.
+        inner: mode of joint 1: free or prescribed; None: as in the rig file.
+        on_event: receives `DeviceGreeted`; for each pose `CaptureBegan`, `CaptureProgress`, `CaptureDone`.
 
     Raises:
         ConfigError: the rig is not valid or lacks a pose, or a file with the name of the folder exists.
         DprError: see `dpr_lab.acquisition.capture.capture`.
     """
+    from dpr_lab.acquisition.capture import capture as capture_run
     from dpr_lab.acquisition.capture import check_encoders, pose_named
     from dpr_lab.acquisition.device import Device
     from dpr_lab.rig import load_rig
     from dpr_lab.transports import open_transport
 
-    rig = with_rods(with_modes(load_rig(request.rig), request.arm, request.inner), request.rods, request.elbow)
-    for name in request.poses:
+    rig = with_rods(with_modes(load_rig(rig_name), arm, inner), rods, elbow)
+    for name in poses:
         pose_named(rig, name)
     refuse_no_poses(rig)
-    check_folder_writable(request.out)
-    url = rig.link.url if request.url is None else request.url
+    check_folder_writable(out)
+    url = rig.link.url if url is None else url
+    captured: list[Captured] = []
     with _rig_file(rig) as rig_file, Device(open_transport(url, rig_file=rig_file)) as device:
         info = device.connect()
         on_event(DeviceGreeted(device.url, info))
         check_encoders(device, rig)  # before the operator moves the rods
-        device.check_rate(request.options.rate_hz or rig.link.rate_hz)
-        return CaptureResult(url, info, tuple(_captures(request, rig, device, confirm, on_event)))
+        device.check_rate(options.rate_hz or rig.link.rate_hz)
+        for name in (*(poses or rig.poses),) * repeat:
+            on_event(CaptureBegan(name, rig.poses[name], options.longest, rig.rods.number))
+            captured.append(
+                capture_run(
+                    device, rig, name, options, out, lambda progress: on_event(CaptureProgress(progress)), confirm
+                )
+            )
+            on_event(CaptureDone(name, captured[-1]))
+    return CaptureResult(url, info, tuple(captured))
 
 
 @contextmanager
-def _rig_file(rig: "Rig") -> "Iterator[Path | None]":
+def _rig_file(rig: "Rig") -> Iterator[Path | None]:
     """Yield the rig file for a simulated device.
 
     It is a temporary file if the mounted rods differ from those of the file.
@@ -111,18 +116,3 @@ def _rig_file(rig: "Rig") -> "Iterator[Path | None]":
         file = Path(folder) / "rig.toml"
         file.write_text(rig_toml(rig), encoding="utf-8")
         yield file
-
-
-def _captures(
-    request: CaptureRequest, rig: "Rig", device: "Device", confirm: "Confirm", on_event: OnEvent
-) -> "Iterator[Captured]":
-    from dpr_lab.acquisition.capture import capture as capture_run
-
-    options = request.options
-    for name in (request.poses or tuple(rig.poses)) * request.repeat:
-        on_event(CaptureBegan(name, rig.poses[name], options.longest, rig.rods.number))
-        captured = capture_run(
-            device, rig, name, options, request.out, lambda progress: on_event(CaptureProgress(progress)), confirm
-        )
-        on_event(CaptureDone(name, captured))
-        yield captured

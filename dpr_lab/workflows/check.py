@@ -1,7 +1,6 @@
 """Update of a diagnosis by the result of a recommended check."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,33 +18,35 @@ if TYPE_CHECKING:
     from dpr_lab.run import Run
 
 
-@dataclass(frozen=True, slots=True)
-class CheckRequest:
-    """A recommended check and its result: recordings, or a measured value."""
+def take_check(
+    diagnosis_path: Path,
+    check_id: str,
+    files: Sequence[Path] = (),
+    value: float | str | None = None,
+    std: float | str | None = None,
+    *,
+    rig_name: str | None = None,
+    out: Path | None = None,
+    torque: str | None = None,
+    confirmed: bool = False,
+    on_event: OnEvent = ignore,
+) -> "Diagnosis":
+    """Update a diagnosis with the result of a check: recordings, or a measured value.
 
-    diagnosis: Path
-    """Output of `diagnose --json`."""
-    check: str
-    """Identifier of the check."""
-    runs: tuple[Path, ...] = ()
-    value: float | str | None = None
-    """Measured value: a number in the unit of the check's quantity, or text with a unit, for example `6.1 mN m`."""
-    std: float | str | None = None
-    """Standard uncertainty of the value, as a number or text. Text without a unit is in the unit of the value."""
-    rig: str | None = None
-    """Rig file, or name of a built-in rig; None: the rig stored with the first run."""
-    out: Path | None = None
-    """Folder of `diagnosis.json` and its page; None: no files are written."""
-    torque: str | None = None
-    """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
-    confirmed: bool = False
-    """Whether a value that no candidate predicts is accepted."""
+    The new diagnosis names the old one as its parent.
 
-
-def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis":
-    """Update a diagnosis with the result of a check.
-
-    The new diagnosis names the old one as its parent. Event: `RunRead`.
+    Args:
+        diagnosis_path: output of `diagnose --json`, or the folder of a diagnosis.
+        check_id: identifier of the check.
+        files: run files.
+        value: measured value, a number in the unit of the check's quantity, or text with a unit, for example
+            `6.1 mN m`.
+        std: standard uncertainty of the value, as a number or text. Text without a unit is in the unit of the value.
+        rig_name: rig file, or name of a built-in rig; None: the rig stored with the first run.
+        out: folder of `diagnosis.json` and its page; None: no files are written.
+        torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured.
+        confirmed: whether a value that no candidate predicts is accepted.
+        on_event: receives `RunRead`.
 
     Raises:
         ConfigError: the rig is not valid, or a file with the name of the folder exists.
@@ -61,21 +62,21 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
     from dpr_lab.rig import load_rig
     from dpr_lab.storage.reader import stored_rig
 
-    if request.out:
-        check_folder_writable(request.out)
-    diagnosis = load_diagnosis(request.diagnosis)
-    check = find_check(diagnosis, request.check)
-    refuse_other_result(check, {name for name in ("runs", "value", "std") if getattr(request, name) not in ((), None)})
+    if out:
+        check_folder_writable(out)
+    diagnosis = load_diagnosis(diagnosis_path)
+    check = find_check(diagnosis, check_id)
+    stated = {"runs": files or None, "value": value, "std": std}
+    refuse_other_result(check, {name for name, result in stated.items() if result is not None})
     rig, runs = None, ()
-    if request.runs:
-        rig = load_rig(request.rig) if request.rig else stored_rig(request.runs[0])
-        runs = tuple(read_runs(request.runs, rig, on_event, torque=request.torque))
+    if files:
+        rig = load_rig(rig_name) if rig_name else stored_rig(files[0])
+        runs = tuple(read_runs(files, rig, on_event, torque=torque))
         _refuse_used(runs, diagnosis, check)
-    answer = CheckAnswer(runs, rig, request.value, request.std, request.confirmed)
-    updated = update(diagnosis, check, answer)
-    updated = updated.model_copy(update={"parent": sha256_of(diagnosis_file(request.diagnosis))})
-    if request.out:
-        _save(updated, request.out)
+    updated = update(diagnosis, check, CheckAnswer(runs, rig, value, std, confirmed))
+    updated = updated.model_copy(update={"parent": sha256_of(diagnosis_file(diagnosis_path))})
+    if out:
+        _save(updated, out)
     return updated
 
 

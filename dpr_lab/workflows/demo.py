@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dpr_lab.workflows.capture import CaptureRequest, capture
+from dpr_lab.workflows.capture import capture
 from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.compare import CompareRequest, compare
 from dpr_lab.workflows.events import JobBegan, OnEvent, ignore
 from dpr_lab.workflows.identify import IdentifyRequest, identify
-from dpr_lab.workflows.trial import DiagnoseTrialRequest, TrialRequest, diagnose_trial, draw
+from dpr_lab.workflows.trial import diagnose_trial, draw
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,18 +30,6 @@ JOBS = (
     "diagnose: location and cause of the gap",
     "reveal the plant and score the diagnosis",
 )
-
-
-@dataclass(frozen=True, slots=True)
-class DemoRequest:
-    """Options of the demo."""
-
-    out: Path
-    """Folder for runs, model and report. It contains a separate folder for the trial of each demo."""
-    seed: int | None = None
-    """Seed of the trial's plant, for repeatable demos; None: a random plant."""
-    default_seed: int = 1
-    """Seed of all other random numbers if `seed` is None."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,34 +72,37 @@ class DemoResult:
     hidden: HiddenEffect
 
 
-def demo(request: DemoRequest, on_event: OnEvent = ignore) -> DemoResult:
+def demo(out: Path, seed: int | None = None, on_event: OnEvent = ignore) -> DemoResult:
     """Record, identify and compare a simulated double pendulum, then diagnose one with a hidden effect.
 
-    Events: `JobBegan`, and those of each job.
+    Args:
+        out: folder for runs, model and report. It contains a separate folder for the trial of each demo.
+        seed: seed of the trial's plant, for repeatable demos; None: a random plant. The seed of all other random
+            numbers is then 1.
+        on_event: receives `JobBegan`, and the events of each job.
 
     Raises:
         ConfigError: a file with the name of the folder exists, or nothing can be written.
         DprError: a job failed.
     """
-    check_folder_writable(request.out)
+    check_folder_writable(out)
 
     def begin(number: int) -> None:
         on_event(JobBegan(number, len(JOBS), JOBS[number - 1]))
 
-    known = _known_plant(request, begin, on_event)
-    return DemoResult(known, _hidden_effect(request, begin, on_event))
+    known = _known_plant(out, 1 if seed is None else seed, begin, on_event)
+    return DemoResult(known, _hidden_effect(out, seed, begin, on_event))
 
 
-def _known_plant(request: DemoRequest, begin: "Callable[[int], None]", on_event: OnEvent) -> KnownPlant:
+def _known_plant(out: Path, seed: int, begin: "Callable[[int], None]", on_event: OnEvent) -> KnownPlant:
     """Capture, identify and compare a plant without effects, then request its true values."""
     from dpr_lab.acquisition.capture import CaptureOptions
     from dpr_lab.identification.model import Model
     from dpr_lab.trials.sealing import ask
 
-    out, seed = request.out, request.default_seed if request.seed is None else request.seed
     url = f"sim://?plant={PLANT}&seed={seed}&clock=fast"
     begin(1)
-    recorded = capture(CaptureRequest(RIG, out / "runs", CaptureOptions(), url=url), lambda: True, on_event)
+    recorded = capture(RIG, out / "runs", CaptureOptions(), lambda: True, url=url, on_event=on_event)
     begin(2)
     identified = identify(IdentifyRequest(recorded.files, RIG, out / "model.json", seed=seed), on_event)
     assert isinstance(identified.model, Model)
@@ -121,23 +112,21 @@ def _known_plant(request: DemoRequest, begin: "Callable[[int], None]", on_event:
     return KnownPlant(recorded.files, identified.model, identified.file, compared.saved["report"], truth)
 
 
-def _hidden_effect(request: DemoRequest, begin: "Callable[[int], None]", on_event: OnEvent) -> HiddenEffect:
+def _hidden_effect(out: Path, seed: int | None, begin: "Callable[[int], None]", on_event: OnEvent) -> HiddenEffect:
     """Run a blind trial: seal, record, identify, diagnose, reveal and score a plant."""
     from dpr_lab.identification.model import Model
     from dpr_lab.trials.protocol import RIG_FILE, open_trial
     from dpr_lab.trials.sealing import Kind, PlantRequest
 
-    folder = _unused(request.out)
+    folder = _unused(out)
     begin(4)
-    trial = draw(TrialRequest(PlantRequest(Kind.SINGLE, seed=request.seed), folder), on_event)
+    trial = draw(PlantRequest(Kind.SINGLE, seed=seed), folder, on_event)
     begin(5)
-    seed = request.seed or request.default_seed
-    identified = identify(
-        IdentifyRequest(trial.runs, str(folder / RIG_FILE), folder / "model.json", seed=seed), on_event
-    )
+    request = IdentifyRequest(trial.runs, str(folder / RIG_FILE), folder / "model.json", seed=seed or 1)
+    identified = identify(request, on_event)
     assert isinstance(identified.model, Model)
     begin(6)
-    diagnosed = diagnose_trial(DiagnoseTrialRequest(folder, identified.file), on_event)
+    diagnosed = diagnose_trial(folder, identified.file, on_event)
     begin(7)
     return HiddenEffect(trial, identified.model, diagnosed.diagnosis, diagnosed.files["report"], open_trial(trial))
 

@@ -1,5 +1,6 @@
 """Drift analysis: changes of parameters between groups of runs."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,34 +12,13 @@ from dpr_lab.workflows.events import OnEvent, StageBegan, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from dpr_lab.drift.changes import Drift
     from dpr_lab.drift.estimates import Estimates
     from dpr_lab.drift.groups import Occasion
 
 STAGES = ("each run alone", "changes")
-
-
-@dataclass(frozen=True, slots=True)
-class DriftRequest:
-    """Options of a drift analysis."""
-
-    runs: tuple[Path, ...]
-    rig: str
-    """Rig file, or the name of a built-in one."""
-    by: Literal["day", "session", "label"] = "day"
-    """Criterion of the groups: a key of `dpr_lab.drift.groups.KEYS`."""
-    diagnosis: Path | None = None
-    """Diagnosis, as JSON file or folder. The sizes of its effects are also compared. None: only parameters are
-    compared."""
-    model: Path | None = None
-    """Identified model that provides initial values; None: values of the rig file."""
-    out: Path | None = None
-    """Folder of the report; None: no files are written."""
-    any_clock: bool = False
-    torque: str | None = None
-    """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +49,7 @@ class DriftResult:
             "files": self.files,
         }
 
-    def _sizes(self, values: "Sequence[float]") -> dict[str, float]:
+    def _sizes(self, values: Sequence[float]) -> dict[str, float]:
         """Map the names of parameters to their values.
 
         For a ratio to b, the absolute value with the assumed b is added.
@@ -85,10 +65,30 @@ class DriftResult:
         return by_name | {name.removesuffix(over): value / b for name, value in by_name.items() if name.endswith(over)}
 
 
-def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResult:
+def watch_drift(
+    files: Sequence[Path],
+    rig_name: str,
+    by: Literal["day", "session", "label"] = "day",
+    *,
+    diagnosis: Path | None = None,
+    model: Path | None = None,
+    out: Path | None = None,
+    any_clock: bool = False,
+    torque: str | None = None,
+    on_event: OnEvent = ignore,
+) -> DriftResult:
     """Find parameters of a rig that changed between groups of runs.
 
-    Events: `RunRead`, `StageBegan`.
+    Args:
+        files: run files.
+        rig_name: rig file, or the name of a built-in one.
+        by: criterion of the groups, a key of `dpr_lab.drift.groups.KEYS`.
+        diagnosis: JSON file or folder. The sizes of its effects are also compared. None: only parameters are compared.
+        model: identified model that provides initial values; None: values of the rig file.
+        out: folder of the report; None: no files are written.
+        any_clock: see `read_runs`.
+        torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured.
+        on_event: receives `RunRead` and `StageBegan`.
 
     Raises:
         ConfigError: the rig is not valid, or a file with the name of the folder exists.
@@ -104,16 +104,16 @@ def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResul
     from dpr_lab.rig import load_rig
     from dpr_lab.run import torque_kinds
 
-    if request.out:
-        check_folder_writable(request.out)
-    rig = load_rig(request.rig)
-    effects = _effects(request.diagnosis) if request.diagnosis else None
-    runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque)
+    if out:
+        check_folder_writable(out)
+    rig = load_rig(rig_name)
+    effects = _effects(diagnosis) if diagnosis else None
+    runs = read_runs(files, rig, on_event, any_clock, torque)
     moving = any(run.arm_mode in ("free", "driven") for run in runs)
-    if moving and request.model:
+    if moving and model:
         raise RunError("runs with a free or driven arm start from the rig file: omit --model")
-    start = load_model(request.model).starting_point(rig) if request.model else None
-    groups = grouped([_recorded(file) for file in request.runs], request.by)
+    start = load_model(model).starting_point(rig) if model else None
+    groups = grouped([_recorded(file) for file in files], by)
     on_event(StageBegan(1, len(STAGES), STAGES[0]))
     ordered = [runs[i] for i in groups.order]
     bare = moving and not effects
@@ -121,8 +121,8 @@ def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResul
     on_event(StageBegan(2, len(STAGES), STAGES[1]))
     drift = changes(estimates, groups.group, groups.names)
     kinds = torque_kinds(runs)
-    files = save_drift(drift, estimates, groups.group, rig.name, request.out, kinds) if request.out else {}
-    return DriftResult(drift, estimates, groups.group, files, kinds)
+    saved = save_drift(drift, estimates, groups.group, rig.name, out, kinds) if out else {}
+    return DriftResult(drift, estimates, groups.group, saved, kinds)
 
 
 def _recorded(file: Path) -> "Occasion":

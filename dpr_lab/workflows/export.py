@@ -18,22 +18,6 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class ExportRequest:
-    """Options of an export."""
-
-    model: Path
-    """Model written by `identify` or `diagnose`, or the folder of a diagnosis."""
-    rig: str
-    """Rig file, or the name of a built-in one."""
-    formats: tuple[str, ...]
-    out: Path
-    check: tuple[Path, ...] = ()
-    """Runs to replay in each program. Models for formats that cannot express an effect are refitted to these runs."""
-    torque: str | None = None
-    """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
-
-
-@dataclass(frozen=True, slots=True)
 class ExportResult:
     """Written files and the error of the exported model."""
 
@@ -68,11 +52,28 @@ INNER_ALONE = (
 """Message about a model without the outer rod; {} is the consequence."""
 
 
-def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
+def export(
+    model_path: Path,
+    rig_name: str,
+    formats: Sequence[str],
+    out: Path,
+    check: Sequence[Path] = (),
+    torque: str | None = None,
+    on_event: OnEvent = ignore,
+) -> ExportResult:
     """Export a model.
 
-    Runs to check are replayed in each program, and exports that are worse than the bare model are refused. Events:
-    `RunRead`, `StageBegan`, `Warned`.
+    Runs to check are replayed in each program, and exports that are worse than the bare model are refused.
+
+    Args:
+        model_path: model written by `identify` or `diagnose`, or the folder of a diagnosis.
+        rig_name: rig file, or the name of a built-in one.
+        formats: names of the formats.
+        out: folder of the files.
+        check: runs to replay in each program. Models for formats that cannot express an effect are refitted to these
+            runs.
+        torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured.
+        on_event: receives `RunRead`, `StageBegan` and `Warned`.
 
     Raises:
         ConfigError: the rig is not valid, the format is unknown, or a package of the format is not installed.
@@ -86,19 +87,19 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
     from dpr_lab.rig import load_rig
     from dpr_lab.run import torque_kinds
 
-    refuse_unknown(request.formats, FORMATS, "format")
-    check_folder_writable(request.out)
-    rig = load_rig(request.rig)
-    model = model_to_export(request.model, rig)
-    runs = read_runs(request.check, rig, on_event, torque=request.torque, moving=isinstance(model, MovingArmModel))
+    refuse_unknown(formats, FORMATS, "format")
+    check_folder_writable(out)
+    rig = load_rig(rig_name)
+    model = model_to_export(model_path, rig)
+    runs = read_runs(check, rig, on_event, torque=torque, moving=isinstance(model, MovingArmModel))
     if not isinstance(model, MovingArmModel) and model.fitted and rig.rods.mounted == "both":
         on_event(Warned(INNER_ALONE.format("the files contain only this rod")))
     for run in runs:
         if run.arm is not None:
             raise RunError(f"{run.name}: its arm moves, which the replay does not support: check another run")
-    lost = {name: FORMATS[name].lost(model, rig) for name in request.formats}
-    models = fitted_for(request.formats, model, runs, rig) if runs else dict.fromkeys(request.formats, model)
-    for name in request.formats if not runs else ():
+    lost = {name: FORMATS[name].lost(model, rig) for name in formats}
+    models = fitted_for(formats, model, runs, rig) if runs else dict.fromkeys(formats, model)
+    for name in formats if not runs else ():
         if moving_losses(name, model, rig):
             on_event(
                 Warned(
@@ -106,13 +107,13 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
                     f" RUN refits the model without them"
                 )
             )
-    result = _checked(request, model, models, runs, rig, on_event) if runs else ExportResult({}, {}, {}, {})
+    result = _checked(formats, model, models, runs, rig, on_event) if runs else ExportResult({}, {}, {}, {})
     files = {}
-    for name in request.formats:
+    for name in formats:
         if name not in result.refused:
             tried = result.tried.get(name)
-            check = check_of(tried, result.bare_rad) if tried and result.bare_rad is not None else None
-            files[name] = write_export(FORMATS[name], models[name], rig, request.out, lost[name], check)
+            error = check_of(tried, result.bare_rad) if tried and result.bare_rad is not None else None
+            files[name] = write_export(FORMATS[name], models[name], rig, out, lost[name], error)
     instead = {name: moving(own_model) for name, own_model in models.items() if own_model is not model}
     with_reasons = {name: reasons for name, reasons in lost.items() if reasons}
     return replace(
@@ -154,10 +155,10 @@ def model_to_export(file: Path, rig: "Rig") -> "AnyModel":
 
 
 def _checked(
-    request: ExportRequest,
+    formats: Sequence[str],
     model: "AnyModel",
     models: "dict[str, AnyModel]",
-    runs: "Sequence[Run]",
+    runs: Sequence["Run"],
     rig: "Rig",
     on_event: OnEvent,
 ) -> ExportResult:
@@ -166,11 +167,11 @@ def _checked(
     from dpr_lab.exports.cost import REPLAY_RULE, yardstick
     from dpr_lab.exports.replay import replayed
 
-    stages = len(request.formats) + 1
+    stages = len(formats) + 1
     on_event(StageBegan(1, stages, "dpr-lab's own simulation"))
     reference = yardstick(model, runs, rig)
     tried, refused = {}, {}
-    for number, name in enumerate(request.formats, 2):
+    for number, name in enumerate(formats, 2):
         on_event(StageBegan(number, stages, FORMATS[name].program))
         models[name], swings = reference.held_against(models[name])
         angles = replayed(name, models[name], rig, swings)

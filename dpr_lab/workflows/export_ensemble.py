@@ -1,5 +1,6 @@
 """Export of models sampled from the posterior of a diagnosis or a model."""
 
+from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,27 +23,6 @@ if TYPE_CHECKING:
     from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
-
-
-@dataclass(frozen=True, slots=True)
-class EnsembleRequest:
-    """Options of an ensemble."""
-
-    model: Path
-    """Model written by `identify` or `diagnose`, or the folder of a diagnosis."""
-    rig: str
-    """Rig file, or the name of a built-in one."""
-    size: int
-    """Number of models."""
-    seed: int
-    """Seed of the random models."""
-    formats: tuple[str, ...]
-    """Formats in which each model is written, in addition to the JSON file."""
-    out: Path
-    check: tuple[Path, ...] = ()
-    """Runs that calibrate the width of the ensemble: the predictive bands must cover their readings."""
-    torque: str | None = None
-    """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,10 +74,29 @@ class EnsembleResult:
         return {"schema": 1, **asdict(self)}
 
 
-def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> EnsembleResult:
+def export_ensemble(
+    model_path: Path,
+    rig_name: str,
+    size: int,
+    seed: int,
+    formats: "Sequence[str]",
+    out: Path,
+    check: "Sequence[Path]" = (),
+    torque: str | None = None,
+    on_event: OnEvent = ignore,
+) -> EnsembleResult:
     """Write models sampled from the posterior of parameters and causes.
 
-    Event: `RunRead`.
+    Args:
+        model_path: model written by `identify` or `diagnose`, or the folder of a diagnosis.
+        rig_name: rig file, or the name of a built-in one.
+        size: number of models.
+        seed: seed of the random models.
+        formats: formats in which each model is written, in addition to the JSON file.
+        out: folder of the files.
+        check: runs that calibrate the width of the ensemble: the predictive bands must cover their readings.
+        torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured.
+        on_event: receives `RunRead`.
 
     Raises:
         ConfigError: the rig is not valid, or a format is unknown.
@@ -111,45 +110,57 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     from dpr_lab.exports.ensemble.sampled import posterior_of
     from dpr_lab.exports.ensemble.scatter import scatter_of_ratios
     from dpr_lab.identification.moving_arm.model import MovingArmModel
-    from dpr_lab.report.saving import write_export
+    from dpr_lab.report.saving import write_export, write_json
     from dpr_lab.rig import load_rig
     from dpr_lab.workflows.export import model_to_export
 
-    refuse_unknown(request.formats, FORMATS, "format")
-    check_folder_writable(request.out)
-    rig = load_rig(request.rig)
-    model = model_to_export(request.model, rig)
-    diagnosis = _diagnosis_of(model, (request.model if request.model.is_dir() else request.model.parent) / RECORD)
-    moving = isinstance(model, MovingArmModel)
-    runs = read_runs(request.check, rig, on_event, torque=request.torque, moving=moving)
+    refuse_unknown(formats, FORMATS, "format")
+    check_folder_writable(out)
+    rig = load_rig(rig_name)
+    model = model_to_export(model_path, rig)
+    diagnosis = _diagnosis_of(model, (model_path if model_path.is_dir() else model_path.parent) / RECORD)
+    runs = read_runs(check, rig, on_event, torque=torque, moving=isinstance(model, MovingArmModel))
     scatter, factor_of_fit = None, 1.0
     if isinstance(model, MovingArmModel):
-        ensemble = _of_arm(model, diagnosis, rig, request.seed)
+        ensemble = _of_arm(model, diagnosis, rig, seed)
     else:
         fitted = _fitted_runs(model, rig)
         if diagnosis is None and fitted:
             scatter = scatter_of_ratios(model, fitted, rig)
         posterior = posterior_of(model, diagnosis, scatter)
-        factor_of_fit = factor_without(model, posterior, fitted, rig, request.seed)
-        ensemble = _of_rods(model, widened(posterior, factor_of_fit), fitted, rig, request.seed)
+        factor_of_fit = factor_without(model, posterior, fitted, rig, seed)
+        ensemble = _of_rods(model, widened(posterior, factor_of_fit), fitted, rig, seed)
     factor = calibrated(ensemble.drawn, ensemble.band, runs).factor if runs else 1.0
-    models = ensemble.drawn(factor, request.size)
+    models = ensemble.drawn(factor, size)
     folders = []
-    for number, member in enumerate(models if request.formats else ()):
-        folder = request.out / f"{number:03}"
-        for name in request.formats:
+    for number, member in enumerate(models if formats else ()):
+        folder = out / f"{number:03}"
+        for name in formats:
             write_export(FORMATS[name], member, rig, folder, FORMATS[name].lost(member, rig))
         folders.append(folder)
     range_rad = ensemble.amplitudes and (ensemble.amplitudes.low, ensemble.amplitudes.high)
-    sets = _write(models, rig, request, factor * factor_of_fit, range_rad)
+    factor *= factor_of_fit
+    file, coverage = out / "ensemble.json", level_of(size)
+    document = {
+        "schema": 1,
+        "rig": rig.name,
+        "L1_m": rig.L1,
+        "g_m_per_s2": rig.g,
+        "seed": seed,
+        "widened": factor,
+        "expected_coverage": coverage,
+        "amplitudes_rad": range_rad,
+        "models": [_member(model, rig) for model in models],
+    }
+    write_json(document, file)
     covered = tuple(_coverage(ensemble, models, run) for run in runs)
     return EnsembleResult(
-        request.out / "ensemble.json",
+        file,
         tuple(folders),
-        sets,
-        factor * factor_of_fit,
+        dict(Counter("+".join(model.effects) or "none" for model in models)),
+        factor,
         factor_of_fit,
-        level_of(request.size),
+        coverage,
         covered,
         range_rad,
         from_diagnosis=diagnosis is not None,
@@ -247,44 +258,14 @@ def _fitted_runs(model: "Model", rig: "Rig") -> "list[Run]":
     return list(in_pieces(runs, ())[0]) if model.search.algorithm == "diagnosis" else runs
 
 
-def _write(
-    models: "Sequence[AnyModel]",
-    rig: "Rig",
-    request: EnsembleRequest,
-    factor: float,
-    amplitudes_rad: tuple[float, float] | None,
-) -> dict[str, int]:
+def _member(model: "AnyModel", rig: "Rig") -> dict[str, Any]:
+    """Return the entry of a model in `ensemble.json`."""
     from dpr_lab.exports.bodies import bodies, in_words
-    from dpr_lab.exports.ensemble.bands import level_of
-    from dpr_lab.report.plain import write_json
 
-    members, sets = [], dict[str, int]()
-    for model in models:
-        made = bodies(model, rig, in_words(model, rig, frozenset({"offset", "added_length", "tilt"})))
-        rods = [
-            {"length_m": rod.length, "mass_kg": rod.mass, "centroid_m": rod.centroid, "inertia_kgm2": rod.inertia}
-            for rod in made.rods
-        ]
-        members.append(
-            {
-                "ratios": {name: estimate.value for name, estimate in model.ratios.items()},
-                "base": model.sizes,
-                "rods": rods,
-                "effects": model.effects,
-            }
-        )
-        name = "+".join(model.effects) or "none"
-        sets[name] = sets.get(name, 0) + 1
-    document = {
-        "schema": 1,
-        "rig": rig.name,
-        "L1_m": rig.L1,
-        "g_m_per_s2": rig.g,
-        "seed": request.seed,
-        "widened": factor,
-        "expected_coverage": level_of(len(models)),
-        "amplitudes_rad": amplitudes_rad,
-        "models": members,
-    }
-    write_json(document, request.out / "ensemble.json")
-    return sets
+    made = bodies(model, rig, in_words(model, rig, frozenset({"offset", "added_length", "tilt"})))
+    rods = [
+        {"length_m": rod.length, "mass_kg": rod.mass, "centroid_m": rod.centroid, "inertia_kgm2": rod.inertia}
+        for rod in made.rods
+    ]
+    ratios = {name: estimate.value for name, estimate in model.ratios.items()}
+    return {"ratios": ratios, "base": model.sizes, "rods": rods, "effects": model.effects}

@@ -1,5 +1,6 @@
 """Identifiability analysis of a rig, with or without runs."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,18 +14,6 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class IdentifiabilityRequest:
-    """Options of an identifiability analysis."""
-
-    rig: str
-    """Rig file, or the name of a built-in one."""
-    runs: tuple[Path, ...] = ()
-    """Run files. If it is empty, releases from the poses of the rig are simulated with the values of the rig file."""
-    torque: str | None = None
-    """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
-
-
-@dataclass(frozen=True, slots=True)
 class IdentifiabilityResult:
     """Determined and free parameters, and recommended measurements."""
 
@@ -35,10 +24,16 @@ class IdentifiabilityResult:
     """Kinds of the known torques that drove the runs."""
 
 
-def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore) -> IdentifiabilityResult:
+def identifiability(
+    rig_name: str, files: Sequence[Path] = (), torque: str | None = None, on_event: OnEvent = ignore
+) -> IdentifiabilityResult:
     """Determine which parameters the recordings of a rig identify.
 
-    Events: `RunRead`, `Warned`.
+    Args:
+        rig_name: rig file, or the name of a built-in one.
+        files: run files. If empty, releases from the poses of the rig are simulated with the values of the rig file.
+        torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured.
+        on_event: receives `RunRead` and `Warned`.
 
     Raises:
         ConfigError: the rig is not valid; or there are no runs, and the rig has no poses or a joint with a prescribed
@@ -49,7 +44,7 @@ def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore)
     from dpr_lab.rig import load_rig
     from dpr_lab.run import torque_kinds
 
-    rig = load_rig(request.rig)
-    runs = read_runs(request.runs, rig, on_event, torque=request.torque)
+    rig = load_rig(rig_name)
+    runs = read_runs(files, rig, on_event, torque=torque)
     answer = identifiability_of(runs, rig, lambda sentence: on_event(Warned(sentence)))
     return IdentifiabilityResult(rig.name, answer, torque_kinds(runs))

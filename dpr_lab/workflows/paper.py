@@ -13,19 +13,6 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class PaperRequest:
-    """Options of the reproduction."""
-
-    out: Path
-    """Folder of paper.md, paper.json, tables and figures."""
-    seeds: int = 5
-    """Number of searches for each interpretation of H and each set of true values (on and off the coding grid)."""
-    generations: int = 1000
-    workers: int = 1
-    """Number of searches that run in parallel."""
-
-
-@dataclass(frozen=True, slots=True)
 class PaperResult:
     """Results of the reproduction, and their page."""
 
@@ -35,10 +22,15 @@ class PaperResult:
     page: Path
 
 
-def paper(request: PaperRequest, on_event: OnEvent = ignore) -> PaperResult:
+def paper(out: Path, seeds: int, generations: int, workers: int, on_event: OnEvent = ignore) -> PaperResult:
     """Repeat the published experiment and list the results that cannot be reproduced.
 
-    Event: `PaperSearchDone`.
+    Args:
+        out: folder of paper.md, paper.json, tables and figures.
+        seeds: number of searches for each interpretation of H and each set of true values (on and off the coding grid).
+        generations: number of generations of each search.
+        workers: number of searches that run in parallel.
+        on_event: receives `PaperSearchDone`.
 
     Raises:
         DprError: the folder or a file cannot be written.
@@ -50,15 +42,15 @@ def paper(request: PaperRequest, on_event: OnEvent = ignore) -> PaperResult:
     from dpr_lab.search import load_search
     from dpr_lab.search.settings import IgaSettings
 
-    check_folder_writable(request.out)
+    check_folder_writable(out)
     rig, settings = load_rig("paper"), load_search("paper")
     assert isinstance(settings, IgaSettings)
-    total, numbers = len(search_cases(request.seeds, tuple(READINGS))), count(1)
+    total, numbers = len(search_cases(seeds, tuple(READINGS))), count(1)
     result = reproduce(
         rig,
-        settings.model_copy(update={"generations": request.generations}),
-        seeds=request.seeds,
-        workers=request.workers,
+        settings.model_copy(update={"generations": generations}),
+        seeds=seeds,
+        workers=workers,
         on_search=lambda _: on_event(PaperSearchDone(next(numbers), total)),
     )
-    return PaperResult(result, record(result, rig), save(result, rig, request.out))
+    return PaperResult(result, record(result, rig), save(result, rig, out))

@@ -1,40 +1,23 @@
 """Blind trial in a folder: draw, record, diagnose, reveal and score a plant."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dpr_lab.errors import RunError
-from dpr_lab.workflows.capture import CaptureRequest, capture
+from dpr_lab.workflows.capture import capture
 from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult, diagnose
-from dpr_lab.workflows.events import CaptureDone, Event, OnEvent, TrialSealed, ignore
+from dpr_lab.workflows.events import CaptureDone, OnEvent, TrialSealed, ignore
 
 if TYPE_CHECKING:
     from dpr_lab.trials.protocol import Trial
     from dpr_lab.trials.sealing import PlantRequest
 
 
-@dataclass(frozen=True, slots=True)
-class TrialRequest:
-    """Options of a blind trial."""
-
-    plant: "PlantRequest"
-    folder: Path
-    """Folder for the trial; it must not already contain a trial."""
-
-
-@dataclass(frozen=True, slots=True)
-class DiagnoseTrialRequest:
-    """Options of the diagnosis of a trial."""
-
-    folder: Path
-    model: Path | None = None
-    """Identified model that provides initial values; None: values of the rig file."""
-
-
-def draw(request: TrialRequest, on_event: OnEvent = ignore) -> "Trial":
+def draw(plant: "PlantRequest", folder: Path, on_event: OnEvent = ignore) -> "Trial":
     """Draw and seal a plant, and record one release per pose through the protocol.
+
+    The folder must not already contain a trial.
 
     Events: `TrialSealed`, then `CaptureDone` for each recording.
 
@@ -45,30 +28,28 @@ def draw(request: TrialRequest, on_event: OnEvent = ignore) -> "Trial":
     from dpr_lab.trials.protocol import DEVICE, RIG_FILE, keep_runs
     from dpr_lab.trials.sealing import seal
 
-    folder = request.folder
     check_folder_writable(folder)
     if folder.exists() and any(folder.iterdir()):
         raise RunError(f"{folder}: is not empty; use a separate folder for each trial")
-    sealed = seal(request.plant, folder / DEVICE)
+    sealed = seal(plant, folder / DEVICE)
     on_event(TrialSealed(sealed["seal"]))
     (folder / RIG_FILE).write_text(sealed["rig"], encoding="utf-8")
     recorded = capture(
-        CaptureRequest(
-            rig=str(folder / RIG_FILE),
-            out=folder / "runs",
-            options=CaptureOptions(),
-            url="sim://?clock=fast&plant=sealed",
-        ),
+        str(folder / RIG_FILE),
+        folder / "runs",
+        CaptureOptions(),
         confirm=lambda: True,
-        on_event=lambda event: _pass_on(event, on_event),
+        url="sim://?clock=fast&plant=sealed",
+        on_event=lambda event: on_event(event) if isinstance(event, CaptureDone) else None,
     )
-    return keep_runs(folder, sealed["seal"], request.plant, recorded.files)
+    return keep_runs(folder, sealed["seal"], plant, recorded.files)
 
 
-def diagnose_trial(request: DiagnoseTrialRequest, on_event: OnEvent = ignore) -> DiagnoseResult:
+def diagnose_trial(folder: Path, model: Path | None = None, on_event: OnEvent = ignore) -> DiagnoseResult:
     """Diagnose a sealed trial and write the diagnosis.
 
-    See `diagnose` for the events.
+    `model` is an identified model that provides initial values; None: values of the rig file. See `diagnose` for the
+    events.
 
     Raises:
         RunError: the folder contains no trial, or the trial is already open.
@@ -76,21 +57,9 @@ def diagnose_trial(request: DiagnoseTrialRequest, on_event: OnEvent = ignore) ->
     """
     from dpr_lab.trials.protocol import RIG_FILE, keep_diagnosis, read_trial, refuse_opened
 
-    trial = read_trial(request.folder)
+    trial = read_trial(folder)
     refuse_opened(trial)
-    diagnosed = diagnose(
-        DiagnoseRequest(
-            runs=trial.runs,
-            rig=str(request.folder / RIG_FILE),
-            model=request.model,
-            out=request.folder / "diagnosis",
-        ),
-        on_event,
-    )
+    request = DiagnoseRequest(trial.runs, str(folder / RIG_FILE), model=model, out=folder / "diagnosis")
+    diagnosed = diagnose(request, on_event)
     keep_diagnosis(trial, diagnosed.diagnosis.to_json())
     return DiagnoseResult(diagnosed.diagnosis, {**diagnosed.files, "diagnosis": str(trial.diagnosis)})
-
-
-def _pass_on(event: Event, on_event: OnEvent) -> None:
-    if isinstance(event, CaptureDone):
-        on_event(event)

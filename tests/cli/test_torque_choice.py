@@ -15,9 +15,9 @@ from dpr_lab.identification.identifiability import Identifiability
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Setup, Torques
 from dpr_lab.storage.csv_import import import_csv
-from dpr_lab.workflows.drift import DriftRequest, watch_drift
-from dpr_lab.workflows.export import ExportRequest, export
-from dpr_lab.workflows.identifiability import IdentifiabilityRequest, identifiability
+from dpr_lab.workflows.drift import watch_drift
+from dpr_lab.workflows.export import export
+from dpr_lab.workflows.identifiability import identifiability
 from dpr_lab.workflows.identify import IdentifyRequest, identify
 
 T = np.arange(0, 2, 5e-3)
@@ -43,7 +43,7 @@ def driven(paper: Rig, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 @pytest.mark.slow
 def test_the_scale_is_that_of_the_torques_which_are_taken(driven: list[Path], paper: Rig, cli) -> None:
-    scale = [identifiability(IdentifiabilityRequest("paper", tuple(driven), kind)) for kind in (None, "commanded")]
+    scale = [identifiability("paper", driven, kind) for kind in (None, "commanded")]
     assert [entry.torques for entry in scale] == [("measured",), ("commanded",)]
     answers = [result.identifiability for result in scale if isinstance(result.identifiability, Identifiability)]
     measured, commanded = (answer.unknowns["b"] for answer in answers)
@@ -54,8 +54,8 @@ def test_the_scale_is_that_of_the_torques_which_are_taken(driven: list[Path], pa
 
 @pytest.mark.slow
 def test_drift_says_which_torques_drove_the_runs(driven: list[Path], tmp_path: Path) -> None:
-    request = DriftRequest(tuple(driven), "paper", "label", out=tmp_path / "drift", torque="commanded")
-    assert watch_drift(request).to_json()["torques"] == ["commanded"]
+    drift = watch_drift(driven, "paper", "label", out=tmp_path / "drift", torque="commanded")
+    assert drift.to_json()["torques"] == ["commanded"]
     assert "driven by their commanded torques" in (tmp_path / "drift" / "drift.html").read_text()
 
 
@@ -64,7 +64,7 @@ def test_drift_says_which_torques_drove_the_runs(driven: list[Path], tmp_path: P
 def test_an_exported_model_is_replayed_under_the_torques(driven: list[Path], tmp_path: Path, formats) -> None:
     made = identify(IdentifyRequest(tuple(driven), "paper", tmp_path / "model.json"))
     assert [run.torque_kind for run in made.model.runs] == ["measured", "measured"]
-    done = export(ExportRequest(made.file, "paper", formats, tmp_path / "out", (driven[0],), "measured"))
+    done = export(made.file, "paper", formats, tmp_path / "out", driven[:1], "measured")
     assert (done.refused, done.torques) == ({}, ("measured",))
     assert done.lab is not None
     assert done.lab.off_rad < 1e-3

@@ -10,7 +10,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.options import ImportOptions
-from dpr_lab.workflows.drift import DriftRequest, watch_drift
+from dpr_lab.workflows.drift import watch_drift
 from tests.storage.mutated_tables import base_tables
 
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
@@ -42,7 +42,7 @@ def test_imported_tables_without_a_date_are_not_grouped_by_the_day_of_the_import
     for table, file in zip(tables, files, strict=True):
         import_csv(table, paper, out=file)
     with pytest.raises(RunError, match="2 of 2 runs have no recording time"):
-        watch_drift(DriftRequest(tuple(files), "paper"))
+        watch_drift(files, "paper")
 
 
 @pytest.mark.slow
@@ -50,5 +50,5 @@ def test_imported_tables_with_dates_are_grouped_by_these(paper: Rig, tables: lis
     files = [tmp_path / f"{table.stem}.mcap" for table in tables]
     for table, file, day in zip(tables, files, ("2026-03-02", "2026-03-01T23:30"), strict=True):
         import_csv(table, paper, ImportOptions(recorded_at=day), file)
-    result = watch_drift(DriftRequest(tuple(files), "paper"))
+    result = watch_drift(files, "paper")
     assert result.drift.groups == ("2026-03-01", "2026-03-02")

@@ -30,7 +30,7 @@ from dpr_lab.report.saving import _yardstick, save_exports
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import import_csv
-from dpr_lab.workflows.export import ExportRequest, export
+from dpr_lab.workflows.export import export
 from tests.exports.models import model_of
 
 FRICTION: dict[str, dict[str, float]] = {
@@ -121,7 +121,7 @@ def test_an_effect_that_the_format_lacks_is_replaced_by_a_simpler_one_and_refitt
 )
 def test_an_export_is_replayed_where_it_runs(saved, formats, tmp_path: Path):
     folder, files = saved
-    done = export(ExportRequest(folder, "paper", formats, tmp_path / "out", tuple(files)))
+    done = export(folder, "paper", formats, tmp_path / "out", files)
     assert set(done.files) == set(formats)
     assert done.refused == {}
     assert done.lab is not None
@@ -162,7 +162,7 @@ def test_an_export_worse_than_the_bare_model_is_refused(saved, tmp_path: Path):
     model = load_model(folder / "model.json")
     wrong = model.model_copy(update={"effects": {"coulomb_joint1": {"torque_Nm": 0.1}}})
     wrong.save(tmp_path / "wrong.json")
-    done = export(ExportRequest(tmp_path / "wrong.json", "paper", ("python",), tmp_path / "out", tuple(files[:1])))
+    done = export(tmp_path / "wrong.json", "paper", ("python",), tmp_path / "out", files[:1])
     assert done.files == {}
     assert "was not written: its error on these runs is" in done.refused["python"]
     assert not (tmp_path / "out" / "corrected_model.py").exists()
@@ -170,11 +170,11 @@ def test_an_export_worse_than_the_bare_model_is_refused(saved, tmp_path: Path):
 
 def test_without_runs_a_loss_is_a_warning(saved, tmp_path: Path):
     result = []
-    done = export(ExportRequest(saved[0], "paper", ("urdf",), tmp_path / "out"), result.append)
+    done = export(saved[0], "paper", ("urdf",), tmp_path / "out", on_event=result.append)
     assert "cannot be expressed in this format; --check RUN refits the model without them" in result[0].sentence
     assert set(done.lost["urdf"]) == set(FRICTION | OFFSET)
     with pytest.raises(ConfigError, match="no format named step; available: python, mjcf"):
-        export(ExportRequest(saved[0], "paper", ("step",), tmp_path / "out"))
+        export(saved[0], "paper", ("step",), tmp_path / "out")
 
 
 def test_the_error_of_a_run_is_that_of_all_its_swings(paper: Rig) -> None:

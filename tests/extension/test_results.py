@@ -92,13 +92,13 @@ def kind_of_check(copy: Copy) -> str:
         from dpr_lab.errors import RunError
         from dpr_lab.gap.result.diagnosis import load_diagnosis
         from dpr_lab.report.gap.check_tables import how_to_record
-        from dpr_lab.workflows.check import CheckRequest, take_check
+        from dpr_lab.workflows.check import take_check
 
         print(how_to_record(load_diagnosis(Path("diagnosis.json")), "d.json"))
-        done = take_check(CheckRequest(Path("diagnosis.json"), "1-abcd", value="yes")).checks_done[0]
+        done = take_check(Path("diagnosis.json"), "1-abcd", value="yes").checks_done[0]
         print(done.result, done.after[done.check.about] > 0.9 > done.before[done.check.about])
         try:
-            take_check(CheckRequest(Path("diagnosis.json"), "1-abcd", value="1 mm", std="1"))
+            take_check(Path("diagnosis.json"), "1-abcd", value="1 mm", std="1")
         except RunError as error:
             print(error)
         """

@@ -24,7 +24,7 @@ from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.reader import load_run
-from dpr_lab.workflows.check import CheckRequest, take_check
+from dpr_lab.workflows.check import take_check
 from sim_device.plant.config import load_plant
 from sim_device.plant.drives import JointDrives
 from sim_device.trials.offline_recorder import record
@@ -128,7 +128,7 @@ def test_a_second_result_of_a_check_is_refused_with_the_first() -> None:
 def test_recordings_are_no_result_of_a_measurement(tmp_path: Path) -> None:
     (tmp_path / "diagnosis.json").write_text(json.dumps(made().to_json()))
     with pytest.raises(RunError, match=r"abcd is a measurement and does not take run files: give its result, --value"):
-        take_check(CheckRequest(tmp_path / "diagnosis.json", "1-abcd", (tmp_path / "x.mcap",)))
+        take_check(tmp_path / "diagnosis.json", "1-abcd", (tmp_path / "x.mcap",))
 
 
 def test_a_decided_question_is_no_longer_recommended() -> None:
@@ -261,14 +261,14 @@ def test_a_new_diagnosis_names_its_parent(
     file = tmp_path / "diagnosis.json"
     file.write_text(json.dumps(diagnosis.to_json()))
     check = next(check for check in diagnosis.checks if check.measures == TILT)
-    result = take_check(CheckRequest(tmp_path, check.id, value=0.01, std=5e-4, out=tmp_path / "new"))
+    result = take_check(tmp_path, check.id, value=0.01, std=5e-4, out=tmp_path / "new")
     again = load_diagnosis(tmp_path / "new")
     assert again == result
     assert len(result.parent) == 64
     page = (tmp_path / "new" / "diagnosis.html").read_text()
     assert "Results of checks" in page
     with pytest.raises(RunError, match="lacks --value and --std: give its result"):
-        take_check(CheckRequest(file, check.id))
+        take_check(file, check.id)
     file.write_text("{}")
     with pytest.raises(RunError, match="is not a diagnosis that this dpr-lab wrote"):
         load_diagnosis(file)
@@ -306,7 +306,7 @@ def test_a_recording_that_was_already_used_is_no_check(
     diagnosis = diagnosis.model_copy(update=used)
     monkeypatch.setattr("dpr_lab.gap.result.diagnosis.load_diagnosis", lambda _: diagnosis)
     with pytest.raises(RunError, match=f"x.mcap: was already {role}: record the release of the check"):
-        take_check(CheckRequest(tmp_path, diagnosis.checks[0].id, (file,)))
+        take_check(tmp_path, diagnosis.checks[0].id, (file,))
 
 
 @pytest.mark.slow
@@ -323,11 +323,11 @@ def test_a_recording_is_taken_by_the_torques_that_are_asked_for(diagnosis: Diagn
     file, before = tmp_path / "d.json", open_between(diagnosis, "com_offset_link1")
     file.write_text(json.dumps(before.to_json()))
     asked, runs = before.checks[0].id, (tmp_path / "x.mcap",)
-    done = [take_check(CheckRequest(file, asked, runs, torque=kind)).checks_done[0] for kind in (None, "commanded")]
+    done = [take_check(file, asked, runs, torque=kind).checks_done[0] for kind in (None, "commanded")]
     assert [one.result for one in done] == [f"recorded: x, driven by {of} torques" for of in ("measured", "commanded")]
     assert done[0].recordings == done[1].recordings == [load_run(runs[0]).sha256]
     assert done[0].after[TILT] + done[0].after[OFFSET] > 0.9
     np.savetxt(tmp_path / "y.csv", np.column_stack(columns[:3]), delimiter=",", header=names[:59], comments="")
     import_csv(tmp_path / "y.csv", rig, out=tmp_path / "y.mcap")
     with pytest.raises(RunError, match=r"contains no commanded torques, only measured.*: remove the option --torque"):
-        take_check(CheckRequest(file, asked, (tmp_path / "y.mcap",), torque="commanded"))
+        take_check(file, asked, (tmp_path / "y.mcap",), torque="commanded")

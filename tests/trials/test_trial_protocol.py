@@ -11,7 +11,7 @@ from dpr_lab.errors import DprError, RunError
 from dpr_lab.trials.case import run_case, run_of
 from dpr_lab.trials.protocol import Trial, keep_diagnosis, open_trial, read_trial, recordings, refuse_opened
 from dpr_lab.trials.sealing import Kind, PlantRequest, seal
-from dpr_lab.workflows.trial import TrialRequest, draw
+from dpr_lab.workflows.trial import draw
 
 pytestmark = pytest.mark.slow
 
@@ -79,7 +79,7 @@ def test_a_truth_that_is_not_the_sealed_one_does_not_count(diagnosed: Trial, par
 def test_a_folder_that_is_taken_is_refused(diagnosed: Trial) -> None:
     before = sorted(diagnosed.folder.rglob("*"))
     with pytest.raises(RunError, match="is not empty"):
-        draw(TrialRequest(PlantRequest(Kind.CLEAN), diagnosed.folder))
+        draw(PlantRequest(Kind.CLEAN), diagnosed.folder)
     assert sorted(diagnosed.folder.rglob("*")) == before
 
 
@@ -114,7 +114,7 @@ def test_direct_recordings_are_those_of_the_protocol(diagnosed: Trial, tmp_path:
 @pytest.mark.long
 def test_a_driven_plant_is_recorded_with_its_torques_through_the_protocol_and_directly(tmp_path: Path) -> None:
     asked = PlantRequest(Kind.DRIVEN, seed=101)
-    trial = draw(TrialRequest(asked, tmp_path / "trial"))
+    trial = draw(asked, tmp_path / "trial")
     sealed = seal(asked, tmp_path / "device", direct=True)
     for run, result in zip(recordings(trial), sealed["runs"], strict=True):
         sent, direct = run.swing, run_of(result, trial.rig).swing

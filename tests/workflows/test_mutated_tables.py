@@ -17,8 +17,8 @@ from dpr_lab.rig import Rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.workflows.compare import CompareRequest, compare
 from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
-from dpr_lab.workflows.drift import DriftRequest, watch_drift
-from dpr_lab.workflows.identifiability import IdentifiabilityRequest, identifiability
+from dpr_lab.workflows.drift import watch_drift
+from dpr_lab.workflows.identifiability import identifiability
 from dpr_lab.workflows.identify import IdentifyRequest, identify
 from tests.storage.mutated_tables import (
     MUTATIONS,
@@ -72,11 +72,11 @@ def analysed(table: MutatedTable, paper: Rig, clean: Path, tmp_path: Path) -> di
         if isinstance(scale := written["scale"], dict):  # of a moving arm it is the name of an inertia
             low, high = scale["interval90"]
             assert low <= scale["b"] <= high
-    if known := answer(lambda: identifiability(IdentifiabilityRequest("paper", (run,)))):
+    if known := answer(lambda: identifiability("paper", [run])):
         as_json(known.identifiability.to_json())
     if compared := answer(lambda: compare(CompareRequest((run,), clean / "model.json", tmp_path / "compared"))):
         as_json(compared.saved)
-    if drifted := answer(lambda: watch_drift(DriftRequest((clean / "clean.mcap", run), "paper", "label"))):
+    if drifted := answer(lambda: watch_drift([clean / "clean.mcap", run], "paper", "label")):
         as_json(drifted.to_json())
     diagnosed = answer(lambda: diagnose(DiagnoseRequest((run,), "paper")))
     result = diagnosed.to_json() if diagnosed else None

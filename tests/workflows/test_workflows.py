@@ -15,7 +15,7 @@ from dpr_lab.acquisition.capture import CaptureOptions
 from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.identification.model import load_model
 from dpr_lab.workflows import events
-from dpr_lab.workflows.capture import CaptureRequest, CaptureResult, capture
+from dpr_lab.workflows.capture import CaptureResult, capture
 from dpr_lab.workflows.compare import CompareRequest, compare
 from dpr_lab.workflows.diagnose import DiagnoseRequest, chosen_library, diagnose
 from dpr_lab.workflows.identify import IdentifyRequest, identify
@@ -37,10 +37,8 @@ class Heard(list[events.Event]):
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[CaptureResult, Heard]:
     heard = Heard()
     options = CaptureOptions(duration=1.5)
-    request = CaptureRequest(
-        "paper", tmp_path_factory.mktemp("runs"), options, ("X1", "X3"), url="sim://?clock=fast&seed=3"
-    )
-    return capture(request, lambda: True, heard), heard
+    folder, url = tmp_path_factory.mktemp("runs"), "sim://?clock=fast&seed=3"
+    return capture("paper", folder, options, lambda: True, poses=("X1", "X3"), url=url, on_event=heard), heard
 
 
 def test_importing_a_job_imports_nothing_heavy() -> None:
@@ -68,9 +66,9 @@ def test_a_capture_reports_each_release_from_pose_to_result(recorded) -> None:
 
 
 def test_unknown_poses_are_refused_before_anything_is_opened(tmp_path: Path) -> None:
-    request = CaptureRequest("paper", tmp_path, CaptureOptions(), ("X1", "X9"), url="serial:///dev/nonesuch")
+    poses, url = ("X1", "X9"), "serial:///dev/nonesuch"
     with pytest.raises(ConfigError, match="no pose 'X9'"):
-        capture(request, lambda: True)
+        capture("paper", tmp_path, CaptureOptions(), lambda: True, poses=poses, url=url)
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from dpr_lab.tui.steps.compare import CompareStep
 from dpr_lab.tui.steps.identify import IdentifyStep
 from dpr_lab.tui.steps.second_curve import SecondCurve
 from dpr_lab.tui.widgets.chart import Chart
-from dpr_lab.workflows.capture import CaptureRequest, capture
+from dpr_lab.workflows.capture import capture
 from tests.tui.steps.test_identify import text
 
 
@@ -23,8 +23,8 @@ def driven_run(made_once) -> Path:
 
     def swing(folder: Path) -> None:
         options = CaptureOptions(duration=3.0)
-        request = CaptureRequest("furuta", folder, options, ("X1",), url="sim://?plant=furuta&clock=fast&seed=1")
-        assert capture(request, lambda: True).ok
+        url = "sim://?plant=furuta&clock=fast&seed=1"
+        assert capture("furuta", folder, options, lambda: True, poses=("X1",), url=url).ok
 
     (run,) = made_once("driven_run", swing).glob("*.mcap")
     return run
