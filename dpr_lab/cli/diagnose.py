@@ -237,9 +237,12 @@ def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
     from dpr_lab.cli.export import show_replays
     from dpr_lab.report.words import in_words
 
-    name, least = done.simulator.name, done.least
-    line(f"Joints of {name}, those of the rods first: {', '.join(map(repr, done.joints))}.")
-    rows = [(c.joint, c.quantity, f"{c.before:.5g}", f"{c.after:.5g}", c.unit, percent(c.share)) for c in least.causes]
+    changed = done.simulator
+    name = Path(changed.file).name
+    line(f"Joints of {name}, those of the rods first: {', '.join(map(repr, changed.joints))}.")
+    rows = [
+        (c.joint, c.quantity, f"{c.before:.5g}", f"{c.after:.5g}", c.unit, percent(c.share)) for c in changed.causes
+    ]
     if rows and done.result.diagnosis.verdict == "no_gap":
         line(f"The verdict concerns missing effects. In addition, numbers in {name} are wrong:")
     if rows:
@@ -247,18 +250,18 @@ def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
         table(f"Changes of {name}", columns, rows)
     else:
         line(f"No number of {name} needs a change: all differ by less than 1 % or less than their uncertainty.")
-    for effect in least.unnamed:
+    for effect in changed.unnamed:
         line(f"no attribute of a body or joint can represent this effect: {in_words(effect)}")
-    if done.refused:
-        line(f"{name} cannot be changed: {done.refused}")
-    if done.diff:
-        text(done.diff.rstrip())
-    for effect, reason in done.lost.items():
+    if changed.refused:
+        line(f"{name} cannot be changed: {changed.refused}")
+    if changed.diff:
+        text(changed.diff.rstrip())
+    for effect, reason in changed.lost.items():
         line(f"not in {name}: {in_words(effect)}: {reason}")
-    for effect in done.forced.passive.effects if done.forced else ():
+    for effect in changed.passive:
         line(f"in a separate module of passive forces for MuJoCo: {in_words(effect)}")
-    show_replays(name, done.replays)
-    if done.changes and out is None:
+    show_replays(name, changed.replays)
+    if changed.changes and out is None:
         line(f"With --out FOLDER the changed {name} is written to this folder.")
 
 

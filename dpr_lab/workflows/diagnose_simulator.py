@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from dpr_lab.exports.into.replay import FileReplay
     from dpr_lab.exports.into.target import PatchedModel
     from dpr_lab.gap.result.diagnosis import Diagnosis
+    from dpr_lab.report.schemas.printed import PrintedSimulator
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
     from dpr_lab.simulator_models.chain import ModelChain
     from dpr_lab.simulator_models.tree import SimulatorModel
-    from dpr_lab.simulator_models.xml_edit import ChangedAttribute
 
 
 FORCED = "with_passive_forces"
@@ -35,43 +35,14 @@ class SimulatorDiagnosis:
     """Diagnosis relative to the user's model, with its changes and the written files."""
 
     result: DiagnoseResult
-    simulator: Path
-    format: str
-    joints: tuple[str, ...]
-    least: "LeastChange"
-    changes: "tuple[ChangedAttribute, ...]" = ()
-    diff: str = ""
-    """Unified diff."""
-    lost: dict[str, str] = field(default_factory=dict)
-    """Reason for each effect that the file cannot contain."""
-    forced: "PatchedModel | None" = None
-    """The changed file for use with a module of passive forces, which adds effects that the file cannot contain. None
-    if there are no such effects, or if the module cannot contain them either."""
-    replays: "tuple[FileReplay, ...]" = ()
-    """Replay errors before and after the change, on held-out runs, or on the fitted runs if none are held out."""
-    refused: str = ""
-    """Reason why the file cannot be changed; empty if it can."""
+    simulator: "PrintedSimulator"
 
     def to_json(self) -> dict[str, Any]:
         """Return the JSON values of `diagnose` with the additional key `simulator`.
 
         The command `diagnose --simulator --json` prints them.
         """
-        return self.result.to_json() | {
-            "simulator": {
-                "file": self.simulator,
-                "format": self.format,
-                "joints": list(self.joints),
-                "causes": [asdict(cause) for cause in self.least.causes],
-                "unnamed": list(self.least.unnamed),
-                "changes": [asdict(change) for change in self.changes],
-                "diff": self.diff,
-                "lost": self.lost,
-                "passive": list(self.forced.passive.effects) if self.forced else [],
-                "replays": [asdict(replay) for replay in self.replays],
-                "refused": self.refused,
-            }
-        }
+        return self.result.to_json() | {"simulator": self.simulator.model_dump()}
 
 
 def diagnose_simulator(
@@ -98,9 +69,10 @@ def diagnose_simulator(
     from dpr_lab.exports.into import WORDS, into_file
     from dpr_lab.exports.into.target import arm_to_change
     from dpr_lab.exports.refit import fitted_in_words, unchanged
-    from dpr_lab.report.plain import write_json
+    from dpr_lab.report.schemas.printed import PrintedSimulator
     from dpr_lab.rig import load_rig
     from dpr_lab.simulator_models import read_model
+    from dpr_lab.whole_file import write_text
     from dpr_lab.workflows.reading import read_runs
     from dpr_lab.workflows.rig_from import rig_from_model
 
@@ -118,27 +90,52 @@ def diagnose_simulator(
     arm_to_change(model, chain, rig, simulator)
     written = fitted_in_words(model, WORDS[read.format], runs, rig)
     least = _least_change(result.diagnosis, written, rig, chain, runs)
-    lost = left_out(model, unchanged(model, written), read.format)
-    names = tuple(part.joint.name for part in chain.parts)
-    done = SimulatorDiagnosis(result, simulator, read.format, names, least, lost=lost)
+    names = [part.joint.name for part in chain.parts]
+    printed = PrintedSimulator(
+        file=str(simulator),
+        format=read.format,
+        joints=names,
+        causes=list(least.causes),
+        unnamed=list(least.unnamed),
+        changes=[],
+        diff="",
+        lost=left_out(model, unchanged(model, written), read.format),
+        passive=[],
+        replays=[],
+        refused="",
+    )
     try:
         patched = into_file(least.model, rig, simulator, joints)
     except ConfigError as error:  # the diagnosis is still valid
-        done = replace(done, refused=str(error))
-        if request.out:
-            write_json(done.to_json(), request.out / RECORD)
-        return done
+        return _saved(SimulatorDiagnosis(result, printed.model_copy(update={"refused": str(error)})), request.out)
     unseen = read_runs(request.held_out, rig, ignore, request.any_clock, request.torque, moving=moving) or runs
-    forced = _forced(model, rig, simulator, joints) if lost else None
-    done = replace(
-        done,
-        changes=patched.changes,
-        diff=patched.diff(simulator, f"corrected {simulator.name}"),
-        lost=lost | patched.lost,
-        forced=forced,
-        replays=_replays(simulator, patched, forced, names, model, rig, unseen) if find_spec("mujoco") else (),
-    )
-    return _written(done, request.out, patched.text) if request.out else done
+    forced = _forced(model, rig, simulator, joints) if printed.lost else None
+    update = {
+        "changes": list(patched.changes),
+        "diff": patched.diff(simulator, f"corrected {simulator.name}"),
+        "lost": printed.lost | patched.lost,
+        "passive": list(forced.passive.effects) if forced else [],
+        "replays": _replays(simulator, patched, forced, names, model, rig, unseen) if find_spec("mujoco") else [],
+    }
+    done = SimulatorDiagnosis(result, printed.model_copy(update=update))
+    if request.out is None:
+        return done
+    diff = request.out / f"{simulator.name}.diff"
+    write_text(diff, done.simulator.diff)
+    file, _ = patched.write(request.out, simulator.name)
+    files = {**result.files, "simulator model": str(file), "difference": str(diff)}
+    if forced:
+        file, module = forced.write(request.out / FORCED, simulator.name)
+        files |= {"model for passive forces": str(file), "passive forces": str(module)}
+    return _saved(replace(done, result=replace(result, files=files)), request.out)
+
+
+def _saved(done: SimulatorDiagnosis, out: Path | None) -> SimulatorDiagnosis:
+    from dpr_lab.report.plain import write_json
+
+    if out:
+        write_json(done.to_json(), out / RECORD)
+    return done
 
 
 def _chain(simulator: Path, read: "SimulatorModel", joints: Sequence[str], rig: "Rig") -> "ModelChain":
@@ -170,11 +167,11 @@ def _replays(
     simulator: Path,
     patched: "PatchedModel",
     forced: "PatchedModel | None",
-    names: tuple[str, ...],
+    names: Sequence[str],
     model: "AnyModel",
     rig: "Rig",
     runs: "Sequence[Run]",
-) -> "tuple[FileReplay, ...]":
+) -> "list[FileReplay]":
     """Return the replay errors of the original and the changed file.
 
     If there is a file with passive forces, its errors are included.
@@ -185,7 +182,7 @@ def _replays(
     if forced and replays:
         others = replay_files(simulator, forced, names, model, rig, runs)
         replays = [replace(a, passive_rad=b.passive_rad) for a, b in zip(replays, others, strict=True)]
-    return tuple(replays)
+    return replays
 
 
 def _forced(model: "AnyModel", rig: "Rig", simulator: Path, joints: Sequence[str]) -> "PatchedModel | None":
@@ -200,25 +197,3 @@ def _forced(model: "AnyModel", rig: "Rig", simulator: Path, joints: Sequence[str
     except ConfigError:  # only this file cannot be written; the file of the simpler model exists
         return None
     return whole if whole.passive.module else None
-
-
-def _written(done: SimulatorDiagnosis, out: Path, text: bytes) -> SimulatorDiagnosis:
-    from dpr_lab.exports.mjcf import CALLBACK
-    from dpr_lab.report.plain import write_json
-    from dpr_lab.whole_file import write_text
-
-    file, diff = out / done.simulator.name, out / f"{done.simulator.name}.diff"
-    write_text(file, text.decode("utf-8"))
-    write_text(diff, done.diff)
-    files = {**done.result.files, "simulator model": str(file), "difference": str(diff)}
-    if done.forced:
-        folder = out / FORCED
-        write_text(folder / done.simulator.name, done.forced.text.decode("utf-8"))
-        write_text(folder / CALLBACK, done.forced.passive.module)
-        files |= {
-            "model for passive forces": str(folder / done.simulator.name),
-            "passive forces": str(folder / CALLBACK),
-        }
-    done = replace(done, result=replace(done.result, files=files))
-    write_json(done.to_json(), out / RECORD)
-    return done

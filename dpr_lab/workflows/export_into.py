@@ -67,7 +67,6 @@ def export_into(
     """
     from dpr_lab.exports.into import into_file
     from dpr_lab.exports.into.replay import replay_files
-    from dpr_lab.exports.mjcf import CALLBACK
     from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.rig import load_rig
     from dpr_lab.whole_file import write_text
@@ -79,14 +78,10 @@ def export_into(
     if not isinstance(loaded, MovingArmModel) and loaded.fitted:
         raise RunError(f"{model}: {INNER_ALONE.format('--into changes files of both rods')}")
     patched = into_file(loaded, loaded_rig, into, joints)
-    file, diff_file = out / into.name, out / f"{into.name}.diff"
-    diff = patched.diff(into, str(file))
-    write_text(file, patched.text.decode("utf-8"))
+    file, module = patched.write(out, into.name)
+    diff_file, diff = out / f"{into.name}.diff", patched.diff(into, str(file))
     write_text(diff_file, diff)
-    added = patched.passive
-    module = out / CALLBACK if added.module else None
-    if module is not None:
-        write_text(module, added.module)
     runs = read_runs(check, loaded_rig, on_event, torque=torque, moving=isinstance(loaded, MovingArmModel))
     replays = replay_files(into, patched, joints, loaded, loaded_rig, runs) if runs else []
-    return ExportedInto(file, diff_file, diff, patched.changes, patched.lost, added.effects, module, tuple(replays))
+    effects = patched.passive.effects
+    return ExportedInto(file, diff_file, diff, patched.changes, patched.lost, effects, module, tuple(replays))

@@ -119,7 +119,7 @@ def test_the_diagnosis_of_a_file_that_cannot_be_changed_is_complete(
     (tmp_path / "own.xml").write_text(OWN, encoding="utf-8")
     done = diagnose_simulator(DiagnoseRequest((), "paper", out=tmp_path / "out"), tmp_path / "own.xml")
     record = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
-    assert record["simulator"]["refused"] == done.refused == "no joint can be changed"
+    assert record["simulator"]["refused"] == done.simulator.refused == "no joint can be changed"
 
 
 OWN = """<mujoco model="own"><worldbody><body name="upper">

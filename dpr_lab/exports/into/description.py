@@ -5,25 +5,38 @@ therefore determined numerically. The file is read again with a changed coordina
 coordinate.
 """
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.exports.into.editor import Editor
 from dpr_lab.exports.into.target import BodyChange, Target, joint_values, numbers
 from dpr_lab.simulator_models.chain import ChainArm, ChainRod
 from dpr_lab.simulator_models.tree import SimulatorModel, Vector
 from dpr_lab.simulator_models.xml_edit import XmlEdit
 
 
-class DescriptionEditor(Editor):
+class DescriptionEditor(ABC):
     """Common part of the editors of URDF and SDFormat files."""
 
+    name: ClassVar[str]
+    """Name of the format."""
+    words: ClassVar[frozenset[str]]
+    """Elements of effects that its files can contain."""
+    passive: ClassVar[bool] = True
+    """Whether MuJoCo reads files of this format. A module can then apply further effects as passive forces."""
     joint_names: ClassVar[dict[str, str]]
     """Names of the quantities of a joint in the format."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @abstractmethod
+    def read(self, text: bytes) -> SimulatorModel:
+        """Read the links and joints from the content `text` instead of the content of the file."""
 
     @abstractmethod
     def place(self, edit: XmlEdit, owner: int) -> Vector:

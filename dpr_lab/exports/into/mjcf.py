@@ -1,11 +1,11 @@
 """Edit the numerical attributes of joints, bodies and motors in MJCF files."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.exports.into.editor import Editor
 from dpr_lab.exports.into.target import PATCH, BodyChange, Target, joint_values, numbers
 from dpr_lab.simulator_models.chain import ChainArm, ChainRod
 from dpr_lab.simulator_models.mjcf import SWITCHES, CompiledMjcf, compile_mjcf
@@ -17,12 +17,16 @@ ATTRIBUTES = {"friction": "frictionloss", "rest": "springref"}
 """MJCF attributes of the quantities of a joint, where the names differ."""
 
 
-class MjcfEditor(Editor):
+class MjcfEditor:
     """Editor of MJCF files; the frames are those of the content that was read last."""
 
     name = "MJCF"
     words = frozenset({"friction", "stiffness", "rest_angle", "armature", "offset", "added_length", "gear"})
+    passive = True
     _compiled: CompiledMjcf
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
 
     def read(self, text: bytes) -> SimulatorModel:
         """Read the compiled model of the content `text`."""

@@ -17,6 +17,7 @@ from dpr_lab.effects.effect import Words
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.into.passive import PassiveForces
+from dpr_lab.exports.mjcf import CALLBACK
 from dpr_lab.exports.rigid_bodies import Bodies
 from dpr_lab.identification.model import Model
 from dpr_lab.rig import Rig
@@ -25,6 +26,7 @@ from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
 from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.simulator_models.tree import SimulatorModel, Vector
 from dpr_lab.simulator_models.xml_edit import ChangedAttribute
+from dpr_lab.whole_file import write_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +94,18 @@ class PatchedModel:
         contents = original.read_bytes(), self.text
         before, after = (content.decode("utf-8").splitlines(keepends=True) for content in contents)
         return "".join(unified_diff(before, after, str(original), name, n=1))
+
+    def write(self, folder: Path, name: str) -> tuple[Path, Path | None]:
+        """Write the file, and the module of passive forces if the file needs one; return both paths.
+
+        Raises:
+            DprError: a file cannot be written.
+        """
+        file, module = folder / name, folder / CALLBACK if self.passive.module else None
+        write_text(file, self.text.decode("utf-8"))
+        if module is not None:
+            write_text(module, self.passive.module)
+        return file, module
 
 
 @dataclass(frozen=True, slots=True)
