@@ -82,7 +82,8 @@ def from_model(
 
     Example: dpr-lab rig from robot.xml --joints shoulder,elbow --out rig.toml
     """
-    from dpr_lab.workflows.rig_from import MEANING, rig_from_model
+    from dpr_lab.workflows.rig_file import MEANING
+    from dpr_lab.workflows.rig_from import rig_from_model
 
     read = rig_from_model(model, out, names_in(joints) or (), name, g)
     if as_json:

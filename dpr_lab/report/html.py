@@ -57,10 +57,6 @@ def write_report(model: Model, comparisons: Sequence[Comparison], out_dir: Path,
     Raises:
         DprError: the folder or a file cannot be written.
     """
-    return write_page(_page(model, comparisons, figures), out_dir / "report.html")
-
-
-def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str, Path]) -> str:
     drawn = pictures(figures, FIGURES)
     compared = PageTable(tables.COMPARISON_COLUMNS, tables.comparison_rows(comparisons), tables.COMPARISON_NOTE)
     base_rows = tables.base_rows(model)
@@ -92,4 +88,5 @@ def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str,
     ]
     footer = f"Rig {model.rig.name}, file SHA-256 {model.rig.sha256 or 'unknown'}. Written by dpr-lab {model.version}."
     title = f"Rig “{model.rig.name}”: identified model"
-    return page_html(title, tables.summary(model, comparisons), sections, footer=footer)
+    page = page_html(title, tables.summary(model, comparisons), sections, footer=footer)
+    return write_page(page, out_dir / "report.html")

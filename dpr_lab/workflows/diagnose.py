@@ -14,7 +14,7 @@ from dpr_lab.gap.result import RECORD
 from dpr_lab.shown import percent
 from dpr_lab.whole_file import whole_folder
 from dpr_lab.workflows.checks import check_folder_writable
-from dpr_lab.workflows.events import FitBegan, OnEvent, ScoreTestBegan, StageBegan, TrustTrialDone, Warned, ignore
+from dpr_lab.workflows.events import OnEvent, StageBegan, TrustTrialDone, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
@@ -112,7 +112,8 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
         max_effects=request.max_effects,
         start=load_model(request.model).starting_point(rig) if request.model else None,
         seed=request.seed,
-        on_progress=lambda event: on_event(_of_all(event, stages)),
+        # the job may have one stage more than the diagnosis
+        on_progress=lambda event: on_event(replace(event, of=stages) if isinstance(event, StageBegan) else event),
     )
     finish = partial(_with_trust, runs=runs, rig=rig, request=request, library=library, on_event=on_event)
     if request.out is None:
@@ -215,14 +216,6 @@ def diagnosis_folder(diagnosis: "Diagnosis", out: Path) -> "Iterator[Path]":
         raise KeyboardInterrupt(
             f"interrupted: report and models are missing{saved}. Run the same command again to write all files"
         ) from None
-
-
-def _of_all(event: StageBegan | FitBegan | ScoreTestBegan, stages: int) -> StageBegan | FitBegan | ScoreTestBegan:
-    """Return a copy of an event that states the number of stages of this job.
-
-    The job may have one stage more than the diagnosis.
-    """
-    return replace(event, of=stages) if isinstance(event, StageBegan) else event
 
 
 def chosen_library(names: Sequence[str] | None, without: Sequence[str]) -> "Mapping[str, Effect]":

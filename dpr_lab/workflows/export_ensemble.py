@@ -130,7 +130,7 @@ def export_ensemble(
         posterior = posterior_of(model, diagnosis, scatter)
         factor_of_fit = factor_without(model, posterior, fitted, rig, seed)
         ensemble = _of_rods(model, widened(posterior, factor_of_fit), fitted, rig, seed)
-    factor = calibrated(ensemble.drawn, ensemble.band, runs).factor if runs else 1.0
+    factor = calibrated(ensemble.drawn, ensemble.band, runs) if runs else 1.0
     models = ensemble.drawn(factor, size)
     folders = []
     for number, member in enumerate(models if formats else ()):

@@ -1,7 +1,7 @@
 """Creation of a rig file from a few measurements, and check of a rig file."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
@@ -94,8 +94,26 @@ class DraftSettings:
 DRAFT = DraftSettings()
 
 
-Parameters = dict[str, tuple[str, Bounds, float | None]]
-"""Meaning, bounds and standard uncertainty (of a measured value) for each key in `[parameters]`."""
+MEANING = {
+    "l1": "distance from joint 1 to the centre of mass of the inner rod, m",
+    "l2": "distance from joint 2 to the centre of mass of the outer rod, m",
+    "m1": "mass of the inner rod, kg",
+    "m2": "mass of the outer rod, kg",
+    "mb": "parts on the axis of joint 2 that turn with the inner rod, kg",
+    "c1": "viscous friction of joint 1, N m s/rad",
+    "c2": "viscous friction of joint 2, N m s/rad",
+    "J1": "inertia of the inner rod about its centre of mass, kg m^2",
+    "J2": "inertia of the outer rod about its centre of mass, kg m^2",
+    "L0": "distance from the axis of the arm to the rods, m",
+    "L1": "distance of both joints, or length of a single rod, m",
+    "L2": "length of the outer rod, m",
+    "g": "gravity in the plane of the swing, m/s^2",
+    "A": "inertia of the arm about its axis with the rods at its end, kg m^2",
+    "c0": "viscous friction of the arm, N m s/rad",
+    "k0": "spring of the arm, N m/rad",
+    "f0": "Coulomb friction of the arm, N m",
+}
+"""Meaning of each key of a rig file, with the unit at the end."""
 
 
 def draft_rig(measures: RigMeasures) -> str:
@@ -121,7 +139,7 @@ def draft_rig(measures: RigMeasures) -> str:
     text = rendered(
         "new_rig.toml",
         m=m,
-        parameters=_both_rods(m, m.m2, mb, m.L2) if m.m2 and m.L2 else _one_rod(m),
+        parameters=_parameters(m, mb),
         arm_mode=m.arm,
         arm_bounds=arm_bounds(m.arm, m.L0, carried, m.motor),
         motor=m.motor,
@@ -132,44 +150,49 @@ def draft_rig(measures: RigMeasures) -> str:
     return text
 
 
-def _one_rod(m: RigMeasures) -> Parameters:
-    """Return the tables in `[parameters]` for a rig with one rod.
+def _parameters(m: RigMeasures, mb: Measure) -> dict[str, tuple[str, Bounds, float | None]]:
+    """Return meaning, bounds and standard uncertainty (of a measured value) for each table in `[parameters]`.
 
     Raises:
         ConfigError: the values describe one rod, but two rods are mounted.
     """
-    if m.mounted != "inner":
+    rods = [(m.m1, m.L1), *([(m.m2, m.L2)] if m.m2 and m.L2 else [])]
+    values = {"mb": mb.value}
+    for rod, (mass, length) in enumerate(rods, 1):
+        values |= {f"l{rod}": length / 2, f"m{rod}": mass.value, f"J{rod}": mass.value * length**2 / 12}
+    ranges = ranges_of(values, [length for _, length in rods], m.g, uncertain=True)
+    stds = {f"m{rod}": mass.std for rod, (mass, _) in enumerate(rods, 1)} | {"mb": mb.std}
+    words = MEANING | {"mb": "mass of the parts at the elbow (encoder, bearing, motor), kg"}
+    if len(rods) == 2:
+        least, _, most = (factor * (values["m1"] + values["m2"]) for factor in DRAFT.elbow)
+        ranges["mb"] = mass_bounds(mb.value) if m.mb else (least, mb.value, most)
+    elif m.mounted == "inner":
+        words = {name: meaning.replace("inner rod", "rod") for name, meaning in words.items()}
+    else:
         raise ConfigError("two rods require the mass and length of the outer rod; for one rod, give --rods inner")
-    mass, inertia, moment = mass_bounds(m.m1.value), m.m1.value * m.L1**2 / 3, m.m1.value * m.L1 / 2
-    return {
-        "l1": ("distance from joint 1 to the centre of mass of the rod, m", centre_bounds(m.L1), None),
-        "m1": ("mass of the rod, kg", mass, m.m1.std),
-        "c1": ("viscous friction of joint 1, N m s/rad", friction_bounds(inertia, moment * m.g), None),
-        "J1": ("inertia of the rod about its centre of mass, kg m^2", inertia_bounds(mass, m.L1), None),
-    }
+    return {name: (words[name], ranges[name], stds.get(name)) for name in MEANING if name in ranges}
 
 
-def _both_rods(m: RigMeasures, m2: Measure, mb: Measure, L2: float) -> Parameters:
-    """Return the nine tables in `[parameters]` for a rig with two rods."""
-    s, rods = DRAFT, m.m1.value + m2.value
-    mass = {"m1": mass_bounds(m.m1.value), "m2": mass_bounds(m2.value), "mb": mass_bounds(mb.value)}
-    if m.mb is None:
-        mass["mb"] = (s.elbow[0] * rods, mb.value, s.elbow[2] * rods)
-    stds = {"m1": m.m1.std, "m2": m2.std, "mb": mb.std}
-    tip = m2.value * L2**2 / 3
-    hanging = m.m1.value * m.L1**2 / 3 + (mb.value + m2.value) * m.L1**2 + tip
-    moments = (m.m1.value / 2 + mb.value + m2.value) * m.L1, m2.value * L2 / 2
-    return {
-        "l1": ("distance from joint 1 to the centre of mass of the inner rod, m", centre_bounds(m.L1), None),
-        "l2": ("distance from joint 2 to the centre of mass of the outer rod, m", centre_bounds(L2), None),
-        "m1": ("mass of the inner rod, kg", mass["m1"], stds["m1"]),
-        "m2": ("mass of the outer rod, kg", mass["m2"], stds["m2"]),
-        "mb": ("mass of the parts at the elbow (encoder, bearing, motor), kg", mass["mb"], stds["mb"]),
-        "c1": ("viscous friction of joint 1, N m s/rad", friction_bounds(hanging, moments[0] * m.g), None),
-        "c2": ("viscous friction of joint 2, N m s/rad", friction_bounds(tip, moments[1] * m.g), None),
-        "J1": ("inertia of the inner rod about its centre of mass, kg m^2", inertia_bounds(mass["m1"], m.L1), None),
-        "J2": ("inertia of the outer rod about its centre of mass, kg m^2", inertia_bounds(mass["m2"], L2), None),
-    }
+def ranges_of(values: Mapping[str, float], lengths: Sequence[float], g: float, *, uncertain: bool) -> dict[str, Bounds]:
+    """Return bounds and nominal values of the parameters of rods, except those of the parts at the elbow.
+
+    The stiffness from which the friction follows is at least 1e-30 N m/rad. It would be zero if the centre of mass is
+    on the joint, but a rig file requires positive bounds. `uncertain`: the masses are estimates.
+    """
+    Z = dict.fromkeys(("l2", "m2", "mb", "J2"), 0.0) | dict(values)
+    tip = Z["J2"] + Z["m2"] * Z["l2"] ** 2
+    hanging = Z["J1"] + Z["m1"] * Z["l1"] ** 2 + (Z["mb"] + Z["m2"]) * lengths[0] ** 2 + tip
+    moments = Z["m1"] * Z["l1"] + (Z["mb"] + Z["m2"]) * lengths[0], Z["m2"] * Z["l2"]
+    ranges: dict[str, Bounds] = {}
+    for rod, (length, inertia, moment) in enumerate(zip(lengths, (hanging, tip), moments, strict=False), 1):
+        mass, (near, far), (low, high) = Z[f"m{rod}"], DRAFT.centre, DRAFT.inertia
+        least, _, most = mass_bounds(mass) if uncertain else (mass, mass, mass)
+        lower, guess, upper = (2 * z * math.sqrt(inertia * max(moment * g, 1e-30)) for z in DRAFT.damping)
+        ranges[f"m{rod}"] = mass_bounds(mass)
+        ranges[f"l{rod}"] = near * length, length / 2, far * length
+        ranges[f"J{rod}"] = low * least * length**2, mass * length**2 / 12, high * most * length**2
+        ranges[f"c{rod}"] = lower, guess, upper
+    return ranges
 
 
 def new_rig(measures: RigMeasures, file: Path) -> Path:
@@ -198,29 +221,6 @@ def refuse_rig_file(file: Path) -> None:
 def mass_bounds(mass: float) -> Bounds:
     """Return bounds and nominal value of a mass, kg."""
     return DRAFT.mass[0] * mass, mass, DRAFT.mass[1] * mass
-
-
-def centre_bounds(length: float) -> Bounds:
-    """Return bounds and nominal distance of a rod's centre of mass from its joint, m.
-
-    `length` is the length of the rod, m.
-    """
-    return DRAFT.centre[0] * length, length / 2, DRAFT.centre[1] * length
-
-
-def inertia_bounds(mass: Bounds, length: float) -> Bounds:
-    """Return bounds and nominal inertia of a rod about its centre of mass, kg m^2."""
-    lower, upper = DRAFT.inertia
-    return lower * mass[0] * length**2, mass[1] * length**2 / 12, upper * mass[2] * length**2
-
-
-def friction_bounds(inertia: float, stiffness: float) -> Bounds:
-    """Return bounds and nominal viscous friction of a joint, N m s/rad.
-
-    `draft_rig` explains the values.
-    """
-    lower, guess, upper = (2 * z * math.sqrt(inertia * stiffness) for z in DRAFT.damping)
-    return lower, guess, upper
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING, Any
 from dpr_lab.errors import ConfigError
 from dpr_lab.whole_file import write_text
 from dpr_lab.workflows.rig_drive import MotorMeasures
-from dpr_lab.workflows.rig_file import (
-    DRAFT,
-    centre_bounds,
-    friction_bounds,
-    inertia_bounds,
-    mass_bounds,
-    refuse_rig_file,
-)
+from dpr_lab.workflows.rig_file import DRAFT, MEANING, mass_bounds, ranges_of, refuse_rig_file
 from dpr_lab.workflows.rig_toml import Bounds, about, rendered
 
 if TYPE_CHECKING:
@@ -97,48 +90,15 @@ def _nominal(chain: "ModelChain") -> dict[str, float]:
     return values
 
 
-MEANING = {
-    "l1": "distance from joint 1 to the centre of mass of the inner rod, m",
-    "l2": "distance from joint 2 to the centre of mass of the outer rod, m",
-    "m1": "mass of the inner rod, kg",
-    "m2": "mass of the outer rod, kg",
-    "mb": "parts on the axis of joint 2 that turn with the inner rod, kg",
-    "c1": "viscous friction of joint 1, N m s/rad",
-    "c2": "viscous friction of joint 2, N m s/rad",
-    "J1": "inertia of the inner rod about its centre of mass, kg m^2",
-    "J2": "inertia of the outer rod about its centre of mass, kg m^2",
-    "L0": "distance from the axis of the arm to the rods, m",
-    "L1": "distance of both joints, or length of a single rod, m",
-    "L2": "length of the outer rod, m",
-    "g": "gravity in the plane of the swing, m/s^2",
-    "A": "inertia of the arm about its axis with the rods at its end, kg m^2",
-    "c0": "viscous friction of the arm, N m s/rad",
-    "k0": "spring of the arm, N m/rad",
-    "f0": "Coulomb friction of the arm, N m",
-}
-"""Meaning of each key of a rig file, with the unit at the end."""
-
-
 def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> dict[str, Bounds]:
     """Return the bounds of the parameters, as in `rig new`.
 
     The bounds are extended if the value of the model is outside. A missing value is set to its lower bound.
-    The stiffness from which the friction follows is at least 1e-30 N m/rad. It would be zero if the centre of mass is
-    on the joint, but a rig file requires positive bounds.
     """
     lengths = [rod.length or 2 * rod.centroid for rod in chain.rods]
-    Z = {name: values.get(name, 0.0) for name in ("l1", "l2", "m1", "m2", "mb", "J1", "J2")}
-    tip = Z["J2"] + Z["m2"] * Z["l2"] ** 2
-    hanging = Z["J1"] + Z["m1"] * Z["l1"] ** 2 + (Z["mb"] + Z["m2"]) * lengths[0] ** 2 + tip
-    moments = Z["m1"] * Z["l1"] + (Z["mb"] + Z["m2"]) * lengths[0], Z["m2"] * Z["l2"]
-    ranges: dict[str, Bounds] = {}
-    for rod, inertia in list(enumerate((hanging, tip), 1))[: len(chain.rods)]:
-        mass, length = Z[f"m{rod}"], lengths[rod - 1]
-        ranges[f"m{rod}"], ranges[f"l{rod}"] = mass_bounds(mass), centre_bounds(length)
-        ranges[f"J{rod}"] = inertia_bounds((mass, mass, mass), length)
-        ranges[f"c{rod}"] = friction_bounds(inertia, max(moments[rod - 1] * chain.gravity, 1e-30))
+    ranges = ranges_of(values, lengths, chain.gravity, uncertain=False)
     if "mb" in values:
-        ranges["mb"] = mass_bounds(Z["mb"]) if Z["mb"] > 0 else (5e-7, 1e-6, 2e-6)
+        ranges["mb"] = mass_bounds(values["mb"]) if values["mb"] > 0 else (5e-7, 1e-6, 2e-6)
     bounds = {}
     for name, (lower, _, upper) in ranges.items():
         value = values[name]

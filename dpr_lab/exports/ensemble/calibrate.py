@@ -32,19 +32,9 @@ class CalibrationSettings:
 CALIBRATED = CalibrationSettings()
 
 
-@dataclass(frozen=True, slots=True)
-class EnsembleWidth:
-    """Result of a calibration: width factor, and coverage at this factor."""
-
-    factor: float
-    """Factor on the standard deviations."""
-    covered: float
-    """Share of the readings of the calibration runs that the bands cover."""
-
-
 def calibrated(
     drawn: Callable[[float, int], Sequence[M]], band: Callable[[Sequence[M], Run], PredictiveBand], runs: Sequence[Run]
-) -> EnsembleWidth:
+) -> float:
     """Find the smallest width factor at which the bands cover the required share of readings.
 
     Args:
@@ -56,22 +46,18 @@ def calibrated(
         RunError: the model cannot follow a run.
     """
 
-    def tried(factor: float) -> EnsembleWidth:
+    def too_narrow(factor: float) -> bool:
         members = drawn(factor, CALIBRATED.members)
-        return EnsembleWidth(factor, pooled([band(members, run) for run in runs]))
+        return pooled([band(members, run) for run in runs]) < BANDS.level
 
-    low, enough = tried(1.0), None
+    low = enough = 1.0
     for factor in CALIBRATED.factors:
-        if not low.covered < BANDS.level:
-            return low
-        enough = tried(factor)
-        if not enough.covered < BANDS.level:
+        if not too_narrow(enough):
             break
-        low = enough
-    assert enough is not None
-    for _ in range(CALIBRATED.halvings):
-        middle = tried((low.factor * enough.factor) ** 0.5)
-        low, enough = (middle, enough) if middle.covered < BANDS.level else (low, middle)
+        low, enough = enough, factor
+    for _ in range(CALIBRATED.halvings if enough > 1.0 else 0):
+        middle = (low * enough) ** 0.5
+        low, enough = (middle, enough) if too_narrow(middle) else (low, middle)
     return enough
 
 

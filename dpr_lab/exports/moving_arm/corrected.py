@@ -50,7 +50,7 @@ def corrected_arm_model(
         rig: rig of the recordings
     """
     driven = any(run.arm_mode == "driven" for run in runs)
-    mounted = _mounted(rig)
+    mounted: Literal["both", "inner"] = "both" if rig.rods.mounted == "both" else "inner"
     swing, inertia = swing_of(unknown, effect_params(effects), mounted, driven, rig)
     letter: Literal["a", "b"] = "b" if mounted == "both" else "a"
     of_rig = ParameterValue(value=float(unknown[SCALE]), std=None, fixed_by="bound")
@@ -116,10 +116,6 @@ def _with_values(
     return {
         name: ratio.model_copy(update={"value": new_values.get(name, ratio.value)}) for name, ratio in ratios.items()
     }
-
-
-def _mounted(rig: Rig) -> Literal["both", "inner"]:
-    return "both" if rig.rods.mounted == "both" else "inner"
 
 
 def _joint(name: str) -> str:

@@ -73,17 +73,22 @@ def write_gap_report(
     closure = evidence.pop(CLOSING.name).blocks if evidence else [drawn["waterfall"]]
     curves = evidence.pop("curves", None)
     limits = [Section("Acceptance", list(_acceptance(acceptance)), "acceptance", is_open=True)] if acceptance else []
+    lengths = tables.horizon_rows(diagnosis)
+    horizons = PageTable(tables.HORIZON_COLUMNS, lengths, title="Gap by segment length, fitted recordings")
     sections = [
         *limits,
         Section("Recommended actions", list(_actions(diagnosis))),
         Section("Effects and alternatives", list(_effects(diagnosis))),
         *([curves] if curves else []),
         Section("Results of checks", list(_checks(diagnosis))),
-        Section("Gap reduction", [*closure, *_gap_reduction(diagnosis), drawn["gap_horizon"], _horizons(diagnosis)]),
+        Section("Gap reduction", [*closure, *_gap_reduction(diagnosis), drawn["gap_horizon"], horizons]),
         Section("Residual maps", [_MAPS, *_maps(diagnosis), drawn["where"]]),
         Section("Sensor faults", [_faults(diagnosis)]),
         *evidence.values(),
-        Section("Minimum detectable effects", [_detectable(diagnosis)]),
+        Section(
+            "Minimum detectable effects",
+            [PageTable(tables.DETECTABLE_COLUMNS, tables.detectable_rows(diagnosis), scale_note(diagnosis), "prose")],
+        ),
         Section("Model search", [PageTable(TRIAL_COLUMNS, trial_rows(diagnosis), TRIAL_NOTE)]),
         Section("Assumptions", [Items([in_words(text) for text in diagnosis.assumptions])]),
     ]
@@ -151,11 +156,6 @@ def _gap_reduction(diagnosis: Diagnosis) -> Iterator[Block]:
         yield PageTable(tables.STEP_COLUMNS, tables.step_rows(diagnosis), tables.STEP_NOTE, "prose", title)
 
 
-def _horizons(diagnosis: Diagnosis) -> PageTable:
-    rows = tables.horizon_rows(diagnosis)
-    return PageTable(tables.HORIZON_COLUMNS, rows, title="Gap by segment length, fitted recordings")
-
-
 def _maps(diagnosis: Diagnosis) -> Iterator[Block]:
     if not diagnosis.where:
         yield in_words(diagnosis.where_sentence)
@@ -166,7 +166,3 @@ def _maps(diagnosis: Diagnosis) -> Iterator[Block]:
 def _faults(diagnosis: Diagnosis) -> Block:
     rows = finding_rows(diagnosis)
     return PageTable(FINDING_COLUMNS, rows, _FAULTS, "prose") if rows else "No sensor fault was found."
-
-
-def _detectable(diagnosis: Diagnosis) -> PageTable:
-    return PageTable(tables.DETECTABLE_COLUMNS, tables.detectable_rows(diagnosis), scale_note(diagnosis), "prose")

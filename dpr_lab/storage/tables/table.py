@@ -138,12 +138,13 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
             last_comment = [text.split(delimiter) for text in comments[-1:]]
             if not labels and _ends_with_delimiter(begin[1], early or last_comment):
                 begin = begin[0], begin[1][:-1]
-            early = [_trimmed(other, len(begin[1])) for other in early]
-            names = labels or _of_numbers(_names(early, comments, delimiter, len(begin[1])), begin[1])
-            if len(names) > len(begin[1]) and not labels and NEXT not in "".join(begin[1]):
+            width = len(begin[1])
+            early = [row if any(row[width:]) else row[:width] for row in early]
+            names = labels or _of_numbers(_names(early, comments, delimiter, width), begin[1])
+            if len(names) > width and not labels and NEXT not in "".join(begin[1]):
                 raise RunError(
                     f"{path}: the header has {len(names)} names ({', '.join(map(printable, names))}), but line"
-                    f" {begin[0]} has {len(begin[1])} fields: remove the names that belong to no column"
+                    f" {begin[0]} has {width} fields: remove the names that belong to no column"
                 )
             first = [begin, *islice(rows, LIMITS.looked_at - 1)]
             comma = delimiter != "," and any("," in cell for _, cells in first for cell in cells)
@@ -360,11 +361,6 @@ def _ends_with_delimiter(row: list[str], early: list[list[str]]) -> bool:
     named = any(len(other) == names for other in early)
     wider = any(len(other) > names and other[names].strip() for other in early)
     return named and not wider and not row[-1].strip()
-
-
-def _trimmed(row: list[str], width: int) -> list[str]:
-    """Remove empty fields beyond the width of the table from a row above the numbers."""
-    return row[:width] if not any(row[width:]) else row
 
 
 def _delimiter(lines: list[str]) -> str | None:

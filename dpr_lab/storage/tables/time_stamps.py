@@ -202,15 +202,11 @@ def _of_digits(t: Array) -> Array:
     """
     size = np.abs(t)
     decade = np.floor(np.log10(np.where(size > 0, size, size[size > 0].min())))
-    digits = next(
-        (n for n in range(1, SETTINGS.digits) if np.allclose(t, _rounded(t, 10.0 ** (decade + 1 - n)), rtol=1e-9)),
-        SETTINGS.digits,
-    )
-    return np.asarray(10.0 ** (decade + 1 - digits))
-
-
-def _rounded(t: Array, resolution: Array) -> Array:
-    return np.round(t / resolution) * resolution
+    for digits in range(SETTINGS.digits):
+        resolution = 10.0 ** (decade - digits)
+        if np.allclose(t, np.round(t / resolution) * resolution, rtol=1e-9):
+            return resolution
+    return 10.0 ** (decade + 1 - SETTINGS.digits)
 
 
 def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:

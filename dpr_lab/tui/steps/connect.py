@@ -176,12 +176,9 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         if self.display and not self.device.fresh(time.monotonic()):
             self._draw()
 
+    @work(thread=True, exclusive=True)
     def action_look(self) -> None:
         """Search for links again."""
-        self._look()
-
-    @work(thread=True, exclusive=True)
-    def _look(self) -> None:
         links = discover()
         self.app.call_from_thread(self._list, links)
 

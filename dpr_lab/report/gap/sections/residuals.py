@@ -36,7 +36,7 @@ def residual_figure(diagnosis: Diagnosis) -> Figure:
 
 
 def _draw_autocorrelation(axes: Axes, look: ResidualLook, models: dict[str, Whiteness]) -> None:
-    band = _band(look)
+    band = PAGE.white95 / max(look.readings, 1) ** 0.5
     axes.axhspan(-band, band, label="white noise, 95 %", **style.NOISE_BAND)
     for name, whiteness in models.items():
         label, line = LINES[name]
@@ -56,10 +56,6 @@ def _draw_quantiles(axes: Axes, look: ResidualLook, models: dict[str, Whiteness]
     reach = max(4.0, 1.2 * float(np.abs(models["after"].quantiles).max()))
     axes.set_ylim(-reach, reach)
     axes.margins(x=0.03)
-
-
-def _band(look: ResidualLook) -> float:
-    return PAGE.white95 / max(look.readings, 1) ** 0.5
 
 
 def residual_words(diagnosis: Diagnosis) -> list[str]:
