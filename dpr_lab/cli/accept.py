@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dpr_lab.cli.checks import AnyClock, Json, RigName, TorqueKind
-from dpr_lab.cli.console import emit, line, table
+from dpr_lab.cli.console import emit, line, report_table
 from dpr_lab.cli.diagnose import show_files
 
 if TYPE_CHECKING:
@@ -65,12 +65,12 @@ def accept(
 
 def show(acceptance: "Acceptance") -> None:
     """Print the result of each limit."""
-    from dpr_lab.report.gap.acceptance import LIMIT_COLUMNS, answer_sentence, deciding_sentence, limit_rows
+    from dpr_lab.report.gap.acceptance import answer_sentence, deciding_sentence, limit_table
     from dpr_lab.report.words import in_words
 
     line(answer_sentence(acceptance))
     line(in_words(acceptance.sentence))
-    table("Limits", LIMIT_COLUMNS, limit_rows(acceptance))
+    report_table("Limits", limit_table(acceptance))
     if sentence := deciding_sentence(acceptance):
         line(sentence)
         for number, release in enumerate(acceptance.recordings, 1):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dpr_lab.cli.checks import TorqueKind, complete_rig, require_runs
-from dpr_lab.cli.console import emit, line, table
+from dpr_lab.cli.console import emit, line, report_table
 
 if TYPE_CHECKING:
     from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -81,13 +81,13 @@ def show(updated: "Diagnosis", out: Path | None) -> None:
     done = updated.checks_done[-1]
     line(tables.sentence(updated))
     title = f"Check {done.check.id}: {done.result}"
-    table(title, check_tables.MOVED_COLUMNS, check_tables.moved_rows(done), note=check_tables.MOVED_NOTE)
+    report_table(title, check_tables.moved_table(done))
     file = "DIAGNOSIS.json" if out is None else str(out / RECORD)
     if updated.checks and not check_tables.informative(updated.checks):
         remaining = ", ".join(check.id for check in updated.checks)
         line(f"Remaining checks ({remaining}): no further information is expected.")
     elif updated.checks:
-        note = f"{check_tables.EXPECTED_NOTE} {check_tables.how_to_record(updated, file)}"
-        table("Remaining checks", check_tables.CHECK_COLUMNS, check_tables.check_rows(updated), note=note)
+        checks = check_tables.check_table(updated)
+        report_table("Remaining checks", checks, f"{checks.caption} {check_tables.how_to_record(updated, file)}")
     if out:
         line(f"diagnosis: {out / RECORD}")

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from dpr_lab.cli.checks import AnyClock, Json, TorqueKind
-from dpr_lab.cli.console import emit, line, table
+from dpr_lab.cli.console import emit, line, report_table
 from dpr_lab.workflows.compare import compare as compare_runs
 
 
@@ -39,10 +39,9 @@ def compare(
         return
     of_arms, of_rods = by_kind(compared.comparisons)
     if of_arms:
-        table(f"{title} by segment", moving_arm.COMPARISON_COLUMNS, moving_arm.comparison_rows(saved))
+        report_table(f"{title} by segment", moving_arm.comparison_table(saved))
     else:
-        rows = tables.comparison_rows(of_rods)
-        table(title, tables.COMPARISON_COLUMNS, rows, note=tables.COMPARISON_NOTE)
+        report_table(title, tables.comparison_table(of_rods))
     line(f"report: {saved['report']}")
     if of_arms:
         line(f"table: {saved['file']}")

@@ -9,10 +9,13 @@ from contextlib import contextmanager
 from functools import partial
 from shutil import get_terminal_size
 from textwrap import fill
-from typing import Any, Protocol, TextIO
+from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from dpr_lab.errors import printable
 from dpr_lab.report.plain import as_json
+
+if TYPE_CHECKING:
+    from dpr_lab.report.pages.page import PageTable
 
 
 def line(text: object = "") -> None:
@@ -79,6 +82,11 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], 
         console.print(grid)
     if note:
         console.print(escape(printable(note)), style="dim")
+
+
+def report_table(title: str, made: "PageTable", note: str | None = None) -> None:
+    """Print a table of the report with its caption, or with another note."""
+    table(title, made.columns, made.rows, note=made.caption if note is None else note)
 
 
 def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:

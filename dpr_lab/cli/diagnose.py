@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dpr_lab.cli.checks import NO_RIG, REASON_NAMES, Json, complete_rig, names_in
-from dpr_lab.cli.console import emit, line, say, table, text
+from dpr_lab.cli.console import emit, line, report_table, say, table, text
 from dpr_lab.cli.option_groups import DiagnosisChoices, with_groups
 from dpr_lab.shown import percent
 
@@ -137,27 +137,27 @@ def show(diagnosis: "Diagnosis", out: Path | None = None, *, verbose: bool = Fal
     from dpr_lab.report.words import in_words
 
     line(tables.sentence(diagnosis))
-    if causes := tables.summary_rows(diagnosis, brief=not verbose):
+    if causes := tables.summary_table(diagnosis, brief=not verbose):
         note = f"{summary_note(diagnosis)} {scale_note(diagnosis)}".strip()
-        table("Causes", tables.SUMMARY_COLUMNS, causes, note=note)
+        report_table("Causes", causes, note)
     for text_below in (*diagnosis.notes, *diagnosis.remedies):
         line(in_words(text_below))
     if diagnosis.open_gap and not diagnosis.only_uncertain:
         line(in_words(diagnosis.where_sentence))
     if verbose:
         _show_effects(diagnosis)
-    elif rows := tables.open_rows(diagnosis):
-        table("Probable alternatives", tables.STANDING_COLUMNS, rows, note=tables.STANDING_NOTE)
+    elif alternatives := tables.open_table(diagnosis):
+        report_table("Probable alternatives", alternatives)
     if diagnosis.effects:
         _show_gap_reduction(diagnosis, verbose=verbose)
     elif diagnosis.where:
-        table("Residual maps", tables.PLACE_COLUMNS, tables.place_rows(diagnosis))
+        report_table("Residual maps", tables.place_table(diagnosis))
     if verbose:
         _show_repeatability(diagnosis)
     elif sentences := repeatability_sentences(diagnosis):
         line(" ".join(sentences))
     if verbose and diagnosis.sensor_findings:
-        table("Sensor faults", findings.FINDING_COLUMNS, findings.finding_rows(diagnosis))
+        report_table("Sensor faults", findings.finding_table(diagnosis))
     elif faults := findings.findings_sentence(diagnosis):
         line(faults)
     for sentence in trust_words(diagnosis) if diagnosis.trust else ():
@@ -170,12 +170,11 @@ def _show_effects(diagnosis: "Diagnosis") -> None:
     from dpr_lab.report.gap import tables
 
     if diagnosis.effects:
-        rows = tables.contribution_rows(diagnosis)
-        table("Contributions of the effects", tables.CONTRIBUTION_COLUMNS, rows, note=tables.EFFECT_NOTE)
+        report_table("Contributions of the effects", tables.contribution_table(diagnosis))
     if len(diagnosis.effects) > 1:
-        table("Gap budget", tables.STEP_COLUMNS, tables.step_rows(diagnosis), note=tables.STEP_NOTE)
-    if rows := tables.standing_rows(diagnosis):
-        table("Alternatives", tables.STANDING_COLUMNS, rows, note=tables.STANDING_NOTE)
+        report_table("Gap budget", tables.step_table(diagnosis))
+    if alternatives := tables.standing_table(diagnosis):
+        report_table("Alternatives", alternatives)
 
 
 def _show_gap_reduction(diagnosis: "Diagnosis", *, verbose: bool, most: int = 6) -> None:
@@ -185,11 +184,11 @@ def _show_gap_reduction(diagnosis: "Diagnosis", *, verbose: bool, most: int = 6)
     """
     from dpr_lab.report.gap import tables
 
-    rows, title = tables.closed_rows(diagnosis), "Gap reduction by run"
-    if not verbose and len(rows) > most:
-        title = f"{title}: the {most} smallest of {len(rows)}"
-        rows = tables.closed_rows(diagnosis, most=most)
-    table(title, tables.CLOSED_COLUMNS, rows, note=tables.CLOSED_NOTE)
+    closed, title = tables.closed_table(diagnosis), "Gap reduction by run"
+    if not verbose and len(closed.rows) > most:
+        title = f"{title}: the {most} smallest of {len(closed.rows)}"
+        closed = tables.closed_table(diagnosis, most=most)
+    report_table(title, closed)
 
 
 def _show_repeatability(diagnosis: "Diagnosis") -> None:
@@ -214,8 +213,7 @@ def _show_next(diagnosis: "Diagnosis", out: Path | None, *, verbose: bool) -> No
     if not diagnosis.checks:
         return
     if verbose:
-        columns, rows = check_tables.CHECK_COLUMNS, check_tables.check_rows(diagnosis)
-        table("Recommended checks", columns, rows, note=check_tables.EXPECTED_NOTE)
+        report_table("Recommended checks", check_tables.check_table(diagnosis))
     line(check_tables.how_to_record(diagnosis, "DIAGNOSIS.json" if out is None else str(out / RECORD)))
 
 
@@ -267,6 +265,6 @@ def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
 
 def show_search(diagnosis: "Diagnosis") -> None:
     """Print all trials of the model search on stdout."""
-    from dpr_lab.report.gap.trials_of_search import TRIAL_COLUMNS, TRIAL_NOTE, trial_rows
+    from dpr_lab.report.gap.trials_of_search import trial_table
 
-    table("Model search", TRIAL_COLUMNS, trial_rows(diagnosis), note=TRIAL_NOTE)
+    report_table("Model search", trial_table(diagnosis))

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from dpr_lab.cli.checks import AnyClock, Json, RigName, TorqueKind
-from dpr_lab.cli.console import emit, line, table
+from dpr_lab.cli.console import emit, line, report_table
 
 
 def drift(
@@ -59,10 +59,10 @@ def drift(
     if as_json:
         emit(result.to_json())
     else:
-        from dpr_lab.report.drift import COLUMNS, basis_sentence, rows, sentence
+        from dpr_lab.report.drift import basis_sentence, change_table, sentence
 
         line(sentence(result.drift))
-        table("Changes of parameters", COLUMNS, rows(result.drift), note=basis_sentence(result.drift, result.torques))
+        report_table("Changes of parameters", change_table(result.drift), basis_sentence(result.drift, result.torques))
         if "report" in result.files:
             line(f"report: {result.files['report']}")
     if fail_on_drift and result.drift.moved:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dpr_lab.cli.checks import OBJECTIVE_NAMES, SEARCHES, AnyClock, Json, RigName, Seed, TorqueKind
-from dpr_lab.cli.console import emit, line, say, table
+from dpr_lab.cli.console import emit, line, report_table, say, table
 from dpr_lab.errors import IdentificationError
 
 if TYPE_CHECKING:
@@ -83,9 +83,9 @@ def show_moving_arm(model: "MovingArmModel") -> None:
 
     line(moving_arm.summary(model))
     reference = "the inertia a of the inner rod" if model.scale == "a" else "the inertia b of the outer rod"
-    table(f"Ratios to {reference}", tables.RATIO_COLUMNS, tables.ratio_rows(model))
+    report_table(f"Ratios to {reference}", tables.ratio_table(model))
     note = f"{superscripts(model.scale_sentence)} A is the total inertia about the arm's axis."
-    table("Absolute values", moving_arm.ABSOLUTE_COLUMNS, moving_arm.absolute_rows(model), note=note)
+    report_table("Absolute values", moving_arm.absolute_table(model), note)
     for name, sentence in model.undetermined.items():
         say(f"{name}: {sentence}")
     for note in model.notes:
@@ -99,16 +99,15 @@ def show(model: "Model") -> None:
     from dpr_lab.report import tables
 
     line(tables.summary(model))
-    title, note = tables.ratio_title(model), tables.ratio_note(model)
-    table(title, tables.RATIO_COLUMNS, tables.ratio_rows(model), note=note)
-    if absolute := tables.base_rows(model):
-        table("Base parameters, because these runs also determine the scale", tables.BASE_COLUMNS, absolute)
+    report_table(tables.ratio_title(model), tables.ratio_table(model), tables.ratio_note(model))
+    if absolute := tables.base_table(model):
+        report_table("Base parameters, because these runs also determine the scale", absolute)
     profiled = [(name, e.profile90) for name, e in model.ratios.items() if e.profile90 is not None]
     if profiled:
         rows = [(name, *("none" if end is None else f"{end:.7g}" for end in ends)) for name, ends in profiled]
         table("90 % intervals by profile likelihood", ("ratio", "from", "to"), rows)
-    nine = tables.parameter_rows(model)
+    nine = tables.parameter_table(model)
     count = "Parameters" if model.fitted else "Nine parameters"
-    table(f"{count} and what determines them", tables.PARAMETER_COLUMNS, nine, note=tables.parameter_note(model))
+    report_table(f"{count} and what determines them", nine, tables.parameter_note(model))
     for warning in model.warnings:
         say(f"warning: {warning}")

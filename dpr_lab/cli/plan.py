@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dpr_lab.cli.checks import AnyClock, Json, RigName, TorqueKind, require_runs
-from dpr_lab.cli.console import emit, line, table
+from dpr_lab.cli.console import emit, line, report_table, table
 from dpr_lab.errors import ConfigError
 from dpr_lab.shown import in_command, percent
 
@@ -102,7 +102,7 @@ def plan(
 
 def show(made: "Plan") -> None:
     """Print a plan."""
-    from dpr_lab.report.tables import LIMIT_FORECAST_COLUMNS, RATIO_STD_COLUMNS, limit_forecast_rows, ratio_std_rows
+    from dpr_lab.report.tables import limit_forecast_table, ratio_std_table
     from dpr_lab.report.words import in_words
 
     line(in_words(made.sentence))
@@ -116,12 +116,11 @@ def show(made: "Plan") -> None:
         after = "after release 1" if last == 1 else f"after release 1 to {last}"
         table("Undecided causes", ("cause", "or", f"expected bits {after}"), pairs, note=BITS)
     if made.releases:
-        rows = ratio_std_rows(made, made.releases[-1])
         note = "Now: from the bounds of the rig file." if made.state == "first" else ""
-        table("Standard deviation of each ratio", RATIO_STD_COLUMNS, rows, note=note)
+        report_table("Standard deviation of each ratio", ratio_std_table(made, made.releases[-1]), note)
         _show_detectable(made)
     if made.limits:
-        table("Limits of the rig", LIMIT_FORECAST_COLUMNS, limit_forecast_rows(made))
+        report_table("Limits of the rig", limit_forecast_table(made))
     for release in made.inseparable:
         line(in_words(f"No release separates {' from '.join(release.causes)}. {release.check}"))
     if made.releases:

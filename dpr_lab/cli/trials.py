@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dpr_lab.cli.checks import Json, complete_rig
-from dpr_lab.cli.console import emit, line, say, table
+from dpr_lab.cli.console import emit, line, report_table, say, table
 from dpr_lab.cli.listing import Listing
 from dpr_lab.shown import counted, in_command
 from dpr_lab.trials.sealing import DRAWN, ON_ARM, Kind, Level, TrialArm
@@ -265,7 +265,7 @@ def campaign(
     """
     from dpr_lab.cli.listener import Listener
     from dpr_lab.report.trials.html import sentence
-    from dpr_lab.report.trials.tables import KIND_COLUMNS, SCORE_COLUMNS, kind_rows, score_rows
+    from dpr_lab.report.trials.tables import kind_table, score_table
     from dpr_lab.trials.campaign import Campaign
     from dpr_lab.trials.next_release import STRATEGIES
     from dpr_lab.trials.workers import exposure
@@ -281,8 +281,8 @@ def campaign(
     if as_json:
         emit(done.summary | {"failures": [failure.error for failure in done.failures], "files": done.files})
     else:
-        table("Scores", SCORE_COLUMNS, score_rows(done.summary))
-        table("Scores by kind of plant", KIND_COLUMNS, kind_rows(done.summary))
+        report_table("Scores", score_table(done.summary))
+        report_table("Scores by kind of plant", kind_table(done.summary))
         if plan:
             table("Releases until decided", STRATEGY_COLUMNS, strategy_rows(done.summary["strategies"]))
         line(sentence(done.summary))

@@ -15,11 +15,9 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.report import style
 from dpr_lab.report.digits import superscripts
 from dpr_lab.report.figures import new_figure, save_each
-from dpr_lab.report.pages.page import PageTable, Section, page_html, pictures, write_page
+from dpr_lab.report.pages.page import Section, page_html, page_table, pictures, write_page
 from dpr_lab.shown import listed, percent
 
-COLUMNS = ("parameter", "significant", "mean of first group", "change", "simultaneous interval", "groups", "p-value")
-GROUP_COLUMNS = ("parameter", "groups", "change", "simultaneous interval")
 CHART = (
     "Control charts: each parameter over the runs, group by group, with mean and limits of the first group.",
     "Estimate of each run: change from the mean of the first group. Shaded band: control limits of single"
@@ -88,8 +86,9 @@ def _has_size(parameter: ParameterChange) -> bool:
     return abs(parameter.first) > max(parameter.scatter, 0.1 * abs(parameter.change))
 
 
-def rows(drift: Drift) -> list[list[str]]:
-    """Return one row for each parameter, in the columns `COLUMNS`."""
+@page_table("parameter", "significant", "mean of first group", "change", "simultaneous interval", "groups", "p-value")
+def change_table(drift: Drift) -> list[list[str]]:
+    """Return one row for each parameter."""
     return [
         [
             parameter.name,
@@ -104,8 +103,9 @@ def rows(drift: Drift) -> list[list[str]]:
     ]
 
 
-def group_rows(drift: Drift) -> list[list[str]]:
-    """Return the rows of the table `GROUP_COLUMNS`: one per parameter and later group."""
+@page_table("parameter", "groups", "change", "simultaneous interval")
+def group_table(drift: Drift) -> list[list[str]]:
+    """Return the rows of the table: one per parameter and later group."""
     return [
         [
             parameter.name,
@@ -157,11 +157,10 @@ def save_drift(
     """
     figures = save_each({"control_chart": chart(drift, estimates, group)}, out)
     chart_picture = pictures(figures, {"control_chart": CHART})["control_chart"]
-    changes = PageTable(COLUMNS, rows(drift))
     sections = [
-        Section("Changes", [changes, basis_sentence(drift, torques)], is_open=True),
+        Section("Changes", [change_table(drift), basis_sentence(drift, torques)], is_open=True),
         Section("Control charts", [chart_picture], is_open=True),
-        Section("Changes from the first group", [PageTable(GROUP_COLUMNS, group_rows(drift))]),
+        Section("Changes from the first group", [group_table(drift)]),
     ]
     page = page_html(f"Rig “{rig}”: drift", sentence(drift), sections)
     return {"report": str(write_page(page, out / "drift.html")), "control_chart": str(figures["control_chart"])}

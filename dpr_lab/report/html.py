@@ -1,12 +1,13 @@
 """Write the HTML report of an identification: one file with embedded figures."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from dpr_lab.identification.compare import Comparison
 from dpr_lab.identification.model import Model
 from dpr_lab.report import tables
-from dpr_lab.report.pages.page import Definitions, Formula, Items, PageTable, Section, page_html, pictures, write_page
+from dpr_lab.report.pages.page import Definitions, Formula, Items, Section, page_html, pictures, write_page
 
 FIGURES = {
     "response": (
@@ -58,33 +59,29 @@ def write_report(model: Model, comparisons: Sequence[Comparison], out_dir: Path,
         DprError: the folder or a file cannot be written.
     """
     drawn = pictures(figures, FIGURES)
-    compared = PageTable(tables.COMPARISON_COLUMNS, tables.comparison_rows(comparisons), tables.COMPARISON_NOTE)
-    base_rows = tables.base_rows(model)
+    base = tables.base_table(model)
     ratios = [
         "Free swings identify these five ratios. A simulation of a free swing needs only these ratios, L1"
         f" = {model.rig.L1:g} m and g = {model.rig.g:g} m/s².",
-        PageTable(tables.RATIO_COLUMNS, tables.ratio_rows(model)),
+        tables.ratio_table(model),
         tables.ratio_note(model),
-        "These runs also identify the scale, and therefore the base parameters." if base_rows else None,
-        PageTable(tables.BASE_COLUMNS, base_rows),
+        "These runs also identify the scale, and therefore the base parameters." if base else None,
+        base,
         Formula(_RATIO_FORMULAS),
     ]
     parameters = [
         _SCALE,
-        PageTable(tables.PARAMETER_COLUMNS, tables.parameter_rows(model), tables.parameter_note(model)),
+        replace(tables.parameter_table(model), caption=tables.parameter_note(model)),
         Definitions(_DETERMINED_BY),
     ]
-    search = PageTable(tables.SEARCH_COLUMNS, tables.search_rows(model), style="prose")
+    compared = [tables.comparison_table(comparisons), drawn["response"], drawn["error"]]
     sections = [
         Section("Warnings", [Items([*model.failures, *model.warnings])], "warnings", is_open=True),
         Section("Identified ratios", ratios, is_open=True),
         Section("Physical parameters", parameters),
-        Section(
-            "Measured and simulated angles",
-            [compared, drawn["response"], drawn["error"]] if comparisons else ["No run was compared."],
-        ),
-        Section("Search", [search, drawn["evolution"]]),
-        Section("Fitted runs", [PageTable(tables.RUN_COLUMNS, tables.run_rows(model), style="hash")]),
+        Section("Measured and simulated angles", compared if comparisons else ["No run was compared."]),
+        Section("Search", [tables.search_table(model), drawn["evolution"]]),
+        Section("Fitted runs", [tables.run_table(model)]),
     ]
     footer = f"Rig {model.rig.name}, file SHA-256 {model.rig.sha256 or 'unknown'}. Written by dpr-lab {model.version}."
     title = f"Rig “{model.rig.name}”: identified model"

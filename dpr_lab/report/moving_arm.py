@@ -7,6 +7,7 @@ import numpy as np
 
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import plus_minus
+from dpr_lab.report.pages.page import page_table
 from dpr_lab.report.run_names import run_label
 from dpr_lab.shown import counted
 
@@ -14,8 +15,6 @@ if TYPE_CHECKING:
     from dpr_lab.identification.moving_arm.identify import ArmComparison
     from dpr_lab.identification.moving_arm.model import MovingArmModel
 
-ABSOLUTE_COLUMNS = ("parameter", "value", "unit", "determined by")
-COMPARISON_COLUMNS = ("run", "role", "joint", "residual (mrad rms)", "noise (mrad)")
 
 UNITS = dict.fromkeys("abdA", "kg m²") | dict.fromkeys(("c0", "c1", "c2"), "N m s/rad")
 UNITS |= {"e1": "N m", "k0": "N m/rad", "f0": "N m", "kt gear/R": "N m/V", "kt gear": "N m/A"}
@@ -35,7 +34,8 @@ def summary(model: "MovingArmModel", angles: AngleUnit = RADIANS) -> str:
     )
 
 
-def absolute_rows(model: "MovingArmModel") -> list[list[str]]:
+@page_table("parameter", "value", "unit", "determined by")
+def absolute_table(model: "MovingArmModel") -> list[list[str]]:
     """Return one row for each absolute value."""
     fixed = {"data": "the recordings and measured values", "bound": "the scale of the rig file"}
     return [
@@ -44,7 +44,8 @@ def absolute_rows(model: "MovingArmModel") -> list[list[str]]:
     ]
 
 
-def comparison_rows(compared: Mapping[str, Any]) -> list[list[str]]:
+@page_table("run", "role", "joint", "residual (mrad rms)", "noise (mrad)")
+def comparison_table(compared: Mapping[str, Any]) -> list[list[str]]:
     """Return one row per run and joint of the output of `dpr-lab compare --json`."""
     return [
         [

@@ -11,6 +11,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import ALONE, RATIO_UNITS, RATIOS
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, interval, pair, plus_minus, superscripts, three
+from dpr_lab.report.pages.page import page_table
 from dpr_lab.report.run_names import compared_name
 from dpr_lab.shown import FIXED_BY
 
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.planning.result import LimitForecast, Plan, PlannedRelease
 
-RATIO_COLUMNS = ("ratio", "value ± std", "90 % interval", "unit")
 RATIO_NOTE = (
     "a: inertia about joint 1; d: coupling of the rods; e1: gravity on joint 1; c1, c2: viscous friction of the joints."
     " All are divided by b, the inertia of the outer rod about joint 2."
@@ -29,30 +29,16 @@ RATIO_NOTE_ALONE = (
     "e1: gravity on joint 1; c1: viscous friction of joint 1. Both are divided by a, the inertia of the rod"
     " about joint 1."
 )
-PARAMETER_COLUMNS = ("parameter", "value ± std", "90 % interval", "unit", "determined by", "meaning")
 PARAMETER_NOTE = (
     'A measured value is given in the rig file (scale, calliper). "Only its bounds": the parameter is not'
     " identifiable from these runs, and its 90 % interval uses the bounds of the rig file as a prior."
     " Measure it to determine it."
-)
-BASE_COLUMNS = ("base parameter", "value ± std", "unit", "meaning")
-COMPARISON_COLUMNS = (
-    "run",
-    "role",
-    "segments",
-    "rms (mrad)",
-    "noise (mrad)",
-    "rms / noise",
-    "free run (mrad)",
-    "horizon (s)",
 )
 COMPARISON_NOTE = (
     "Pairs are θ1, θ2 (inner, outer rod). rms: residual of segments with free initial states. Free run: rms"
     " error of one simulation from the release to the horizon. Held out: not fitted. Horizon: time until"
     " which the swing is predictable; ≥: at least until the end of the recording."
 )
-RUN_COLUMNS = ("file", "pose", "samples", "duration (s)", "segments", "χ² per dof", "SHA-256")
-SEARCH_COLUMNS = ("quantity", "value")
 
 BASE_UNITS = {
     "a": ("kg m²", "inertia about joint 1, the outer mass at joint 2"),
@@ -65,8 +51,6 @@ BASE_UNITS = {
 OF_OUTER_ROD = ("l2", "m2", "mb", "c2", "J2")
 """Parameters of the outer rod, which are omitted if only the inner rod is mounted."""
 
-RATIO_STD_COLUMNS = ("ratio", "now", "after the plan", "unit")
-LIMIT_FORECAST_COLUMNS = ("quantity", "undecided range", "unit", "decidable after the plan")
 PARAMETER_UNITS = {
     "l1": ("m", "inner rod, pivot to CoM"),
     "l2": ("m", "outer rod, pivot to CoM"),
@@ -128,7 +112,7 @@ def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: An
 
 
 def ratio_title(model: "Model") -> str:
-    """Return the title of the table of `ratio_rows`."""
+    """Return the title of the table of `ratio_table`."""
     if model.fitted:
         return "Ratios to the inertia a of the rod"
     if all(ratio.fixed_by == "data" for ratio in model.ratios.values()):
@@ -136,8 +120,9 @@ def ratio_title(model: "Model") -> str:
     return "Ratios to the inertia b of the outer rod"
 
 
-def ratio_rows(model: "Model | MovingArmModel") -> list[list[str]]:
-    """Return one row for each ratio that the recordings determine, in the columns `RATIO_COLUMNS`."""
+@page_table("ratio", "value ± std", "90 % interval", "unit")
+def ratio_table(model: "Model | MovingArmModel") -> list[list[str]]:
+    """Return one row for each ratio that the recordings determine."""
     return [
         [
             name,
@@ -150,8 +135,9 @@ def ratio_rows(model: "Model | MovingArmModel") -> list[list[str]]:
     ]
 
 
-def limit_forecast_rows(made: "Plan") -> list[tuple[str, ...]]:
-    """Return one row for each limit that a plan tests, in the columns `LIMIT_FORECAST_COLUMNS`."""
+@page_table("quantity", "undecided range", "unit", "decidable after the plan")
+def limit_forecast_table(made: "Plan") -> list[tuple[str, ...]]:
+    """Return one row for each limit that a plan tests."""
     return [
         (
             limit.quantity,
@@ -171,10 +157,11 @@ def _too_slow(limit: "LimitForecast") -> str:
     return "" if limit.reached_rad_per_s is None else f": the joint reaches {limit.reached_rad_per_s:.3g} rad/s"
 
 
-def ratio_std_rows(made: "Plan", release: "PlannedRelease") -> list[tuple[str, ...]]:
+@page_table("ratio", "now", "after the plan", "unit")
+def ratio_std_table(made: "Plan", release: "PlannedRelease") -> list[tuple[str, ...]]:
     """Return the standard deviation of each ratio now and after a planned release.
 
-    The columns are `RATIO_STD_COLUMNS`. Before any recording, the rig file bounds only the ratios of the rods. The
+    Before any recording, the rig file bounds only the ratios of the rods. The
     ratios of arm and drive are unknown.
     """
     return [
@@ -216,8 +203,9 @@ def ratio_note(model: "Model") -> str:
     )
 
 
-def base_rows(model: "Model") -> list[list[str]]:
-    """Return one row for each of the six base parameters, in the columns `BASE_COLUMNS`.
+@page_table("base parameter", "value ± std", "unit", "meaning")
+def base_table(model: "Model") -> list[list[str]]:
+    """Return one row for each of the six base parameters.
 
     The list is empty if the runs do not identify the scale.
     """
@@ -229,8 +217,9 @@ def base_rows(model: "Model") -> list[list[str]]:
     ]
 
 
-def parameter_rows(model: "Model") -> list[list[str]]:
-    """Return one row for each physical parameter with its source, in the columns `PARAMETER_COLUMNS`.
+@page_table("parameter", "value ± std", "90 % interval", "unit", "determined by", "meaning")
+def parameter_table(model: "Model") -> list[list[str]]:
+    """Return one row for each physical parameter with its source.
 
     Parameters of an outer rod that is not mounted are omitted.
     """
@@ -261,8 +250,19 @@ def parameter_note(model: "Model") -> str:
     return f"{PARAMETER_NOTE} {superscripts(model.scale_sentence)}" if model.scale else PARAMETER_NOTE
 
 
-def comparison_rows(comparisons: "Sequence[Comparison]", angles: AngleUnit = RADIANS) -> list[list[str]]:
-    """Return one row for each compared run, in the columns `COMPARISON_COLUMNS`."""
+@page_table(
+    "run",
+    "role",
+    "segments",
+    "rms (mrad)",
+    "noise (mrad)",
+    "rms / noise",
+    "free run (mrad)",
+    "horizon (s)",
+    caption=COMPARISON_NOTE,
+)
+def comparison_table(comparisons: "Sequence[Comparison]", angles: AngleUnit = RADIANS) -> list[list[str]]:
+    """Return one row for each compared run."""
     return [
         [
             compared_name(comparison),
@@ -280,8 +280,9 @@ def comparison_rows(comparisons: "Sequence[Comparison]", angles: AngleUnit = RAD
     ]
 
 
-def run_rows(model: "Model") -> list[list[str]]:
-    """Return one row for each fitted run, in the columns `RUN_COLUMNS`."""
+@page_table("file", "pose", "samples", "duration (s)", "segments", "χ² per dof", "SHA-256", style="hash")
+def run_table(model: "Model") -> list[list[str]]:
+    """Return one row for each fitted run."""
     return [
         [
             run.file,
@@ -301,11 +302,9 @@ def _zeros(fitted: Sequence[float]) -> str:
     return f", zero offsets {' and '.join(f'{1e3 * zero:.3g}' for zero in fitted)} mrad" if fitted else ""
 
 
-def search_rows(model: "Model") -> list[list[str]]:
-    """Return the settings that are needed to repeat a search, followed by its result.
-
-    The columns are `SEARCH_COLUMNS`.
-    """
+@page_table("quantity", "value", style="prose")
+def search_table(model: "Model") -> list[list[str]]:
+    """Return the settings that are needed to repeat a search, followed by its result."""
     from dpr_lab.identification.objectives import objective_words
     from dpr_lab.search import search_words
 

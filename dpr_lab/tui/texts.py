@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from dpr_lab.report.digits import NUMERIC
+from dpr_lab.report.pages.page import PageTable
 from dpr_lab.report.run_names import recorded, run_name, run_pose
 
 Value = TypeVar("Value")
@@ -60,6 +61,11 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
     for row in rows:
         made.add_row(*(Text(cell) for cell in row))
     return made
+
+
+def report_table(title: str, made: PageTable) -> RenderableType:
+    """Return a table of the report, with a title."""
+    return table(title, made.columns, made.rows)
 
 
 def sentences(title: str, lines: Sequence[str], *, mark: str = "•", numbered: bool = False) -> RenderableType:

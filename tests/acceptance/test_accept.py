@@ -25,7 +25,7 @@ from dpr_lab.gap.screen import as_diagnosed
 from dpr_lab.gap.transfer.free_run import FreeRunError
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.planning.limits import PlanLimits
-from dpr_lab.report.gap.acceptance import limit_rows
+from dpr_lab.report.gap.acceptance import limit_table
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
 from tests.a_diagnosis import made
@@ -165,7 +165,7 @@ def test_an_amplitude_that_the_fit_left_out_does_not_pass(diagnosis: Diagnosis) 
 
 def test_the_interval_of_a_ratio_has_the_digits_that_show_its_width() -> None:
     rows = [JudgedLimit("c2/b", "1/s", 0.001, 5.0, (low, high), "pass", "") for low, high in ((0.19551, 0.195543),)]
-    ((_, limits, interval, *_),) = limit_rows(Acceptance("pass", "", tuple(rows)))
+    ((_, limits, interval, *_),) = limit_table(Acceptance("pass", "", tuple(rows))).rows
     assert (limits, interval) == ("0.001 to 5", "0.19551 to 0.195543")
 
 

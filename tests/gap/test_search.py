@@ -26,7 +26,7 @@ from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.moves import START
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply_move, apply_moves
 from dpr_lab.gap.which.select import forward, short_segments
-from dpr_lab.report.gap.trials_of_search import TRIAL_COLUMNS, trial_rows
+from dpr_lab.report.gap.trials_of_search import trial_table
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from sim_device.plant.config import load_plant
@@ -314,8 +314,9 @@ def test_the_trace_leads_from_the_bare_model_to_the_chosen_set(diagnosed: Diagno
         assert step.before == ([] if step.move == "short segments" else current)
         current = step.tried if step.accepted else step.before
     assert sorted(current) == sorted(diagnosed.model_effects)
-    rows = trial_rows(diagnosed)
-    assert {len(row) for row in rows} == {len(TRIAL_COLUMNS)}
+    table = trial_table(diagnosed)
+    rows = table.rows
+    assert {len(row) for row in rows} == {len(table.columns)}
     assert any("+ Coulomb friction, joint 2" in row[1] for row in rows if "accepted" in row)
 
 

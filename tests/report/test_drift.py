@@ -4,7 +4,7 @@ import numpy as np
 
 from dpr_lab.drift.changes import Difference, Drift, ParameterChange
 from dpr_lab.drift.estimates import Estimates
-from dpr_lab.report.drift import basis_sentence, chart, group_rows, relative, rows, sentence, unit_of
+from dpr_lab.report.drift import basis_sentence, change_table, chart, group_table, relative, sentence, unit_of
 
 
 def moved(name: str = "c2/b", first: float = 0.2, change: float = 0.03) -> ParameterChange:
@@ -33,9 +33,9 @@ def drift(*parameters: ParameterChange) -> Drift:
 def test_the_verdict_names_the_groups_between_which_a_parameter_changed() -> None:
     other = replace(moved("a/b"), between=("2026-11-16", "2026-11-17"))
     assert "c2/b by +15 % between 2026-11-16 and 2026-11-18" in sentence(drift(moved(), other))
-    (row,) = rows(drift(moved()))
+    (row,) = change_table(drift(moved())).rows
     assert "2026-11-16 and 2026-11-18" in row
-    assert [row[1] for row in group_rows(drift(moved()))] == [
+    assert [row[1] for row in group_table(drift(moved())).rows] == [
         "2026-11-17 minus 2026-11-16",
         "2026-11-18 minus 2026-11-16",
     ]
@@ -60,7 +60,7 @@ def test_values_have_their_unit() -> None:
         "friction_drift_joint1.rate_Nm_per_rad/b": unit_of("friction_drift_joint1.rate_Nm_per_rad/a"),
     }
     assert {name: unit_of(name) for name in units} == units
-    (row,) = rows(drift(moved("coulomb_joint2.torque_Nm/b", first=1e-5)))
+    (row,) = change_table(drift(moved("coulomb_joint2.torque_Nm/b", first=1e-5))).rows
     assert [row[2], row[3]] == ["1e-05 1/s²", "+0.03 1/s²"]
     assert row[4].endswith(" 1/s²")
 

@@ -10,15 +10,16 @@ from dpr_lab.gap.result.evidence import Budget, Curves, Evidence, JointFriction,
 from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.gap.transfer.gap_size import _per_reading
 from dpr_lab.report.gap import tables as gap_tables
-from dpr_lab.report.gap.check_tables import check_rows
+from dpr_lab.report.gap.check_tables import check_table
 from dpr_lab.report.gap.figures import save_gap_figures, where_figure
-from dpr_lab.report.gap.findings import finding_rows
+from dpr_lab.report.gap.findings import finding_table
 from dpr_lab.report.gap.html import write_gap_report
 from dpr_lab.report.gap.next_steps import next_steps
 from dpr_lab.report.gap.sections.friction import friction_figure, friction_rows, friction_words
 from dpr_lab.report.gap.sections.metric import metric_figure
 from dpr_lab.report.gap.sections.residuals import RESIDUALS
 from dpr_lab.report.gap.summary import basis_words, budget_bar, summary_note
+from dpr_lab.report.style import house_style
 from dpr_lab.report.words import in_words, named
 
 OUTSIDE, REMAINDER = 0.2, 0.1
@@ -133,11 +134,11 @@ def test_a_recommendation_without_information_states_the_reason(diagnosis, proba
     rivals = [rival("stribeck_joint1", probability, "coulomb_joint1")]
     result = diagnosis(advice=[RELEASE], rivals=rivals, checks=[check])
     assert next_steps(result)[0].endswith(f"9 standard deviations. [check 1-ab, {words}")
-    assert check_rows(result)[0][-1] == ("0.60" if information > 0.01 else "< 0.01")
+    assert check_table(result).rows[0][-1] == ("0.60" if information > 0.01 else "< 0.01")
 
 
 def test_the_probabilities_of_the_alternatives_of_an_effect_add_up(diagnosis):
-    rows = gap_tables.standing_rows(diagnosis())
+    rows = gap_tables.standing_table(diagnosis()).rows
 
     first_rows = [i for i, row in enumerate(rows) if row[0]]
     assert [rows[i][0] for i in first_rows] == [COULOMB, TILT]
@@ -147,7 +148,7 @@ def test_the_probabilities_of_the_alternatives_of_an_effect_add_up(diagnosis):
 
 
 def test_each_alternative_has_a_way_to_distinguish_it(diagnosis):
-    distinction = {row[1]: row[4] for row in gap_tables.standing_rows(diagnosis())}
+    distinction = {row[1]: row[4] for row in gap_tables.standing_table(diagnosis()).rows}
 
     assert distinction[named("stribeck_joint1")] == "next step 1"
     assert distinction[f"{TILT} or {named('encoder_offset_joint1')}"] == "next step 2"
@@ -187,13 +188,13 @@ def test_a_remainder_below_the_noise_needs_no_inspection(diagnosis):
 
 
 def test_an_effect_whose_name_is_a_prefix_of_another_does_not_match(diagnosis):
-    rows = gap_tables.standing_rows(diagnosis(advice=[RELEASE.replace("stribeck_joint1", "stribeck_joint12")]))
+    rows = gap_tables.standing_table(diagnosis(advice=[RELEASE.replace("stribeck_joint1", "stribeck_joint12")])).rows
 
     assert {row[4] for row in rows if "[stribeck_joint1]" in row[1]} == {"these recordings"}
 
 
 def test_steps_end_at_the_explained_share(diagnosis):
-    assert gap_tables.step_rows(diagnosis()) == [
+    assert gap_tables.step_table(diagnosis()).rows == [
         ("bare model", "3.54", "0.0 %"),
         (f"+ {COULOMB}", "1.77", "75.0 %"),
         (f"+ {TILT}", "1.13", "90.0 %"),
@@ -202,7 +203,7 @@ def test_steps_end_at_the_explained_share(diagnosis):
 
 def test_without_a_named_effect_the_closest_one_is_listed(diagnosis):
     closest = rival("coulomb_joint1", 0.3, "")
-    rows = gap_tables.standing_rows(diagnosis(verdict="unexplained", effects=[], rivals=[closest]))
+    rows = gap_tables.standing_table(diagnosis(verdict="unexplained", effects=[], rivals=[closest])).rows
 
     assert [row[:3] for row in rows] == [
         (COULOMB, COULOMB, "30 %"),
@@ -241,7 +242,7 @@ def test_repeated_faults_share_one_row(diagnosis):
 
     few = [fault("repeated_sample", 0.1 * i) for i in range(3)]
     many = [fault("outlier", 1.0 + i, run) for run in ("first", "second") for i in range(40)]
-    rows = finding_rows(diagnosis(sensor_findings=[*few, *many]))
+    rows = finding_table(diagnosis(sensor_findings=[*few, *many])).rows
     assert [row[3:] for row in rows[:3]] == [("0.000", "It is off."), ("0.100", "It is off."), ("0.200", "It is off.")]
     assert [row[3:] for row in rows[3:]] == [("1.000", "It is off; 80 times in 2 runs; this is the first")]
 
@@ -261,7 +262,7 @@ def test_an_improbable_alternative_of_the_same_shape_has_a_reason(diagnosis) -> 
         rival("friction_curve_joint1", 1e-6, "coulomb_joint1") | {"cosine": 1.0},
         rival("hysteresis_joint1", 1e-6, "coulomb_joint1") | {"cosine": 0.9},
     ]
-    rows = {row[1]: row[-1] for row in gap_tables.standing_rows(diagnosis(rivals=alternatives))}
+    rows = {row[1]: row[-1] for row in gap_tables.standing_table(diagnosis(rivals=alternatives)).rows}
     reasons = [reason for name, reason in rows.items() if "friction_curve_joint1" in name]
     assert "a more general form, which is not needed" in reasons[0]
     assert [reason for name, reason in rows.items() if "hysteresis_joint1" in name] == [gap_tables.SPLIT]
@@ -292,7 +293,7 @@ def test_held_out_pieces_of_one_recording_are_called_so(diagnosis, held_out: lis
 
 def test_an_improbable_effect_is_not_listed_as_a_cause(diagnosis, tmp_path) -> None:
     result = diagnosis(effects=[effect("coulomb_joint1", 0.0, 0.8), effect("base_tilt", 0.8, 0.3)])
-    assert [row[0] for row in gap_tables.summary_rows(result)] == [TILT]
+    assert [row[0] for row in gap_tables.summary_table(result).rows] == [TILT]
     bar = budget_bar(result)
     assert bar is not None
     assert [label.split(":")[0] for label, _ in bar.parts] == ["terms without a probable cause", TILT, "remainder"]
@@ -312,7 +313,7 @@ def test_the_friction_torque_of_each_joint_is_shown_with_its_interval(diagnosis)
     joint, other = friction_words(made)
     assert joint.startswith("Joint 1: 1.000 ± 0.020 mN m at 0.0200 rad/s and 3.000 ± 0.010 mN m at 2.00 rad/s")
     assert named("hysteresis_joint1") in other
-    assert friction_rows(made)[0] == ("joint 1", "-2.00", "-3.000 ± 0.010", "-3.016 to -2.984")
+    assert friction_rows(made).rows[0] == ("joint 1", "-2.00", "-3.000 ± 0.010", "-3.016 to -2.984")
     (axes,) = friction_figure(made).axes
     (band,) = axes.collections
     assert band.get_paths()[0].vertices[:, 1].min() == pytest.approx(-3.0 - 1.645e-2, abs=1e-5)
@@ -324,10 +325,9 @@ def test_tables_of_residuals_have_the_joints_of_the_rig(diagnosis, joints: tuple
     models = {"before": white, "after": white}
     look = ResidualLook(spacing_s=5e-3, readings=100, normal=[-1.0, 1.0], joints=dict.fromkeys(joints, models))
     made = diagnosis().model_copy(update={"evidence": Evidence.model_construct(residuals=look)})
-    for table in RESIDUALS.tables:
-        rows = table.rows(made)
-        assert {len(row) for row in rows} == {len(table.columns)}
-        assert list(dict.fromkeys(row[0] for row in rows)) == [in_words(joint) for joint in joints]
+    for table in (table_of(made) for table_of in RESIDUALS.tables):
+        assert {len(row) for row in table.rows} == {len(table.columns)}
+        assert list(dict.fromkeys(row[0] for row in table.rows)) == [in_words(joint) for joint in joints]
 
 
 @pytest.mark.parametrize("rods", [1, 2])
@@ -341,7 +341,8 @@ def test_the_area_metric_has_one_panel_for_each_rod(diagnosis, rods: int) -> Non
     )  # fmt: skip
     budget = Budget.model_construct(runs=[RunBudget.model_construct(run="first", area_before_rad=0.1)])
     evidence = Evidence.model_construct(budget=budget, curves=[curves])
-    figure = metric_figure(diagnosis().model_copy(update={"evidence": evidence}))
+    with house_style():
+        figure = metric_figure(diagnosis().model_copy(update={"evidence": evidence}))
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert titles == ["inner rod, first", "outer rod, first"][:rods]
 

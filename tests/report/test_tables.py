@@ -11,24 +11,16 @@ from dpr_lab.identification.moving_arm.identify import ArmComparison
 from dpr_lab.report import moving_arm, run_names, tables
 
 
-@pytest.mark.parametrize(
-    ("columns", "rows"),
-    [
-        (tables.RATIO_COLUMNS, tables.ratio_rows),
-        (tables.PARAMETER_COLUMNS, tables.parameter_rows),
-        (tables.RUN_COLUMNS, tables.run_rows),
-        (tables.SEARCH_COLUMNS, tables.search_rows),
-    ],
-)
-def test_every_row_fills_its_columns(columns, rows, model):
-    made = rows(model())
+@pytest.mark.parametrize("table", [tables.ratio_table, tables.parameter_table, tables.run_table, tables.search_table])
+def test_every_row_fills_its_columns(table, model):
+    made = table(model())
 
     assert made
-    assert all(len(row) == len(columns) and all(isinstance(cell, str) for cell in row) for row in made)
+    assert all(len(row) == len(made.columns) and all(isinstance(cell, str) for cell in row) for row in made.rows)
 
 
 def test_ratios_come_with_uncertainty_interval_and_unit(model):
-    rows = tables.ratio_rows(model())
+    rows = tables.ratio_table(model()).rows
 
     assert [row[0] for row in rows] == ["a/b", "d/b", "e1/b", "c1/b", "c2/b"]
     assert rows[0] == ["a/b", "10.246 ± 0.010", "10.225 to 10.266", "1"]
@@ -36,7 +28,7 @@ def test_ratios_come_with_uncertainty_interval_and_unit(model):
 
 
 def test_a_parameter_states_its_source_and_a_bound_has_no_uncertainty(model):
-    rows = {row[0]: row for row in tables.parameter_rows(model())}
+    rows = {row[0]: row for row in tables.parameter_table(model()).rows}
 
     assert len(rows) == 9
     assert [*rows["m1"][1:2], *rows["m1"][3:5]] == ["0.2000 ± 0.0010", "kg", "a measured value"]
@@ -51,25 +43,25 @@ def test_base_parameters_are_listed_if_the_runs_identify_their_scale(model):
         name: value.model_copy(update={"fixed_by": "data", "std": 1e-3}) for name, value in whole.base.items()
     }
 
-    assert tables.base_rows(whole.model_copy(update={"base": bound})) == []
-    rows = tables.base_rows(whole.model_copy(update={"base": identified}))
+    assert tables.base_table(whole.model_copy(update={"base": bound})).rows == []
+    rows = tables.base_table(whole.model_copy(update={"base": identified})).rows
     assert [row[0] for row in rows] == ["a", "b", "d", "e1", "c1", "c2"]
-    assert all(len(row) == len(tables.BASE_COLUMNS) and "±" in row[1] for row in rows)
+    assert all(len(row) == 4 and "±" in row[1] for row in rows)
 
 
 def test_one_rod_has_one_residual(model, comparison):
     both = comparison()
     alone = replace(both, measured=both.measured[:, [0, 0]])
-    assert [len(tables.comparison_rows([made])[0][3].split(", ")) for made in (both, alone)] == [2, 1]
+    assert [len(tables.comparison_table([made]).rows[0][3].split(", ")) for made in (both, alone)] == [2, 1]
     whole = model()
     assert "θ1, θ2" in tables.summary(whole)
     assert "θ1:" in tables.summary(whole.model_copy(update={"fitted": [*whole.ratios.values()]}))
 
 
 def test_a_compared_run_in_mrad_and_times_noise(comparison):
-    (row,) = tables.comparison_rows([comparison(held_out=True, residual=2.0)])
+    (row,) = tables.comparison_table([comparison(held_out=True, residual=2.0)]).rows
 
-    assert len(row) == len(tables.COMPARISON_COLUMNS)
+    assert len(row) == 8
     assert row[:3] == ["X1 first", "held out", "4"]
     assert row[3:6] == ["0.400, 0.600", "0.200, 0.300", "2.00, 2.00"]
     assert row[7] == "1.20"
@@ -78,13 +70,13 @@ def test_a_compared_run_in_mrad_and_times_noise(comparison):
 def test_a_horizon_beyond_the_record_is_only_bounded_from_below(comparison):
     whole = comparison()
 
-    (row,) = tables.comparison_rows([replace(whole, horizon_s=float(whole.t[-1]))])
+    (row,) = tables.comparison_table([replace(whole, horizon_s=float(whole.t[-1]))]).rows
 
     assert row[7] == "≥ 2.00"
 
 
 def test_a_run_without_pose_or_noise_floor_shows_dashes(comparison):
-    (row,) = tables.comparison_rows([replace(comparison(pose=None), noise_rad=np.zeros(2))])
+    (row,) = tables.comparison_table([replace(comparison(pose=None), noise_rad=np.zeros(2))]).rows
 
     assert row[0] == "first"
     assert row[5] == "–, –"
@@ -148,15 +140,15 @@ def test_compared_runs_stand_side_by_side_in_80_columns_by_pose_and_local_time(c
     monkeypatch.setenv("TZ", "Europe/Berlin")
     time.tzset()
     try:
-        rows = tables.comparison_rows([comparison("20261121T101500Z_X1_00000001", held_out=True)])
+        table = tables.comparison_table([comparison("20261121T101500Z_X1_00000001", held_out=True)])
     finally:
         monkeypatch.undo()
         time.tzset()
 
-    assert rows[0][0] == "X1 (2026-11-21 11:15 CET)"
+    assert table.rows[0][0] == "X1 (2026-11-21 11:15 CET)"
     words = [
         max(len(word) for cell in column for word in cell.split())
-        for column in zip(tables.COMPARISON_COLUMNS, *rows, strict=True)
+        for column in zip(table.columns, *table.rows, strict=True)
     ]
     assert sum(words) + 3 * len(words) + 1 <= 80
 
@@ -172,11 +164,11 @@ def test_a_note_states_standard_deviations_that_misfit_inflates(model):
 def test_the_tables_of_a_moving_arm_state_units_and_label_runs_like_those_of_a_clamped_arm() -> None:
     value = EstimatedValue(value=111.4, std=0.1, interval90=(111.2, 111.6), fixed_by="data")
     names = ("e1/a", "A/a", "kt/(R a)")
-    rows = tables.ratio_rows(Mock(ratios=dict.fromkeys(names, value)))
+    rows = tables.ratio_table(Mock(ratios=dict.fromkeys(names, value))).rows
     assert {row[0]: row[3] for row in rows} == {"e1/a": "1/s²", "A/a": "1", "kt/(R a)": "1/(s² V)"}
     name = "20261121T101500Z_X1_00000001"
     runs = [{"run": name, "held_out": False, "rms_rad": {"joint 0": 1e-3}, "noise_rad": {"joint 0": 1e-3}}]
-    ((label, *_),) = moving_arm.comparison_rows({"runs": runs})
+    ((label, *_),) = moving_arm.comparison_table({"runs": runs}).rows
     assert label == run_names.run_name(Path(f"{name}.mcap")) != name
 
 

@@ -1,3 +1,4 @@
+from inspect import getclosurevars
 from pathlib import Path
 
 from dpr_lab.report import tables
@@ -11,9 +12,9 @@ def test_every_explained_term_is_a_column() -> None:
     columns = {
         column
         for module in (tables, gap_tables, check_tables)
-        for name, value in vars(module).items()
-        if name.endswith("COLUMNS")
-        for column in value
+        for name, table in vars(module).items()
+        if name.endswith("_table") and name not in ("page_table", "open_table")
+        for column in getclosurevars(table).nonlocals["columns"]
     }
     sections = {"confidence"}
     assert set(TERMS) <= columns | sections

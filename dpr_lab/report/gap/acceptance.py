@@ -3,9 +3,8 @@
 import math
 
 from dpr_lab.acceptance.judge import Acceptance
+from dpr_lab.report.pages.page import page_table
 from dpr_lab.shown import listed
-
-LIMIT_COLUMNS = ("quantity", "limits", "90 % interval", "unit", "answer", "reason")
 
 RULE = (
     "Equivalence tests at 95 %. A limit passes if the 90 % interval lies inside the limit, and fails if the"
@@ -19,8 +18,9 @@ def answer_sentence(acceptance: Acceptance) -> str:
     return f"{acceptance.answer}: {passed} of {len(acceptance.limits)} limits pass"
 
 
-def limit_rows(acceptance: Acceptance) -> list[tuple[str, ...]]:
-    """Return the rows of the table `LIMIT_COLUMNS`, in the order of the limits file."""
+@page_table("quantity", "limits", "90 % interval", "unit", "answer", "reason", style="prose")
+def limit_table(acceptance: Acceptance) -> list[tuple[str, ...]]:
+    """Return the rows of the table, in the order of the limits file."""
     return [
         (
             limit.quantity,

@@ -8,15 +8,14 @@ from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.angles import RADIANS
 from dpr_lab.report.digits import NONE
+from dpr_lab.report.pages.page import page_table
 from dpr_lab.report.words import in_words, named, size_words
 from dpr_lab.shown import in_command
 
-MOVED_COLUMNS = ("cause", "probability before", "probability after", "Bayes factor")
 MOVED_NOTE = (
     "Bayes factor: ratio by which the result changes the odds of the cause. Above 1 it supports the cause, below 1 it"
     " contradicts the cause. Above 20 or below 1/20 the evidence is strong."
 )
-CHECK_COLUMNS = ("check", "kind", "action", "expected result", "distinguished effects", "expected information (bits)")
 EXPECTED_NOTE = (
     "Expected result: size and 90 % interval if the measured effect is the cause. If it is not"
     " the cause, the expected result is about zero. Expected information: at most the entropy of the probabilities. It"
@@ -39,11 +38,9 @@ def how_to_record(diagnosis: Diagnosis, file: str) -> str:
     return f"To record the result: dpr-lab check {in_command(file)} CHECK, followed by {' or '.join(options)}."
 
 
-def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:
-    """Return the probabilities before and after a check, the most probable cause first.
-
-    The columns are `MOVED_COLUMNS`.
-    """
+@page_table("cause", "probability before", "probability after", "Bayes factor", caption=MOVED_NOTE, style="prose")
+def moved_table(done: CheckDone) -> list[tuple[str, ...]]:
+    """Return the probabilities before and after a check, the most probable cause first."""
     ranked = sorted(done.after, key=lambda name: -done.after[name])
     return [
         (
@@ -66,8 +63,19 @@ def bits(information: float) -> str:
     return f"{information:.2f}" if information >= 0.005 else "< 0.01"
 
 
-def check_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Return one row for each recommended check, in the columns `CHECK_COLUMNS`."""
+@page_table(
+    "check",
+    "kind",
+    "action",
+    "expected result",
+    "distinguished effects",
+    "expected information (bits)",
+    caption=EXPECTED_NOTE,
+    style="prose",
+    title="Recommended checks",
+)
+def check_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Return one row for each recommended check."""
     return [
         (
             check.id,

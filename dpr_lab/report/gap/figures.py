@@ -23,17 +23,16 @@ def where_figure(diagnosis: Diagnosis, most: int = 4) -> Figure:
 
     The maps belong to the locations that contribute most to the excess chi-square.
     """
-    with style.house_style():
-        shown = [place for place in diagnosis.where[:most] if place.knots and not _flat(place)]
-        if not shown:
-            return empty_figure("The segments show no gap to locate.")
-        figure = new_figure(2.6 * ((len(shown) + 1) // 2) + 0.4)
-        grid = figure.subplots((len(shown) + 1) // 2, 2, squeeze=False)
-        for axes, place in zip(grid.flat, shown, strict=False):
-            _draw_place(axes, place)
-        for axes in grid.flat[len(shown) :]:
-            axes.set_visible(False)
-        return figure
+    shown = [place for place in diagnosis.where[:most] if place.knots and not _flat(place)]
+    if not shown:
+        return empty_figure("The segments show no gap to locate.")
+    figure = new_figure(2.6 * ((len(shown) + 1) // 2) + 0.4)
+    grid = figure.subplots((len(shown) + 1) // 2, 2, squeeze=False)
+    for axes, place in zip(grid.flat, shown, strict=False):
+        _draw_place(axes, place)
+    for axes in grid.flat[len(shown) :]:
+        axes.set_visible(False)
+    return figure
 
 
 def _flat(place: Where) -> bool:
@@ -58,19 +57,18 @@ def _draw_place(axes: Axes, place: Where) -> None:
 
 def waterfall_figure(diagnosis: Diagnosis) -> Figure:
     """Draw the gap after each added effect, and the noise floor."""
-    with style.house_style():
-        names, gaps = zip(*((name.replace(" [", "\n["), gap) for name, gap in steps(diagnosis)), strict=True)
-        heights = 1e3 * np.array(gaps)
-        floor = 1e3 * per_reading(diagnosis.gap, "floor_rad")
-        figure = new_figure(1.1 + 0.4 * len(names))
-        axes = figure.subplots()
-        bars = axes.barh(names, heights, color=style.RESIDUAL["color"], height=0.6)
-        axes.bar_label(bars, [f"{height:.3g}" for height in heights], padding=4)
-        axes.axvline(floor, label="noise floor", **style.HORIZON)
-        axes.invert_yaxis()
-        axes.set_xlabel("gap per reading, segments of 0.5 s (mrad rms)")
-        legend_above(figure)
-        return figure
+    names, gaps = zip(*((name.replace(" [", "\n["), gap) for name, gap in steps(diagnosis)), strict=True)
+    heights = 1e3 * np.array(gaps)
+    floor = 1e3 * per_reading(diagnosis.gap, "floor_rad")
+    figure = new_figure(1.1 + 0.4 * len(names))
+    axes = figure.subplots()
+    bars = axes.barh(names, heights, color=style.RESIDUAL["color"], height=0.6)
+    axes.bar_label(bars, [f"{height:.3g}" for height in heights], padding=4)
+    axes.axvline(floor, label="noise floor", **style.HORIZON)
+    axes.invert_yaxis()
+    axes.set_xlabel("gap per reading, segments of 0.5 s (mrad rms)")
+    legend_above(figure)
+    return figure
 
 
 def horizon_figure(diagnosis: Diagnosis) -> Figure:
@@ -78,28 +76,27 @@ def horizon_figure(diagnosis: Diagnosis) -> Figure:
 
     The initial states of the segments are fitted.
     """
-    with style.house_style():
-        lengths = [float(length) for length in diagnosis.gap.by_horizon]
-        if not lengths:
-            return empty_figure("The gap by segment length was not computed.")
-        figure = new_figure(3.2)
-        axes = figure.subplots()
-        for name, label, line in (
-            ("before", "bare model", style.SIMULATED),
-            ("after", "corrected model", style.RESIDUAL),
-        ):
-            rms = [1e3 * max(models[name], 1e-9) for models in diagnosis.gap.by_horizon.values()]
-            axes.loglog(lengths, rms, label=label, marker="o", **line)
-        floor = 1e3 * per_reading(diagnosis.gap, "floor_rad")
-        axes.axhline(floor, label="noise floor", **style.HORIZON)
-        lowest, highest = axes.get_ylim()
-        axes.set_ylim(bottom=max(lowest, min(floor, highest) / 300))
-        axes.set_xticks(lengths, list(diagnosis.gap.by_horizon))
-        axes.minorticks_off()
-        axes.set_xlabel("segment length (s)")
-        axes.set_ylabel("gap per reading (mrad rms)")
-        legend_above(figure)
-        return figure
+    lengths = [float(length) for length in diagnosis.gap.by_horizon]
+    if not lengths:
+        return empty_figure("The gap by segment length was not computed.")
+    figure = new_figure(3.2)
+    axes = figure.subplots()
+    for name, label, line in (
+        ("before", "bare model", style.SIMULATED),
+        ("after", "corrected model", style.RESIDUAL),
+    ):
+        rms = [1e3 * max(models[name], 1e-9) for models in diagnosis.gap.by_horizon.values()]
+        axes.loglog(lengths, rms, label=label, marker="o", **line)
+    floor = 1e3 * per_reading(diagnosis.gap, "floor_rad")
+    axes.axhline(floor, label="noise floor", **style.HORIZON)
+    lowest, highest = axes.get_ylim()
+    axes.set_ylim(bottom=max(lowest, min(floor, highest) / 300))
+    axes.set_xticks(lengths, list(diagnosis.gap.by_horizon))
+    axes.minorticks_off()
+    axes.set_xlabel("segment length (s)")
+    axes.set_ylabel("gap per reading (mrad rms)")
+    legend_above(figure)
+    return figure
 
 
 def save_gap_figures(diagnosis: Diagnosis, out_dir: Path) -> dict[str, Path]:
@@ -111,10 +108,11 @@ def save_gap_figures(diagnosis: Diagnosis, out_dir: Path) -> dict[str, Path]:
     Raises:
         DprError: the folder or a file cannot be written.
     """
-    figures = {"where": where_figure(diagnosis), "gap_horizon": horizon_figure(diagnosis)}
-    if diagnosis.evidence is None:
-        figures["waterfall"] = waterfall_figure(diagnosis)
-    else:
-        drawn = {section.name: section.figure(diagnosis) for section in SECTIONS if section.figure}
-        figures |= {name: figure for name, figure in drawn.items() if figure}
+    with style.house_style():
+        figures = {"where": where_figure(diagnosis), "gap_horizon": horizon_figure(diagnosis)}
+        if diagnosis.evidence is None:
+            figures["waterfall"] = waterfall_figure(diagnosis)
+        else:
+            drawn = {section.name: section.figure(diagnosis) for section in SECTIONS if section.figure}
+            figures |= {name: figure for name, figure in drawn.items() if figure}
     return save_each(figures, out_dir)

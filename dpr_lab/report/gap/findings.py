@@ -4,9 +4,8 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.result.diagnosis import Diagnosis, SensorFinding
 from dpr_lab.report.digits import NONE
 from dpr_lab.report.gap.tables import run_words
+from dpr_lab.report.pages.page import page_table
 from dpr_lab.report.words import in_words, named
-
-FINDING_COLUMNS = ("fault", "run", "axis", "time (s)", "evidence")
 
 
 def findings_sentence(diagnosis: Diagnosis) -> str:
@@ -21,8 +20,9 @@ def findings_sentence(diagnosis: Diagnosis) -> str:
     return f"Sensor faults: {', '.join(f'{fault} ({count})' for fault, count in counts.items())}." if counts else ""
 
 
-def finding_rows(diagnosis: Diagnosis, most: int = 3) -> list[tuple[str, ...]]:
-    """Return the sensor faults, in the columns `FINDING_COLUMNS`.
+@page_table("fault", "run", "axis", "time (s)", "evidence", style="prose")
+def finding_table(diagnosis: Diagnosis, most: int = 3) -> list[tuple[str, ...]]:
+    """Return the sensor faults.
 
     More than `most` similar faults share one row.
     """

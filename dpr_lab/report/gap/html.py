@@ -1,20 +1,21 @@
 """Write the HTML report of a diagnosis: verdict, gap budget and causes, then folded details."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from dpr_lab.acceptance.judge import Acceptance
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.gap import check_tables, tables
-from dpr_lab.report.gap.acceptance import LIMIT_COLUMNS, RULE, answer_sentence, deciding_sentence, limit_rows
-from dpr_lab.report.gap.findings import FINDING_COLUMNS, finding_rows
+from dpr_lab.report.gap.acceptance import RULE, answer_sentence, deciding_sentence, limit_table
+from dpr_lab.report.gap.findings import finding_table
 from dpr_lab.report.gap.next_steps import next_steps
 from dpr_lab.report.gap.section import evidence_blocks
 from dpr_lab.report.gap.sections import SECTIONS
 from dpr_lab.report.gap.sections.closing import CLOSING
 from dpr_lab.report.gap.sizes import scale_note
 from dpr_lab.report.gap.summary import budget_bar, repeatability_bar, repeatability_sentences, summary_note
-from dpr_lab.report.gap.trials_of_search import TRIAL_COLUMNS, TRIAL_NOTE, trial_rows
+from dpr_lab.report.gap.trials_of_search import trial_table
 from dpr_lab.report.pages.page import Block, Heading, Items, PageTable, Section, page_html, pictures, write_page
 from dpr_lab.report.words import in_words
 
@@ -73,23 +74,19 @@ def write_gap_report(
     closure = evidence.pop(CLOSING.name).blocks if evidence else [drawn["waterfall"]]
     curves = evidence.pop("curves", None)
     limits = [Section("Acceptance", list(_acceptance(acceptance)), "acceptance", is_open=True)] if acceptance else []
-    lengths = tables.horizon_rows(diagnosis)
-    horizons = PageTable(tables.HORIZON_COLUMNS, lengths, title="Gap by segment length, fitted recordings")
+    lengths, detectable = tables.horizon_table(diagnosis), tables.detectable_table(diagnosis)
     sections = [
         *limits,
         Section("Recommended actions", list(_actions(diagnosis))),
         Section("Effects and alternatives", list(_effects(diagnosis))),
         *([curves] if curves else []),
         Section("Results of checks", list(_checks(diagnosis))),
-        Section("Gap reduction", [*closure, *_gap_reduction(diagnosis), drawn["gap_horizon"], horizons]),
+        Section("Gap reduction", [*closure, *_gap_reduction(diagnosis), drawn["gap_horizon"], lengths]),
         Section("Residual maps", [_MAPS, *_maps(diagnosis), drawn["where"]]),
         Section("Sensor faults", [_faults(diagnosis)]),
         *evidence.values(),
-        Section(
-            "Minimum detectable effects",
-            [PageTable(tables.DETECTABLE_COLUMNS, tables.detectable_rows(diagnosis), scale_note(diagnosis), "prose")],
-        ),
-        Section("Model search", [PageTable(TRIAL_COLUMNS, trial_rows(diagnosis), TRIAL_NOTE)]),
+        Section("Minimum detectable effects", [replace(detectable, caption=scale_note(diagnosis))]),
+        Section("Model search", [trial_table(diagnosis)]),
         Section("Assumptions", [Items([in_words(text) for text in diagnosis.assumptions])]),
     ]
     page = page_html(title, in_words(diagnosis.sentence), sections, lead=list(_lead(diagnosis)))
@@ -103,7 +100,7 @@ def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
     if bar := repeatability_bar(diagnosis):
         yield bar
         yield " ".join(repeatability_sentences(diagnosis))
-    yield PageTable(tables.SUMMARY_COLUMNS, tables.summary_rows(diagnosis, brief=True), style="prose")
+    yield tables.summary_table(diagnosis, brief=True)
     if note := summary_note(diagnosis):
         yield note
     yield Items([in_words(text) for text in diagnosis.notes])
@@ -112,7 +109,7 @@ def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
 def _acceptance(acceptance: Acceptance) -> Iterator[Block]:
     """Yield the test result of each limit, and the releases proposed for undecided limits."""
     yield f"{answer_sentence(acceptance)}."
-    yield PageTable(LIMIT_COLUMNS, limit_rows(acceptance), RULE, "prose")
+    yield replace(limit_table(acceptance), caption=RULE)
     if sentence := deciding_sentence(acceptance):
         yield sentence
         yield Items(acceptance.recordings, numbered=True)
@@ -125,44 +122,41 @@ def _actions(diagnosis: Diagnosis) -> Iterator[Block]:
         yield Heading("Next recordings and checks")
     yield Items(next_steps(diagnosis), numbered=True)
     if diagnosis.checks:
-        rows = check_tables.check_rows(diagnosis)
-        note = f"{check_tables.EXPECTED_NOTE} {check_tables.how_to_record(diagnosis, 'diagnosis.json')}"
-        yield PageTable(check_tables.CHECK_COLUMNS, rows, note, "prose", "Recommended checks")
+        checks = check_tables.check_table(diagnosis)
+        yield replace(checks, caption=f"{checks.caption} {check_tables.how_to_record(diagnosis, 'diagnosis.json')}")
 
 
 def _effects(diagnosis: Diagnosis) -> Iterator[Block]:
     if not diagnosis.effects:
         yield "No effect is named."
-    effect_note = f"{tables.EFFECT_NOTE} {scale_note(diagnosis)}".strip()
-    yield PageTable(tables.EFFECT_COLUMNS, tables.effect_rows(diagnosis), effect_note, "prose")
-    yield PageTable(tables.STANDING_COLUMNS, tables.standing_rows(diagnosis), tables.STANDING_NOTE, "prose")
+    effects = tables.effect_table(diagnosis)
+    yield replace(effects, caption=f"{effects.caption} {scale_note(diagnosis)}".strip())
+    yield tables.standing_table(diagnosis)
 
 
 def _checks(diagnosis: Diagnosis) -> Iterator[Block]:
     """Yield the probabilities before and after each check."""
     for done in diagnosis.checks_done:
         yield f"{done.check.id}: {in_words(done.check.text)} {done.result}"
-        yield PageTable(check_tables.MOVED_COLUMNS, check_tables.moved_rows(done), check_tables.MOVED_NOTE, "prose")
+        yield check_tables.moved_table(done)
 
 
 def _gap_reduction(diagnosis: Diagnosis) -> Iterator[Block]:
-    rows = tables.closed_rows(diagnosis)
-    # the budget contains the errors of the free runs
-    width = len(tables.CLOSED_COLUMNS) if diagnosis.evidence is None else 2
-    note = tables.CLOSED_NOTE if diagnosis.evidence is None else ""
-    yield PageTable(tables.CLOSED_COLUMNS[:width], [row[:width] for row in rows], note, "prose")
+    closed = tables.closed_table(diagnosis)
+    if diagnosis.evidence is not None:  # the budget contains the errors of the free runs
+        closed = PageTable(closed.columns[:2], [row[:2] for row in closed.rows], style="prose")
+    yield closed
     if diagnosis.gap.waterfall:
-        title = "Excess chi-square of the fitted recordings"
-        yield PageTable(tables.STEP_COLUMNS, tables.step_rows(diagnosis), tables.STEP_NOTE, "prose", title)
+        yield tables.step_table(diagnosis)
 
 
 def _maps(diagnosis: Diagnosis) -> Iterator[Block]:
     if not diagnosis.where:
         yield in_words(diagnosis.where_sentence)
-    yield PageTable(tables.PLACE_COLUMNS, tables.place_rows(diagnosis), style="prose")
-    yield PageTable(tables.MAP_COLUMNS, tables.map_rows(diagnosis), title="Residual maps, values")
+    yield tables.place_table(diagnosis)
+    yield tables.map_table(diagnosis)
 
 
 def _faults(diagnosis: Diagnosis) -> Block:
-    rows = finding_rows(diagnosis)
-    return PageTable(FINDING_COLUMNS, rows, _FAULTS, "prose") if rows else "No sensor fault was found."
+    faults = finding_table(diagnosis)
+    return replace(faults, caption=_FAULTS) if faults else "No sensor fault was found."

@@ -12,8 +12,6 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.report.pages.page import Block, PageTable, Paragraph, Picture
 
-Rows = Sequence[Sequence[str]]
-
 
 @dataclass(frozen=True, slots=True)
 class PageSettings:
@@ -37,17 +35,6 @@ PAGE = PageSettings()
 
 
 @dataclass(frozen=True, slots=True)
-class FoldedTable:
-    """Folded table that contains the values of a figure."""
-
-    title: str
-    columns: tuple[str, ...]
-    rows: Callable[[Diagnosis], Rows]
-    note: str = ""
-    style: str = "prose"
-
-
-@dataclass(frozen=True, slots=True)
 class EvidenceSection:
     """Report section on one topic of a diagnosis.
 
@@ -60,7 +47,7 @@ class EvidenceSection:
     """Heading of the section."""
     words: Callable[[Diagnosis], Sequence[str]]
     """Sentences of the section."""
-    tables: tuple[FoldedTable, ...]
+    tables: tuple[Callable[[Diagnosis], PageTable], ...]
     """Folded tables of the section."""
     figure: Callable[[Diagnosis], Figure | None] | None = None
     """Function that draws the figure; None if the section has no figure."""
@@ -91,14 +78,10 @@ def evidence_blocks(section: EvidenceSection, diagnosis: Diagnosis, drawn: Mappi
         diagnosis: a diagnosis with evidence
         drawn: figures by name
     """
-    tables = [
-        PageTable(evidence.columns, evidence.rows(diagnosis), evidence.note, evidence.style, evidence.title)
-        for evidence in section.tables
-    ]
-    has_symbols = section.symbols and any(table.rows for table in tables)
+    tables = [table(diagnosis) for table in section.tables]
     return [
         *section.words(diagnosis),
         drawn.get(section.name),
         *tables,
-        Paragraph(section.symbols, "soft") if has_symbols else None,
+        Paragraph(section.symbols, "soft") if section.symbols and any(tables) else None,
     ]

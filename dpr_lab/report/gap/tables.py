@@ -17,20 +17,10 @@ from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.gap.sizes import sizes_cell
+from dpr_lab.report.pages.page import PageTable, page_table
 from dpr_lab.report.run_names import run_label
 from dpr_lab.report.words import in_words, named, parameter_words, size_words
 from dpr_lab.shown import percent
-
-SUMMARY_COLUMNS = ("effect", "size, 90 % interval", "probability")
-EFFECT_COLUMNS = ("effect", "indistinguishable effects", "probability", "unique contribution", "size, 90 % interval")
-CONTRIBUTION_COLUMNS = ("effect", "indistinguishable effects", "unique contribution")
-STEP_COLUMNS = ("model", "gap, fitted recordings (mrad)", "excess explained")
-STANDING_COLUMNS = ("effect", "alternatives", "probability", "cosine similarity", "how to distinguish")
-PLACE_COLUMNS = ("place", "coordinate", "share of the excess", "shape")
-CLOSED_COLUMNS = ("run", "gap reduction", "free run, bare model (mrad)", "free run, corrected model (mrad)")
-DETECTABLE_COLUMNS = ("effect", "minimum detectable size")
-HORIZON_COLUMNS = ("segment length (s)", "gap, bare model (mrad rms)", "gap, corrected model (mrad rms)")
-MAP_COLUMNS = ("place", "coordinate", "coordinate value", "quantity", "value", "90 % half width")
 
 EFFECT_NOTE = (
     "Unique contribution: share of the excess chi-square that returns when this effect is removed and the"
@@ -118,8 +108,9 @@ def causes(diagnosis: Diagnosis) -> dict[str, NamedEffect]:
     }
 
 
-def summary_rows(diagnosis: Diagnosis, *, brief: bool = False) -> list[tuple[str, ...]]:
-    """Return one row for each probable cause, in the columns `SUMMARY_COLUMNS`.
+@page_table("effect", "size, 90 % interval", "probability", style="prose")
+def summary_table(diagnosis: Diagnosis, *, brief: bool = False) -> list[tuple[str, ...]]:
+    """Return one row for each probable cause.
 
     `brief` is passed to `sizes_cell`.
     """
@@ -129,8 +120,17 @@ def summary_rows(diagnosis: Diagnosis, *, brief: bool = False) -> list[tuple[str
     ]
 
 
-def effect_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
-    """Return one row for each effect of the corrected model, in the columns `EFFECT_COLUMNS`."""
+@page_table(
+    "effect",
+    "indistinguishable effects",
+    "probability",
+    "unique contribution",
+    "size, 90 % interval",
+    caption=EFFECT_NOTE,
+    style="prose",
+)
+def effect_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
+    """Return one row for each effect of the corrected model."""
     return [
         (
             named(effect.name),
@@ -143,9 +143,10 @@ def effect_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple
     ]
 
 
-def contribution_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Return one row for each effect of the corrected model, in the columns `CONTRIBUTION_COLUMNS`."""
-    return [(name, members, share) for name, members, _, share, _ in effect_rows(diagnosis)]
+@page_table("effect", "indistinguishable effects", "unique contribution", caption=EFFECT_NOTE)
+def contribution_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Return one row for each effect of the corrected model."""
+    return [(name, members, share) for name, members, _, share, _ in effect_table(diagnosis).rows]
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,8 +161,17 @@ class _Candidate:
     """Probability that a cause outside the library is present instead."""
 
 
-def standing_rows(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBABLE) -> list[tuple[str, ...]]:
-    """Return the alternatives of each named effect, in the columns `STANDING_COLUMNS`.
+@page_table(
+    "effect",
+    "alternatives",
+    "probability",
+    "cosine similarity",
+    "how to distinguish",
+    caption=STANDING_NOTE,
+    style="prose",
+)
+def standing_table(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBABLE) -> list[tuple[str, ...]]:
+    """Return the alternatives of each named effect.
 
     The probabilities of an effect and its alternatives add up to 1.
 
@@ -197,10 +207,10 @@ def standing_rows(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBAB
     return rows
 
 
-def open_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Return the rows of `standing_rows` without improbable alternatives; empty if no alternative is probable."""
+def open_table(diagnosis: Diagnosis) -> PageTable | None:
+    """Return the probable alternatives of each named effect; None if none is probable."""
     probable = any(alternative.probability >= PROBABLE for alternative in diagnosis.rivals)
-    return standing_rows(diagnosis, most=0) if probable else []
+    return standing_table(diagnosis, most=0) if probable else None
 
 
 def _candidates(diagnosis: Diagnosis) -> Iterator[_Candidate]:
@@ -244,7 +254,15 @@ def _percent(probability: float) -> str:
     return percent(probability) if probability >= 0.1 else percent(probability, 1)
 
 
-def step_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
+@page_table(
+    "model",
+    "gap, fitted recordings (mrad)",
+    "excess explained",
+    caption=STEP_NOTE,
+    style="prose",
+    title="Excess chi-square of the fitted recordings",
+)
+def step_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
     """Return one row for each model, from the bare to the full model.
 
     A row contains the gap and the cumulative explained share of the excess.
@@ -287,8 +305,9 @@ def run_words(name: str, held_out: bool = False) -> str:
     return run_label(whole(name)) + name.removeprefix(whole(name)) + (" (held out)" if held_out else "")
 
 
-def place_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
-    """Return the locations that contribute most to the excess chi-square, in the columns `PLACE_COLUMNS`."""
+@page_table("place", "coordinate", "share of the excess", "shape", style="prose")
+def place_table(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
+    """Return the locations that contribute most to the excess chi-square."""
     return [
         (in_words(place.site), place.coordinate, percent(place.share), in_words(place.sentence))
         for place in diagnosis.where[:count]
@@ -307,14 +326,23 @@ def place_map(place: Where, angles: AngleUnit = RADIANS, unknown: float = 1e3) -
     return knots, known * values, NORMAL_Q90 * (known * std)
 
 
-def horizon_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Return the gap by segment length, in the columns `HORIZON_COLUMNS`."""
+@page_table(
+    "segment length (s)",
+    "gap, bare model (mrad rms)",
+    "gap, corrected model (mrad rms)",
+    title="Gap by segment length, fitted recordings",
+)
+def horizon_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Return the gap by segment length."""
     by_length = diagnosis.gap.by_horizon.items()
     return [(length, *(three(1e3 * gaps[name]) for name in ("before", "after"))) for length, gaps in by_length]
 
 
-def map_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
-    """Return the knots of the `count` most important residual maps, as `MAP_COLUMNS`."""
+@page_table(
+    "place", "coordinate", "coordinate value", "quantity", "value", "90 % half width", title="Residual maps, values"
+)
+def map_table(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
+    """Return the knots of the `count` most important residual maps."""
     return [
         (in_words(place.site), coordinate(place)[0], three(knot), quantity(place)[0], three(value), three(half_width))
         for place in diagnosis.where[:count]
@@ -322,8 +350,16 @@ def map_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
     ]
 
 
-def closed_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, most: int | None = None) -> list[tuple[str, ...]]:
-    """Return the gap reduction by run, in the columns `CLOSED_COLUMNS`; held-out runs are marked.
+@page_table(
+    "run",
+    "gap reduction",
+    "free run, bare model (mrad)",
+    "free run, corrected model (mrad)",
+    caption=CLOSED_NOTE,
+    style="prose",
+)
+def closed_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, most: int | None = None) -> list[tuple[str, ...]]:
+    """Return the gap reduction by run; held-out runs are marked.
 
     Args:
         diagnosis: the diagnosis
@@ -344,8 +380,9 @@ def closed_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, most: int | N
     return rows
 
 
-def detectable_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
-    """Return the minimum detectable size of every effect in these recordings, in the columns `DETECTABLE_COLUMNS`."""
+@page_table("effect", "minimum detectable size", style="prose")
+def detectable_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
+    """Return the minimum detectable size of every effect in these recordings."""
     return [
         (
             named(name),

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.digits import NONE
+from dpr_lab.report.pages.page import page_table
 from dpr_lab.report.words import in_words
 
-TRIAL_COLUMNS = ("move", "change of the set", "criterion", "change", "decision", "reason")
 TRIAL_NOTE = (
     "Every trial of the model search in order. Each trial starts from the last accepted set. Criterion of"
     " the tested set: held-out chi-square plus a penalty for the parameters; a negative change is an"
@@ -15,8 +15,9 @@ TRIAL_NOTE = (
 )
 
 
-def trial_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Return one row for each trial of the model search, in the columns `TRIAL_COLUMNS`."""
+@page_table("move", "change of the set", "criterion", "change", "decision", "reason", caption=TRIAL_NOTE)
+def trial_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Return one row for each trial of the model search."""
     return [
         (
             step.move,

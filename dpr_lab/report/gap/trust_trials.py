@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.trust import NOTHING, REFUSED, TrustShare, TrustTrial
 from dpr_lab.report.digits import NONE, three
+from dpr_lab.report.pages.page import page_table
 from dpr_lab.report.words import named
 from dpr_lab.shown import percent
 
@@ -45,6 +46,17 @@ def _refused(trials: Sequence[TrustTrial]) -> str:
     return f" In {refused} trials the recordings were refused, and no effect was named." if refused else ""
 
 
+@page_table(
+    "trial",
+    "kind",
+    "hidden effects",
+    "named effects",
+    "verdict",
+    "grade",
+    "time (s)",
+    style="prose",
+    title="All trials",
+)
 def trial_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return one row for each trial."""
     trials = diagnosis.trust.trials if diagnosis.trust else []

@@ -1,6 +1,7 @@
 """Write the page that compares a moving-arm model with runs: ratios, angles and residuals."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ from dpr_lab.identification.moving_arm.identify import ArmComparison
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.report import moving_arm, tables
 from dpr_lab.report.figures import error_figure, response_figure, save_each
-from dpr_lab.report.pages.page import Items, PageTable, Section, page_html, pictures, write_page
+from dpr_lab.report.pages.page import Items, Section, page_html, pictures, write_page
 
 FIGURES = {
     "response": (
@@ -44,22 +45,18 @@ def write_arm_report(
         Section("Warnings", [Items([*model.failures, *model.warnings])], "warnings", is_open=True),
         Section(
             "Measured and simulated angles",
-            [
-                PageTable(moving_arm.COMPARISON_COLUMNS, moving_arm.comparison_rows(compared)),
-                drawn["response"],
-                drawn["error"],
-            ],
+            [moving_arm.comparison_table(compared), drawn["response"], drawn["error"]],
             is_open=True,
         ),
         Section(
             f"Ratios to {model.scale}",
             [
-                PageTable(tables.RATIO_COLUMNS, tables.ratio_rows(model)),
+                tables.ratio_table(model),
                 Items([f"{name}: {reason}" for name, reason in model.undetermined.items()]),
             ],
             is_open=True,
         ),
-        Section("Absolute values", [PageTable(moving_arm.ABSOLUTE_COLUMNS, moving_arm.absolute_rows(model), scale)]),
+        Section("Absolute values", [replace(moving_arm.absolute_table(model), caption=scale)]),
         Section("Notes", [Items(model.notes)]),
     ]
     footer = f"Rig {model.rig.name}, file SHA-256 {model.rig.sha256 or 'unknown'}. Written by dpr-lab {model.version}."

@@ -5,11 +5,11 @@ A page is a single file: figures are embedded, and no other file is loaded.
 
 import base64
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, ParamSpec
 
 from dpr_lab.errors import printable
 from dpr_lab.report.pages.terms import TERMS
@@ -57,6 +57,28 @@ class PageTable:
     """Class of the style sheet: `prose` wraps cells, `hash` shows the last column in a small monospace font."""
     title: str = ""
     """Title under which the table is folded; empty for a table that is not folded."""
+
+    def __bool__(self) -> bool:
+        return len(self.rows) > 0
+
+
+P = ParamSpec("P")
+Rows = Sequence[Sequence[str]]
+
+
+def page_table(
+    *columns: str, caption: str = "", style: str = "", title: str = ""
+) -> Callable[[Callable[P, Rows]], Callable[P, PageTable]]:
+    """Decorate a function that returns rows of text; the decorated function returns their table."""
+
+    def with_columns(rows: Callable[P, Rows]) -> Callable[P, PageTable]:
+        @wraps(rows)
+        def table(*args: P.args, **kwargs: P.kwargs) -> PageTable:
+            return PageTable(columns, rows(*args, **kwargs), caption, style, title)
+
+        return table
+
+    return with_columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +167,7 @@ def page_html(
 
 def _has_content(block: Block | None) -> bool:
     match block:
-        case PageTable(rows=content) | Items(sentences=content):
+        case Items(sentences=content):
             return len(content) > 0
     return bool(block)
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from dpr_lab.report.pages.page import Items, PageTable, Section, page_html, pictures, write_page
+from dpr_lab.report.pages.page import Items, Section, page_html, pictures, write_page
 from dpr_lab.report.trials import tables
 
 Summary = Mapping[str, Any]
@@ -45,12 +45,12 @@ def write_trials_report(
     drawn = pictures(figures, FIGURES)
     sections = [
         Section("Trials with errors", [Items(failures)], is_open=True),
-        Section("Scores", [PageTable(tables.SCORE_COLUMNS, tables.score_rows(summary))], is_open=True),
-        Section("Scores by kind of plant", [PageTable(tables.KIND_COLUMNS, tables.kind_rows(summary))]),
-        Section("Detection rate", [drawn["by_size"], PageTable(tables.SIZE_COLUMNS, tables.size_rows(summary))]),
-        Section("Confusion matrix", [drawn["confusion"], _failed(summary)]),
-        Section("Calibration", [drawn["reliability"], PageTable(tables.CLAIM_COLUMNS, tables.claim_rows(summary))]),
-        Section("Scores by effect", [PageTable(tables.EFFECT_COLUMNS, tables.effect_rows(summary))]),
+        Section("Scores", [tables.score_table(summary)], is_open=True),
+        Section("Scores by kind of plant", [tables.kind_table(summary)]),
+        Section("Detection rate", [drawn["by_size"], tables.size_table(summary)]),
+        Section("Confusion matrix", [drawn["confusion"], tables.failed_table(summary) or "All results were correct."]),
+        Section("Calibration", [drawn["reliability"], tables.claim_table(summary)]),
+        Section("Scores by effect", [tables.effect_table(summary)]),
     ]
     note = f"{setting} Every plant was sealed before it was recorded and revealed after its diagnosis."
     page = page_html("Blind trials of the diagnosis", sentence(summary), sections, lead=[note])
@@ -69,10 +69,3 @@ def sentence(summary: Summary) -> str:
         f" {tables.percent(summary['first'])} (90 % interval {tables.percent(low)} to {tables.percent(high)}), and the"
         f" named effects are exactly the causes in {tables.percent(summary['exact'])}. {false_alarms}"
     )
-
-
-def _failed(summary: Summary) -> PageTable | str:
-    if not summary["astray"]:
-        return "All results were correct."
-    caption = "Trials with an incorrect result; kind and seed reproduce the plant."
-    return PageTable(tables.FAILED_COLUMNS, tables.failed_rows(summary), caption, "prose")

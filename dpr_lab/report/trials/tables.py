@@ -4,33 +4,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dpr_lab.report.digits import NONE, three
+from dpr_lab.report.pages.page import page_table
 from dpr_lab.report.words import named
 
 Summary = Mapping[str, Any]
 
-SCORE_COLUMNS = ("score", "value", "90 % interval", "basis")
-KIND_COLUMNS = (
-    "kind",
-    "size",
-    "trials",
-    "first cause correct",
-    "all causes correct",
-    "false alarms",
-    "unknown cause reported",
-)
-SIZE_COLUMNS = ("size / minimum detectable size", "effects", "named", "first cause correct", "all causes correct")
-EFFECT_COLUMNS = (
-    "effect",
-    "trials",
-    "named",
-    "first cause correct",
-    "all causes correct",
-    "size error, median",
-    "size error, 90th percentile",
-    "coverage of 90 % intervals",
-)
-CLAIM_COLUMNS = ("claims", "stated probability", "observed frequency", "90 % interval")
-FAILED_COLUMNS = ("kind", "seed", "hidden effects", "named effects", "verdict", "grade")
 
 SHARES = {
     "first": "first cause correct",
@@ -55,8 +33,9 @@ NUMBERS = {
 }
 
 
-def score_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """Return every score that has trials, in the columns `SCORE_COLUMNS`."""
+@page_table("score", "value", "90 % interval", "basis")
+def score_table(summary: Summary) -> list[tuple[str, ...]]:
+    """Return every score that has trials."""
     shares = [
         (label, percent(summary[name]), _interval(summary["interval90"][name]), f"{summary['of'][name]} trials")
         for name, label in SHARES.items()
@@ -65,8 +44,11 @@ def score_rows(summary: Summary) -> list[tuple[str, ...]]:
     return shares + [(label, number(summary[name]), NONE, NONE) for name, label in NUMBERS.items()]
 
 
-def kind_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """Return one row for each kind of plant, in the columns `KIND_COLUMNS`."""
+@page_table(
+    "kind", "size", "trials", "first cause correct", "all causes correct", "false alarms", "unknown cause reported"
+)
+def kind_table(summary: Summary) -> list[tuple[str, ...]]:
+    """Return one row for each kind of plant."""
     shares = ("first", "exact", "false_alarms", "unexplained_recall")
     return [
         (row["kind"], row["level"], str(row["trials"]), *(percent(row[name]) for name in shares))
@@ -74,16 +56,27 @@ def kind_rows(summary: Summary) -> list[tuple[str, ...]]:
     ]
 
 
-def size_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """Return one row for each range of sizes, in the columns `SIZE_COLUMNS`."""
+@page_table("size / minimum detectable size", "effects", "named", "first cause correct", "all causes correct")
+def size_table(summary: Summary) -> list[tuple[str, ...]]:
+    """Return one row for each range of sizes."""
     return [
         (size_range(row), str(row["effects"]), *(percent(row[name]) for name in ("named", "first", "exact")))
         for row in summary["by_size"]
     ]
 
 
-def effect_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """Return one row for each hidden effect, in the columns `EFFECT_COLUMNS`."""
+@page_table(
+    "effect",
+    "trials",
+    "named",
+    "first cause correct",
+    "all causes correct",
+    "size error, median",
+    "size error, 90th percentile",
+    "coverage of 90 % intervals",
+)
+def effect_table(summary: Summary) -> list[tuple[str, ...]]:
+    """Return one row for each hidden effect."""
     shares, errors = ("named", "first", "exact"), ("size_error", "size_error_p90")
     return [
         (
@@ -97,8 +90,9 @@ def effect_rows(summary: Summary) -> list[tuple[str, ...]]:
     ]
 
 
-def claim_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """Return rows on the reliability of stated probabilities, in the columns `CLAIM_COLUMNS`."""
+@page_table("claims", "stated probability", "observed frequency", "90 % interval")
+def claim_table(summary: Summary) -> list[tuple[str, ...]]:
+    """Return rows on the reliability of stated probabilities."""
     return [
         (
             f"{row['claims']:.0f}",
@@ -110,8 +104,18 @@ def claim_rows(summary: Summary) -> list[tuple[str, ...]]:
     ]
 
 
-def failed_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """Return one row for each trial with an incorrect result, in the columns `FAILED_COLUMNS`."""
+@page_table(
+    "kind",
+    "seed",
+    "hidden effects",
+    "named effects",
+    "verdict",
+    "grade",
+    caption="Trials with an incorrect result; kind and seed reproduce the plant.",
+    style="prose",
+)
+def failed_table(summary: Summary) -> list[tuple[str, ...]]:
+    """Return one row for each trial with an incorrect result."""
     return [
         (
             f"{row['kind']}:{row['level']}",

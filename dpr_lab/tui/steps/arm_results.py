@@ -12,7 +12,7 @@ from dpr_lab.report import moving_arm, tables
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.report.digits import pair, superscripts
 from dpr_lab.tui.steps.compare_charts import SETTINGS
-from dpr_lab.tui.texts import sentences, table
+from dpr_lab.tui.texts import report_table, sentences
 from dpr_lab.tui.widgets.chart import Band, Chart, Series
 
 if TYPE_CHECKING:
@@ -41,13 +41,13 @@ def start_of_diagnosis(model: Path | None) -> Path | None:
 def ratios(model: "MovingArmModel") -> Group:
     """Draw a table of the ratios that the recordings determine, followed by warnings."""
     inertia = "the inertia a of the inner rod" if model.scale == "a" else "the inertia b of the outer rod"
-    rows = table(f"Ratios to {inertia}", tables.RATIO_COLUMNS, tables.ratio_rows(model))
+    rows = report_table(f"Ratios to {inertia}", tables.ratio_table(model))
     return Group(rows, sentences("Warnings", [*model.failures, *model.warnings], mark="!"))
 
 
 def absolute(model: "MovingArmModel") -> Group:
     """Draw a table of the absolute values, and state the source of their scale."""
-    rows = table("Absolute values", moving_arm.ABSOLUTE_COLUMNS, moving_arm.absolute_rows(model))
+    rows = report_table("Absolute values", moving_arm.absolute_table(model))
     note = f"{model.scale_sentence} A is the total inertia about the arm's axis."
     return Group(rows, Text(note, "dim"))
 

@@ -109,9 +109,10 @@ def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
 
     `dpr-lab compare` tabulates the same figures.
     """
-    from dpr_lab.report.tables import COMPARISON_COLUMNS, comparison_rows, to_the_end
+    from dpr_lab.report.tables import comparison_table, to_the_end
 
-    row = dict(zip(COMPARISON_COLUMNS, comparison_rows([comparison], unit)[0], strict=True))
+    made = comparison_table([comparison], unit)
+    row = dict(zip(made.columns, made.rows[0], strict=True))
     until = "to the end of the record" if to_the_end(comparison) else f"up to {row['horizon (s)']} s"
     return (
         f"{row['role']}, {row['segments']} segments, θ1, θ2: rms residual {row['rms (mrad)']} {unit.small}"

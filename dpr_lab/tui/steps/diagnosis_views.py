@@ -9,7 +9,7 @@ from rich.text import Text
 
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.shown import percent
-from dpr_lab.tui.texts import Bars, sentences, table
+from dpr_lab.tui.texts import Bars, report_table, sentences, table
 
 if TYPE_CHECKING:
     from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -25,16 +25,15 @@ def which_view(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
     from dpr_lab.report.words import in_words
 
     others = {name: p for name, p in diagnosis.probabilities.items() if name in ("no_gap", "unexplained")}
-    shown: list[RenderableType] = [_effect(row) for row in gap_tables.effect_rows(diagnosis, unit)] or [
+    shown: list[RenderableType] = [_effect(row) for row in gap_tables.effect_table(diagnosis, unit).rows] or [
         "No effect is named.\n"
     ]
     shown.append("  ".join(f"{name.replace('_', ' ')}: {percent(p)}" for name, p in others.items()))
     shown += [in_words(note) for note in diagnosis.notes]
-    if rows := gap_tables.standing_rows(diagnosis):
-        shown += ["", table("Alternatives", gap_tables.STANDING_COLUMNS, rows)]
-        shown.append(Text(gap_tables.STANDING_NOTE, "dim"))
-    if rows := findings.finding_rows(diagnosis):
-        shown += ["", table("Sensor faults", findings.FINDING_COLUMNS, rows)]
+    if alternatives := gap_tables.standing_table(diagnosis):
+        shown += ["", report_table("Alternatives", alternatives), Text(alternatives.caption, "dim")]
+    if faults := findings.finding_table(diagnosis):
+        shown += ["", report_table("Sensor faults", faults)]
     return Group(*shown)
 
 
@@ -62,7 +61,7 @@ def far_view(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
     steps = [
         (name, per_rad * left, None, f"{gap}, {explained}")
         for (name, left), (_, gap, explained) in zip(
-            gap_tables.steps(diagnosis), gap_tables.step_rows(diagnosis, unit), strict=True
+            gap_tables.steps(diagnosis), gap_tables.step_table(diagnosis, unit).rows, strict=True
         )
     ]
     shares = [
@@ -84,15 +83,14 @@ def far_view(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
             f"\nShares of the mean squared residual. {' '.join(repeatability_sentences(diagnosis))}",
             Bars([(label, share, None, percent(share, 1)) for label, share in parts], top=1.0),
         ]
+    closed_runs = gap_tables.closed_table(diagnosis, unit)
     return Group(
         f"Gap per reading ({unit.small} rms, segments of 0.5 s) and share of the excess explained, as effects are"
         f" added. The gap is the residual above the noise floor of {three(floor)} {unit.small}",
         Bars(steps),
         *closing,
         "",
-        table(
-            "Free runs from the release", unit.heads(gap_tables.CLOSED_COLUMNS), gap_tables.closed_rows(diagnosis, unit)
-        ),
+        table("Free runs from the release", unit.heads(closed_runs.columns), closed_runs.rows),
     )
 
 
@@ -105,6 +103,6 @@ def next_view(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
     return Group(
         sentences("Recommended actions", [in_words(text) for text in diagnosis.remedies]),
         sentences("Next recordings and checks", next_steps(diagnosis), numbered=True),
-        table("Minimum detectable effects", gap_tables.DETECTABLE_COLUMNS, gap_tables.detectable_rows(diagnosis, unit)),
+        report_table("Minimum detectable effects", gap_tables.detectable_table(diagnosis, unit)),
         sentences("Assumptions", [in_words(text) for text in diagnosis.assumptions]),
     )

@@ -23,7 +23,7 @@ from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.job_step import READING, JobStep
-from dpr_lab.tui.texts import counted_runs, named_runs, sentences, table
+from dpr_lab.tui.texts import counted_runs, named_runs, report_table, sentences
 from dpr_lab.tui.widgets.chart import Chart, Series
 from dpr_lab.workflows.events import RunRead
 from dpr_lab.workflows.identify import IdentifyRequest
@@ -222,12 +222,10 @@ in the folder of the workspace.
         self._history = _history(model)
         self._draw_convergence()
         warnings = sentences("Warnings", [*model.failures, *model.warnings], mark="!")
-        ratios = table(tables.ratio_title(model), tables.RATIO_COLUMNS, tables.ratio_rows(model))
-        absolute = tables.base_rows(model)
-        base = [
-            table("Base parameters, because these runs also determine the scale", tables.BASE_COLUMNS, absolute)
-        ] * bool(absolute)
-        nine = table("Nine parameters and what determines them", tables.PARAMETER_COLUMNS, tables.parameter_rows(model))
+        ratios = report_table(tables.ratio_title(model), tables.ratio_table(model))
+        absolute = tables.base_table(model)
+        base = [report_table("Base parameters, because these runs also determine the scale", absolute)] * bool(absolute)
+        nine = report_table("Nine parameters and what determines them", tables.parameter_table(model))
         self.put("ratios-text", Group(ratios, Text(tables.ratio_note(model), "dim"), *base, warnings))
         self.put("nine-text", Group(nine, Text(tables.parameter_note(model), "dim")))
         self.put("seen-text", _identifiability(model))

@@ -23,7 +23,7 @@ from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.job_step import JobStep
-from dpr_lab.tui.texts import sentences, table
+from dpr_lab.tui.texts import report_table, sentences, table
 from dpr_lab.workflows.plan import PlanRequest, PlanResult
 
 if TYPE_CHECKING:
@@ -226,7 +226,7 @@ def _row(release: "PlannedRelease", unit: AngleUnit) -> tuple[str, ...]:
 
 def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
     """Draw the selected release, the causes that no release separates, and the assumptions."""
-    from dpr_lab.report.tables import LIMIT_FORECAST_COLUMNS, limit_forecast_rows, ratio_std_rows
+    from dpr_lab.report.tables import limit_forecast_table, ratio_std_table
     from dpr_lab.report.words import in_words, named
 
     shown: list[RenderableType] = []
@@ -241,9 +241,9 @@ def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
             rows = [(*map(named, pair.causes), f"{pair.bits:.2f}") for pair in release.pairs]
             shown += [table("Undecided causes", ("cause", "or", "expected bits"), rows), ""]
         columns = ("ratio", "now", "after this release", "unit")
-        shown += [table("Standard deviation of each ratio", columns, ratio_std_rows(made, release)), ""]
+        shown += [table("Standard deviation of each ratio", columns, ratio_std_table(made, release).rows), ""]
     if made.limits:
-        shown += [table("Limits of the rig", LIMIT_FORECAST_COLUMNS, limit_forecast_rows(made)), ""]
+        shown += [report_table("Limits of the rig", limit_forecast_table(made)), ""]
     checks = [in_words(f"{' or '.join(inseparable.causes)}: {inseparable.check}") for inseparable in made.inseparable]
     shown.append(sentences("No release separates these causes", checks))
     shown.append(sentences("Assumptions", made.assumptions))

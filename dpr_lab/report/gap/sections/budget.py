@@ -8,8 +8,9 @@ from dpr_lab.gap.result.evidence import FREE_RUN_TEST
 from dpr_lab.report import style
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.figures import legend_above, new_figure
-from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evidence_of
+from dpr_lab.report.gap.section import PAGE, EvidenceSection, evidence_of
 from dpr_lab.report.gap.tables import run_words
+from dpr_lab.report.pages.page import page_table
 from dpr_lab.shown import percent
 
 
@@ -21,28 +22,27 @@ def budget_figure(diagnosis: Diagnosis) -> Figure:
         ("combined, u_val", budget.u_before_rad, budget.u_after_rad),
         ("error, E", budget.error_before_rad, budget.error_after_rad),
     ]
-    with style.house_style():
-        names, before, after = zip(*bars, strict=True)
-        figure = new_figure(1.1 + 0.42 * len(names))
-        axes = figure.subplots()
-        rows = np.arange(len(names))
-        heights = 1e3 * np.array([*before, *after])
-        least = 10.0 ** np.floor(np.log10(max(float(np.min(heights[heights > 0], initial=1.0)), PAGE.least_mrad)))
-        for offset, values, label, line in (
-            (-0.19, before, "bare model", style.SIMULATED),
-            (0.19, after, "corrected model", style.RESIDUAL),
-        ):
-            lengths = np.maximum(1e3 * np.array(values), least)
-            patches = axes.barh(rows + offset, lengths, height=0.36, color=line["color"], label=label)
-            axes.bar_label(patches, [three(1e3 * value) for value in values], padding=3, fontsize=8)
-        axes.set_xscale("log")
-        axes.set_xlim(least, 8 * max(float(heights.max()), 10 * least))
-        axes.set_yticks(rows, names)
-        axes.axhline(len(budget.sources) - 0.5, color="#555555", linewidth=0.8)
-        axes.invert_yaxis()
-        axes.set_xlabel("contribution to the predicted angle, rms (mrad)")
-        legend_above(figure)
-        return figure
+    names, before, after = zip(*bars, strict=True)
+    figure = new_figure(1.1 + 0.42 * len(names))
+    axes = figure.subplots()
+    rows = np.arange(len(names))
+    heights = 1e3 * np.array([*before, *after])
+    least = 10.0 ** np.floor(np.log10(max(float(np.min(heights[heights > 0], initial=1.0)), PAGE.least_mrad)))
+    for offset, values, label, line in (
+        (-0.19, before, "bare model", style.SIMULATED),
+        (0.19, after, "corrected model", style.RESIDUAL),
+    ):
+        lengths = np.maximum(1e3 * np.array(values), least)
+        patches = axes.barh(rows + offset, lengths, height=0.36, color=line["color"], label=label)
+        axes.bar_label(patches, [three(1e3 * value) for value in values], padding=3, fontsize=8)
+    axes.set_xscale("log")
+    axes.set_xlim(least, 8 * max(float(heights.max()), 10 * least))
+    axes.set_yticks(rows, names)
+    axes.axhline(len(budget.sources) - 0.5, color="#555555", linewidth=0.8)
+    axes.invert_yaxis()
+    axes.set_xlabel("contribution to the predicted angle, rms (mrad)")
+    legend_above(figure)
+    return figure
 
 
 def budget_words(diagnosis: Diagnosis) -> list[str]:
@@ -70,6 +70,18 @@ def _judged(error: float, uncertainty: float) -> str:
     return f"{numbers} the model error is about {three(1e3 * model_error)} mrad."
 
 
+@page_table(
+    "source",
+    "kind",
+    "origin",
+    "share not corrected by the fit",
+    "bare model (mrad)",
+    "corrected model (mrad)",
+    caption="Share not corrected by the fit (corrected model): a large input error would be visible in the"
+    " recordings, so only the share that is not visible contributes.",
+    style="prose",
+    title="Uncertainty budget, values",
+)
 def source_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return the rows of all contributions, their combination, and the error."""
     budget = evidence_of(diagnosis).budget
@@ -92,6 +104,16 @@ def source_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     return rows
 
 
+@page_table(
+    "run",
+    "E, bare model (mrad)",
+    "u_val, bare model (mrad)",
+    "E, corrected model (mrad)",
+    "u_val, corrected model (mrad)",
+    "E / u_val, corrected model",
+    style="prose",
+    title="Error and uncertainty by run",
+)
 def run_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return rows with error and uncertainty of each free run."""
     return [
@@ -117,32 +139,8 @@ BUDGET = EvidenceSection(
         " fitted to 0.3 s of readings. Logarithmic scale."
     ),
     tables=(
-        FoldedTable(
-            "Uncertainty budget, values",
-            (
-                "source",
-                "kind",
-                "origin",
-                "share not corrected by the fit",
-                "bare model (mrad)",
-                "corrected model (mrad)",
-            ),
-            source_rows,
-            "Share not corrected by the fit (corrected model): a large input error would be visible in the"
-            " recordings, so only the share that is not visible contributes.",
-        ),
-        FoldedTable(
-            "Error and uncertainty by run",
-            (
-                "run",
-                "E, bare model (mrad)",
-                "u_val, bare model (mrad)",
-                "E, corrected model (mrad)",
-                "u_val, corrected model (mrad)",
-                "E / u_val, corrected model",
-            ),
-            run_rows,
-        ),
+        source_rows,
+        run_rows,
     ),
     symbols="E = S − D, u_val² = u_num² + u_input² + u_D², δ_model = E ± u_val. ASME V&V 20-2009."
     " Limits without a distribution: JCGM 100:2008 (GUM), 4.3.7. The model was calibrated on the fitted"

@@ -9,9 +9,10 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report import style
 from dpr_lab.report.digits import three
 from dpr_lab.report.figures import empty_figure, legend_above, new_figure
-from dpr_lab.report.gap.section import EvidenceSection, FoldedTable, evidence_of
+from dpr_lab.report.gap.section import EvidenceSection, evidence_of
 from dpr_lab.report.gap.summary import held_out_words
 from dpr_lab.report.gap.tables import per_reading
+from dpr_lab.report.pages.page import page_table
 from dpr_lab.report.words import named
 from dpr_lab.shown import percent
 
@@ -19,30 +20,29 @@ from dpr_lab.shown import percent
 def closing_figure(diagnosis: Diagnosis) -> Figure:
     """Draw a waterfall from the gap of the bare model to the remainder."""
     steps = evidence_of(diagnosis).closing
-    with style.house_style():
-        if len(steps) < 2:
-            return empty_figure("No effect is named, so the gap is not reduced.")
-        gaps = 1e3 * np.array([step.left_rad for step in steps])
-        names = ["bare model", *(named(step.effect).replace(" [", "\n[") for step in steps[1:]), "remainder"]
-        figure = new_figure(1.2 + 0.42 * len(names))
-        axes = figure.subplots()
-        rows = np.arange(len(names))
-        axes.barh(rows[[0, -1]], gaps[[0, -1]], height=0.6, label="gap", **_bar(style.SIMULATED))
-        reductions = gaps[:-1] - gaps[1:]
-        bars = axes.barh(rows[1:-1], reductions, left=gaps[1:], height=0.6, label="reduction", **_bar(style.MEASURED))
-        axes.bar_label(bars, [three(reduction) for reduction in reductions], padding=4)
-        for row, gap in zip((0, len(rows) - 1), gaps[[0, -1]].tolist(), strict=True):
-            axes.annotate(three(gap), (gap, row), (4, 0), textcoords="offset points", va="center")
-        for row, (_, after) in enumerate(pairwise(gaps.tolist())):
-            axes.plot([after, after], [row + 0.7, row + 2.3], color="#555555", linewidth=0.8)
-        floor = 1e3 * per_reading(diagnosis.gap, "floor_rad")
-        axes.axvline(floor, label="noise floor", **style.HORIZON)
-        axes.set_yticks(rows, names)
-        axes.invert_yaxis()
-        axes.margins(x=0.08)
-        axes.set_xlabel("gap per reading (mrad rms)")
-        legend_above(figure)
-        return figure
+    if len(steps) < 2:
+        return empty_figure("No effect is named, so the gap is not reduced.")
+    gaps = 1e3 * np.array([step.left_rad for step in steps])
+    names = ["bare model", *(named(step.effect).replace(" [", "\n[") for step in steps[1:]), "remainder"]
+    figure = new_figure(1.2 + 0.42 * len(names))
+    axes = figure.subplots()
+    rows = np.arange(len(names))
+    axes.barh(rows[[0, -1]], gaps[[0, -1]], height=0.6, label="gap", **_bar(style.SIMULATED))
+    reductions = gaps[:-1] - gaps[1:]
+    bars = axes.barh(rows[1:-1], reductions, left=gaps[1:], height=0.6, label="reduction", **_bar(style.MEASURED))
+    axes.bar_label(bars, [three(reduction) for reduction in reductions], padding=4)
+    for row, gap in zip((0, len(rows) - 1), gaps[[0, -1]].tolist(), strict=True):
+        axes.annotate(three(gap), (gap, row), (4, 0), textcoords="offset points", va="center")
+    for row, (_, after) in enumerate(pairwise(gaps.tolist())):
+        axes.plot([after, after], [row + 0.7, row + 2.3], color="#555555", linewidth=0.8)
+    floor = 1e3 * per_reading(diagnosis.gap, "floor_rad")
+    axes.axvline(floor, label="noise floor", **style.HORIZON)
+    axes.set_yticks(rows, names)
+    axes.invert_yaxis()
+    axes.margins(x=0.08)
+    axes.set_xlabel("gap per reading (mrad rms)")
+    legend_above(figure)
+    return figure
 
 
 def _bar(line: dict) -> dict:
@@ -65,6 +65,13 @@ def closing_words(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
+@page_table(
+    "model",
+    "gap, data not fitted (mrad)",
+    "cumulative reduction",
+    style="prose",
+    title="Gap reduction by effect, values",
+)
 def closing_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return one row for each model, with the gap and its cumulative reduction."""
     return [
@@ -87,12 +94,6 @@ CLOSING = EvidenceSection(
         "Gap after each added effect, in the order of selection, on data that were not fitted: rms of a"
         " reading above the noise, in segments of 0.5 s with free initial states."
     ),
-    tables=(
-        FoldedTable(
-            "Gap reduction by effect, values",
-            ("model", "gap, data not fitted (mrad)", "cumulative reduction"),
-            closing_rows,
-        ),
-    ),
+    tables=(closing_rows,),
     symbols="Gap: √((χ² − level · dof) / dof) · σ. Reduction: 1 − gap after / gap before.",
 )

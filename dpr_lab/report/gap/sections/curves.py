@@ -12,8 +12,9 @@ from dpr_lab.gap.result.evidence import Curves
 from dpr_lab.report import style
 from dpr_lab.report.digits import three
 from dpr_lab.report.figures import empty_figure, legend_above, new_figure
-from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evidence_of
+from dpr_lab.report.gap.section import PAGE, EvidenceSection, evidence_of
 from dpr_lab.report.gap.tables import run_words
+from dpr_lab.report.pages.page import page_table
 
 LINES = {"bare model": style.SIMULATED, "corrected model": style.RESIDUAL | {"linewidth": 1.1, "zorder": 4}}
 CURVE_NAMES = ("measured", *LINES)
@@ -35,30 +36,29 @@ def curves_figure(diagnosis: Diagnosis) -> Figure:
     The errors of the simulations and the input of the arm are below the angles.
     """
     shown = evidence_of(diagnosis).curves[: PAGE.most_runs]
-    with style.house_style():
-        if not shown:
-            return empty_figure("No recording was simulated.")
-        by_curves = [angles_of(curves) for curves in shown]
-        heights = [height for curves in shown for height in ((3, 2, 1.5) if curves.input else (3, 2))]
-        figure = new_figure(0.5 + 0.6 * sum(heights))
-        columns = max(len(angles) for angles in by_curves)
-        grid = figure.subplots(len(heights), columns, squeeze=False, height_ratios=heights, sharex="col")
-        row = 0
-        for curves, angles in zip(shown, by_curves, strict=True):
-            rows = grid[row : row + (3 if curves.input else 2)]
-            for column in range(columns):
-                _draw_part(list(rows[:2, column]), curves, [*angles.items()][column] if column < len(angles) else None)
-            if curves.input:
-                _draw_input(list(rows[2]), curves)
-            rows[0, 0].set_title(run_words(curves.run, curves.held_out), parse_math=False)
-            row += len(rows)
-        for column in grid.T:
-            lowest = [axes for axes in column if axes.get_visible()][-1]
-            lowest.set_xlabel("time since the first sample (s)")
-            lowest.tick_params(labelbottom=True)
-        figure.align_ylabels(grid)
-        legend_above(figure)
-        return figure
+    if not shown:
+        return empty_figure("No recording was simulated.")
+    by_curves = [angles_of(curves) for curves in shown]
+    heights = [height for curves in shown for height in ((3, 2, 1.5) if curves.input else (3, 2))]
+    figure = new_figure(0.5 + 0.6 * sum(heights))
+    columns = max(len(angles) for angles in by_curves)
+    grid = figure.subplots(len(heights), columns, squeeze=False, height_ratios=heights, sharex="col")
+    row = 0
+    for curves, angles in zip(shown, by_curves, strict=True):
+        rows = grid[row : row + (3 if curves.input else 2)]
+        for column in range(columns):
+            _draw_part(list(rows[:2, column]), curves, [*angles.items()][column] if column < len(angles) else None)
+        if curves.input:
+            _draw_input(list(rows[2]), curves)
+        rows[0, 0].set_title(run_words(curves.run, curves.held_out), parse_math=False)
+        row += len(rows)
+    for column in grid.T:
+        lowest = [axes for axes in column if axes.get_visible()][-1]
+        lowest.set_xlabel("time since the first sample (s)")
+        lowest.tick_params(labelbottom=True)
+    figure.align_ylabels(grid)
+    legend_above(figure)
+    return figure
 
 
 def _draw_part(rows: Sequence[Axes], curves: Curves, part: tuple[str, Array] | None) -> None:
@@ -103,6 +103,9 @@ def curves_words(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
+@page_table(
+    "run", "time (s)", "part", *(f"{curve} (rad)" for curve in CURVE_NAMES), style="prose", title="Curves, values"
+)
 def curves_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return rows with every fifth point of the curves."""
     return [
@@ -123,11 +126,5 @@ CURVES = EvidenceSection(
     caption="Angles of the rods, 0 = upright, π = hanging: measured (thick), bare model (dashed) and corrected model"
     " (thin), up to the predictability horizon. Below: error of each simulation, in mrad, and, for a driven"
     " arm, its input.",
-    tables=(
-        FoldedTable(
-            "Curves, values",
-            ("run", "time (s)", "part", *(f"{curve} (rad)" for curve in CURVE_NAMES)),
-            curves_rows,
-        ),
-    ),
+    tables=(curves_rows,),
 )

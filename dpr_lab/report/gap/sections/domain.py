@@ -13,7 +13,8 @@ from dpr_lab.gap.result.evidence import Occupancy, RecordingUsed
 from dpr_lab.report import style
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.figures import empty_figure, new_figure
-from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evidence_of
+from dpr_lab.report.gap.section import PAGE, EvidenceSection, evidence_of
+from dpr_lab.report.pages.page import page_table
 
 COLOURS = "cividis_r"
 """Colour map for colour-blind readers; Nuñez, Anderton & Renslow (2018), PLOS ONE 13(7)."""
@@ -25,18 +26,17 @@ def domain_figure(diagnosis: Diagnosis) -> Figure:
     Cells that held-out runs reach are outlined.
     """
     maps = evidence_of(diagnosis).coverage
-    with style.house_style():
-        if not maps:
-            return empty_figure("No rod swung freely.")
-        figure = new_figure(3.4)
-        panels = figure.subplots(1, len(maps), squeeze=False)[0]
-        most = max(float(np.max(occupancy.fitted_s)) for occupancy in maps.values())
-        colours = LogNorm(max(most / 300, 1e-4), max(most, 2e-4))
-        for axes, (rod, occupancy) in zip(panels, maps.items(), strict=True):
-            _draw_map(axes, rod, occupancy, colours)
-        scale = ScalarMappable(colours, COLOURS)
-        figure.colorbar(scale, ax=panels.tolist(), label="time in the cell (s)")
-        return figure
+    if not maps:
+        return empty_figure("No rod swung freely.")
+    figure = new_figure(3.4)
+    panels = figure.subplots(1, len(maps), squeeze=False)[0]
+    most = max(float(np.max(occupancy.fitted_s)) for occupancy in maps.values())
+    colours = LogNorm(max(most / 300, 1e-4), max(most, 2e-4))
+    for axes, (rod, occupancy) in zip(panels, maps.items(), strict=True):
+        _draw_map(axes, rod, occupancy, colours)
+    scale = ScalarMappable(colours, COLOURS)
+    figure.colorbar(scale, ax=panels.tolist(), label="time in the cell (s)")
+    return figure
 
 
 def _draw_map(axes: Axes, rod: str, occupancy: Occupancy, colours: LogNorm) -> None:
@@ -91,6 +91,15 @@ def _days(days: list[str], count: int) -> str:
     return f"Recorded on {len(days)} days, from {days[0]} to {days[-1]} ({count} recordings)."
 
 
+@page_table(
+    "rod",
+    "angle (rad)",
+    "speed range (rad/s)",
+    "time fitted (s)",
+    "time held out (s)",
+    style="prose",
+    title="Map, values",
+)
 def domain_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return rows with speeds and durations for each range of angles."""
     rows = []
@@ -114,11 +123,5 @@ DOMAIN = EvidenceSection(
     alternative="Maps of the time that each rod spent at each angle and speed.",
     caption="Time that each rod spent at each angle and speed in the fitted recordings, in cells of 15 degrees. The"
     " outline encloses the held-out recordings. Blank: not visited.",
-    tables=(
-        FoldedTable(
-            "Map, values",
-            ("rod", "angle (rad)", "speed range (rad/s)", "time fitted (s)", "time held out (s)"),
-            domain_rows,
-        ),
-    ),
+    tables=(domain_rows,),
 )

@@ -5,7 +5,8 @@ from collections import defaultdict
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import EXCLUDED, Exclusion
 from dpr_lab.report.angles import RADIANS
-from dpr_lab.report.gap.section import EvidenceSection, FoldedTable, evidence_of
+from dpr_lab.report.gap.section import EvidenceSection, evidence_of
+from dpr_lab.report.pages.page import page_table
 from dpr_lab.report.words import in_words, named, parameter_words, size_words
 from dpr_lab.shown import percent
 
@@ -37,6 +38,7 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
     return sentences
 
 
+@page_table("effect", "excluded from this size", "confidence", style="prose", title="All excluded effects")
 def exclusion_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return one row for each excluded effect, in the order of the library."""
     excluded, _ = _split(diagnosis)
@@ -71,7 +73,7 @@ EXCLUSIONS = EvidenceSection(
     name="exclusions",
     title="Excluded effects",
     words=exclusion_words,
-    tables=(FoldedTable("All excluded effects", ("effect", "excluded from this size", "confidence"), exclusion_rows),),
+    tables=(exclusion_rows,),
     symbols="Size: 5 σ, where σ is the standard deviation of the linear estimate a of the effect in addition to all"
     " named effects, with the correlation of the residuals. Confidence: Φ(5 − |a| / σ).",
 )

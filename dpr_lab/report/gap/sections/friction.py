@@ -11,7 +11,8 @@ from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.report import style
 from dpr_lab.report.digits import interval, plus_minus, three
 from dpr_lab.report.figures import clip_to_signal, empty_figure, legend_above, new_figure
-from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evidence_of
+from dpr_lab.report.gap.section import PAGE, EvidenceSection, evidence_of
+from dpr_lab.report.pages.page import page_table
 from dpr_lab.report.words import named
 from dpr_lab.shown import listed
 
@@ -19,15 +20,14 @@ from dpr_lab.shown import listed
 def friction_figure(diagnosis: Diagnosis) -> Figure:
     """Draw the friction torque of each joint against its speed."""
     friction = evidence_of(diagnosis).friction
-    with style.house_style():
-        if not friction:
-            return empty_figure("No joint moves fast enough in both directions.")
-        figure = new_figure(3.0)
-        panels = figure.subplots(1, len(friction), squeeze=False)[0]
-        for axes, (joint, curve) in zip(panels, friction.items(), strict=True):
-            _draw_joint(axes, joint, curve)
-        legend_above(figure)
-        return figure
+    if not friction:
+        return empty_figure("No joint moves fast enough in both directions.")
+    figure = new_figure(3.0)
+    panels = figure.subplots(1, len(friction), squeeze=False)[0]
+    for axes, (joint, curve) in zip(panels, friction.items(), strict=True):
+        _draw_joint(axes, joint, curve)
+    legend_above(figure)
+    return figure
 
 
 def _draw_joint(axes: Axes, joint: str, curve: JointFriction) -> None:
@@ -67,6 +67,9 @@ def friction_words(diagnosis: Diagnosis) -> list[str]:
     return sentences or ["No joint moves fast enough in both directions."]
 
 
+@page_table(
+    "joint", "speed (rad/s)", "torque (mN m)", "90 % interval (mN m)", style="prose", title="Friction torque, values"
+)
 def friction_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return rows for some speeds of each joint."""
     rows = []
@@ -97,11 +100,5 @@ FRICTION = EvidenceSection(
     " named friction laws and a free-form curve, fitted together. The band is the 90 % interval at each speed.",
     symbols="T(u) = c u + sum of the friction laws at the speed u, positive against a positive speed, at the assumed b."
     " Its variance is g(u)^T C g(u), with C the covariance of the fitted values and g(u) the derivative of T(u).",
-    tables=(
-        FoldedTable(
-            "Friction torque, values",
-            ("joint", "speed (rad/s)", "torque (mN m)", "90 % interval (mN m)"),
-            friction_rows,
-        ),
-    ),
+    tables=(friction_rows,),
 )

@@ -9,8 +9,9 @@ from dpr_lab.gap.result.evidence import Curves
 from dpr_lab.report import style
 from dpr_lab.report.digits import three
 from dpr_lab.report.figures import empty_figure, legend_above, new_figure
-from dpr_lab.report.gap.section import EvidenceSection, FoldedTable, evidence_of
+from dpr_lab.report.gap.section import EvidenceSection, evidence_of
 from dpr_lab.report.gap.tables import run_words
+from dpr_lab.report.pages.page import page_table
 
 RODS = ("inner rod", "outer rod")
 
@@ -21,16 +22,15 @@ def metric_figure(diagnosis: Diagnosis) -> Figure:
     The area metric is that of the bare model.
     """
     evidence = evidence_of(diagnosis)
-    with style.house_style():
-        if not evidence.curves:
-            return empty_figure("No recording was simulated.")
-        worst = max(evidence.budget.runs, key=lambda run: run.area_before_rad).run
-        curves = next(curves for curves in evidence.curves if curves.run == worst)
-        figure = new_figure(3.2)
-        for column, axes in enumerate(figure.subplots(1, curves.rods, squeeze=False)[0]):
-            _draw_quantiles(axes, curves, column)
-        legend_above(figure)
-        return figure
+    if not evidence.curves:
+        return empty_figure("No recording was simulated.")
+    worst = max(evidence.budget.runs, key=lambda run: run.area_before_rad).run
+    curves = next(curves for curves in evidence.curves if curves.run == worst)
+    figure = new_figure(3.2)
+    for column, axes in enumerate(figure.subplots(1, curves.rods, squeeze=False)[0]):
+        _draw_quantiles(axes, curves, column)
+    legend_above(figure)
+    return figure
 
 
 def _draw_quantiles(axes: Axes, curves: Curves, column: int) -> None:
@@ -79,6 +79,19 @@ def metric_words(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
+@page_table(
+    "run",
+    "horizon (s)",
+    "growth rate of errors (1/s)",
+    "area, bare model (mrad)",
+    "area, corrected model (mrad)",
+    "area, noise alone (mrad)",
+    caption="Horizon: time at which the uncertainty of the initial state alone moves an angle by 0.1 rad; ≥"
+    " if this time is beyond the free run of 2.6 s. Growth rate: largest finite-time Lyapunov"
+    " exponent of the angles up to the horizon. Areas: mean of the joints.",
+    style="prose",
+    title="Areas and horizons by run",
+)
 def metric_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return rows with area metric and horizon of each free run."""
     return [
@@ -100,23 +113,7 @@ METRIC = EvidenceSection(
     alternative="Differences of the quantiles of simulated and measured angles of the rods, for both models.",
     caption="Differences of the quantiles of simulated and measured angles within the horizon, for the recording in"
     " which the bare model has the largest area. The shaded areas are the metric.",
-    tables=(
-        FoldedTable(
-            "Areas and horizons by run",
-            (
-                "run",
-                "horizon (s)",
-                "growth rate of errors (1/s)",
-                "area, bare model (mrad)",
-                "area, corrected model (mrad)",
-                "area, noise alone (mrad)",
-            ),
-            metric_rows,
-            "Horizon: time at which the uncertainty of the initial state alone moves an angle by 0.1 rad; ≥"
-            " if this time is beyond the free run of 2.6 s. Growth rate: largest finite-time Lyapunov"
-            " exponent of the angles up to the horizon. Areas: mean of the joints.",
-        ),
-    ),
+    tables=(metric_rows,),
     symbols="d = ∫ |F_S(x) − F_D(x)| dx = ∫ |x_S(p) − x_D(p)| dp, F_S and F_D the empirical distributions. Area"
     " validation metric: Ferson, Oberkampf & Ginzburg (2008), Comput. Methods Appl. Mech. Engrg. 197, 2408-2430.",
 )

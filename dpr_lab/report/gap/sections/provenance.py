@@ -2,7 +2,8 @@
 
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.digits import NONE
-from dpr_lab.report.gap.section import EvidenceSection, FoldedTable, evidence_of
+from dpr_lab.report.gap.section import EvidenceSection, evidence_of
+from dpr_lab.report.pages.page import page_table
 
 
 def provenance_words(diagnosis: Diagnosis) -> list[str]:
@@ -17,6 +18,17 @@ def provenance_words(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
+@page_table(
+    "run",
+    "role",
+    "recorded (UTC)",
+    "pose",
+    "duration (s)",
+    "readings used",
+    "SHA-256",
+    style="hash",
+    title="Recordings",
+)
 def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return one row for each recording, with its SHA-256."""
     return [
@@ -37,12 +49,5 @@ PROVENANCE = EvidenceSection(
     name="provenance",
     title="Provenance",
     words=provenance_words,
-    tables=(
-        FoldedTable(
-            "Recordings",
-            ("run", "role", "recorded (UTC)", "pose", "duration (s)", "readings used", "SHA-256"),
-            recording_rows,
-            style="hash",
-        ),
-    ),
+    tables=(recording_rows,),
 )

@@ -10,7 +10,8 @@ from dpr_lab.gap.result.evidence import ResidualLook, Whiteness
 from dpr_lab.report import style
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.figures import legend_above, new_figure
-from dpr_lab.report.gap.section import PAGE, EvidenceSection, FoldedTable, evidence_of
+from dpr_lab.report.gap.section import PAGE, EvidenceSection, evidence_of
+from dpr_lab.report.pages.page import page_table
 from dpr_lab.report.words import in_words
 from dpr_lab.shown import percent
 
@@ -21,18 +22,17 @@ LINES = {"before": ("bare model", style.SIMULATED), "after": ("corrected model",
 def residual_figure(diagnosis: Diagnosis) -> Figure:
     """Draw autocorrelation and normal quantile plot of the residuals, with one row per joint."""
     look = evidence_of(diagnosis).residuals
-    with style.house_style():
-        figure = new_figure(0.5 + 2.5 * len(look.joints))
-        grid = figure.subplots(len(look.joints), 2, squeeze=False)
-        for (left, right), (joint, models) in zip(grid, look.joints.items(), strict=True):
-            _draw_autocorrelation(left, look, models)
-            _draw_quantiles(right, look, models)
-            left.set(title=in_words(joint), ylabel="autocorrelation")
-            right.set_ylabel("residual (σ of the noise)")
-        grid[-1][0].set_xlabel("lag (s)")
-        grid[-1][1].set_xlabel("normal quantile (σ)")
-        legend_above(figure)
-        return figure
+    figure = new_figure(0.5 + 2.5 * len(look.joints))
+    grid = figure.subplots(len(look.joints), 2, squeeze=False)
+    for (left, right), (joint, models) in zip(grid, look.joints.items(), strict=True):
+        _draw_autocorrelation(left, look, models)
+        _draw_quantiles(right, look, models)
+        left.set(title=in_words(joint), ylabel="autocorrelation")
+        right.set_ylabel("residual (σ of the noise)")
+    grid[-1][0].set_xlabel("lag (s)")
+    grid[-1][1].set_xlabel("normal quantile (σ)")
+    legend_above(figure)
+    return figure
 
 
 def _draw_autocorrelation(axes: Axes, look: ResidualLook, models: dict[str, Whiteness]) -> None:
@@ -77,6 +77,19 @@ def residual_words(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
+@page_table(
+    "joint",
+    "model",
+    "lag 1",
+    "lag 2",
+    "lag 5",
+    "lag 10",
+    "lag 20",
+    "lag 40",
+    "beyond 3 σ",
+    style="prose",
+    title="Autocorrelation, values",
+)
 def residual_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return autocorrelation at six lags and large residuals, by joint and model."""
     rows = []
@@ -88,6 +101,14 @@ def residual_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     return rows
 
 
+@page_table(
+    "joint",
+    "normal (σ)",
+    *(label for label, _ in LINES.values()),
+    caption="Residuals in standard deviations of the noise.",
+    style="prose",
+    title="Quantiles, values",
+)
 def quantile_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return rows with every fifth point of the quantile plots, by joint."""
     look = evidence_of(diagnosis).residuals
@@ -109,17 +130,8 @@ RESIDUALS = EvidenceSection(
     " Segments"
     " of 0.5 s of the fitted recordings, with free initial states.",
     tables=(
-        FoldedTable(
-            "Autocorrelation, values",
-            ("joint", "model", "lag 1", "lag 2", "lag 5", "lag 10", "lag 20", "lag 40", "beyond 3 σ"),
-            residual_rows,
-        ),
-        FoldedTable(
-            "Quantiles, values",
-            ("joint", "normal (σ)", *(label for label, _ in LINES.values())),
-            quantile_rows,
-            "Residuals in standard deviations of the noise.",
-        ),
+        residual_rows,
+        quantile_rows,
     ),
     symbols="Autocorrelation at lag k: Σ r(i) r(i+k) / Σ r(i)², within segments; white noise stays within ±1.96/√n."
     " Box & Jenkins, Time Series Analysis, ch. 8.",

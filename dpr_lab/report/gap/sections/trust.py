@@ -5,9 +5,8 @@ from matplotlib.figure import Figure
 
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.trust import NOTHING
-from dpr_lab.report import style
 from dpr_lab.report.figures import new_figure
-from dpr_lab.report.gap.section import EvidenceSection, FoldedTable
+from dpr_lab.report.gap.section import EvidenceSection
 from dpr_lab.report.gap.trust_trials import trial_rows, trust_words
 
 
@@ -18,19 +17,18 @@ def trust_figure(diagnosis: Diagnosis) -> Figure | None:
     cells = {(cell.true, cell.named): cell.trials for cell in diagnosis.trust.confusion}
     rows, columns = (sorted({pair[i] for pair in cells}, key=lambda name: (name == NOTHING, name)) for i in range(2))
     counts = np.array([[cells.get((true, label), 0) for label in columns] for true in rows])
-    with style.house_style():
-        figure = new_figure(1.8 + 0.28 * len(rows))
-        axes = figure.subplots()
-        axes.imshow(np.ma.masked_equal(counts, 0), cmap="cividis_r", aspect="auto", vmin=0, vmax=2 * counts.max())
-        for row, column in np.argwhere(counts).tolist():
-            right = rows[row] == columns[column]
-            text = f"{counts[row, column]}{'' if right else ' ✗'}"
-            axes.text(column, row, text, ha="center", va="center", weight="bold" if right else "normal")
-        axes.set_xticks(range(len(columns)), columns, rotation=40, ha="right")
-        axes.set_yticks(range(len(rows)), rows)
-        axes.grid(visible=False)
-        axes.set(xlabel="named effect", ylabel="hidden effect")
-        return figure
+    figure = new_figure(1.8 + 0.28 * len(rows))
+    axes = figure.subplots()
+    axes.imshow(np.ma.masked_equal(counts, 0), cmap="cividis_r", aspect="auto", vmin=0, vmax=2 * counts.max())
+    for row, column in np.argwhere(counts).tolist():
+        right = rows[row] == columns[column]
+        text = f"{counts[row, column]}{'' if right else ' ✗'}"
+        axes.text(column, row, text, ha="center", va="center", weight="bold" if right else "normal")
+    axes.set_xticks(range(len(columns)), columns, rotation=40, ha="right")
+    axes.set_yticks(range(len(rows)), rows)
+    axes.grid(visible=False)
+    axes.set(xlabel="named effect", ylabel="hidden effect")
+    return figure
 
 
 TRUST = EvidenceSection(
@@ -41,12 +39,6 @@ TRUST = EvidenceSection(
     alternative="Confusion matrix of hidden and named effects.",
     caption="Number of trials by hidden and named effect; ✗ marks incorrect effects. A named effect is"
     " correct if the hidden effect is in its class of indistinguishable effects.",
-    tables=(
-        FoldedTable(
-            "All trials",
-            ("trial", "kind", "hidden effects", "named effects", "verdict", "grade", "time (s)"),
-            trial_rows,
-        ),
-    ),
+    tables=(trial_rows,),
     symbols="Intervals: Wilson score.",
 )
