@@ -1,13 +1,12 @@
 """Handling of errors in widgets: an error is shown and logged, and the widget continues."""
 
 import traceback
-from dataclasses import dataclass
 from pathlib import Path
 
 from textual.message import Message
 from textual.message_pump import MessagePump
 
-from dpr_lab.tui.notices import append
+from dpr_lab.tui.notices import SETTINGS, append
 
 
 class Guarded(MessagePump):
@@ -23,17 +22,6 @@ class Guarded(MessagePump):
             self.app._handle_exception(error)
 
 
-@dataclass(frozen=True, slots=True)
-class ErrorLogSettings:
-    """Limits of the error log."""
-
-    largest: int = 1_000_000
-    """Maximum size of `errors.log`, bytes. A larger file is renamed to `errors.log.1` and replaces the previous one."""
-
-
-ERROR_LOG = ErrorLogSettings()
-
-
 def log(error: Exception, folder: Path) -> str:
     """Append an error with its traceback to `errors.log`.
 
@@ -42,7 +30,7 @@ def log(error: Exception, folder: Path) -> str:
     """
     file = folder / "errors.log"
     try:
-        append(file, f"\n{''.join(traceback.format_exception(error))}", ERROR_LOG.largest)
+        append(file, f"\n{''.join(traceback.format_exception(error))}", SETTINGS.error_file_bytes)
     except OSError as why:
         return f"details cannot be written to {file}: {why.strerror}"
     return f"details are in {file}"

@@ -27,6 +27,8 @@ class MessageLogSettings:
     """Maximum number of messages in the list."""
     file_bytes: int = 250_000
     """Maximum size of the log file, bytes: about two thousand messages. A larger file is renamed to `.1`."""
+    error_file_bytes: int = 1_000_000
+    """Maximum size of `errors.log`, bytes. A larger file is renamed to `errors.log.1` and replaces the previous one."""
 
 
 SETTINGS = MessageLogSettings()

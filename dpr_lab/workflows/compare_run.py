@@ -46,10 +46,9 @@ def compare_arm_run(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: 
     See `compare_any_run` for arguments and errors.
     """
     from dpr_lab.exports.moving_arm.replay import follow_with_arm
-    from dpr_lab.identification.moving_arm.identify import ArmComparison
-    from dpr_lab.identification.moving_arm.identify import compare_moving_arm as compare_without_effects
+    from dpr_lab.identification.moving_arm.identify import ArmComparison, compare_moving_arm
 
     if not model.effects:
-        return compare_without_effects(run, rig, model, segment_s)
+        return compare_moving_arm(run, rig, model, segment_s)
     followed = follow_with_arm(run, rig, model, segment_s)
     return ArmComparison.of(run, model, followed.t, followed.measured, followed.simulated, segment_s, followed.noise)

@@ -3,23 +3,20 @@
 Large libraries are imported only in these processes, not in the process that draws the screen.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import DprError
 from dpr_lab.tui.jobs.job_control import JobControl
 from dpr_lab.tui.jobs.kept_comparison import KeptComparison
 from dpr_lab.workflows.compare import CompareRequest
 from dpr_lab.workflows.compare import compare as compare_runs
-from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult
-from dpr_lab.workflows.diagnose import diagnose as diagnose_runs
+from dpr_lab.workflows.events import OnEvent
 from dpr_lab.workflows.identify import IdentifyRequest, IdentifyResult
 from dpr_lab.workflows.identify import identify as identify_runs
-from dpr_lab.workflows.plan import PlanRequest, PlanResult
-from dpr_lab.workflows.plan import plan as plan_recordings
 
 if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison, FreeRun
@@ -35,14 +32,9 @@ def identify(control: JobControl, *, request: IdentifyRequest) -> IdentifyResult
     return identify_runs(request, control.report, control.proceed)
 
 
-def diagnose(control: JobControl, *, request: DiagnoseRequest) -> DiagnoseResult:
-    """Diagnose the runs."""
-    return diagnose_runs(request, control.report)
-
-
-def plan(control: JobControl, *, request: PlanRequest) -> PlanResult:
-    """Plan the next recordings."""
-    return plan_recordings(request, control.report)
+def workflow(control: JobControl, *, job: Callable[[Any, OnEvent], Any], request: Any) -> Any:
+    """Run a workflow with its request."""
+    return job(request, control.report)
 
 
 @dataclass(frozen=True, slots=True)

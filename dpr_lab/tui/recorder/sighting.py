@@ -10,21 +10,7 @@ from dpr_lab.acquisition.holding import PoseReading, RestReading
 from dpr_lab.acquisition.rest import RodAngles
 from dpr_lab.acquisition.swing import SwingReading
 from dpr_lab.tui.recorder.messages import AttemptSeen, Idle
-
-
-@dataclass(frozen=True, slots=True)
-class SightingSettings:
-    """Limits on the age of the last readings."""
-
-    fresh_s: float = 1.5
-    """Age above which the last readings count as outdated, s. A device reports ten times per second, and counts as lost
-    after 1 s without a report."""
-    outcome_s: float = 4.0
-    """Time after a release command by which its result is known, s. The recorder discards a command after 2 s, and a
-    device answers RELEASE within 1 s. A latch that is still closed later was not opened by that command."""
-
-
-SIGHTING = SightingSettings()
+from dpr_lab.tui.recorder.settings import SETTINGS
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +26,7 @@ class Sighting:
 
     def fresh(self, now: float) -> bool:
         """Return whether the reading is still current."""
-        return now - self.at <= SIGHTING.fresh_s
+        return now - self.at <= SETTINGS.fresh_s
 
     def settles(self, ordered: float) -> bool:
         """Return whether the reading shows the result of a release command.
@@ -50,7 +36,7 @@ class Sighting:
         """
         if self.latched is None:
             return False
-        return self.at >= ordered if not self.latched else self.at > ordered + SIGHTING.outcome_s
+        return self.at >= ordered if not self.latched else self.at > ordered + SETTINGS.outcome_s
 
     def ago(self, now: float) -> str:
         """Format the age of the reading, for example `last seen 3.2 s ago`."""

@@ -26,7 +26,7 @@ from dpr_lab.tui.recorder.messages import (
     RecorderFailed,
     RecorderReport,
 )
-from dpr_lab.tui.recorder.sighting import SIGHTING
+from dpr_lab.tui.recorder.settings import SETTINGS
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.capture_choices import CHOICES
 from dpr_lab.tui.steps.step import Step
@@ -87,7 +87,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
 
         The step Rig reports errors of the rig file.
         """
-        self.set_interval(SIGHTING.fresh_s / 3, self._age)
+        self.set_interval(SETTINGS.fresh_s / 3, self._age)
         with suppress(ConfigError):
             self._rig = load_rig(self.workspace.rig)
 

@@ -18,7 +18,7 @@ from dpr_lab.transports.simulated import compiles_first
 from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.line_breaks import Hanging
 from dpr_lab.tui.recorder.messages import Connected, Exercise, Exercised, Idle, RecorderFailed, RecorderReport
-from dpr_lab.tui.recorder.sighting import SIGHTING
+from dpr_lab.tui.recorder.settings import SETTINGS
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.step import Step
 from dpr_lab.tui.texts import NOTICES
@@ -63,7 +63,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
 
     def on_mount(self) -> None:
         """Search for links, and update the age of readings regularly."""
-        self.set_interval(SIGHTING.fresh_s / 3, self._age)
+        self.set_interval(SETTINGS.fresh_s / 3, self._age)
         self.query_one(Input).value = self.workspace.link
         self.action_look()
 

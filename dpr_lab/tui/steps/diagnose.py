@@ -27,7 +27,7 @@ from dpr_lab.tui.steps.job_step import READING, JobStep
 from dpr_lab.tui.texts import named_runs
 from dpr_lab.tui.widgets.chart import Chart, Series
 from dpr_lab.tui.widgets.run_browser import RunBrowser
-from dpr_lab.workflows.diagnose import DiagnoseRequest
+from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
 
 if TYPE_CHECKING:
     from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -159,7 +159,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self._stage = None
         self._pace = StagePace({name: s * self._runs for name, s in STAGES_S.items()}, STEADY, time.monotonic())
         self.say(READING)
-        self.begin(jobs.diagnose, request=request)
+        self.begin(jobs.workflow, job=diagnose, request=request)
 
     def pace(self, now: float) -> str:
         """Return the remaining time as text, estimated from the durations of the stages."""

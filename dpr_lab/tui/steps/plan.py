@@ -24,7 +24,7 @@ from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.job_step import JobStep
 from dpr_lab.tui.texts import report_table, sentences, table
-from dpr_lab.workflows.plan import PlanRequest, PlanResult
+from dpr_lab.workflows.plan import PlanRequest, PlanResult, plan
 
 if TYPE_CHECKING:
     from dpr_lab.planning.result import Plan, PlannedRelease
@@ -130,7 +130,7 @@ diagnosed first.
             torque=self.workspace.driven_by,
         )
         self.say(PLANNING)
-        self.begin(jobs.plan, request=request)
+        self.begin(jobs.workflow, job=plan, request=request)
 
     def progressed(self, value: Any) -> None:
         """Show the stages of the diagnosis that precedes a plan."""
