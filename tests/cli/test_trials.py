@@ -20,7 +20,7 @@ from tests.thinned import FULL
 def test_a_diagnosed_trial_states_the_file_for_the_results_of_its_checks(monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[Path] = []
     trial = SimpleNamespace(diagnosis=None, files={"report": "trial/diagnosis/diagnosis.html"})
-    monkeypatch.setattr("dpr_lab.workflows.trial.diagnose_trial", lambda *_: trial)
+    monkeypatch.setattr("dpr_lab.workflows.trial.diagnose_trial", lambda *_, **__: trial)
     monkeypatch.setattr("dpr_lab.cli.diagnose.show", lambda _, out: shown.append(out))
     trials.run(Path("trial"))
     assert shown == [Path("trial/diagnosis")]
