@@ -133,7 +133,7 @@ class Look:
 def given_steps(known: Knowledge, releases: Sequence[CandidateRelease]) -> list[SequenceStep]:
     """Sequence that consists of given releases."""
     return [
-        SequenceStep(one.release, one.information / known.inflation, one.horizon_s, 1.0, 0.0, 1.0)
+        SequenceStep(one.release, one.information / known.inflation, 1.0, 0.0)
         for one in informed(releases, known.model)
     ]
 

@@ -77,8 +77,6 @@ class Informed:
     release: CandidateRelease
     information: Array
     """(k, k) Fisher information about the unknowns."""
-    horizon_s: float
-    """Predictability horizon, s; at most the duration of the release."""
 
 
 def informed(
@@ -96,15 +94,13 @@ def informed(
     """
     rated = []
     for batch in _batches(releases):
-        horizons, jacobians = _horizons(batch, model), zip(*_slopes(batch, model), strict=True)
-        for release, horizon, (A, Z) in zip(batch, horizons, jacobians, strict=True):
+        for release, A, Z in zip(batch, *_slopes(batch, model), strict=True):
             for duration in (release.duration_s, *(d for d in durations if d < release.duration_s)):
                 count = max(1, round(duration / LENGTHS.working))
                 covered, zeros = (columns[:count].reshape(-1, columns.shape[2]) for columns in (A, Z))
                 if model.rezeroed:
                     covered = covered - zeros @ np.linalg.lstsq(zeros, covered, rcond=1e-9)[0]
-                shorter = replace(release, duration_s=duration)
-                rated.append(Informed(shorter, covered.T @ covered, float(min(horizon, duration))))
+                rated.append(Informed(replace(release, duration_s=duration), covered.T @ covered))
     return rated
 
 
@@ -200,17 +196,14 @@ def _weight(batch: Sequence[CandidateRelease], model: PresentModel, samples: int
     return np.repeat(read / (model.noise[:axes] * np.sqrt(SWING.rate_hz)), samples, axis=0)
 
 
-def _horizons(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
-    """Compute the (releases,) predictability horizon of each release, s."""
-    t = np.arange(1, round(batch[0].duration_s * SWING.horizon_hz) + 1) / SWING.horizon_hz
-    swings = segments([t] * len(batch), range(len(batch)), [release.setup for release in batch], SWING.step_s)
-    starts = np.array([release.start for release in batch])
-    nudged = np.tile(starts, (3, 1, 1))
-    nudged[1, :, 0] += SWING.nudge_rad
-    nudged[2, :, 1] += SWING.nudge_rad
+def horizon_s(release: CandidateRelease, model: PresentModel) -> float:
+    """Return the predictability horizon of a release, s; at most its duration."""
+    t = np.arange(1, round(release.duration_s * SWING.horizon_hz) + 1) / SWING.horizon_hz
+    swing = segments([t], [0], [release.setup], SWING.step_s)
+    starts = np.tile(release.start, (3, 1, 1))
+    starts[[1, 2], 0, [0, 1]] += SWING.nudge_rad
     bases, params = np.tile(model.estimate.whole, (3, 1)), np.tile(model.estimate.params, (3, 1))
-    angles = predict_batch(bases, params, model.rods.constants, swings, nudged, arm=swings.arm_moves)
-    by_pose = (angles[1:] - angles[0]).reshape(2, len(batch), len(t), -1) / SWING.nudge_rad
-    spread = model.placement_rad * np.sqrt(np.sum(by_pose**2, axis=0)).max(axis=2)
-    lost = ~(spread < SWING.lost_rad)
-    return np.where(lost.any(axis=1), t[np.argmax(lost, axis=1)], batch[0].duration_s)
+    angles = predict_batch(bases, params, model.rods.constants, swing, starts, arm=swing.arm_moves)
+    by_pose = (angles[1:] - angles[0]) / SWING.nudge_rad
+    spread = model.placement_rad * np.sqrt(np.sum(by_pose**2, axis=0)).max(axis=1)
+    return min(t[~(spread < SWING.lost_rad)].tolist(), default=release.duration_s)

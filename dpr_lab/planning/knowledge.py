@@ -30,7 +30,6 @@ from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.prior import STRENGTH, Prior, prior_of
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.gap.bare_model import nominal_ratios
-from dpr_lab.gap.result.checks import NONE_OF_THEM
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.record import RATE_HZ, record
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
@@ -47,15 +46,11 @@ RATIO_COLUMNS = len(UNKNOWN_RATIOS)
 """Number of unknowns before the amplitudes of effects: the ratios, b and p/b."""
 
 
-@dataclass(frozen=True, slots=True)
-class HeldRatios:
-    """Narrow prior that keeps ratios at their nominal values if no release determines them."""
+EXACTNESS = 1e6
+"""Value of a ratio that no release determines, divided by the standard deviation of its prior.
 
-    exactness: float = 1e6
-    """Value of a ratio divided by the standard deviation of its prior."""
-
-
-HELD = HeldRatios()
+The narrow prior keeps such a ratio at its nominal value.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +71,6 @@ class Knowledge:
     """Effects of the model that are not faults: the moving arm, and the gain of its drive if it is unknown."""
     causes: tuple[Causes, ...] = ()
     """Candidate causes of each named effect."""
-    unexplained: float = 0.0
-    """Probability of a cause outside the library."""
     diagnosis: Diagnosis | None = None
     """Diagnosis of the runs recorded so far; None if there are no runs."""
     made: tuple[CandidateRelease, ...] = ()
@@ -145,7 +138,6 @@ def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Act
         frozenset(diagnosis.model_effects) | always,
         always,
         tuple(causes_of(diagnosis)),
-        diagnosis.probabilities.get(NONE_OF_THEM, 0.0),
         diagnosis,
         tuple(_made(run) for run in runs),
         _places(model),
@@ -262,7 +254,7 @@ def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str]
         widest = np.inf if column.effect in always else STRENGTH.zeros * column.size
         information[i, i] = 1.0 / min(prior.std(column), widest) ** 2
     for i in hidden:
-        information[i, i] += (HELD.exactness / model.columns[i].size) ** 2
+        information[i, i] += (EXACTNESS / model.columns[i].size) ** 2
     return information
 
 

@@ -3,7 +3,7 @@
 The value of a release depends on the previous ones.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,14 +35,10 @@ class SequenceStep:
     release: CandidateRelease
     information: Array
     """(k, k) Fisher information of this release."""
-    horizon_s: float
-    """Predictability horizon of the planned swing, s."""
     minutes: float
     """Time that the release takes after the previous one, minutes."""
-    worth: float
-    """Value of the release: weighted sum of the bits that it adds."""
-    price: float
-    """Time by which the value is divided, minutes.
+    rate: float
+    """Value of the release (weighted sum of the bits that it adds) per minute.
 
     If there is a budget, this is the whole time of the release, otherwise only the time of the operator.
     """
@@ -96,7 +92,7 @@ class Planner:
             chosen = self._best(pool, now)
             if chosen is None:
                 return self._longer(steps, now.left)
-            pool.append(Informed(chosen.release, chosen.information * known.inflation, chosen.horizon_s))
+            pool.append(Informed(chosen.release, chosen.information * known.inflation))
             steps.append(chosen)
             now = now.after(chosen)
         return steps
@@ -118,7 +114,6 @@ class Planner:
                     steps[k],
                     release=informed_longer.release,
                     information=informed_longer.information / self.objective.known.inflation,
-                    horizon_s=informed_longer.horizon_s,
                     minutes=cost + (duration - release.duration_s) / 60,
                 )
                 left -= extended[k].minutes - cost
@@ -156,26 +151,27 @@ class Planner:
             ]
             refined = self._informed(tried)
             pool += refined
-            ranked = sorted([*ranked, *self._ranked(refined, now)], key=_rate, reverse=True)
-        return max((self._averaged(step, now) for step in ranked[: SEARCH.finalists]), key=_rate)
+            ranked = _by_rate([*ranked, *self._ranked(refined, now)])
+        return _by_rate(self._averaged(step, now) for step in ranked[: SEARCH.finalists])[0]
 
     def _ranked(self, pool: Sequence[Informed], now: SequenceSoFar) -> list[SequenceStep]:
         """Return the releases that fit into the remaining time, by decreasing value per minute."""
-        F, f = now.information, self.objective.known.inflation
-        before = self.objective.worth(F)
-        steps = [
+        costs = [minutes(candidate.release, now.mounted, self.limits) for candidate in pool]
+        affordable = [(candidate, cost) for candidate, cost in zip(pool, costs, strict=True) if cost <= now.left]
+        if not affordable:
+            return []
+        F = np.stack([candidate.information for candidate, _ in affordable]) / self.objective.known.inflation
+        free = np.isinf(now.left) / 60  # minutes per second of recording that do not count
+        worth = self.objective.gain(now.information + F).weighed - self.objective.gain(now.information).weighed
+        return _by_rate(
             SequenceStep(
                 candidate.release,
-                candidate.information / f,
-                candidate.horizon_s,
+                information,
                 cost,
-                novelty(candidate.release, now.made) * (self.objective.worth(F + candidate.information / f) - before),
-                _price(cost, candidate.release, now.left),
+                novelty(candidate.release, now.made) * bits / max(cost - free * candidate.release.duration_s, 1 / 60),
             )
-            for candidate in pool
-            if (cost := minutes(candidate.release, now.mounted, self.limits)) <= now.left
-        ]
-        return sorted(steps, key=_rate, reverse=True)
+            for (candidate, cost), information, bits in zip(affordable, F, worth.tolist(), strict=True)
+        )
 
     def _averaged(self, step: SequenceStep, now: SequenceSoFar) -> SequenceStep:
         """Set the best duration of a release, and average its information over placement errors."""
@@ -189,11 +185,7 @@ class Planner:
         rated = self._informed([longest, *placements(longest, std, SEARCH.placements, self.rng)], durations)
         count = len(rated) // (1 + SEARCH.placements)
         averaged = [
-            Informed(
-                rated[k].release,
-                np.mean([placed.information for placed in rated[k::count]], axis=0),
-                rated[k].horizon_s,
-            )
+            Informed(rated[k].release, np.mean([placed.information for placed in rated[k::count]], axis=0))
             for k in range(count)
         ]
         return next(iter(self._ranked(averaged, now)), step)
@@ -204,9 +196,6 @@ def _swing(theta1: float, theta2: float, duration_s: float, on: MountedParts) ->
     return CandidateRelease(theta1, theta2, duration_s, on.mounting, on.added, arm="held" if on.arm_held else "free")
 
 
-def _rate(step: SequenceStep) -> float:
-    return step.worth / step.price
-
-
-def _price(cost: float, release: CandidateRelease, left: float) -> float:
-    return max(cost if np.isfinite(left) else cost - release.duration_s / 60, 1 / 60)
+def _by_rate(steps: Iterable[SequenceStep]) -> list[SequenceStep]:
+    """Sort steps by decreasing value per minute."""
+    return sorted(steps, key=lambda step: -step.rate)

@@ -16,7 +16,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.planning.candidates import bent, placements
 from dpr_lab.planning.forecast import FORECAST, decision_probability, settled_probabilities
-from dpr_lab.planning.information import informed
+from dpr_lab.planning.information import horizon_s, informed
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, PlannedRelease
@@ -108,9 +108,9 @@ def _planned(
         signal=release.signal,
         input=None,
         minutes=step.minutes,
-        horizon_s=step.horizon_s,
-        pairs=[PairBits(causes=pair, bits=bits) for pair, bits in objective.bits_of(gained).items()],
-        library_bits=library_bits(known, F),
+        horizon_s=horizon_s(release, known.model),
+        pairs=[PairBits(causes=pair, bits=float(bits)) for pair, bits in objective.bits(gained).items()],
+        library_bits=float(library_bits(known, F)),
         ratio_std=shown_ratio_std(known, F),
         decided=decided,
     )

@@ -103,7 +103,7 @@ def test_a_forecast_considers_the_errors_of_manual_placement(paper: Rig) -> None
     nothing, known = one_cause(verdict="no_gap", effects=[]), known_before(paper)
     recorded, swing = informed([CandidateRelease(0.3, 5.6, 5.0), CandidateRelease(0.02, 0.02, 5.0)], known.model)
     known = replace(known, information=known.information + recorded.information)
-    step = SequenceStep(swing.release, swing.information, swing.horizon_s, 1.0, 0.0, 1.0)
+    step = SequenceStep(swing.release, swing.information, 1.0, 0.0)
     made = []
     for std in (1e-9, known.model.placement_rad):
         after = replace(known, model=replace(known.model, placement_rad=std))
@@ -116,7 +116,7 @@ def test_without_a_visible_gap_only_the_simulated_score_tests_determine_the_fore
     nothing, known = one_cause(verdict="no_gap", effects=[]), known_before(paper)
     (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
     known = replace(known, information=known.information + swing.information)
-    step = SequenceStep(swing.release, swing.information, swing.horizon_s, 1.0, 0.0, 1.0)
+    step = SequenceStep(swing.release, swing.information, 1.0, 0.0)
     known = replace(known, model=replace(known.model, placement_rad=1e-9))  # each simulated release has the same pose
     made = []
     for runs in (("P1", "P2"), ("P1", "P2", "P3", "P4")):
@@ -134,7 +134,7 @@ def test_a_cause_without_alternatives_lowers_the_forecast_if_it_may_be_outside_t
     known = replace(known, causes=(causes,), named=frozenset({causes.about}), diagnosis=of_runs(one_cause(8.0), "P1"))
     (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
     objective = Objective.of(known)
-    step = SequenceStep(swing.release, swing.information, swing.horizon_s, 1.0, 0.0, 1.0)
+    step = SequenceStep(swing.release, swing.information, 1.0, 0.0)
     made = summed_up(objective, [step], PlanLimits(), 0.0)
     assert made.forecast == [pytest.approx(0.8 * FORECAST.confirmed)]
     assert made.releases[0].pairs == []
@@ -160,7 +160,7 @@ def test_causes_count_as_one_if_the_plan_after_the_release_will_recommend_the_be
     effect, known = one_cause().effects[0].model_copy(update=class_of), known_before(paper)
     diagnosis = one_cause().model_copy(update={"effects": [effect]})
     (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
-    step, plans = SequenceStep(swing.release, swing.information, swing.horizon_s, 1.0, 0.0, 1.0), list[Plan]()
+    step, plans = SequenceStep(swing.release, swing.information, 1.0, 0.0), list[Plan]()
     for share, runs in ((0.3, ["P1"]), (1.3, ["P1", "P2"])):
         result = of_runs(diagnosis, *runs)
         information, causes = known.information + share * swing.information, tuple(causes_of(result))
@@ -185,7 +185,7 @@ def test_a_candidate_without_a_column_counts_against_a_decision(paper: Rig) -> N
 def test_a_remainder_above_the_noise_lowers_the_forecast(paper: Rig) -> None:
     known, partly = known_before(paper), one_cause(verdict="partly_explained")
     (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
-    step = SequenceStep(swing.release, swing.information, swing.horizon_s, 1.0, 0.0, 1.0)
+    step = SequenceStep(swing.release, swing.information, 1.0, 0.0)
     for remainder, expected in (({}, FORECAST.confirmed), ({"joint1": 1e-4}, FORECAST.revealed)):
         gap = partly.gap.model_copy(update={"remainder_Nm": remainder})
         after = replace(known, diagnosis=of_runs(partly.model_copy(update={"gap": gap}), "P1"))

@@ -207,9 +207,7 @@ def test_a_signal_keeps_speed_and_torque_and_a_device_replays_it(paper: Rig, tmp
 
 
 def test_a_forecast_grows_with_information_and_with_releases() -> None:
-    pairs = OpenPairs(
-        "a", ("a", "b"), np.array([0.5, 0.48]), 0.02, (), ((0,), (1,)), (np.ones(1),) * 2, (np.eye(1),) * 2
-    )
+    pairs = OpenPairs(("a", "b"), np.array([0.5, 0.48]), 0.02, (), ((0,), (1,)), (np.ones(1),) * 2, (np.eye(1),) * 2)
     probability = [decision_probability([pairs], [np.full((2, 2), d2)]) for d2 in (0.0, 4.0, 20.0, 200.0)]
     assert probability == sorted(probability)
     assert probability[0] == 0.0
@@ -232,7 +230,7 @@ def test_a_forecast_falls_with_each_release_that_left_the_causes_undecided() -> 
 
 def test_causes_that_no_release_separates_count_as_one_in_a_forecast() -> None:
     names, p = ("a", "b", "c"), np.array([0.5, 0.45, 0.03])
-    pairs = OpenPairs("a", names, p, 0.02, (), ((0,), (1,), (2,)), (np.ones(1),) * 3, (np.eye(1),) * 3)
+    pairs = OpenPairs(names, p, 0.02, (), ((0,), (1,), (2,)), (np.ones(1),) * 3, (np.eye(1),) * 3)
     d2 = np.array([[0.0, 0.0, 200.0], [0.0, 0.0, 200.0], [200.0, 200.0, 0.0]])  # no release separates a from b
     assert decision_probability([pairs], [d2]) < 0.05
     for probabilities in (p, p[::-1]):  # also if the most probable cause is not one of them
@@ -243,7 +241,7 @@ def test_causes_that_no_release_separates_count_as_one_in_a_forecast() -> None:
 
 def test_a_forecast_is_the_share_of_draws_in_which_one_cause_is_sure() -> None:
     p, d2, rng = np.array([0.6, 0.4]), 8.0, np.random.default_rng(3)
-    pairs = OpenPairs("a", ("a", "b"), p, 0.0, (), ((0,), (1,)), (np.ones(1),) * 2, (np.eye(1),) * 2)
+    pairs = OpenPairs(("a", "b"), p, 0.0, (), ((0,), (1,)), (np.ones(1),) * 2, (np.eye(1),) * 2)
     truth = rng.random(200_000) < p[0]
     mean = np.where(truth, d2 / 2, -d2 / 2)
     log_odds = np.log(p[0] / p[1]) + mean + np.sqrt(d2) * rng.standard_normal(len(truth))

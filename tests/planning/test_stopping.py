@@ -135,7 +135,7 @@ def test_enough_names_the_effects_that_are_not_excluded_and_offers_an_optional_r
         two = of_runs(one_cause(advice=[]), "P1", "P2", exclusions=exclusions)
         known = replace(known, diagnosis=two)
         assert usual_count(known, PlanLimits()) == is_listed
-        steps = [SequenceStep(turn.release, turn.information, turn.horizon_s, 1.0, 1.0, 1.0)] * is_listed
+        steps = [SequenceStep(turn.release, turn.information, 1.0, 1.0)] * is_listed
         made = summed_up(Objective.of(known), steps, PlanLimits(), 0.0)
         assert (made.state, made.forecast) == ("enough", [])
         assert (f"(coulomb_joint1). {words}spring_joint2. Optional: record release 1" in made.sentence) is is_listed
@@ -161,7 +161,7 @@ def test_a_plan_tests_the_effects_that_keep_no_gap_undecided(paper: Rig) -> None
         )
         after_one = replace(known, diagnosis=of_runs(nothing, "P1", exclusions=[tested]))
         assert open_bits(after_one, known.information) == pytest.approx(0.0, abs=1e-12)
-        assert (open_bits(after_one, large) > 2 * open_bits(after_one, small)) is is_open
+        assert bool(open_bits(after_one, large) > 2 * open_bits(after_one, small)) is is_open
 
 
 @pytest.mark.parametrize(
@@ -251,5 +251,5 @@ def test_the_first_sentence_counts_only_the_releases_that_distinguish_effects() 
     ("shares", "words"), [((0.009, 0.987), "distinguishes 99 % of"), ((0.624, 0.676), "distinguishes 6 % more of")]
 )
 def test_a_reason_agrees_with_the_rounded_shares_of_the_table(shares: tuple[float, float], words: str) -> None:
-    before, after = (Expected(Gain({}, 0.0, share, 0.0, 0.0), np.ones(5)) for share in shares)
+    before, after = (Expected(Gain({}, *np.array([0.0, share, 0.0, 0.0])), np.ones(5)) for share in shares)
     assert words in reason(before, after).text

@@ -19,6 +19,8 @@ value is their mean.
 have their minimum detectable size. For each such amplitude, the same bits are computed against no effect, at this size
 and even odds.
 
+The functions compute many candidate releases at once: leading axes of an information matrix are kept in the result.
+
 **Ratios (D-optimality).** The value is log2 of the factor by which the volume of the covariance of the ratios
 decreases, with the effects of the model fitted.
 
@@ -29,7 +31,7 @@ Atkinson & V. V. Fedorov (1975), The design of experiments for discriminating be
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -75,22 +77,25 @@ def given(F: Array, fitted: Sequence[int], columns: Sequence[int]) -> Array:
     """Return the information about some unknowns if the other unknowns are fitted (Schur complement).
 
     Args:
-        F: (k, k) information about all unknowns
+        F: (..., k, k) information about all unknowns
         fitted: indices of the unknowns that are fitted
         columns: indices of the unknowns that the result refers to
     """
-    across = F[np.ix_(fitted, columns)]
-    scale = 1 / np.sqrt(np.diag(F)[list(fitted)])
-    inner = F[np.ix_(fitted, fitted)] * scale[:, None] * scale + 1e-12 * np.eye(len(scale))
-    return F[np.ix_(columns, columns)] - (across.T * scale) @ np.linalg.solve(inner, across * scale[:, None])
+    scale = 1 / np.sqrt(_diagonal(F)[..., list(fitted)])
+    across = F[..., *np.ix_(fitted, columns)] * scale[..., None]
+    inner = F[..., *np.ix_(fitted, fitted)] * scale[..., None] * scale[..., None, :] + 1e-12 * np.eye(len(fitted))
+    explained: Array = across.swapaxes(-2, -1) @ np.linalg.solve(inner, across)
+    return F[..., *np.ix_(columns, columns)] - explained
+
+
+def _diagonal(F: Array) -> Array:
+    return np.diagonal(F, axis1=-2, axis2=-1)
 
 
 @dataclass(frozen=True, slots=True)
 class OpenPairs:
     """Candidate causes of one named effect, and the size that each cause would have."""
 
-    about: str
-    """Name of this effect."""
     names: tuple[str, ...]
     probabilities: Array
     """(n,) probability of each cause."""
@@ -120,7 +125,6 @@ class OpenPairs:
             sizes.append(inverse @ (G[: len(places), len(places) :] @ target) if name != causes.about else target)
             spreads.append(inverse)
         return cls(
-            causes.about,
             tuple(names),
             np.array([causes.probabilities[name] for name in names]),
             min(causes.outside + sum(p for name, p in causes.probabilities.items() if name not in names), 1.0),
@@ -131,78 +135,65 @@ class OpenPairs:
         )
 
     def distances(self, F: Array) -> Array:
-        """Return the (n, n) expected squared distances D^2 between the causes.
+        """Return the (..., n, n) expected squared distances D^2 between the causes.
 
         An entry is the distance of the readings under one cause (row) from the nearest readings under another (column).
         """
         columns = list(dict.fromkeys(i for places in self.places for i in places))
         G = given(F, self.fitted, columns)
         rows = [[columns.index(i) for i in places] for places in self.places]
-        moments = np.zeros((len(rows), *G.shape))  # E[a a^T] of the amplitudes of each cause
+        moments = np.zeros((len(rows), *G.shape[-2:]))  # E[a a^T] of the amplitudes of each cause
         for i, (places, size, spread) in enumerate(zip(rows, self.sizes, self.spreads, strict=True)):
             moments[i][np.ix_(places, places)] = np.outer(size, size) + spread
-        squared = np.zeros((len(rows), len(rows)))
+        squared = np.zeros((*G.shape[:-2], len(rows), len(rows)))
         for nearest, places in enumerate(rows):
-            inverse = np.linalg.pinv(G[np.ix_(places, places)], 1e-12, hermitian=True)
-            remaining = G - G[:, places] @ inverse @ G[places]
-            remaining[places] = remaining[:, places] = 0.0
-            squared[:, nearest] = np.maximum(np.sum(moments * remaining, axis=(1, 2)), 0.0)
+            inverse = np.linalg.pinv(G[..., *np.ix_(places, places)], 1e-12, hermitian=True)
+            remaining = G - G[..., places] @ inverse @ G[..., places, :]
+            remaining[..., places, :] = remaining[..., places] = 0.0
+            squared[..., nearest] = np.maximum(np.einsum("...ij,cij->...c", remaining, moments), 0.0)
         return squared
 
-    def gained(self, before: Array, F: Array) -> Array:
-        """Return the (n, n) squared distances d^2 between causes that additional information adds.
 
-        Args:
-            before: (n, n) D^2 before the additional information
-            F: (k, k) information that includes the additional information
-        """
-        return np.maximum(self.distances(F) - before, 0.0) / CALIBRATION.temperature
-
-
-def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
-    """Compute the expected bits that distinguish the most probable cause from each other cause."""
-    if len(pairs.names) < 2:
-        return {}
+def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], Array]:
+    """Compute the (...,) expected bits that distinguish the most probable cause from each other cause."""
     best = int(np.argmax(pairs.probabilities))
     bits = {}
     for other in range(len(pairs.names)):
         if other == best:
             continue
         pair = pairs.probabilities[[best, other]]
-        d2 = (pair[0] * gained[best, other] + pair[1] * gained[other, best]) / pair.sum()
-        bits[pairs.names[best], pairs.names[other]] = expected_bits(pair.tolist(), float(np.sqrt(d2)))
+        d2 = (pair[0] * gained[..., best, other] + pair[1] * gained[..., other, best]) / pair.sum()
+        bits[pairs.names[best], pairs.names[other]] = _bits(np.sqrt(d2), *pair.tolist())
     return bits
 
 
-@cache
-def _even_bits() -> tuple[Array, Array]:
-    """Return a table of distances d and the expected bits at even odds."""
+def _bits(d: Array, first: float = 0.5, second: float = 0.5) -> Array:
+    """Interpolate the expected bits at the distances d between two causes with given probabilities."""
+    return np.interp(d, *_table(first, second))
+
+
+@lru_cache(maxsize=256)
+def _table(first: float, second: float) -> tuple[Array, Array]:
+    """Return a table of distances d and the expected bits."""
     separations = np.concatenate([np.linspace(0.0, 4.0, 41), np.linspace(4.5, 20.0, 32)])
-    return separations, np.array([expected_bits([0.5, 0.5], d) for d in separations.tolist()])
+    return separations, np.array([expected_bits([first, second], d) for d in separations.tolist()])
 
 
-def library_bits(known: Knowledge, F: Array) -> float:
-    """Compute the mean expected bits about the amplitudes of the library, at even odds.
+def library_bits(known: Knowledge, F: Array) -> Array:
+    """Compute the (...,) mean expected bits about the amplitudes of the library, at even odds.
 
     The mean covers all comparisons of two amplitudes, and all comparisons of one amplitude with no effect.
     """
-    columns = [i for i in range(RATIO_COLUMNS, len(F)) if known.model.columns[i].effect not in known.named]
+    columns = [i for i in range(RATIO_COLUMNS, F.shape[-1]) if known.model.columns[i].effect not in known.named]
     G = given(F, known.fitted, columns)
-    power = np.maximum(np.diag(G), 0.0)
+    power = np.maximum(_diagonal(G), 0.0)
     typical = np.array([known.model.columns[i].size for i in columns])
-    scaled = np.where(power > 0, power, 1.0)
-    power_left = np.maximum(power[:, None] - G**2 / scaled, 0.0)
     effects = np.array([known.model.columns[i].effect for i in columns])
-    power_left[effects[:, None] == effects] = np.inf
-    np.fill_diagonal(power_left, power)
-    grid, bits = _even_bits()
-    of_same = (effects[:, None] == effects) & ~np.eye(len(columns), dtype=np.bool_)
-    total, count = 0.0, 0
-    for size in WORTH.sizes:
-        d = size * typical[:, None] * np.sqrt(power_left / CALIBRATION.temperature)
-        total += float(np.interp(d, grid, bits)[~of_same].sum())
-        count += int(np.count_nonzero(~of_same))
-    return total / count
+    first, second = np.nonzero(effects[:, None] != effects)
+    apart = power[..., first] - G[..., first, second] ** 2 / np.where(power > 0, power, 1.0)[..., second]
+    d2 = np.concatenate([power, np.maximum(apart, 0.0)], axis=-1) / CALIBRATION.temperature
+    d = np.append(typical, typical[first]) * np.sqrt(d2)
+    return np.mean([_bits(size * d).mean(axis=-1) for size in WORTH.sizes], axis=0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,7 +215,7 @@ class OpenAmplitudes:
 
         Args:
             known: the current knowledge
-            F: (k, k) information
+            F: (..., k, k) information
             excluded: whether to include the amplitudes that the recordings exclude
         """
         diagnosis, places = known.diagnosis, dict[int, Exclusion]()
@@ -234,36 +225,35 @@ class OpenAmplitudes:
             names = [(column.effect, column.name) for column in known.model.columns]
             places = {i: tested[name] for i, name in enumerate(names) if name in tested}
         if not places:
-            return cls((), np.zeros((0, 0)), np.zeros((0, 0)))
+            return cls((), np.zeros((0, 0)), np.zeros((*F.shape[:-2], 0, 0)))
         before, after = (given(information, known.fitted, [*places]) for information in (known.information, F))
         visible = np.flatnonzero(np.diag(before) > 0.0)  # an amplitude without information has no estimate
         tests, rows = [*places.values()], np.ix_(visible, visible)
-        return cls(tuple(tests[i] for i in visible), before[rows], after[rows])
+        return cls(tuple(tests[i] for i in visible), before[rows], after[..., *rows])
 
 
-def open_bits(known: Knowledge, F: Array) -> float:
-    """Return the mean bits about the amplitudes that are not excluded, from information F.
+def open_bits(known: Knowledge, F: Array) -> Array:
+    """Return the (...,) mean bits about the amplitudes that are not excluded, from information F.
 
     The value is 0 if part of the gap remains unexplained.
     """
     amplitudes = OpenAmplitudes.of(known, F)
     if not amplitudes.tested:
-        return 0.0
+        return np.zeros(F.shape[:-2])
     size = np.array([amplitude.size for amplitude in amplitudes.tested])
-    added = np.diag(amplitudes.after - amplitudes.before)
-    d = size * np.sqrt(np.maximum(added, 0.0) / CALIBRATION.temperature)
-    return float(np.interp(d, *_even_bits()).mean())
+    added = _diagonal(amplitudes.after - amplitudes.before)
+    return np.mean(_bits(size * np.sqrt(np.maximum(added, 0.0) / CALIBRATION.temperature)), axis=-1)
 
 
-def ratio_bits(known: Knowledge, F: Array) -> float:
-    """Return the negative log2 volume of the covariance of the ratios, in bits.
+def ratio_bits(known: Knowledge, F: Array) -> Array:
+    """Return the (...,) negative log2 volume of the covariance of the ratios, in bits.
 
     The value is defined up to a constant.
     """
     nuisance = [i for i in known.fitted if i >= len(RATIOS)]
     G = given(F, nuisance, range(len(RATIOS)))
     scale = np.array([known.model.columns[i].size for i in range(len(RATIOS))])
-    return float(0.5 * np.linalg.slogdet(G * scale[:, None] * scale)[1] / np.log(2))
+    return 0.5 * np.linalg.slogdet(G * scale[:, None] * scale)[1] / np.log(2)
 
 
 def ratio_std(known: Knowledge, F: Array) -> Array:

@@ -3,8 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from dpr_lab.acceptance.limits import Limits
 from dpr_lab.arrays import Array
+from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.worth.criteria import WORTH, OpenPairs, cause_bits, library_bits, open_bits, ratio_bits
 from dpr_lab.planning.worth.goals import goal_bits
@@ -12,22 +15,22 @@ from dpr_lab.planning.worth.goals import goal_bits
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """Expected information of each part of the objective, bits, without weights."""
+    """(...,) expected information of each part of the objective, bits, without weights."""
 
-    causes: Mapping[tuple[str, str], float]
+    causes: Mapping[tuple[str, str], Array]
     """Expected information for each undecided pair of causes on which of the two is correct, bits."""
-    open_effects: float
+    open_effects: Array
     """Expected information on the presence of the effects that are not excluded, bits."""
-    library: float
-    ratios: float
-    limits: float
+    library: Array
+    ratios: Array
+    limits: Array
 
     @property
-    def weighed(self) -> float:
+    def weighed(self) -> Array:
         """Value of these gains: weighted sum of the bits."""
         library = WORTH.library if self.causes else 1.0
         others = WORTH.ratios * self.ratios + WORTH.limits * self.limits
-        return sum(self.causes.values()) + self.open_effects + library * self.library + others
+        return sum(self.causes.values(), self.open_effects) + library * self.library + others
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +42,7 @@ class Objective:
     """For each named effect, the candidate causes that a release can show."""
     before: tuple[Array, ...]
     """(n, n) D^2 between the causes from the runs recorded so far, for each named effect."""
-    ratios: float
+    ratios: Array
     """Bits about the ratios before the planned releases."""
     limits: Limits = field(default_factory=Limits)
     """Limits that the rig must satisfy."""
@@ -53,27 +56,21 @@ class Objective:
         return cls(known, pairs, before, ratio_bits(known, known.information), limits or Limits())
 
     def gained(self, F: Array) -> list[Array]:
-        """Return the (n, n) squared distances d^2 added by further information.
+        """Return the (..., n, n) squared distances d^2 added by further information.
 
         There is one matrix for each named effect.
         """
-        return [pair.gained(before, F) for pair, before in zip(self.pairs, self.before, strict=True)]
+        added = [pair.distances(F) - before for pair, before in zip(self.pairs, self.before, strict=True)]
+        return [np.maximum(D2, 0.0) / CALIBRATION.temperature for D2 in added]
 
-    def bits(self, F: Array) -> dict[tuple[str, str], float]:
-        """Return the bits that the Fisher information F provides for each undecided pair."""
-        return self.bits_of(self.gained(F))
-
-    def bits_of(self, gained: list[Array]) -> dict[tuple[str, str], float]:
+    def bits(self, gained: list[Array]) -> dict[tuple[str, str], Array]:
         """Return the expected bits about each undecided pair, given the result of `gained`."""
         of_each = (cause_bits(open_pair, d2) for open_pair, d2 in zip(self.pairs, gained, strict=True))
         return {pair: bits for open_pair in of_each for pair, bits in open_pair.items()}
 
     def gain(self, F: Array) -> Gain:
-        """Return the bits of each part of the objective for the Fisher information F."""
-        ratios = ratio_bits(self.known, F) - self.ratios
-        limits = goal_bits(self.known, F, self.limits)
-        return Gain(self.bits(F), open_bits(self.known, F), library_bits(self.known, F), ratios, limits)
-
-    def worth(self, F: Array) -> float:
-        """Return the weighted sum of the bits for the Fisher information F."""
-        return self.gain(F).weighed
+        """Return the bits of each part of the objective for the Fisher information F, (..., k, k)."""
+        known, ratios = self.known, ratio_bits(self.known, F) - self.ratios
+        stack, causes = F.reshape(-1, *F.shape[-2:]), self.bits(self.gained(F))
+        limits = np.reshape([goal_bits(known, each, self.limits) for each in stack], F.shape[:-2])
+        return Gain(causes, open_bits(known, F), library_bits(known, F), ratios, limits)

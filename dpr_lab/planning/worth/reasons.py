@@ -59,7 +59,7 @@ def reason(before: Expected, after: Expected, needed: bool = False, diagnosed: b
     if after.gain.open_effects - before.gain.open_effects >= NOTICEABLE.causes:
         parts.insert(0, "tests the effects that are not excluded yet")
     if after.gain.library - before.gain.library >= NOTICEABLE.library:
-        parts.append(_distinguishes(before.gain.library, after.gain.library, diagnosed))
+        parts.append(_distinguishes(float(before.gain.library), float(after.gain.library), diagnosed))
     if after.gain.limits - before.gain.limits >= NOTICEABLE.limits:
         parts.append("tests the limits more accurately")
     share = float(np.exp(np.log(after.ratio_std / before.ratio_std).mean()))
