@@ -46,11 +46,15 @@ RATIO_COLUMNS = len(UNKNOWN_RATIOS)
 """Number of unknowns before the amplitudes of effects: the ratios, b and p/b."""
 
 
-EXACTNESS = 1e6
-"""Value of a ratio that no release determines, divided by the standard deviation of its prior.
+@dataclass(frozen=True, slots=True)
+class HeldRatios:
+    """Narrow prior that keeps ratios at their nominal values if no release determines them."""
 
-The narrow prior keeps such a ratio at its nominal value.
-"""
+    exactness: float = 1e6
+    """Value of a ratio divided by the standard deviation of its prior."""
+
+
+HELD = HeldRatios()
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,7 +258,7 @@ def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str]
         widest = np.inf if column.effect in always else STRENGTH.zeros * column.size
         information[i, i] = 1.0 / min(prior.std(column), widest) ** 2
     for i in hidden:
-        information[i, i] += (EXACTNESS / model.columns[i].size) ** 2
+        information[i, i] += (HELD.exactness / model.columns[i].size) ** 2
     return information
 
 

@@ -71,6 +71,6 @@ class Objective:
     def gain(self, F: Array) -> Gain:
         """Return the bits of each part of the objective for the Fisher information F, (..., k, k)."""
         known, ratios = self.known, ratio_bits(self.known, F) - self.ratios
-        stack, causes = F.reshape(-1, *F.shape[-2:]), self.bits(self.gained(F))
-        limits = np.reshape([goal_bits(known, each, self.limits) for each in stack], F.shape[:-2])
+        matrices, causes = F.reshape(-1, *F.shape[-2:]), self.bits(self.gained(F))
+        limits = np.reshape([goal_bits(known, matrix, self.limits) for matrix in matrices], F.shape[:-2])
         return Gain(causes, open_bits(known, F), library_bits(known, F), ratios, limits)
