@@ -150,7 +150,7 @@ def changes(
     Raises:
         RunError: a group shares no pose with the other groups, so the groups are not comparable.
     """
-    design = _design(np.asarray(group), estimates.poses, len(names), settings, names)
+    design = _design(np.asarray(group), estimates.poses, settings, names)
     null = _null_distribution(design, len(estimates.names), settings, np.random.default_rng(seed))
     critical = float(np.quantile(null, 1 - settings.false_alarms))
     scatter = _scatter(design, estimates.values)
@@ -189,10 +189,8 @@ def changes(
     return Drift(tuple(names), counts, tuple(parameters), design.basis, critical, settings.false_alarms)
 
 
-def _design(
-    group: NDArray[np.int_], poses: Sequence[str], groups: int, settings: DriftSettings, names: Sequence[str]
-) -> _Design:
-    runs = len(group)
+def _design(group: NDArray[np.int_], poses: Sequence[str], settings: DriftSettings, names: Sequence[str]) -> _Design:
+    runs, groups = len(group), len(names)
     distinct = sorted(set(poses))
     by_pose = np.array([[pose == other for other in distinct[1:]] for pose in poses], dtype=float).reshape(runs, -1)
     X = np.column_stack([group[:, None] == np.arange(groups), by_pose - by_pose.mean(axis=0)])

@@ -1,4 +1,4 @@
-"""Estimate the ratios, and the sizes of given effects, from each run separately."""
+"""Estimate the ratios, and the sizes of given effects, from each run separately, also with a moving arm."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +19,8 @@ from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.identification.misread.solvable import solvable
+from dpr_lab.identification.moving_arm.fit import covariance_of, fit_moving_arm
+from dpr_lab.identification.moving_arm.problem import recordings_of
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.setup import only_inner
@@ -75,8 +77,42 @@ def estimate_each(
     values, std = (np.array(columns) for columns in list(zip(*fits, strict=True))[1:])
     alone = only_inner(run.setup for run in runs)
     b = None if "b" in names else float(initial[SCALE]) * (alone_share(initial) if alone else 1.0)
+    return _estimates(runs, names, values, std, b, "a" if alone else "b")
+
+
+@solvable
+def estimate_each_arm(runs: Sequence[Run], rig: Rig, clearest: float = 0.5) -> Estimates:
+    """Fit rods, arm and drive to each run separately; ratios that at least one run does not determine are omitted.
+
+    Args:
+        runs: the runs in chronological order, all with the same mode of the arm
+        rig: lengths, masses and encoders
+        clearest: maximum relative standard deviation of a ratio that is compared; for friction, which may be near zero,
+            relative to the largest estimate
+
+    Raises:
+        RunError: a run cannot be fitted, the runs differ in the mode of the arm, or no ratio is determined by all runs.
+        IdentificationError: the values of the rig file cannot be simulated.
+    """
+    modes = sorted({run.arm_mode for run in runs})
+    if len(modes) > 1:
+        raise RunError(f"the arm was {' in some runs and '.join(modes)} in others: compare runs of one mode")
+    fits = [fit_moving_arm(recordings_of([run], rig), rig) for run in runs]
+    values = np.array([fitted.values for fitted in fits])
+    std = np.array([np.sqrt(np.diag(covariance_of(fitted))) for fitted in fits])
+    clear = np.isfinite(values).all(axis=0) & (std <= clearest * np.abs(values).max(axis=0)).all(axis=0)
+    if not clear.any():
+        raise RunError("no ratio is determined by all of these runs: record longer or larger swings")
+    unknowns = fits[0].problem.unknowns
+    names = tuple(unknowns.name(name) for name, is_clear in zip(unknowns.free, clear, strict=True) if is_clear)
+    return _estimates(runs, names, values[:, clear], std[:, clear])
+
+
+def _estimates(
+    runs: Sequence[Run], names: tuple[str, ...], values: Array, std: Array, b: float | None = None, inertia: str = "b"
+) -> Estimates:
     poses = tuple(run.pose or "" for run in runs)
-    return Estimates(tuple(run.name for run in runs), poses, names, values, std, b, "a" if alone else "b")
+    return Estimates(tuple(run.name for run in runs), poses, names, values, std, b, inertia)
 
 
 def _estimate(

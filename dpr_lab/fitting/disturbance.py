@@ -45,7 +45,7 @@ def torque_noise(torques: Torques) -> Array:
     several orders. The smallest estimate is used, because changes of the torque itself can only increase an estimate.
     For interpolated torques, the original rows are used, because high-order differences of a cubic polynomial are zero.
     """
-    rows = _rows(torques)
+    rows = torques.interpolated or torques
     joints = rows.joints[rows.t >= 0.0]
     if torques.kind != "measured" or len(joints) <= max(ORDERS):
         return np.zeros(2)
@@ -160,11 +160,6 @@ def restricted(problem: Problem, model: Fit, predicted: Array, slopes: Array) ->
     return float(linear.e.ravel() @ linear.e.ravel()) - space.gain(), problem.log_variance + starts + ratios
 
 
-def _rows(torques: Torques) -> Torques:
-    """Return the torques at the rows of the recording."""
-    return torques if torques.interpolated is None else torques.interpolated
-
-
 def _at(values: Array, place: Array) -> Array:
     """Interpolate values (n, ...) linearly at positions (m,) in grid points."""
     lower = np.minimum(place.astype(np.int64), len(values) - 2)
@@ -215,6 +210,6 @@ def _spread(setup: Setup, most_Nm: ArrayLike) -> Array:
     """
     if setup.torques is None:
         return np.zeros((2, 2))
-    t = _rows(setup.torques).t
+    t = (setup.torques.interpolated or setup.torques).t
     held = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
     return ONTO_RODS * np.minimum(torque_noise(setup.torques), most_Nm) * held**0.5

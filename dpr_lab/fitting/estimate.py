@@ -253,11 +253,12 @@ def ratio_parameters(estimate: Estimate, visible: Iterable[int] = range(len(RATI
 
 def zero_parameters(setups: Iterable[Setup]) -> tuple[FreeParameter, ...]:
     """Return the free zero offsets of the measured encoders, separate for each run."""
-    encoders = [(run, joint) for run, setup in enumerate(setups) for joint in range(1 if setup.alone else 2)]
-    names = [f"zero{joint + 1}_of_run{run + 1}_rad" for run, joint in encoders]
-    places = [ZEROS_BEGIN + 2 * run + joint for run, joint in encoders]
+    encoders = ((run, joint) for run, setup in enumerate(setups) for joint in range(1 if setup.alone else 2))
     return tuple(
-        FreeParameter(name, "zeros", place, 1.0, size=ZERO_SIZE) for name, place in zip(names, places, strict=True)
+        FreeParameter(
+            f"zero{joint + 1}_of_run{run + 1}_rad", "zeros", ZEROS_BEGIN + 2 * run + joint, 1.0, size=ZERO_SIZE
+        )
+        for run, joint in encoders
     )
 
 

@@ -160,7 +160,6 @@ def fit(
     free: Sequence[FreeParameter],
     *,
     iterations: int = 12,
-    first: Linearisation | None = None,
     predicted: Array | None = None,
     settings: GaussNewton = GAUSS_NEWTON,
 ) -> Fit:
@@ -171,12 +170,11 @@ def fit(
         start: initial estimate; parameters that are not free keep its values
         free: free parameters in addition to the initial states
         iterations: maximum number of iterations
-        first: linearisation at `start`, if known
         predicted: (samples, 2) readings at `start`, if known
         settings: tolerances and step control
     """
     free = problem.all_free(free)
-    end = descend(problem, start, free, iterations=iterations, first=first, predicted=predicted, settings=settings)
+    end = descend(problem, start, free, iterations=iterations, predicted=predicted, settings=settings)
     assert end.stop is not None
     usable = end.stop is not StopReason.MAXIMUM_ITERATIONS and not _amplitude_changed(end, free, settings)
     exact = end.current and end.linearised_at is end.estimate
@@ -249,7 +247,7 @@ def descend(
 ) -> Iteration:
     """Iterate as `fit` does, but without the final linearisation.
 
-    See `fit` for the arguments.
+    See `fit` for the arguments; `first` is the linearisation at `start`, if known.
     """
     start, free = problem.with_zeros(start), problem.all_free(free)
     linear = first or linearise(problem, start, free, predicted)
@@ -259,9 +257,7 @@ def descend(
     return state if state.stop else replace(state, stop=StopReason.MAXIMUM_ITERATIONS)
 
 
-def iterate(
-    problem: Problem, free: tuple[FreeParameter, ...], state: Iteration, settings: GaussNewton = GAUSS_NEWTON
-) -> Iteration:
+def iterate(problem: Problem, free: tuple[FreeParameter, ...], state: Iteration, settings: GaussNewton) -> Iteration:
     """Take one damped step, with a new or a frozen Jacobian."""
     state = replace(_linearised(problem, free, state), number=state.number + 1)
     if not np.isfinite(state.linear.chi2_by_segment).any():

@@ -10,6 +10,7 @@ the reduction.
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -69,10 +70,13 @@ class ColumnSpace:
         H = self.H[columns][:, columns] - across.T @ out[:, :-1]
         return ColumnSpace(self.scale[columns], H, self.gradient[columns] - across.T @ out[:, -1])
 
-    def gains_given(self, across: Array, within: Array, gradient: Array, positive: bool) -> Array:
-        """Return the (sets,) reduction of |e|^2 that each small set of columns adds.
+    def given_sets(self, across: Array, within: Array, gradient: Array) -> "SmallSets":
+        """Project the columns of this space out of many small sets of n columns.
 
-        Each set is fitted together with the columns of this space; e is the residual.
+        Args:
+            across: (k, sets, n) inner products of the columns of this space with those of each set
+            within: (sets, n, n) inner products within each set
+            gradient: (sets, n) inner products with the residual
         """
         norm = np.sqrt(
             np.maximum(np.diagonal(within, axis1=1, axis2=2), 0.0)
@@ -83,11 +87,7 @@ class ColumnSpace:
         out = np.linalg.solve(_ridged(self.H), np.column_stack([flat, self.gradient]))
         taken = np.einsum("ksi,ksj->sij", across, out[:, :-1].reshape(across.shape))
         H = within * scale[:, :, None] * scale[:, None] - taken + RIDGE * np.eye(within.shape[1])
-        remaining = gradient * scale - np.einsum("ksi,k->si", across, out[:, -1])
-        x = np.linalg.solve(H, remaining[:, :, None])[:, :, 0]
-        if positive:
-            x = np.maximum(x, 0.0)
-        return np.asarray(2 * np.einsum("si,si->s", x, remaining) - np.einsum("si,sij,sj->s", x, H, x))
+        return SmallSets(scale, H, gradient * scale - np.einsum("ksi,k->si", across, out[:, -1]))
 
     def solution(self, bounds: Array | None = None, damping: float = 0.0) -> Array:
         """Return the (k,) least-squares solution within its lower and upper bounds (2, k)."""
@@ -136,6 +136,24 @@ class ColumnSpace:
         length = float(x @ self.H[columns][:, columns] @ x)
         reached = float(overlap @ np.linalg.lstsq(self.H[others][:, others], overlap, rcond=1e-9)[0])
         return float(np.sqrt(min(max(reached / length, 0.0), 1.0))) if length > 0 else 0.0
+
+
+class SmallSets(NamedTuple):
+    """Least-squares problems of many small sets of n columns, represented by inner products as in `ColumnSpace`."""
+
+    scale: Array
+    """(sets, n) reciprocal norm of each column, before the columns of a model are projected out."""
+    H: Array
+    """(sets, n, n) normal matrices in this scale, with the ridge."""
+    gradient: Array
+    """(sets, n) inner products of the columns, in this scale, with the residual."""
+
+    def gains(self, *, positive: bool) -> Array:
+        """Return the (sets,) reduction of |e|^2 by each set; negative coefficients are zero if `positive` is true."""
+        x = np.linalg.solve(self.H, self.gradient[:, :, None])[:, :, 0]
+        if positive:
+            x = np.maximum(x, 0.0)
+        return 2 * np.einsum("si,si->s", x, self.gradient) - np.einsum("si,sij,sj->s", x, self.H, x)
 
 
 def _ridged(H: Array, ridge: float = RIDGE) -> Array:

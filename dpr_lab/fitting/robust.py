@@ -57,7 +57,7 @@ def relative_chi2(fitted: Fit) -> Array:
     finite = chi2[np.isfinite(chi2)]
     median = float(np.median(finite)) if len(finite) else 1.0
     with np.errstate(over="ignore"):
-        return np.asarray(chi2 / max(median, float(np.finfo(np.float64).tiny)))
+        return chi2 / max(median, float(np.finfo(np.float64).tiny))
 
 
 def refit_lost(problem: Problem, first_fit: Fit, initial: Array, *, iterations: int = 20, lost: float = 9.0) -> Fit:

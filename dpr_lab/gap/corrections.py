@@ -129,10 +129,6 @@ def _shutter(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
     return shutter and replace(fitted, recordings=fitted.recordings.with_shutter(shutter))
 
 
-def _shutter_explains_more(before: ForwardSelected, after: ForwardSelected) -> bool:
-    return explains_more(before.search.current, after.search.current)
-
-
 def _camera(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
     angle_rad = likeliest_camera(fitted.recordings, fitted.problem, model)
     return _with_changed_recordings(fitted, lambda runs: runs.with_camera(angle_rad)) if angle_rad else None
@@ -157,6 +153,6 @@ def _camera_explains_more(before: ForwardSelected, after: ForwardSelected) -> bo
 CORRECTIONS = (
     Correction(with_other_noise, most=2),
     Correction(_earlier_torques, _no_worse),
-    Correction(_shutter, _shutter_explains_more),
+    Correction(_shutter, lambda before, after: explains_more(before.search.current, after.search.current)),
     Correction(_camera, _camera_explains_more),
 )

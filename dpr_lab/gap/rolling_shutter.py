@@ -20,7 +20,7 @@ from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 from dpr_lab.gap.hypothesis.significance import segment_scatter
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.screen.shutter import NORMALS, Lines, Shutter
+from dpr_lab.gap.screen.shutter import NORMALS, Lines, RollingShutter
 from dpr_lab.gap.where.coordinates import beyond_fit
 
 
@@ -39,7 +39,7 @@ ORDINARY = (*COULOMB, AIR_DRAG_BOTH, BASE_TILT)
 """Causes that every filmed rig has."""
 
 
-def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesis) -> Shutter | None:
+def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesis) -> RollingShutter | None:
     """Return the rolling shutter that explains most of a model's residual.
 
     The result is None if encoders gave the readings, or if no shutter explains enough.
@@ -61,14 +61,17 @@ def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
     return without.cost - corrected.cost > chance + PENALTY.parameter * inflation
 
 
-def _improved(recordings: Recordings, problem: Problem, model: Hypothesis, lines: Lines) -> tuple[float, Shutter]:
+def _improved(
+    recordings: Recordings, problem: Problem, model: Hypothesis, lines: Lines
+) -> tuple[float, RollingShutter]:
     """Return the reduction of chi2 by the best delay, and the shutter with this delay.
 
     The delay belongs to a direction of the lines.
     """
     rate_hz = max(record.run.rate_hz for record in recordings.records)
     limit = 1 / (recordings.rods_length * rate_hz)  # reading the length of the rods takes one frame; s/m
-    corrected = [recordings.with_shutter(Shutter(lines, sign * SHUTTER.part * limit)) for sign in (1, -1)]
+    tried = (RollingShutter(lines=lines, delay_s_per_m=sign * SHUTTER.part * limit) for sign in (1, -1))
+    corrected = (recordings.with_shutter(shutter) for shutter in tried)
     after, before = (runs.cut(recordings.working_length)[0].measured for runs in corrected)
     columns = problem.whitened((before - after)[:, :, None] / (2 * SHUTTER.part * limit))
     others = [parameter for effect in ORDINARY for parameter in effect_parameters(effect, limits=problem.limits)]
@@ -76,4 +79,4 @@ def _improved(recordings: Recordings, problem: Problem, model: Hypothesis, lines
     linear = linearise(problem, model.estimate, free)
     given = beyond_fit(linear, range(len(free)), linear.projected(columns))
     delay = given.solution(np.array([[-limit], [limit]]))
-    return given.reduction(delay), Shutter(lines, float(delay[0]))
+    return given.reduction(delay), RollingShutter(lines=lines, delay_s_per_m=float(delay[0]))

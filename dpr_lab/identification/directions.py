@@ -12,7 +12,6 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.identification.prior_update import UNREACHED
-from dpr_lab.rig import PARAMETERS
 
 SEEN = 1.0
 """Minimum singular value of a determined direction, in standard deviations per 100 % of change."""
@@ -46,7 +45,7 @@ def spread(rows: Array, least: float = SEEN) -> Array:
     return np.where(np.linalg.norm(Vt[s < least], axis=0) > UNREACHED, np.inf, std)
 
 
-def simple_basis(free: Array, names: Sequence[str] = PARAMETERS) -> list[dict[str, float]]:
+def simple_basis(free: Array, names: Sequence[str]) -> list[dict[str, float]]:
     """Find the sparsest basis of the free directions.
 
     Each direction is scaled so that its largest change is 1 %. In each step, the sparsest direction that is independent

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
@@ -24,38 +24,25 @@ class BenchReading:
     """Symbol of the quantity. If the quantity is a parameter of the rig file, the symbol is its name."""
 
 
-class Measurement(Protocol):
-    """Interface of a recommended bench measurement; implementations are hashable."""
-
-    @property
-    def name(self) -> str:
-        """Name of the measurement."""
-        ...
-
-    @property
-    def how(self) -> str:
-        """Instruction for the operator."""
-        ...
-
-    @property
-    def quantity(self) -> BenchReading:
-        """Measured quantity."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
-class Instrument:
-    """A bench measurement and its typical uncertainty."""
+class Measurement:
+    """A bench measurement that can be recommended."""
 
     name: str
-    parameters: tuple[str, ...]
-    """Parameters on which the reading depends."""
-    std: tuple[float, ...]
-    """Standard uncertainty of the reading, SI."""
     how: str
     """Instruction for the operator."""
     quantity: BenchReading
     """Measured quantity."""
+
+
+@dataclass(frozen=True, slots=True)
+class Instrument(Measurement):
+    """A bench measurement of the rods and its typical uncertainty."""
+
+    parameters: tuple[str, ...]
+    """Parameters on which the reading depends."""
+    std: tuple[float, ...]
+    """Standard uncertainty of the reading, SI."""
     answer: "Answer"
     """Function (self, Z, rig) that returns the derivatives (k, 9) of the whitened readings with respect to the nine
     parameters, 1/SI."""
@@ -134,13 +121,13 @@ BENCH = BenchAccuracy()
 
 def _weigh(name: str, part: str) -> Instrument:
     quantity = BenchReading(f"mass of {part}", "kg", name)
-    return Instrument(f"weigh {name}", (name,), (BENCH.scale_kg,), f"weigh {part} to 0.1 g", quantity, _one_parameter)
+    return Instrument(f"weigh {name}", f"weigh {part} to 0.1 g", quantity, (name,), (BENCH.scale_kg,), _one_parameter)
 
 
 def _balance(name: str, part: str) -> Instrument:
     instruction = f"balance {part} on an edge and measure from pivot to edge to 0.5 mm"
     quantity = BenchReading(f"distance from pivot to centre of mass of {part}", "m", name)
-    return Instrument(f"balance {name}", (name,), (BENCH.rule_m,), instruction, quantity, _one_parameter)
+    return Instrument(f"balance {name}", instruction, quantity, (name,), (BENCH.rule_m,), _one_parameter)
 
 
 def _swing(rod: int, part: str) -> Instrument:
@@ -148,14 +135,14 @@ def _swing(rod: int, part: str) -> Instrument:
     parameters, equal = (f"l{rod}", f"m{rod}", f"J{rod}"), f"J{rod} / (m{rod} l{rod}) + l{rod} = g (T / 2 pi)^2"
     quantity = BenchReading(f"length of the simple pendulum with the period T of {part}, {equal}", "m", f"h{rod}")
     name = f"swing {part.removeprefix('the ')} alone"
-    return Instrument(name, parameters, (BENCH.swings_m,), instruction, quantity, _rod_alone)
+    return Instrument(name, instruction, quantity, parameters, (BENCH.swings_m,), _rod_alone)
 
 
 def _add_mass(rod: str, place: str, answer: Answer) -> Instrument:
     instruction = f"repeat the first pose's release with a weighed mass, about half of m2, fixed to {place}"
     quantity = BenchReading(f"added mass, fixed to {place}", "kg", "added mass")
     return Instrument(
-        f"add mass to {rod} rod", PARAMETERS, (BENCH.scale_kg, BENCH.rule_m), instruction, quantity, answer
+        f"add mass to {rod} rod", instruction, quantity, PARAMETERS, (BENCH.scale_kg, BENCH.rule_m), answer
     )
 
 

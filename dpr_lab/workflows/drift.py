@@ -96,9 +96,8 @@ def watch_drift(
         DprError: the report cannot be written.
     """
     from dpr_lab.drift.changes import changes
-    from dpr_lab.drift.estimates import estimate_each
+    from dpr_lab.drift.estimates import estimate_each, estimate_each_arm
     from dpr_lab.drift.groups import grouped
-    from dpr_lab.drift.moving_arm import estimate_each_arm
     from dpr_lab.identification.model import load_model
     from dpr_lab.report.drift import save_drift
     from dpr_lab.rig import load_rig

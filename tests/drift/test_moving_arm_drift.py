@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.drift.changes import changes
-from dpr_lab.drift.estimates import estimate_each
-from dpr_lab.drift.moving_arm import estimate_each_arm
+from dpr_lab.drift.estimates import estimate_each, estimate_each_arm
 from dpr_lab.dynamics.arm import ArmParameters
 from dpr_lab.errors import RunError
 from dpr_lab.run import Run

@@ -72,11 +72,11 @@ def test_many_small_sets_gain_what_each_gains_alone(rng):
     sets[4, :, 1] = held[:, 0] + 1e-6 * sets[4, :, 1]  # nearly what is fitted already
     space, across = ColumnSpace.of(held, e), np.einsum("rk,srn->ksn", held, sets)
     own, gradient = np.einsum("sri,srj->sij", sets, sets), np.einsum("srn,r->sn", sets, e)
-    result = space.gains_given(across, own, gradient, positive=False)
+    result = space.given_sets(across, own, gradient).gains(positive=False)
     left = [np.linalg.lstsq(A, e, rcond=None)[1][0] for A in (held, *(np.column_stack([held, own]) for own in sets))]
     assert result == pytest.approx(left[0] - np.array(left[1:]), rel=1e-3)
     single = np.ix_(range(5), [0], [0])
-    result = space.gains_given(across[:, :, :1], own[single], gradient[:, :1], positive=True)
+    result = space.given_sets(across[:, :, :1], own[single], gradient[:, :1]).gains(positive=True)
     alone = [ColumnSpace.of(np.column_stack([held, one[:, :1]]), e) for one in sets]
     wrong = np.array([space.given([0, 1, 2], [3]).solution()[0] < 0 for space in alone])
     assert wrong.any()

@@ -19,7 +19,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis, load_diagnosis
 from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.screen.shutter import Shutter
+from dpr_lab.gap.screen.shutter import RollingShutter
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.run import Run
 from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
@@ -68,7 +68,7 @@ def test_the_correction_inverts_a_rolling_shutter(tmp_path: Path, lines: str, li
     rig, read = double_rig(), filmed(theta, (0.3, 0.2), line)
     run = table(tmp_path, "film", rig, {"t_s": T, "theta1_rad": read[:, 0], "theta2_rad": read[:, 1]})
     recordings = Recordings((record(run, rig),), rig)
-    corrected = recordings.with_shutter(Shutter(lines, DELAY)).records[0]
+    corrected = recordings.with_shutter(RollingShutter(lines=lines, delay_s_per_m=DELAY)).records[0]
     expected = rig.encoders.joint_angles.of_rods(np.pi + theta(corrected.t))
     before, after = (np.abs(one.joints - expected)[5:-5].max() for one in (recordings.records[0], corrected))
     assert before > 0.02

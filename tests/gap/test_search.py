@@ -167,7 +167,7 @@ def test_one_score_needs_no_test_of_the_whole_library(sets: FittedSets) -> None:
 
 @pytest.mark.slow
 def test_a_move_does_not_change_the_state_and_is_repeatable(sets: FittedSets) -> None:
-    start = SearchState.initial(sets, 2)
+    start = SearchState(sets.bare, sets, 2)
     grown = apply_moves((forward_selection(2),), start)
     assert dict(start.sets.fits) == {frozenset(): sets.bare}
     fits, fitted_more = dict(grown.sets.fits), False
@@ -248,9 +248,9 @@ def test_far_from_the_noise_a_candidate_that_decides_nothing_is_not_fitted(
     sets: FittedSets, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Hypothesis, "far_from_noise", True)
-    few = apply_moves((forward_selection(2),), SearchState.initial(sets, 2))
+    few = apply_moves((forward_selection(2),), SearchState(sets.bare, sets, 2))
     monkeypatch.setattr("dpr_lab.gap.which.forward.BEAM", Beam(exceeded=1e9))
-    every = apply_moves((forward_selection(2),), SearchState.initial(sets, 2))
+    every = apply_moves((forward_selection(2),), SearchState(sets.bare, sets, 2))
     assert few.sets.fits.keys() < every.sets.fits.keys()
     assert few.current.effects == every.current.effects
     assert few.current.cost == every.current.cost
@@ -262,7 +262,7 @@ def test_torque_noise_is_refuted_after_one_fitted_effect(sets: FittedSets, monke
     monkeypatch.setattr("dpr_lab.gap.which.forward.accepted", lambda *models: False)
     monkeypatch.setattr("dpr_lab.gap.which.forward.no_effects_reach_noise", lambda sets, model: True)
     fresh = replace(sets, _fits={}, _tests=dict(sets._tests))  # without the fits of other tests
-    grown = apply_moves((forward_selection(3, to_floor=True),), SearchState.initial(fresh, 3))
+    grown = apply_moves((forward_selection(3, to_floor=True),), SearchState(fresh.bare, fresh, 3))
     assert {len(key) for key in grown.sets.fits} == {0, 1}
 
 
@@ -301,7 +301,7 @@ def test_an_indistinguishable_effect_fits_as_well_although_its_own_fit_was_stuck
 
 @pytest.mark.slow
 def test_no_move_exceeds_the_maximum_number_of_effects(sets: FittedSets) -> None:
-    state = apply_moves((forward_selection(2),), SearchState.initial(sets, max_effects=1))
+    state = apply_moves((forward_selection(2),), SearchState(sets.bare, sets, max_effects=1))
     assert len(state.current.effects) == 1
     assert "more effects than the maximum number of 1" in {trial.reason for trial in state.trace}
 
@@ -321,7 +321,7 @@ def test_the_trace_leads_from_the_bare_model_to_the_chosen_set(diagnosed: Diagno
 
 
 def test_a_set_whose_fit_ended_without_descent_is_reported(sets: FittedSets) -> None:
-    state = SearchState.initial(sets, 1)
+    state = SearchState(sets.bare, sets, 1)
     stuck = replace(sets.bare, fit=replace(sets.bare.fit, stop=StopReason.NO_DESCENT))
     reasons = [
         state.after(START, Proposal(model), Decision(False, "no")).trace[-1].reason for model in (sets.bare, stuck)

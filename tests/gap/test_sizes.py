@@ -25,7 +25,7 @@ def test_a_rod_does_not_hang_at_more_than_45_degrees_of_its_axis(monkeypatch, of
     monkeypatch.setattr(sizes, "considered", lambda *_: np.array([[std**2]]))
     monkeypatch.setattr(sizes, "_gravity_torque", lambda *_: 3.0)
     problem: Any = Fake(model=Fake(constants=Fake(m1=1.0, g=9.81)))
-    model: Any = Fake(fit=Fake(free=[Fake(effect=OFFSET)]), estimate=estimate, inflation=1.0)
+    model: Any = Fake(fit=Fake(free=[Fake(effect=OFFSET, name="offset_m")]), estimate=estimate, inflation=1.0)
     assert sizes.off_axis(problem, model) == ((OFFSET,) if off else ())
 
 
@@ -49,7 +49,7 @@ def test_an_impossible_size_is_significant_beyond_two_standard_deviations(
     monkeypatch, stiffness: float, std: float, free: bool, impossible: bool
 ) -> None:
     name = "stiffness_Nm_per_rad"
-    parameters = [Fake(effect=OFFSET, name=name, amplitude=True), Fake(effect=SPRING, name=name, amplitude=free)]
+    parameters = [Fake(effect=effect, name=name) for effect in (OFFSET, *([SPRING] if free else []))]
     monkeypatch.setattr(sizes, "considered", lambda *_: np.diag([1.0, std**2]))
     monkeypatch.setattr(sizes, "oversized", lambda *_: (SPRING,))
     estimate = Fake(params=effect_params({SPRING: {name: stiffness}}))

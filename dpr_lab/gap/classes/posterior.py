@@ -127,18 +127,13 @@ class _Replacements:
     name: str
 
     @property
-    def without(self) -> Hypothesis:
-        """The selected set without the effect."""
-        return self.selection.without[self.name]
-
-    @property
     def test(self) -> ScoreTest:
         """Score test of all effects for the set without the effect."""
         return self.selection.tests_without[self.name]
 
     def key(self, other: str) -> frozenset[str]:
         """Return the key of the set in which another effect replaces the named effect."""
-        return self.without.key | {other}
+        return self.selection.without[self.name].key | {other}
 
     def with_other(self, other: str) -> Hypothesis | None:
         """Return the set in which another effect replaces the named effect, or None if it was not fitted."""

@@ -8,6 +8,7 @@ from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.fitting.disturbance import most_noise
+from dpr_lab.gap.hypothesis.detectable import DetectableSizes
 from dpr_lab.gap.state import Transferred
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import listed
@@ -17,7 +18,7 @@ SURELY = 3.0
 file is wrong."""
 
 
-def assumptions(state: Transferred, least: Mapping[str, Mapping[str, float | None]], scale: Scale) -> Iterator[str]:
+def assumptions(state: Transferred, least: DetectableSizes, scale: Scale) -> Iterator[str]:
     """Yield all assumptions of a diagnosis, one sentence each.
 
     Args:
@@ -159,9 +160,7 @@ def _misleading(state: Transferred) -> Iterator[str]:
         )
 
 
-def _unseen(
-    least: Mapping[str, Mapping[str, float | None]], absorbed: Mapping[str, Mapping[str, str]]
-) -> Iterator[str]:
+def _unseen(least: DetectableSizes, absorbed: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
     """State which effects are undetectable, and which of them the base parameters absorb."""
     blind = {name: absorbed.get(name, {}) for name, sizes in least.items() if sizes and not any(sizes.values())}
     twins = {

@@ -18,7 +18,7 @@ from dpr_lab.gap.conclusion.sentence import sentence
 from dpr_lab.gap.conclusion.verdict import listed_causes, verdict
 from dpr_lab.gap.hypothesis.detectable import visible
 from dpr_lab.gap.result.checks import AdvisedCheck
-from dpr_lab.gap.result.diagnosis import Diagnosis, RollingShutter, SensorFinding
+from dpr_lab.gap.result.diagnosis import Diagnosis, SensorFinding
 from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.state import Transferred
@@ -73,7 +73,7 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
         chi2_per_dof=residuals.chi2 / residuals.dof,
         exact_torques=state.fitted.recordings.exact_torques,
         torques_earlier=state.fitted.recordings.torques_earlier,
-        shutter=_shutter(state),
+        shutter=state.fitted.recordings.shutter,
         segments=len(state.fitted.problem.segments),
         scale=assumed,
         search=list(state.selection.trace),
@@ -83,11 +83,6 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
         evidence=evidence,
         seconds=time.perf_counter() - started,
     )
-
-
-def _shutter(state: Transferred) -> RollingShutter | None:
-    shutter = state.fitted.recordings.shutter
-    return shutter and RollingShutter(lines=shutter.lines, delay_s_per_m=shutter.delay)
 
 
 def _checks(state: Transferred, advice: Sequence[NextStep], named: Sequence[str], scale: Scale) -> list[AdvisedCheck]:

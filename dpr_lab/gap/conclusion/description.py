@@ -171,5 +171,5 @@ def _as_good(look: SecondLook, selection: Selection) -> bool:
     if not look.tried:
         return True
     of_arm = any(EFFECTS[name].stage == "arm" for name in selection.chosen.effects)
-    refuting = [trial.share for trial in look.tried if not (trial.reading.arm and of_arm)]
+    refuting = [share for reading, share in look.tried if not (reading.arm and of_arm)]
     return max(refuting, default=0.0) >= selection.share_explained - DESCRIPTION.as_good

@@ -100,7 +100,7 @@ def energies(problem: Problem, estimate: Estimate) -> Array:
     th1, th2, w1, w2 = estimate.initial.T
     w2 = w1 if setup.held else w2
     kinetic = 0.5 * a * w1**2 + 0.5 * b * w2**2 + d * np.cos(th1 - th2) * w1 * w2
-    return np.asarray(kinetic + e1 * (1 + np.cos(th1)) + d * constants.g / constants.L1 * (1 + np.cos(th2)))
+    return kinetic + e1 * (1 + np.cos(th1)) + d * constants.g / constants.L1 * (1 + np.cos(th2))
 
 
 def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float | None:

@@ -249,4 +249,4 @@ def _of_torques(problem: Problem, fitted: Fit, reference: Trajectory, degree: in
     response /= np.maximum(np.linalg.norm(response, axis=1, keepdims=True), np.finfo(np.float64).tiny)
     response -= Q @ (Q.transpose(0, 2, 1) @ response)
     left, sizes, _ = np.linalg.svd(response, full_matrices=False)
-    return np.asarray(left * (sizes > STEPS.seen)[:, None, :])
+    return left * (sizes > STEPS.seen)[:, None, :]

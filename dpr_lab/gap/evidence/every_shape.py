@@ -26,11 +26,11 @@ from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.projection import RIDGE, ColumnSpace
+from dpr_lab.fitting.projection import RIDGE, ColumnSpace, SmallSets
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.detectable import SEEN
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.scan import FittedColumns, UnitSets
+from dpr_lab.gap.hypothesis.scan import FittedColumns
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,11 +99,12 @@ def joint_intervals(given: ColumnSpace, inflation: float) -> list[tuple[float, f
         given: columns of the amplitudes, with the model projected out
         inflation: variance inflation n / n_eff
     """
-    intervals = _union(UnitSets(given.scale[None], given.H[None], given.gradient[None]), inflation)
+    ridged = given.H + RIDGE * np.eye(len(given))
+    intervals = _union(SmallSets(given.scale[None], ridged[None], given.gradient[None]), inflation)
     return None if intervals is None else [(low, high) for low, high in intervals.tolist()]
 
 
-def _union(sets: UnitSets, inflation: float) -> Array | None:
+def _union(sets: SmallSets, inflation: float) -> Array | None:
     """Return the union (n, 2) of the 90 % intervals in all shapes, for n amplitudes.
 
     The result is None if the amplitudes are inseparable in one of the shapes.
@@ -114,7 +115,7 @@ def _union(sets: UnitSets, inflation: float) -> Array | None:
     """
     if np.linalg.eigvalsh(sets.H)[:, 0].min() < SEEN:
         return None
-    inverse = np.linalg.inv(sets.H + RIDGE * np.eye(sets.H.shape[1]))
+    inverse = np.linalg.inv(sets.H)
     x = sets.scale * (inverse @ sets.gradient[:, :, None])[:, :, 0]
     reach = NORMAL_Q90 * sets.scale * np.sqrt(inflation * np.diagonal(inverse, axis1=1, axis2=2))
     return np.stack([(x - reach).min(axis=0), (x + reach).max(axis=0)], axis=1)
@@ -161,7 +162,7 @@ class _Swings:
         """Create the swings at the estimate of the linearised problem."""
         return cls(problem, trajectory(problem, estimate, spacing=TRAJECTORY.coarse_s), fitted)
 
-    def sets(self, effect: Effect, values: Array) -> Iterator[UnitSets]:
+    def sets(self, effect: Effect, values: Array) -> Iterator[SmallSets]:
         """Yield the columns of the amplitudes for blocks of several shapes.
 
         The model is projected out of the columns.
@@ -176,5 +177,4 @@ class _Swings:
             params[:, :, place] = chosen[:, None]
             params = params.reshape(len(chosen) * count, -1)
             torques = self.reference.torques(effect.stage, self.problem.model.constants, params)
-            columns = self.reference.response(self.problem, torques)
-            yield self.fitted.remaining(self.fitted.inner_products(columns, count))
+            yield self.fitted.sets(self.reference.response(self.problem, torques), count)

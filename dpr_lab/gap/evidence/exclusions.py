@@ -9,20 +9,16 @@ amplitudes of the effect fitted together, and over all shapes of an effect such 
 (`dpr_lab.gap.evidence.every_shape`).
 """
 
-from collections.abc import Mapping
-
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.gap.evidence.every_shape import AllShapes, joint_intervals
-from dpr_lab.gap.hypothesis.detectable import linear_exclusions
+from dpr_lab.gap.hypothesis.detectable import DetectableSizes, linear_exclusions
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.result.evidence import Exclusion
 
 
-def exclusions(
-    problem: Problem, model: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str, float | None]]
-) -> list[Exclusion]:
+def exclusions(problem: Problem, model: Hypothesis, test: ScoreTest, least: DetectableSizes) -> list[Exclusion]:
     """Return the exclusions of all detectable amplitudes of the effects that are not named.
 
     Args:

@@ -62,7 +62,7 @@ class _Compared:
         """
         after = self.swings["after"]
         followed = np.all([np.isfinite(swing.predicted) for swing in self.swings.values()], axis=0)
-        return np.asarray(after.compared & (after.t <= self.until_s)[:, None] & followed)
+        return after.compared & (after.t <= self.until_s)[:, None] & followed
 
 
 def validation(

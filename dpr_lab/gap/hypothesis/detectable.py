@@ -16,6 +16,9 @@ from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.rig import load_rig
 
+DetectableSizes = Mapping[str, Mapping[str, float | None]]
+"""Minimum detectable size, SI, by effect and amplitude; None if no size is detectable."""
+
 SIGMAS = 5.0
 """Minimum ratio of the size of a detectable effect to its standard deviation.
 
@@ -26,7 +29,7 @@ SEEN = 1e-6
 """Minimum fraction of a column's squared norm that remains after projection, for a detectable amplitude."""
 
 
-def detectable(model: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, float | None]]:
+def detectable(model: Hypothesis, test: ScoreTest) -> DetectableSizes:
     """Return the minimum detectable size of each amplitude of each effect, given the fitted model.
 
     This size is five standard deviations,
@@ -115,7 +118,7 @@ def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float |
     return excluded
 
 
-def visible(least: Mapping[str, Mapping[str, float | None]], limits: Array | None) -> tuple[int, int]:
+def visible(least: DetectableSizes, limits: Array | None) -> tuple[int, int]:
     """Count the effects that are detectable at their typical size, and at any size.
 
     If an effect is undetectable at any size, it does not act in these recordings or is absorbed by the ratios.

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dpr_lab.arrays import Array, Flags, Integers
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
@@ -89,11 +89,6 @@ class ResidualStatistics:
     def noise_ratio(self) -> float:
         """Ratio of the residual to the noise, both rms."""
         return float(np.sqrt(max(self.excess, 0.0) / (self.level * self.dof)))
-
-
-def degrees_of_freedom(problem: Problem) -> Integers:
-    """Return the (segments,) number of readings minus the number of initial values."""
-    return np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
 
 
 def bounded_residual(problem: Problem, fit: Fit) -> Array:

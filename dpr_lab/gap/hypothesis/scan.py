@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from dpr_lab.effects.effect import Effect, Recorded, Shape
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.linearise import Linearisation
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.projection import RIDGE, TINY, ColumnSpace
+from dpr_lab.fitting.projection import ColumnSpace, SmallSets
 from dpr_lab.fitting.response import Trajectory
 
 
@@ -57,31 +56,6 @@ polynomial fits any smooth force and any nonlinearity of the encoder, so it is e
 """
 
 
-class SmallSets(NamedTuple):
-    """Inner products of many small sets of columns, with initial states projected out."""
-
-    across: Array
-    """(k, sets, n) inner products of k fitted columns with the n columns of each set."""
-    within: Array
-    """(sets, n, n) inner products within each set."""
-    gradient: Array
-    """(sets, n) inner products with the residual."""
-
-
-class UnitSets(NamedTuple):
-    """Inner products of small sets of columns, in units of their norm before projection.
-
-    The fitted columns are projected out.
-    """
-
-    scale: Array
-    """(sets, n) reciprocal norm of each column."""
-    H: Array
-    """(sets, n, n) normal matrix of each set."""
-    gradient: Array
-    """(sets, n) inner products with the residual."""
-
-
 @dataclass(frozen=True, slots=True)
 class FittedColumns:
     """Linearised fit: columns A of the parameters, residual e, and columns Q of initial states."""
@@ -99,8 +73,8 @@ class FittedColumns:
         rows = np.concatenate([linear.A, linear.e[:, :, None], linear.Q], axis=2).transpose(0, 2, 1).copy()
         return cls(ColumnSpace.of(*linear.flat), rows, rows @ linear.Q)
 
-    def inner_products(self, columns: Array, count: int) -> SmallSets:
-        """Compute the inner products of sets of columns.
+    def sets(self, columns: Array, count: int) -> SmallSets:
+        """Project the fitted columns and the initial states out of sets of columns.
 
         Args:
             columns: (segments, m, sets * count) whitened columns
@@ -112,17 +86,7 @@ class FittedColumns:
         products -= self.onto_initial @ initial  # equivalent to projecting the columns, without one more pass over them
         across = products[:, :-states].sum(axis=0).reshape(-1, sets, count)
         within = _within(columns, columns, count) - _within(initial, initial + products[:, -states:], count)
-        return SmallSets(across[:-1], within, across[-1])
-
-    def remaining(self, sets: SmallSets) -> UnitSets:
-        """Project the fitted columns out of sets of columns."""
-        scale = 1 / np.maximum(np.sqrt(np.maximum(np.diagonal(sets.within, axis1=1, axis2=2), 0.0)), TINY)
-        across = sets.across * self.space.scale[:, None, None] * scale
-        of_all = np.column_stack([across.reshape(len(self.space), -1), self.space.gradient])
-        out = np.linalg.solve(self.space.H + RIDGE * np.eye(len(self.space)), of_all)
-        taken = np.einsum("ksi,ksj->sij", across, out[:, :-1].reshape(across.shape))
-        H = sets.within * scale[:, :, None] * scale[:, None] - taken
-        return UnitSets(scale, H, sets.gradient * scale - np.einsum("ksi,k->si", across, out[:, -1]))
+        return self.space.given_sets(across[:-1], within, across[-1])
 
 
 @dataclass(frozen=True)
@@ -194,8 +158,8 @@ class ShapeScan:
             chosen = candidates[first : first + SCAN.block // count]
             params = _typical(effect, count, chosen)
             torques = self.reference.torques(effect.stage, problem.model.constants, params)
-            sets = self._fitted.inner_products(self.reference.response(problem, torques), count)
-            gains.append(self._fitted.space.gains_given(*sets, positive))
+            sets = self._fitted.sets(self.reference.response(problem, torques), count)
+            gains.append(sets.gains(positive=positive))
         return np.concatenate(gains)
 
 

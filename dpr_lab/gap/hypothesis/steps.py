@@ -129,7 +129,7 @@ def _step_shape() -> Array:
     around = np.arange(-STEPS.side, STEPS.side)
     smooth = np.linalg.qr(np.vander((around + 0.5) / STEPS.side, STEPS.degree + 1))[0]
     shape = (around >= 0).astype(np.float64)
-    return np.asarray(shape - smooth @ (smooth.T @ shape), dtype=np.float64)
+    return shape - smooth @ (smooth.T @ shape)
 
 
 _STEP_SHAPE = _step_shape()
@@ -222,4 +222,4 @@ def step_gains(weight: Array, e: Array, Q: Array, ends: Integers) -> tuple[Array
 def sums_to_end(values: Array, ends: Integers) -> Array:
     """Sum values (samples, ...) from each sample to the end of its segment."""
     sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
-    return np.asarray(sums[ends] - sums[:-1])
+    return sums[ends] - sums[:-1]

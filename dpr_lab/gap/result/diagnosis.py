@@ -21,6 +21,7 @@ from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.gap.result.saved import Interval, Number, Saved
 from dpr_lab.gap.result.search_step import SearchStep
 from dpr_lab.gap.result.trust import Trust
+from dpr_lab.gap.screen.shutter import RollingShutter
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import Row, Shown, percent
 from dpr_lab.whole_file import in_folder, not_json, read_text
@@ -47,15 +48,6 @@ class SensorFinding(Saved):
     """Description of the evidence."""
     count: int = 1
     """Number of faults of this kind; `at_s` is the instant of the first one."""
-
-
-class RollingShutter(Saved):
-    """Rolling shutter of the camera that filmed the recordings (`dpr_lab.gap.screen.shutter`)."""
-
-    lines: Literal["horizontal", "vertical"]
-    """Direction of the lines of the picture."""
-    delay_s_per_m: Number
-    """Delay between lines per distance on the rig, s/m."""
 
 
 class Diagnosis(Shown, Saved):

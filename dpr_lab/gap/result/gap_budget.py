@@ -89,17 +89,11 @@ class GapBudget(Saved):
         """
         if self.basis != "recordings" or self.varying < CHANGED_RIG.share:
             return None
-        ratios = (
-            parameter for parameter in self.parameters if not parameter.effect and not parameter.name.startswith("c")
-        )
-        return next(
-            (
-                parameter
-                for parameter in ratios
-                if parameter.spread > CHANGED_RIG.scatter * np.abs(np.mean([*parameter.values.values()]))
-            ),
-            None,
-        )
+        for parameter in self.parameters:
+            if not parameter.effect and not parameter.name.startswith("c"):
+                if parameter.spread > CHANGED_RIG.scatter * np.abs(np.mean([*parameter.values.values()])):
+                    return parameter
+        return None
 
     @property
     def _no_gap(self) -> bool:

@@ -5,7 +5,6 @@ from collections.abc import Iterable
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.screen.shutter import Shutter
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -16,5 +15,4 @@ def recordings_as_in(diagnosis: Diagnosis, runs: Iterable[Run], rig: Rig) -> Rec
     The runs and the diagnosis belong to the same rig.
     """
     recordings = Recordings(tuple(record(run, rig) for run in runs), rig, exact_torques=diagnosis.exact_torques)
-    shutter = diagnosis.shutter and Shutter(diagnosis.shutter.lines, diagnosis.shutter.delay_s_per_m)
-    return recordings.with_earlier_torques(diagnosis.torques_earlier).with_shutter(shutter)
+    return recordings.with_earlier_torques(diagnosis.torques_earlier).with_shutter(diagnosis.shutter)

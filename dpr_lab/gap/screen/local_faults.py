@@ -57,23 +57,13 @@ class LocalFaultSettings:
 LOCAL_FAULTS = LocalFaultSettings()
 
 
-@dataclass(frozen=True, slots=True)
-class LocalFaults:
-    """Faults of one encoder, by indices of its readings."""
-
-    outliers: Integers
-    """Isolated outliers."""
-    steps: tuple[tuple[int, float], ...]
-    """Index of the first reading after each step, and size of the step, rad."""
-
-
 def local_faults(
     t: Array,
     angle: Array,
     keep: Flags,
     noise: tuple[float, float],
     period: float,
-) -> LocalFaults:
+) -> tuple[list[int], list[tuple[int, float]]]:
     """Detect the outliers and steps of one encoder.
 
     Args:
@@ -82,6 +72,9 @@ def local_faults(
         keep: (n,) mask of the plausible readings
         noise: standard deviation of a reading at rest (rad) and of an instant (s)
         period: nominal sampling interval, s
+
+    Returns:
+        indices of the isolated outliers, and index of the first reading after each step with its size, rad
     """
     half = int(np.clip(round(LOCAL_FAULTS.half_window_s / period), LOCAL_FAULTS.fewest_half, LOCAL_FAULTS.most_half))
     outliers: list[int] = []
@@ -103,7 +96,7 @@ def local_faults(
                 outliers.append(int(near[instant]))
             else:
                 steps.append((int(near[instant]), size))
-    return LocalFaults(np.array(outliers, dtype=np.int64), tuple(steps))
+    return outliers, steps
 
 
 def _at(grid: Array, t: Array, angle: Array) -> Array:

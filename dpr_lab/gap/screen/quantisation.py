@@ -25,14 +25,14 @@ QUANTISATION = QuantisationSettings()
 
 
 def count_size(run: Run, rig: Rig) -> Array:
-    """Return the (2,) smallest change of a reading, rad.
+    """Return the (3,) smallest change of a reading of encoders 0, 1 and 2, rad; zero for a table of angles.
 
     A coarse encoder with a finer counter changes by several counts.
     """
     if run.counts is None:
-        return np.zeros(2)
-    steps = np.gcd.reduce(np.diff(run.counts[:, 1:], axis=0), axis=0)
-    return np.asarray(np.maximum(steps, 1) * np.abs(rig.radians_per_count[1:]), dtype=np.float64)
+        return np.zeros(3)
+    steps = np.gcd.reduce(np.diff(run.counts, axis=0), axis=0)
+    return np.maximum(steps, 1) * np.abs(rig.radians_per_count)
 
 
 def is_on_grid(run: Run, rig: Rig, joints: Array) -> Flags:
@@ -43,7 +43,7 @@ def is_on_grid(run: Run, rig: Rig, joints: Array) -> Flags:
     if run.counts is not None:
         return np.ones(2, dtype=bool)
     turns = np.exp(2j * np.pi * joints / np.abs(rig.radians_per_count[1:]))
-    return np.asarray(np.abs(turns.mean(axis=0)) > QUANTISATION.on_grid)
+    return np.abs(turns.mean(axis=0)) > QUANTISATION.on_grid
 
 
 def has_dither(run: Run, rig: Rig, count: Array, still: Flags) -> Flags:
@@ -69,4 +69,4 @@ def changing(readings: Array, still: Flags) -> Flags:
     """
     changes = np.where(still[1:], np.nan, np.abs(np.diff(readings, axis=0)))
     moves = np.isfinite(changes).any(axis=0)
-    return np.asarray(np.nanmedian(np.where(moves, changes, 0.0), axis=0) > 1e-12, dtype=np.bool_)
+    return np.nanmedian(np.where(moves, changes, 0.0), axis=0) > 1e-12

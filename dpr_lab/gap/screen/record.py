@@ -21,7 +21,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.estimation.noise import NOISE, noise_floor, rest_correlation
 from dpr_lab.fitting.cut import MIN_SAMPLES, cut
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES, SCREEN, Finding, Screened, jitter_of, screen, with_arm
-from dpr_lab.gap.screen.shutter import Shutter
+from dpr_lab.gap.screen.shutter import RollingShutter
 from dpr_lab.identification.moving_arm.setup import setup_of
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -135,7 +135,7 @@ class Record:
         """
         return replace(self, sigma=self.sigma * factor, noise_correlation=correlation)
 
-    def with_shutter(self, shutter: Shutter, constants: RigConstants) -> "Record":
+    def with_shutter(self, shutter: RollingShutter, constants: RigConstants) -> "Record":
         """Correct the record for a rolling shutter.
 
         The correction replaces any previous one.
@@ -221,7 +221,7 @@ def without_gap(run: Run, t: Array) -> Flags:
     if run.at_edges or not len(intervals):
         return np.ones(len(intervals), dtype=np.bool_)
     longest = max(THINNING.gap_s, THINNING.gap_spacings * float(np.median(intervals)))
-    return np.asarray(intervals <= longest, dtype=np.bool_)
+    return intervals <= longest
 
 
 def _screen_edges(run: Run, rig: Rig) -> Screened:

@@ -20,7 +20,7 @@ from dpr_lab.fitting.prior import Prior, prior_of
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.gap.screen.record import Record
-from dpr_lab.gap.screen.shutter import Shutter
+from dpr_lab.gap.screen.shutter import RollingShutter
 from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.identification.moving_arm.unknowns import arm_start
 from dpr_lab.rig import MASSES, Rig
@@ -92,7 +92,7 @@ class Recordings:
     tracking: TrackingNoise | None = None
     """Correlated errors that a fit has found; None if the errors are white, or if the recordings themselves show
     them."""
-    shutter: Shutter | None = None
+    shutter: RollingShutter | None = None
     """Rolling shutter for which the readings are corrected; None if no correction was made."""
     camera_rad: float = 0.0
     """Standard deviation of the angle of the picture of a camera that is not fixed, rad; 0 for a fixed camera."""
@@ -184,14 +184,14 @@ class Recordings:
         ]
         return replace(self, records=tuple(records), tracking=noise)
 
-    def with_shutter(self, shutter: Shutter | None) -> "Recordings":
+    def with_shutter(self, shutter: RollingShutter | None) -> "Recordings":
         """Correct the recordings for the rolling shutter of a camera.
 
         The corrected readings are those at the times of the frames.
         """
         if shutter is None:
             return self
-        delay_ms = 1e3 * abs(shutter.delay) * self.rods_length
+        delay_ms = 1e3 * abs(shutter.delay_s_per_m) * self.rods_length
         evidence = (
             f"the sampling instants depend on the position in the image, as in a camera with a rolling shutter"
             f" ({shutter.lines} lines): {delay_ms:.2g} ms over the length of the rods; the readings are corrected"

@@ -137,7 +137,7 @@ def screen(run: Run, rig: Rig) -> Screened:
     late, swing, period = queued[run.t >= 0.0], run.swing, 1.0 / run.rate_hz
     t, joints, on_time = swing.t, rig.encoders.joint_angles.of_rods(swing.theta[:, 1:]), ~late
     late[on_time], delayed = _late(run, t[on_time], joints[on_time])
-    count = count_size(run, rig)
+    count = count_size(run, rig)[1:]
     still, shared = same_rounding(run, joints, rig.radians_per_count[1:])
     dithered, on_grid = has_dither(run, rig, count, still), is_on_grid(run, rig, joints)
     in_time = run.only(~np.pad(late, (len(run.t) - len(t), 0)))
@@ -153,15 +153,15 @@ def screen(run: Run, rig: Rig) -> Screened:
     slow, fast = periods(rig)
     slowest = slow / SCREEN.rows_in_period if run.setup.held else fast / SCREEN.rows_in_short_period
     for axis, name in enumerate(AXES):
-        faults = local_faults(t, joints[:, axis], keep[:, axis], (float(noise[axis]), jitter), period)
-        keep[faults.outliers, axis] = False
+        outliers, steps = local_faults(t, joints[:, axis], keep[:, axis], (float(noise[axis]), jitter), period)
+        keep[outliers, axis] = False
         for kind, instant, evidence in (
             ("outlier", t[wild[:, axis]], "the reading jumps away and back faster than a rod can move"),
             ("repeated_sample", t[stale[:, axis]], "the reading is constant while the rod moves"),
-            ("outlier", t[faults.outliers], "one reading deviates from the polynomial through its neighbours"),
+            ("outlier", t[outliers], "one reading deviates from the polynomial through its neighbours"),
         ):
             findings += _events(Finding(kind, run.name, name, None, evidence), instant.tolist())
-        steps = faults.steps if on_grid[axis] and period <= slowest else ()
+        steps = steps if on_grid[axis] and period <= slowest else []
         breaks += [(float(t[i]), axis) for i, _ in steps]
         findings += _steps(run.name, name, t, steps, abs(rig.radians_per_count[1 + axis]))
     if jitter:  # repeated readings look like wrong instants: estimate again without them
@@ -181,20 +181,14 @@ def with_arm(screened: Screened, rig: Rig) -> Screened:
     swing = screened.run.swing
     theta0, noise = swing.theta[:, 0], arm_noise(screened.run, rig, still=False)
     still, shared = same_rounding(screened.run, swing.theta[:, :1], rig.radians_per_count[:1])
-    count = 0.0
-    if screened.run.counts is not None:
-        steps = int(np.gcd.reduce(np.diff(screened.run.counts[:, 0])))
-        count = max(steps, 1) * abs(float(rig.radians_per_count[0]))
+    count = float(count_size(screened.run, rig)[0])
     noise = max(noise, count / 12**0.5)
     dithered = screened.run.counts is not None or bool(changing(theta0[:, None], still)[0])
     keep = np.ones(len(theta0), dtype=np.bool_)
-    faults = local_faults(screened.t, theta0, keep, (noise, screened.jitter_s), 1.0 / screened.run.rate_hz)
-    keep[faults.outliers] = False
+    outliers, _ = local_faults(screened.t, theta0, keep, (noise, screened.jitter_s), 1.0 / screened.run.rate_hz)
+    keep[outliers] = False
     evidence = "one reading deviates from the polynomial through its neighbours"
-    outliers = [
-        Finding("outlier", screened.run.name, ALL_AXES[2], instant, evidence)
-        for instant in screened.t[faults.outliers].tolist()
-    ]
+    findings = [Finding("outlier", screened.run.name, ALL_AXES[2], float(screened.t[i]), evidence) for i in outliers]
     return replace(
         screened,
         joints=np.column_stack([screened.joints, theta0]),
@@ -204,7 +198,7 @@ def with_arm(screened: Screened, rig: Rig) -> Screened:
         dithered=np.append(screened.dithered, dithered),
         shared=np.column_stack([screened.shared, shared]),
         on_grid=np.append(screened.on_grid, False),
-        findings=(*screened.findings, *outliers),
+        findings=(*screened.findings, *findings),
     )
 
 

@@ -10,13 +10,13 @@ horizontal, or vertical if the camera was turned by 90 degrees.
 Source: Meingast, Geyer & Sastry (2005), Geometric models of rolling-shutter cameras, OMNIVIS, arXiv cs/0503076.
 """
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.gap.result.saved import Number, Saved
 from dpr_lab.joint_angles import JointAngles
 
 Lines = Literal["horizontal", "vertical"]
@@ -25,14 +25,13 @@ NORMALS: dict[Lines, tuple[float, float]] = {"horizontal": (0.0, -1.0), "vertica
 """Normal of the lines of a picture, downwards or to the right, by the direction of the lines."""
 
 
-@dataclass(frozen=True, slots=True)
-class Shutter:
-    """Rolling shutter of a camera."""
+class RollingShutter(Saved):
+    """Rolling shutter of the camera that filmed the recordings (`dpr_lab.gap.screen.shutter`)."""
 
     lines: Lines
-    """Direction of the lines."""
-    delay: float
-    """Delay k between lines per distance along their normal, s/m."""
+    """Direction of the lines of the picture."""
+    delay_s_per_m: Number
+    """Delay between lines per distance on the rig, s/m."""
 
     def corrected(self, t: Array, shown: Array, constants: RigConstants, *, alone: bool) -> Array:
         """Convert readings to the times of the line of the pivot.
@@ -54,11 +53,11 @@ class Shutter:
         normal, joints = np.array(NORMALS[self.lines]), JointAngles(constants.relative2 == 1.0)
         theta = shown @ joints.to_rods_matrix.T
         elbow = _end(theta[:, 0], constants.L1)
-        theta1 = CubicSpline(t + self.delay * elbow @ normal, theta[:, 0])(t)
+        theta1 = CubicSpline(t + self.delay_s_per_m * elbow @ normal, theta[:, 0])(t)
         if alone:
             return np.column_stack([theta1, shown[:, 1]])
         tip = elbow + _end(theta[:, 1], constants.L2)
-        rod2 = CubicSpline(t + self.delay * tip @ normal, tip)(t) - _end(theta1, constants.L1)
+        rod2 = CubicSpline(t + self.delay_s_per_m * tip @ normal, tip)(t) - _end(theta1, constants.L1)
         turned = np.arctan2(-rod2[:, 0], rod2[:, 1]) - theta[:, 1]
         theta2 = theta[:, 1] + np.remainder(turned + np.pi, 2 * np.pi) - np.pi
         return joints.of_rods(np.column_stack([theta1, theta2]))

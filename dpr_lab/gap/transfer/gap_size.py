@@ -131,7 +131,7 @@ def _mean(values: Array, problem: Problem) -> Array:
     The mean is zero for an axis without readings.
     """
     counts = np.count_nonzero(problem.read, axis=0)
-    return np.asarray(values.sum(axis=0) / np.maximum(counts, 1))
+    return values.sum(axis=0) / np.maximum(counts, 1)
 
 
 def _by_axis(values: Array) -> dict[str, float]:

@@ -20,7 +20,6 @@ from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import scaled_columns
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.residuals import degrees_of_freedom
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +59,7 @@ def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) ->
     fit, run = model.fit, problem.segments.run
     if len(names) < LONE.recordings or not np.isfinite(fit.linear.chi2):
         return None
-    dof = degrees_of_freedom(problem)
-    noise = np.maximum(model.residuals.level * np.bincount(run, dof, len(names)), 1.0)
+    noise = np.maximum(model.residuals.level * np.bincount(run, problem.evidence_by_segment, len(names)), 1.0)
 
     def remainders(chi2: Array) -> Array:
         return np.sqrt(np.maximum(np.bincount(run, chi2, len(names)) / noise - 1.0, 0.0))
@@ -91,4 +89,4 @@ def _refitted(fit: Fit, chosen: Flags) -> Array:
     A = scaled_columns(fit, fit.inside)
     X, e = A[chosen].reshape(-1, A.shape[2]), fit.linear.e[chosen].ravel()
     step = np.linalg.solve(X.T @ X + np.eye(A.shape[2]), X.T @ e)
-    return np.asarray(np.sum((fit.linear.e - A @ step) ** 2, axis=1))
+    return np.sum((fit.linear.e - A @ step) ** 2, axis=1)

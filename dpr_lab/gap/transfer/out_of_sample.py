@@ -13,7 +13,6 @@ from dpr_lab.fitting.gauss_newton import descend
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import folds, left_out_chi2
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.residuals import degrees_of_freedom
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.screen.recordings import Recordings
 
@@ -103,11 +102,9 @@ def held_out_prediction(recordings: Recordings, bare: Hypothesis) -> OutOfSample
 
 
 def _out_of_sample(recordings: Recordings, problem: Problem, chi2: Callable[[Hypothesis], Array]) -> OutOfSample:
-    dof = degrees_of_freedom(problem)
     noise = float(np.mean(problem.weight[problem.read] ** 2) ** -0.5)
-    return OutOfSample(
-        tuple(record.run.name for record in recordings.records), problem.segments.run, dof, noise, chi2, block(problem)
-    )
+    names, dof = tuple(record.run.name for record in recordings.records), problem.evidence_by_segment
+    return OutOfSample(names, problem.segments.run, dof, noise, chi2, block(problem))
 
 
 def reduction(above: Array, uncertainty: float, rng: np.random.Generator, block: int, run: Integers) -> Interval:

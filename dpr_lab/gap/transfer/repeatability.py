@@ -35,7 +35,7 @@ from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import TINY
 from dpr_lab.gap.hypothesis.cross_validation import PRIOR, Fold, folds, left_out_chi2, scaled_columns, split
-from dpr_lab.gap.hypothesis.residuals import degrees_of_freedom, residual_statistics
+from dpr_lab.gap.hypothesis.residuals import residual_statistics
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.gap_budget import GapBudget, VaryingParameter
@@ -87,8 +87,8 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     followed = np.isfinite(before.linear.chi2_by_segment) & np.isfinite(after.linear.chi2_by_segment)
     fold = folds(problem)
     residuals = residual_statistics(problem, after)
-    dof = degrees_of_freedom(problem)
-    noise, total = residuals.level * float(dof[followed].sum()), float(left_out_chi2(before, fold)[followed].sum())
+    noise = residuals.level * float(problem.evidence_by_segment[followed].sum())
+    total = float(left_out_chi2(before, fold)[followed].sum())
     if residual_statistics(problem, before).z < REPEATABILITY.gap_from or not followed.any() or total <= noise:
         return budget_of(
             [total] * 4, noise, names, (), "There is no gap above the noise whose repeatability could be computed."
@@ -329,4 +329,4 @@ def _without(part: Fold, removed: Sequence[int]) -> Fold:
 
 def _used(values: Array) -> Flags:
     """Return the (segments,) mask of the segments whose values (segments, m) are not all zero."""
-    return np.asarray(np.abs(values).sum(axis=1) > 0)
+    return np.abs(values).sum(axis=1) > 0

@@ -40,9 +40,11 @@ class FreeFunctions:
 
     def readings(self, problem: Problem, reference: Trajectory) -> Array:
         """Compute the (segments, m, k) whitened change of the readings by each function."""
-        if self.kind == "error":
-            return under_error(problem, self.joint, self.values)
-        return under_torque(problem, reference, self.joint, self.values)
+        if self.kind != "error":
+            return under_torque(problem, reference, self.joint, self.values)
+        readings = np.zeros((len(self.values), problem.axes, len(self.knots)))
+        readings[:, self.joint] = self.values
+        return problem.whitened(readings)
 
 
 def free_functions(
@@ -127,16 +129,3 @@ def under_torque(problem: Problem, reference: Trajectory, joint: int, torque: Ar
     on = {0: [torque, zeros], 1: [-torque, torque]}.get(joint, [zeros, zeros])
     torques = [*on, torque if joint in (2, ARM) else zeros][: problem.axes]
     return reference.response(problem, np.stack(torques, axis=1))
-
-
-def under_error(problem: Problem, joint: int, error: Array) -> Array:
-    """Return the (segments, m, k) whitened change of the readings by encoder errors.
-
-    Args:
-        problem: segments of the readings
-        joint: index of the joint
-        error: (samples, k) errors of its encoder, rad
-    """
-    readings = np.zeros((len(error), problem.axes, error.shape[1]))
-    readings[:, joint] = error
-    return problem.whitened(readings)

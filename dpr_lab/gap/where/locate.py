@@ -17,6 +17,7 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.where.coordinates import Coordinate, FreeFunctions, Kind, beyond_fit, free_functions
+from dpr_lab.gap.where.discrepancy import DISCREPANCY
 from dpr_lab.shown import percent
 
 CONVINCING = 0.6
@@ -24,13 +25,7 @@ CONVINCING = 0.6
 
 Maps = Sequence[tuple[Kind, Coordinate]]
 
-MAPS: Maps = (
-    ("torque", "angle"),
-    ("torque", "speed"),
-    ("friction", "time"),
-    ("error", "angle"),
-    ("error", "speed"),
-)
+MAPS: Maps = (*DISCREPANCY.kinds, ("error", "speed"))
 """Kinds of the maps, each with the coordinate on which the torque, the friction or the error depends."""
 
 SIGNIFICANT = 3.0

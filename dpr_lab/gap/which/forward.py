@@ -191,7 +191,9 @@ def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
     more than any single effect.
     """
     test = sets.test(model)
-    losses = [test.shaped[name][0] for name in sorted(test.shaped) if _is_loss_of_one_size(test.shaped[name][0])]
+    best_scores = (test.shaped[name][0] for name in sorted(test.shaped))
+    one_size = (score for score in best_scores if len(score.columns) == 1 and not score.effect.shapes)
+    losses = [score for score in one_size if score.effect.dissipative]
     pairs = [
         (gain, *sorted(pair, key=lambda score: -score.gain))
         for pair in combinations(losses, 2)
@@ -206,10 +208,6 @@ def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
     with_larger = sets.with_one(model, larger)
     score = sets.score(with_larger, smaller.effect.name)
     return None if score is None else sets.with_one(with_larger, score)
-
-
-def _is_loss_of_one_size(score: Score) -> bool:
-    return score.effect.dissipative and len(score.columns) == 1 and not score.effect.shapes
 
 
 def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) -> list[Hypothesis]:

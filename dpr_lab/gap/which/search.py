@@ -61,11 +61,6 @@ class SearchState:
     trace: tuple[SearchStep, ...] = ()
     """All trials so far, in order."""
 
-    @classmethod
-    def initial(cls, sets: FittedSets, max_effects: int) -> "SearchState":
-        """Return the initial state of the search, with the bare model as current set."""
-        return cls(sets.bare, sets, max_effects)
-
     def after(self, move: Move, proposal: Proposal, decision: Decision) -> "SearchState":
         """Return the state after a trial."""
         model, change = proposal.model, proposal.model.cost - self.current.cost

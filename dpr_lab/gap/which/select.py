@@ -38,11 +38,12 @@ def forward(sets: FittedSets, max_effects: int = 4) -> SearchState:
     it is repeated without this noise (`dpr_lab.gap.corrections`). Full segments have fewer free initial states, so
     their residual is not smaller.
     """
-    start = SearchState.initial(sets, max_effects)
+    start = SearchState(sets.bare, sets, max_effects)
     if not sets.bare.far_from_noise:
         return apply_moves((START, forward_selection(max_effects)), start)
     additions = (START, forward_selection(max_effects, to_floor=True))
-    short = apply_moves(additions, SearchState.initial(sets.on_short(), max_effects))
+    short_sets = sets.on_short()
+    short = apply_moves(additions, SearchState(short_sets.bare, short_sets, max_effects))
     if refutes_torque_noise(sets.problem, short.current):
         return start
     return apply_moves((short_segments(short), forward_selection(max_effects)), start)

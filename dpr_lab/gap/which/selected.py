@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.hypothesis.detectable import DetectableSizes
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import ScoreTest
 from dpr_lab.gap.result.search_step import SearchStep
@@ -23,7 +24,7 @@ class Selection:
     """All fitted sets with their best fits."""
     final_test: ScoreTest
     """Score test of further effects for the selected set."""
-    detectable: Mapping[str, Mapping[str, float | None]]
+    detectable: DetectableSizes
     """Minimum detectable size next to the selected set, by effect and amplitude; None if undetectable at any size."""
     without: Mapping[str, Hypothesis]
     """Sets without one effect of the selected set, by the removed effect."""

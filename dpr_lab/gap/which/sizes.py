@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.dynamics.base import BASE, RATIOS, base_of_run
+from dpr_lab.dynamics.base import BASE, base_of_run
 from dpr_lab.effects import EFFECTS, named_params, param_index
 from dpr_lab.effects.com_offset import COM_OFFSET_LINK1
 from dpr_lab.effects.effect import Effect, Params
@@ -46,9 +46,18 @@ SIZES = ("stiffness_Nm_per_rad", "cubic_Nm_per_rad3")
 """Names of the parameters k and k3 of a spring."""
 
 
-def half_widths(model: Hypothesis) -> Array:
-    """Return the (free,) half width of the interval of each fitted value."""
-    return RULES.deviations * np.sqrt(np.diag(considered(model.fit, model.inflation)))
+def half_width(model: Hypothesis, effect: str, name: str) -> float | None:
+    """Return half the width of the interval of a fitted value, or None if the value is not fitted.
+
+    Args:
+        model: the fitted set
+        effect: effect of the parameter; empty for a ratio
+        name: name of the parameter
+    """
+    place = next((i for i, p in enumerate(model.fit.free) if (p.effect, p.name) == (effect, name)), None)
+    if place is None:
+        return None
+    return RULES.deviations * float(np.sqrt(np.diag(considered(model.fit, model.inflation))[place]))
 
 
 def significantly_oversized(model: Hypothesis, limits: Array | None) -> tuple[str, ...]:
@@ -66,9 +75,8 @@ def significantly_oversized(model: Hypothesis, limits: Array | None) -> tuple[st
         effect, sizes = EFFECTS[name], named_params(params)[name]
         if effect.possible(sizes):  # the sizes are possible together, so one of them is at its limit
             return False
-        free = zip(model.fit.free, half_widths(model).tolist(), strict=True)
-        of_effect = {p.name: error for p, error in free if p.effect == name and p.amplitude}
-        return not impossible_together(effect, sizes, of_effect)
+        errors = {p.name: half_width(model, name, p.name) or 0.0 for p in effect.amplitudes}
+        return not impossible_together(effect, sizes, errors)
 
     return tuple(name for name in oversized(params, limits) if not possible(name))
 
@@ -82,7 +90,7 @@ def impossible_together(effect: Effect, sizes: Params, errors: Mapping[str, floa
     Args:
         effect: the effect
         sizes: estimates of its amplitudes
-        errors: half the width of the interval of each fitted amplitude
+        errors: half the width of the interval of each amplitude
     """
 
     def choices(name: str, value: float) -> set[float]:
@@ -101,12 +109,13 @@ def off_axis(problem: Problem, model: Hypothesis) -> tuple[str, ...]:
     probable.
     """
     effect, constants = COM_OFFSET_LINK1, problem.model.constants
-    free = [i for i, parameter in enumerate(model.fit.free) if parameter.effect == effect.name]
     sizes = named_params(model.estimate.params)
-    if not free or effect.name not in sizes or (torque := _gravity_torque(problem, model)) is None:
+    if effect.name not in sizes or (torque := _gravity_torque(problem, model)) is None:
         return ()
-    (offset,) = sizes[effect.name].values()
-    least = constants.m1 * constants.g * (abs(offset) - half_widths(model)[free[0]])
+    ((name, offset),) = sizes[effect.name].items()
+    if (error := half_width(model, effect.name, name)) is None:
+        return ()
+    least = constants.m1 * constants.g * (abs(offset) - error)
     return (effect.name,) if least > torque * model.estimate.ratios[SCALE] else ()
 
 
@@ -116,11 +125,11 @@ def rises(problem: Problem, model: Hypothesis) -> bool:
     Gravity would then lift the rod. In swings of similar amplitude, an effect that depends on the angle can replace
     gravity, and compensate for a gravity torque of the wrong size or sign.
     """
-    place, torque = RATIOS.index("e1/b"), _gravity_torque(problem, model)
-    free = [i for i, p in enumerate(model.fit.free) if p.block == "ratios" and p.place == place]
-    if not free or torque is None or torque >= 0.0:
+    torque = _gravity_torque(problem, model)
+    if torque is None or torque >= 0.0:
         return False
-    return bool(torque + half_widths(model)[free[0]] < 0.0)
+    error = half_width(model, "", "e1/b")
+    return error is not None and torque + error < 0.0
 
 
 def refuse_rising(problem: Problem, model: Hypothesis) -> None:
@@ -171,10 +180,7 @@ def springs_like_scale(problem: Problem, library: Container[str], model: Hypothe
         if spring not in model.effects or scale not in library:
             continue
         stiffness, cubic = model.estimate.params[[param_index(spring, name) for name in SIZES]]
-        free = [i for i, p in enumerate(model.fit.free) if (p.effect, p.name) == (spring, SIZES[1])]
-        like_scale = (
-            free and abs(cubic - RULES.softening * stiffness) < RULES.tolerance * abs(RULES.softening) * stiffness
-        )
-        if like_scale and cubic + half_widths(model)[free[0]] < 0.0:
+        like_scale = abs(cubic - RULES.softening * stiffness) < RULES.tolerance * abs(RULES.softening) * stiffness
+        if like_scale and (error := half_width(model, spring, SIZES[1])) is not None and cubic + error < 0.0:
             springs.append(spring)
     return tuple(springs)

@@ -16,8 +16,9 @@ with the same angle (`dpr_lab.dynamics.base`).
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -154,8 +155,7 @@ def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
     terms = _terms_of_table(t[::stride], rods[::stride], None, rig)
     if terms is None:
         return None
-    covariance = np.cov(terms, bias=True)
-    return best_zeros(lambda added: _residual(covariance, added), rig)
+    return best_zeros(partial(_residual, np.cov(terms, bias=True)), rig)
 
 
 def residual_near(
@@ -168,18 +168,11 @@ def residual_near(
     residual, by at most `zero_error_rad`. The residual is computed with short and with long windows. The smaller
     residual is returned, so that the noise of the readings has little influence.
     """
-    balances = _balances(t, rods, torques, rig)
-    return min((_residual_near(terms, rig, zero_error_rad) for terms in balances), default=math.inf)
-
-
-def _least_residual(balances: Sequence[Array]) -> float:
-    return min((_residual(np.cov(terms, bias=True), np.zeros(2)) for terms in balances), default=math.inf)
-
-
-def _residual_near(terms: Array, rig: Rig, most: float) -> float:
-    covariance = np.cov(terms, bias=True)
-    added = best_zeros(lambda zeros: _residual(covariance, zeros), rig, nearest=True)
-    return _residual(covariance, np.clip(added, -most, most))
+    least = math.inf
+    for covariance in _balances(t, rods, torques, rig):
+        added = best_zeros(partial(_residual, covariance), rig, nearest=True)
+        least = min(least, _residual(covariance, np.clip(added, -zero_error_rad, zero_error_rad)))
+    return least
 
 
 def other_pace(t: Array, rods: Array, rig: Rig) -> float:
@@ -193,7 +186,11 @@ def other_pace(t: Array, rods: Array, rig: Rig) -> float:
         rods: (n, 2) absolute angles, rad
         rig: the recorded rig
     """
-    residuals = {pace: _least_residual(_balances(t / pace, rods, None, rig)) for pace in ENERGY.paces}
+    balances = {pace: _balances(t / pace, rods, None, rig) for pace in ENERGY.paces}
+    residuals = {
+        pace: min((_residual(covariance, np.zeros(2)) for covariance in of_pace), default=math.inf)
+        for pace, of_pace in balances.items()
+    }
     best = min(residuals, key=lambda pace: residuals[pace])
     return best if residuals[best] < ENERGY.much_better * residuals[1.0] else 1.0
 
@@ -233,12 +230,12 @@ def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = 
 
 
 def _balances(t: Array, rods: Array, torques: Array | None, rig: Rig) -> list[Array]:
-    """Return the terms of the balance with short and with long windows.
+    """Return the (m, m) covariance of the terms of the balance, with short and with long windows.
 
     A motion that is too small is omitted.
     """
     balances = (_terms_of_table(t, rods, torques, rig, motion) for motion in (ENERGY.motion, ENERGY.smooth))
-    return [terms for terms in balances if terms is not None]
+    return [np.cov(terms, bias=True) for terms in balances if terms is not None]
 
 
 def _terms_of_table(

@@ -86,23 +86,17 @@ SETTINGS = MisreadSettings()
 
 
 @dataclass(frozen=True, slots=True)
-class BetterReading:
-    """Another interpretation that explains the recordings better."""
-
-    reading: Misreading
-    share: float
-    """Share of the excess chi2 of the given interpretation that this interpretation removes."""
-
-
-@dataclass(frozen=True, slots=True)
 class SecondLook:
     """Evidence against the description of recordings.
 
     The evidence comes from a test of other interpretations and from the energy of the rods.
     """
 
-    tried: tuple[BetterReading, ...]
-    """Other interpretations that explain the recordings better, best first."""
+    tried: Sequence[tuple[Misreading, float]]
+    """Other interpretations that explain the recordings better, best first.
+
+    The number is the share of the excess chi2 of the given interpretation that the other interpretation removes.
+    """
     energy_rise: float
     """Impossible increase of passive rods' energy, relative to its range; zero if there are other interpretations."""
     energy_remedy: str = ""
@@ -116,7 +110,7 @@ class SecondLook:
         if self.tried:
             return (
                 f"With another interpretation of the readings, a model without effects explains"
-                f" {percent(self.tried[0].share, 1)} of the excess chi-square: {self.causes}."
+                f" {percent(self.tried[0][1], 1)} of the excess chi-square: {self.causes}."
             )
         if self.energy_rise < ENERGY.entering:
             return ""
@@ -157,10 +151,8 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
             paced = better_readings(runs, rig, first, first)
             explained = [(reading, ratio_fit) for reading, ratio_fit in paced if reading.time_factor < 1.0]
     if explained:
-        tried = [
-            BetterReading(reading, float(1 - max(fit.chi2_per_dof - 1, 0.0) / before)) for reading, fit in explained
-        ]
-        return SecondLook(tuple(tried), 0.0, causes=listed_causes([reading for reading, _ in explained], runs))
+        tried = [(reading, float(1 - max(fit.chi2_per_dof - 1, 0.0) / before)) for reading, fit in explained]
+        return SecondLook(tried, 0.0, causes=listed_causes([reading for reading, _ in explained], runs))
     passive = np.isfinite(first) and all(run.inner is None for run in runs)
     rise = energy_rise(_preprocessed(runs, rig, SETTINGS.looked_at_s), rig) if passive else 0.0
     return SecondLook((), rise, energy_remedy(runs, rig))

@@ -19,7 +19,7 @@ from dpr_lab.identification.misread.moving_arm_description import (
 from dpr_lab.identification.misread.scaled_readings import ScaledReadings
 from dpr_lab.identification.moving_arm.fit import ArmFit, fit_short_segments
 from dpr_lab.identification.moving_arm.problem import ArmRecording
-from dpr_lab.identification.moving_arm.soft_stop import soft_stop
+from dpr_lab.identification.moving_arm.soft_stop import Stop, soft_stop
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -155,15 +155,12 @@ def _stays(t: Array, theta0: Array, contact: int, angle: float, reach: float) ->
     return bool(t[-1] - t[contact] > DOUBTS.held_s and (np.abs(theta0[after] - angle) < reach).all())
 
 
-def stops(t: Array, theta0: Array) -> list[tuple[str, float, list[float]]]:
+def stops(t: Array, theta0: Array) -> list[Stop]:
     """Find the stops of an arm.
 
     Args:
         t: (n,) times, s
         theta0: (n,) angles of the arm, rad
-
-    Returns:
-        for each stop: the end of the range (largest or smallest), its angle, rad, and the times of the contacts, s
     """
     dt = float(np.median(np.diff(t)))
     k = max(1, round(DOUBTS.contact_s / dt / 2 + 1e-6))
@@ -171,10 +168,10 @@ def stops(t: Array, theta0: Array) -> list[tuple[str, float, list[float]]]:
     change = np.abs(speed[k:] - speed[:-k])  # change i is at sample i + k
     limit = max(DOUBTS.sudden * float(np.quantile(change, 0.9)), DOUBTS.strong * float(np.abs(speed).max()))
     reach = DOUBTS.apart * float(np.ptp(theta0))
-    contacts_of_ends = []
+    hard_stops = list[Stop]()
     for end, angle in (("largest", float(theta0.max())), ("smallest", float(theta0.min()))):
         sudden = np.flatnonzero((change > limit) & (np.abs(theta0[k : k + len(change)] - angle) < reach))
         first = sudden[np.diff(sudden, prepend=-10 * k) > 4 * k] if len(sudden) else sudden
         if len(first) >= 2 or (len(first) == 1 and _stays(t, theta0, int(first[0]) + k, angle, reach)):
-            contacts_of_ends.append((end, angle, t[first + k].tolist()))
-    return contacts_of_ends
+            hard_stops.append(Stop(end, angle, t[first + k].tolist()))
+    return hard_stops

@@ -37,7 +37,8 @@ def engine_values(model: MovingArmModel, rig: Rig) -> tuple[Array, Array]:
     if model.input and (assumed := drive_gain(rig).value):
         effects[DRIVE_GAIN.name] = {"excess": sizes["gain"] / assumed - 1.0}
     base = base_parameters(rig.nominal, rig.L1, rig.g)
-    elbow = _on_elbow(rig)
+    m2, mb = (float(rig.nominal[PARAMETERS.index(name)]) for name in ("m2", "mb"))
+    elbow = (m2 + mb) * rig.L1**2
     if model.mounted == "both":
         base = np.array([sizes[name] for name in BASE])
     else:
@@ -72,9 +73,3 @@ def swing_of(unknown: Array, params: Array, mounted: str, driven: bool, rig: Rig
     values = (*rods, arm["inertia_kgm2"] / scale, arm["viscous_Nms"] / scale, 0.0, 0.0, gain / scale, rig.L0)
     assert len(values) == len(SWING_PARAMETERS)
     return list(values), scale
-
-
-def _on_elbow(rig: Rig) -> float:
-    """Return the inertia p = (m2 + mb) L1^2 of the rig file, kg m^2."""
-    m2, mb = (float(rig.nominal[PARAMETERS.index(name)]) for name in ("m2", "mb"))
-    return (m2 + mb) * rig.L1**2

@@ -7,7 +7,7 @@ to relative changes of the physical parameters x of rods, arm and motor. The rec
 Fisher information F^T F. The rows of the recordings are F dq/dx x. A measured value x adds the row x / std.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -55,40 +55,35 @@ EXCITATION = Excitation()
 
 
 @dataclass(frozen=True, slots=True)
-class ArmInstrument:
+class ArmInstrument(Measurement):
     """A bench measurement of arm or motor, and its typical uncertainty."""
 
-    name: str
     parameter: str
     """Name of the measured parameter."""
     relative_std: float
     """Relative standard uncertainty of the measurement."""
-    how: str
-    """Instruction for the operator."""
-    quantity: BenchReading
-    """Measured quantity."""
 
 
 ARM_INSTRUMENTS = (
     ArmInstrument(
-        "measure R", "R", 0.02, "measure the winding resistance of the disconnected motor with an ohmmeter",
-        BenchReading("resistance of the winding", "ohm", "R"),
+        "measure R", "measure the winding resistance of the disconnected motor with an ohmmeter",
+        BenchReading("resistance of the winding", "ohm", "R"), "R", 0.02,
     ),
     ArmInstrument(
-        "measure ke", "ke", 0.02, "turn the motor at a known speed with its wires disconnected and measure its voltage",
-        BenchReading("back-EMF constant", "V s/rad", "ke"),
+        "measure ke", "turn the motor at a known speed with its wires disconnected and measure its voltage",
+        BenchReading("back-EMF constant", "V s/rad", "ke"), "ke", 0.02,
     ),
     ArmInstrument(
-        "measure kt", "kt", 0.03, "let the motor press on a balance through a lever, at a known constant current",
-        BenchReading("torque constant", "N m/A", "kt"),
+        "measure kt", "let the motor press on a balance through a lever, at a known constant current",
+        BenchReading("torque constant", "N m/A", "kt"), "kt", 0.03,
     ),
     ArmInstrument(
-        "measure A", "A", 0.02, "accelerate the arm by a weight on a string over a pulley and measure the time",
-        BenchReading("total inertia about the arm's axis", "kg m^2", "A"),
+        "measure A", "accelerate the arm by a weight on a string over a pulley and measure the time",
+        BenchReading("total inertia about the arm's axis", "kg m^2", "A"), "A", 0.02,
     ),
     ArmInstrument(
-        "measure c0", "c0", 0.05, "remove the rods, disconnect the motor and measure the arm's decay",
-        BenchReading("viscous friction of the arm", "N m s/rad", "c0"),
+        "measure c0", "remove the rods, disconnect the motor and measure the arm's decay",
+        BenchReading("viscous friction of the arm", "N m s/rad", "c0"), "c0", 0.05,
     ),
 )  # fmt: skip
 """Bench measurements that can be recommended in addition to the measurements of the rods."""
@@ -165,7 +160,8 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
     fit = fit_moving_arm(recordings_of(runs, rig), rig) if runs else _simulated(rig)
     unknowns = fit.problem.unknowns
     sizes, slopes = _physical(rig, unknowns)
-    parameters = _of_rig_file(rig, sizes)
+    tables = {**rig.parameters, **dict(rig.arm), **(dict(rig.motor) if rig.motor else {})}
+    parameters: dict[str, Parameter | None] = {name: tables.get(name) for name in sizes}
     scatter = max(1.0, fit.chi2_per_dof) if runs else 1.0  # a misfit is already in the weights of the fit
     root = information_root(fit.information / scatter, fit.values) * fit.values
     rows = InformationRows.of(root @ slopes, parameters, np.array(list(sizes.values())))
@@ -231,12 +227,6 @@ def _physical(rig: Rig, unknowns: Unknowns) -> tuple[dict[str, float], Array]:
     steps = EXCITATION.step * np.eye(len(sizes))
     slopes = [(logarithms(step) - logarithms(-step)) / (2 * EXCITATION.step) for step in steps]
     return sizes, np.stack(slopes, axis=1)
-
-
-def _of_rig_file(rig: Rig, names: Iterable[str]) -> dict[str, Parameter | None]:
-    """Return the entry of the rig file for each parameter, or None."""
-    tables = {**rig.parameters, **dict(rig.arm), **(dict(rig.motor) if rig.motor else {})}
-    return {name: tables.get(name) for name in names}
 
 
 def _std(parameter: Parameter | None) -> float:
@@ -320,7 +310,6 @@ def _program(t: Array, p: Array, mode: int) -> Array:
 
     Each sine turns a rigid rig by `Excitation.turn_rad`.
     """
-    inertia = 1.0 if mode == DRIVEN else p[SWING_PARAMETERS.index("A")]
-    gain = 1.0 if mode == DRIVEN else p[SWING_PARAMETERS.index("gain")]
+    per_unit = 1.0 if mode == DRIVEN else p[SWING_PARAMETERS.index("A")] / p[SWING_PARAMETERS.index("gain")]
     sines = [rate**2 * np.sin(rate * t + k) for k, rate in enumerate(EXCITATION.rates)]
-    return EXCITATION.turn_rad * inertia / gain * np.sum(sines, axis=0)
+    return EXCITATION.turn_rad * per_unit * np.sum(sines, axis=0)

@@ -23,8 +23,6 @@ from dpr_lab.search import ALGORITHMS, load_search
 class ArmSearchSettings:
     """Settings of the search for initial values."""
 
-    algorithm: str = "iga"
-    """Name of the algorithm in `dpr_lab.search.ALGORITHMS`."""
     population: int = 24
     generations: int = 16
     wide: float = 10.0
@@ -36,15 +34,14 @@ class ArmSearchSettings:
 ARM_SEARCH = ArmSearchSettings()
 
 
-def searched_start(problem: ArmProblem, initial: Array, seed: int = 0) -> Array | None:
+def searched_start(problem: ArmProblem, initial: Array) -> Array | None:
     """Search for the best `SWING_PARAMETERS` (12,); return None if no candidate can be simulated.
 
     Args:
         problem: short segments of the recordings
         initial: (segments, 4 or 6) estimated initial states of the segments
-        seed: seed of the search
     """
-    rng, unknowns = np.random.default_rng(seed), problem.unknowns
+    rng, unknowns = np.random.default_rng(0), problem.unknowns
     box = np.array([_range(name, problem, rng) for name in unknowns.free]).T
 
     def vector(genes: Array) -> Array:
@@ -60,7 +57,7 @@ def searched_start(problem: ArmProblem, initial: Array, seed: int = 0) -> Array 
     settings = load_search("segments").model_copy(
         update={"population": ARM_SEARCH.population, "generations": ARM_SEARCH.generations}
     )
-    *_, last = ALGORITHMS[ARM_SEARCH.algorithm].run(errors, np.log(box), settings, rng)
+    *_, last = ALGORITHMS[settings.algorithm].run(errors, np.log(box), settings, rng)
     return vector(last.best) if np.isfinite(last.best_cost) else None
 
 

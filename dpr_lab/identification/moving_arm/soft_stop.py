@@ -17,6 +17,7 @@ than this torque.
 
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -58,15 +59,14 @@ class SoftStopSettings:
 SOFT_STOP = SoftStopSettings()
 
 
-@dataclass(frozen=True, slots=True)
-class SoftStop:
-    """A soft stop at one end of the arm's range."""
+class Stop(NamedTuple):
+    """A stop at one end of the arm's range."""
 
     end: str
     """End of the range at which the stop is: `largest` or `smallest` angle."""
     angle: float
-    """Angle beyond which the torque of the stop acts, rad."""
-    contacts: tuple[float, ...]
+    """Angle of a hard stop, or angle beyond which the torque of a soft stop acts, rad."""
+    contacts: list[float]
     """Instants at which the arm reaches the stop, s."""
 
 
@@ -81,7 +81,7 @@ class _Trial:
     """(k,) torque of the stop, with the other terms of the equation projected out."""
 
 
-def soft_stop(run: Run, rig: Rig) -> SoftStop | None:
+def soft_stop(run: Run, rig: Rig) -> Stop | None:
     """Find the stop that explains most of the arm's residual, or return None.
 
     Args:
@@ -105,7 +105,7 @@ def soft_stop(run: Run, rig: Rig) -> SoftStop | None:
     entered = np.flatnonzero(np.diff(stop.beyond.astype(int), prepend=0) == 1)
     if len(entered) < (1 if reduction > SOFT_STOP.certain else SOFT_STOP.contacts):
         return None
-    return SoftStop(stop.end, stop.angle, tuple(arm.t[entered].tolist()))
+    return Stop(stop.end, stop.angle, arm.t[entered].tolist())
 
 
 def _terms(rods: LocalMotion, arm: LocalMotion, run: Run, number: int) -> Array:
