@@ -94,24 +94,25 @@ def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:
 
     The candidates are the members of its class and its alternatives.
     """
-    if done := _done(diagnosis, about):
-        return {name: p for name, p in done[-1].after.items() if name != NONE_OF_THEM}
+    if done := _last(diagnosis, about):
+        return {name: p for name, p in done.after.items() if name != NONE_OF_THEM}
     rivals = {rival.name: rival.probability for rival in diagnosis.rivals if rival.instead_of == about}
     return _named(diagnosis, about).candidates | rivals
 
 
 def hypotheses(diagnosis: Diagnosis, about: str) -> dict[str, float]:
     """Return the probability of each candidate and of any other cause; the sum is one."""
-    if (done := _done(diagnosis, about)) and NONE_OF_THEM in done[-1].after:
-        return dict(done[-1].after)
+    if (done := _last(diagnosis, about)) and NONE_OF_THEM in done.after:
+        return dict(done.after)
     probabilities = candidates(diagnosis, about)
     outside = max(1.0 - sum(probabilities.values()), CHECK.outside)
     total = sum(probabilities.values()) + outside
     return {name: p / total for name, p in (*probabilities.items(), (NONE_OF_THEM, outside))}
 
 
-def _done(diagnosis: Diagnosis, about: str) -> list[CheckDone]:
-    return [done for done in diagnosis.checks_done if done.check.about == about]
+def _last(diagnosis: Diagnosis, about: str) -> CheckDone | None:
+    """Return the last completed check of a named effect, or None."""
+    return next((done for done in reversed(diagnosis.checks_done) if done.check.about == about), None)
 
 
 def _named(diagnosis: Diagnosis, about: str) -> NamedEffect:

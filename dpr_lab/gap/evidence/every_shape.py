@@ -20,7 +20,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
-from dpr_lab.effects import effect_params, param_index
+from dpr_lab.effects import param_index
 from dpr_lab.effects.effect import Effect
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import Estimate
@@ -30,7 +30,7 @@ from dpr_lab.fitting.projection import RIDGE, ColumnSpace, SmallSets
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.detectable import SEEN
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.scan import FittedColumns
+from dpr_lab.gap.hypothesis.scan import FittedColumns, one_amplitude
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,14 +167,10 @@ class _Swings:
 
         The model is projected out of the columns.
         """
-        amplitudes = [param_index(effect.name, p.name) for p in effect.amplitudes]
-        count, place = len(amplitudes), param_index(effect.name, effect.shapes[0].name)
+        count, place = len(effect.amplitudes), param_index(effect.name, effect.shapes[0].name)
         at_once = max(1, SHAPES.block // count)
         for first in range(0, len(values), at_once):
-            chosen = values[first : first + at_once]
-            params = np.tile(effect_params({}), (len(chosen), count, 1))
-            params[:, range(count), amplitudes] = 1.0
-            params[:, :, place] = chosen[:, None]
-            params = params.reshape(len(chosen) * count, -1)
+            shapes = [((place, value),) for value in values[first : first + at_once].tolist()]
+            params = one_amplitude(effect, [1.0] * count, shapes)
             torques = self.reference.torques(effect.stage, self.problem.model.constants, params)
             yield self.fitted.sets(self.reference.response(self.problem, torques), count)

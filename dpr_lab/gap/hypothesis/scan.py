@@ -156,7 +156,7 @@ class ShapeScan:
         gains: list[Array] = []
         for first in range(0, len(candidates), SCAN.block // count):
             chosen = candidates[first : first + SCAN.block // count]
-            params = _typical(effect, count, chosen)
+            params = one_amplitude(effect, [p.typical for p in amplitudes], chosen)
             torques = self.reference.torques(effect.stage, problem.model.constants, params)
             sets = self._fitted.sets(self.reference.response(problem, torques), count)
             gains.append(sets.gains(positive=positive))
@@ -198,15 +198,21 @@ def _within(columns: Array, others: Array, count: int) -> Array:
     return blocks
 
 
-def _typical(effect: Effect, count: int, shapes: Sequence[Shape]) -> Array:
-    """Return parameters in which one amplitude has its typical size.
+def one_amplitude(effect: Effect, sizes: Sequence[float], shapes: Sequence[Shape]) -> Array:
+    """Return parameters in which one amplitude of an effect is not zero.
 
-    The shape is (shapes * count, SIZE): a row for each shape and each of the first `count` amplitudes.
+    Args:
+        effect: the effect
+        sizes: size of each of the leading amplitudes
+        shapes: shapes of the effect
+
+    Returns:
+        (shapes * sizes, SIZE) a row for each shape and each amplitude
     """
-    params = np.tile(effect_params({}), (len(shapes), count, 1))
-    for i, amplitude in enumerate(effect.amplitudes[:count]):
-        params[:, i, param_index(effect.name, amplitude.name)] = amplitude.typical
+    params = np.tile(effect_params({}), (len(shapes), len(sizes), 1))
+    for i, size in enumerate(sizes):
+        params[:, i, param_index(effect.name, effect.amplitudes[i].name)] = size
     for of_shape, shape in zip(params, shapes, strict=True):
         for index, value in shape:
             of_shape[:, index] = value
-    return params.reshape(len(shapes) * count, -1)
+    return params.reshape(len(shapes) * len(sizes), -1)

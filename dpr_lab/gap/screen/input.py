@@ -113,18 +113,13 @@ def _fitted(recordings: Recordings, start: Array, effects: tuple[str, ...] = ())
     if recordings.driven_arm and recordings.rig.motor:
         problem = replace(problem, always=tuple({*problem.always, DRIVE_GAIN.name}))
         exponents = (0.0, *UNITS.get(recordings.rig.motor.input, ()))
-        tried = [estimate.changed(params=_with_gain(estimate.params, 10.0**exponent)) for exponent in exponents]
-        estimate = min(tried, key=problem.chi2)
+        params = np.tile(estimate.params, (len(exponents), 1))
+        params[:, GAIN_EXCESS] = np.power(10.0, exponents) - 1.0
+        estimate = min((estimate.changed(params=of_unit) for of_unit in params), key=problem.chi2)
     fitted = fit(problem, estimate, free_parameters(estimate, effects, problem))
     gain = 1.0 + float(fitted.estimate.params[GAIN_EXCESS])
     gain = gain if nominal_gain(recordings.rig) else float(np.sign(gain))
     return Interpreted(fitted, problem.evidence_by_segment, gain)
-
-
-def _with_gain(params: Array, gain: float) -> Array:
-    changed = params.copy()
-    changed[GAIN_EXCESS] = gain - 1.0
-    return changed
 
 
 def _reinterpreted(recordings: Recordings, other: ScaledReadings) -> Recordings:

@@ -361,7 +361,11 @@ def _otherwise(
 def _preprocessed(runs: Sequence[Run], rig: Rig, seconds: float, thinned: bool = False) -> list[PreprocessedRun]:
     slow = [_slowness(run, rig) for run in runs]
     return [
-        preprocess(_beginning(run, times * seconds), rig, _decimation(run, times) if thinned else 1)
+        preprocess(
+            _beginning(run, times * seconds),
+            rig,
+            every=max(1, round(times * run.rate_hz / SETTINGS.rate_hz)) if thinned else 1,
+        )
         for run, times in zip(runs, slow, strict=True)
     ]
 
@@ -383,8 +387,3 @@ def _slowness(run: Run, rig: Rig) -> float:
 
 def _beginning(run: Run, seconds: float) -> Run:
     return run.between(-np.inf, np.max(run.t[:1], initial=0.0) + seconds)
-
-
-def _decimation(run: Run, slowness: float) -> int:
-    """Return the decimation factor n: one of n samples is kept."""
-    return max(1, round(slowness * run.rate_hz / SETTINGS.rate_hz))
