@@ -16,9 +16,8 @@ import numpy as np
 from dpr_lab.effects import param_index
 from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.gap.bare_model import with_likeliest_noise
+from dpr_lab.gap.films import explains_more, likeliest_camera, likeliest_shutter
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refutes_torque_noise
-from dpr_lab.gap.moving_camera import likeliest_camera
-from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.state import Fitted, ScreenedRuns
 from dpr_lab.gap.which.search import SearchState

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.moving_camera import likeliest_camera
+from dpr_lab.gap.films import likeliest_camera
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.rig import Rig, parse_rig

@@ -13,10 +13,10 @@ from scipy.interpolate import CubicSpline
 from dpr_lab.acceptance.free_run import free_run_errors
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.films import explains_more, likeliest_shutter
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
 from dpr_lab.gap.result.diagnosis import Diagnosis, load_diagnosis
-from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.shutter import RollingShutter

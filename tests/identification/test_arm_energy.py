@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from dpr_lab.identification.misread.arm_energy import undescribed_drive
+from dpr_lab.identification.misread.energy import undescribed_drive
 from dpr_lab.identification.moving_arm import doubts
 from dpr_lab.identification.moving_arm.problem import recordings_of
 from tests.identification.test_moving_arm_fit import PUSH, drawn, recorded, rig_with

@@ -17,8 +17,8 @@ from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.which.selected import Selection
-from dpr_lab.identification.misread.arm_energy import undescribed_drive
 from dpr_lab.identification.misread.balance import ENERGY, residual_near
+from dpr_lab.identification.misread.energy import undescribed_drive
 from dpr_lab.identification.misread.tried import Description, SecondLook, second_look
 from dpr_lab.identification.moving_arm.doubts import stop_sentence
 from dpr_lab.rig import Rig

@@ -30,7 +30,7 @@ from dpr_lab.fitting.projection import RIDGE, ColumnSpace, SmallSets
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.detectable import SEEN
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.scan import FittedColumns, one_amplitude
+from dpr_lab.gap.hypothesis.scan import SCAN, FittedColumns, one_amplitude
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +41,6 @@ class ShapeSettings:
     """Length of the beginning of each recording in which a frequency is tested, s."""
     most: int = 800
     """Maximum number of shapes, which allows frequencies up to 40 Hz in 10 s. A test of more shapes is too slow."""
-    block: int = 32
-    """Number of columns that are processed together, which limits the memory."""
 
 
 SHAPES = ShapeSettings()
@@ -168,7 +166,7 @@ class _Swings:
         The model is projected out of the columns.
         """
         count, place = len(effect.amplitudes), param_index(effect.name, effect.shapes[0].name)
-        at_once = max(1, SHAPES.block // count)
+        at_once = max(1, SCAN.block // count)
         for first in range(0, len(values), at_once):
             shapes = [((place, value),) for value in values[first : first + at_once].tolist()]
             params = one_amplitude(effect, [1.0] * count, shapes)

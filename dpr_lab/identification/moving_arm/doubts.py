@@ -8,7 +8,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.errors import DprError
-from dpr_lab.identification.misread.arm_energy import undescribed_drive
+from dpr_lab.identification.misread.energy import undescribed_drive
 from dpr_lab.identification.misread.moving_arm_description import (
     DESCRIPTION,
     OTHER_ANGLES,

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from dpr_lab.checks.wording import bayes_factor
+from dpr_lab.checks.update import bayes_factor
 from dpr_lab.gap.advice.advise import CHECK_KINDS
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
 from dpr_lab.gap.result.diagnosis import Diagnosis

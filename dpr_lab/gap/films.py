@@ -1,18 +1,27 @@
-"""Delay of a rolling shutter according to a fitted model (`dpr_lab.gap.screen.shutter`).
+"""Corrections of films: the delay of a rolling shutter, and a camera that moves slowly, both from a fitted model.
 
-The derivative of the corrected readings with respect to the delay is a column of the linear problem. Other columns are
-those of the model and of the causes that every rig has: friction, air drag and a tilted camera. Without these columns
-their part of the residual would bias the delay. Reading a picture takes at most as long as a frame, which limits the
-delay.
+Rolling shutter (`dpr_lab.gap.screen.shutter`). The derivative of the corrected readings with respect to the delay is a
+column of the linear problem. Other columns are those of the model and of the causes that every rig has: friction, air
+drag and a tilted camera. Without these columns their part of the residual would bias the delay. Reading a picture takes
+at most as long as a frame, which limits the delay.
+
+Moving camera. If the picture turns, or if the point that counts as the pivot moves, all angles of the picture change
+together. The change is much slower than the swing, and it is different in each recording. It is therefore part of the
+noise, and no effect of the rig. In each segment the error is a straight line of random value and slope
+(`dpr_lab.fitting.whitening`). Its standard deviation is the restricted maximum likelihood estimate from the residual of
+a fitted set. The standard deviation of the readings is free in this estimate.
+
+Source: Patterson & Thompson (1971), Recovery of inter-block information when block sizes are unequal, Biometrika 58.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dpr_lab.effects.air_drag import AIR_DRAG_BOTH
 from dpr_lab.effects.base_tilt import BASE_TILT
 from dpr_lab.effects.coulomb import COULOMB
+from dpr_lab.fitting.disturbance import restricted
 from dpr_lab.fitting.estimate import effect_parameters
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
@@ -25,16 +34,18 @@ from dpr_lab.gap.where.coordinates import beyond_fit
 
 
 @dataclass(frozen=True, slots=True)
-class ShutterRules:
-    """Limits of the test for a rolling shutter."""
+class FilmRules:
+    """Limits of the test for a rolling shutter, and tested motions of a camera."""
 
     part: float = 0.1
     """Step of the numerical derivative, as a fraction of the largest delay."""
     share: float = 0.04
     """Minimum fraction of the excess chi-square that a rolling shutter must explain to be tried."""
+    angles_rad: tuple[float, ...] = tuple(np.geomspace(1e-3, 0.1, 13).tolist())
+    """Tested standard deviations of the angle of the picture: from the noise of a good film to 6 degrees."""
 
 
-SHUTTER = ShutterRules()
+FILM = FilmRules()
 ORDINARY = (*COULOMB, AIR_DRAG_BOTH, BASE_TILT)
 """Causes that every filmed rig has."""
 
@@ -48,7 +59,7 @@ def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesi
         return None
     tried = [_improved(recordings, problem, model, lines) for lines in NORMALS]
     gain, shutter = max(tried, key=lambda improved: improved[0])
-    least = max(THRESHOLDS.chance * model.residuals.independent_noise, SHUTTER.share * model.bounded_excess)
+    least = max(THRESHOLDS.chance * model.residuals.independent_noise, FILM.share * model.bounded_excess)
     return shutter if gain > least else None
 
 
@@ -70,13 +81,31 @@ def _improved(
     """
     rate_hz = max(record.run.rate_hz for record in recordings.records)
     limit = 1 / (recordings.rods_length * rate_hz)  # reading the length of the rods takes one frame; s/m
-    tried = (RollingShutter(lines=lines, delay_s_per_m=sign * SHUTTER.part * limit) for sign in (1, -1))
+    tried = (RollingShutter(lines=lines, delay_s_per_m=sign * FILM.part * limit) for sign in (1, -1))
     corrected = (recordings.with_shutter(shutter) for shutter in tried)
     after, before = (runs.cut(recordings.working_length)[0].measured for runs in corrected)
-    columns = problem.whitened((before - after)[:, :, None] / (2 * SHUTTER.part * limit))
+    columns = problem.whitened((before - after)[:, :, None] / (2 * FILM.part * limit))
     others = [parameter for effect in ORDINARY for parameter in effect_parameters(effect, limits=problem.limits)]
     free = (*model.fit.free, *(parameter for parameter in others if parameter not in model.fit.free))
     linear = linearise(problem, model.estimate, free)
     given = beyond_fit(linear, range(len(free)), linear.projected(columns))
     delay = given.solution(np.array([[-limit], [limit]]))
     return given.reduction(delay), RollingShutter(lines=lines, delay_s_per_m=float(delay[0]))
+
+
+def likeliest_camera(recordings: Recordings, problem: Problem, model: Hypothesis) -> float:
+    """Return the likeliest standard deviation of the angle of the picture, rad.
+
+    The result is 0 if encoders gave the readings, or if the likelihood of a fixed camera is not significantly lower.
+    """
+    if not recordings.may_be_films:
+        return 0.0
+    predicted = problem.predict(model.estimate)
+    slopes = problem.slopes(model.estimate, model.fit.free, predicted)
+
+    def cost(angle_rad: float) -> float:
+        squares, volume = restricted(replace(problem, camera_rad=angle_rad), model.fit, predicted, slopes)
+        return problem.evidence * float(np.log(squares)) + volume
+
+    best = min(FILM.angles_rad, key=cost)
+    return best if cost(0.0) - cost(best) > THRESHOLDS.chance else 0.0
