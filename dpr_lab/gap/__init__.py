@@ -33,7 +33,7 @@ Reading order. About 9,800 words contain the rules of this choice:
     `classes.posterior`          the probabilities of X and Y, if both remain
 
 About 7,700 words contain the stages: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`, `which.select`,
-`corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 68,000 words. Each has the
+`corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 66,500 words. Each has the
 computations of one decision, and can be read when it is changed. Two of them belong to no single stage: `damage`
 (disturbances, and rods moved by a hand, which the fit of the bare model removes) and `films` (corrections of films).
 

@@ -14,10 +14,9 @@ from dpr_lab.estimation.usable_runs import refuse_other_rigs, refuse_repeated
 from dpr_lab.gap.advice.advise import advise
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.classes.posterior import effect_posterior
-from dpr_lab.gap.conclusion.at_bounds import second_moments
 from dpr_lab.gap.conclusion.conclusion import conclude
 from dpr_lab.gap.conclusion.description import description
-from dpr_lab.gap.conclusion.uncertainty import covariance
+from dpr_lab.gap.conclusion.uncertainty import covariance, second_moments
 from dpr_lab.gap.corrections import ForwardSelected, corrected, with_other_noise
 from dpr_lab.gap.damage.disturbances import without_disturbances
 from dpr_lab.gap.evidence.evidence import evidence

@@ -12,7 +12,7 @@ from dpr_lab.fitting.estimate import EFFECTS_BEGIN, SIZE, Estimate, FreeParamete
 from dpr_lab.fitting.gauss_newton import Fit, StopReason
 from dpr_lab.fitting.linearise import Linearisation
 from dpr_lab.fitting.projection import ColumnSpace
-from dpr_lab.gap.conclusion.at_bounds import second_moments
+from dpr_lab.gap.conclusion.uncertainty import second_moments
 
 Array = NDArray[np.float64]
 SPEED = np.linspace(0.1, 2.0, 40)

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.gap.evidence import every_shape
+from dpr_lab.gap.evidence import exclusions as of_exclusions
 from dpr_lab.gap.evidence.coverage import coverage
-from dpr_lab.gap.evidence.every_shape import AllShapes
-from dpr_lab.gap.evidence.exclusions import exclusions
+from dpr_lab.gap.evidence.exclusions import AllShapes, exclusions
 from dpr_lab.gap.evidence.residuals import residual_look
 from dpr_lab.gap.evidence.validation import validation
 from dpr_lab.gap.hypothesis.detectable import detectable
@@ -106,7 +105,7 @@ def test_a_vibration_is_tested_in_the_beginning_of_long_recordings(looked_at: An
     whole = AllShapes(problem, model).intervals(EFFECTS["base_vibration"])
     seconds = float(problem.t.max() - problem.t.min()) / 2
     most = int(100 * seconds)  # fewer than the frequencies of the whole recording
-    monkeypatch.setattr(every_shape, "SHAPES", replace(every_shape.SHAPES, longest_s=seconds, most=most))
+    monkeypatch.setattr(of_exclusions, "SHAPES", replace(of_exclusions.SHAPES, longest_s=seconds, most=most))
     beginning = AllShapes(problem, model).intervals(EFFECTS["base_vibration"])
     assert whole is not None
     assert beginning is not None

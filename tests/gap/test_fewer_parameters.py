@@ -14,9 +14,9 @@ from dpr_lab.gap.hypothesis.significance import explains_as_much
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
-from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
 from dpr_lab.gap.which.replacements import SEVERAL_CAUSES
+from dpr_lab.gap.which.restarts import escaped
 from dpr_lab.gap.which.search import SearchState, apply_move
 from tests.background_rigs import law, recordings
 

@@ -17,13 +17,13 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep
 from dpr_lab.gap.screen.recordings import LENGTHS
-from dpr_lab.gap.which import local_minima, moves, removals, replacements
+from dpr_lab.gap.which import moves, removals, replacements, restarts
 from dpr_lab.gap.which.alternatives import fit_alternatives
 from dpr_lab.gap.which.effort import Effort
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forward import Beam, forward_selection
-from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.moves import START
+from dpr_lab.gap.which.restarts import escaped
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply_move, apply_moves
 from dpr_lab.gap.which.select import forward, short_segments
 from dpr_lab.report.gap.trials_of_search import trial_table
@@ -271,10 +271,10 @@ def test_a_set_that_escaped_a_local_minimum_is_not_refitted_again(
     sets: FittedSets, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     better = replace(sets.bare, fit=replace(sets.bare.fit, stop=StopReason.CONVERGED))
-    monkeypatch.setattr(local_minima, "_escaped", lambda sets, model: better)
+    monkeypatch.setattr(restarts, "_escaped", lambda sets, model: better)
     resumed = replace(sets, _fits={}, _tests={})
     assert escaped(resumed, sets.bare) is better
-    monkeypatch.setattr(local_minima, "_escaped", lambda sets, model: sets.bare)
+    monkeypatch.setattr(restarts, "_escaped", lambda sets, model: sets.bare)
     assert escaped(resumed, better) is better
 
 

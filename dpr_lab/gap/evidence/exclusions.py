@@ -5,15 +5,39 @@ effect is smaller than its minimum detectable size (`dpr_lab.gap.hypothesis.dete
 
 In this test the other amplitudes of the effect are zero. A limit of one amplitude, for example of the stiffness of a
 cable, must hold for any values of the other amplitudes. The interval of an amplitude is therefore computed with all
-amplitudes of the effect fitted together, and over all shapes of an effect such as cogging
-(`dpr_lab.gap.evidence.every_shape`).
+amplitudes of the effect fitted together, and over all shapes of an effect such as cogging.
+
+An equivalence test must not select the shape: the effect is smaller than a limit if it is smaller in every shape. The
+interval of an amplitude therefore covers its 90 % intervals in all shapes (an intersection-union test). Suppose that
+the effect has one of the shapes, and an amplitude beyond the limit. The interval of this shape then lies inside the
+limit with a probability of at most 5 %, however many other shapes are tested.
+
+A frequency is resolved to half the inverse of the longest recording. Longer recordings would need more frequencies, so
+a frequency is tested in the first 10 s of each recording. For any other shape parameter, the effect changes little
+between neighbouring tested values.
+
+Source: R. L. Berger (1982), Multiparameter hypothesis testing and acceptance sampling, Technometrics 24, 295-300.
 """
 
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from dpr_lab.arrays import Array
+from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
+from dpr_lab.effects import param_index
+from dpr_lab.effects.effect import Effect
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.projection import ColumnSpace
-from dpr_lab.gap.evidence.every_shape import AllShapes, joint_intervals
-from dpr_lab.gap.hypothesis.detectable import DetectableSizes, linear_exclusions
+from dpr_lab.fitting.projection import RIDGE, ColumnSpace, SmallSets
+from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
+from dpr_lab.gap.hypothesis.detectable import SEEN, DetectableSizes, linear_exclusions
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.scan import SCAN, FittedColumns, one_amplitude
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.result.evidence import Exclusion
 
@@ -41,7 +65,7 @@ def exclusions(problem: Problem, model: Hypothesis, test: ScoreTest, least: Dete
     return excluded
 
 
-def _intervals(all_shapes: AllShapes, score: Score, given: ColumnSpace) -> dict[str, tuple[float, float]]:
+def _intervals(all_shapes: "AllShapes", score: Score, given: ColumnSpace) -> dict[str, tuple[float, float]]:
     """Return the 90 % interval of each amplitude.
 
     The result is empty if the recordings do not separate the amplitudes. If the shapes of an effect come from the
@@ -54,3 +78,144 @@ def _intervals(all_shapes: AllShapes, score: Score, given: ColumnSpace) -> dict[
     if score.effect.shapes and len(score.columns) > 1:
         return {}
     return dict(zip(names, joint_intervals(given, all_shapes.model.inflation) or (), strict=False))
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeSettings:
+    """Settings of the test of all shapes."""
+
+    longest_s: float = 10.0
+    """Length of the beginning of each recording in which a frequency is tested, s."""
+    most: int = 800
+    """Maximum number of shapes, which allows frequencies up to 40 Hz in 10 s. A test of more shapes is too slow."""
+
+
+SHAPES = ShapeSettings()
+
+
+@dataclass(frozen=True)
+class AllShapes:
+    """Tests of effects that are added to a fitted set, each in all its shapes."""
+
+    problem: Problem
+    """The segments."""
+    model: Hypothesis
+    """Fitted set without the tested effects."""
+
+    def intervals(self, effect: Effect) -> list[tuple[float, float]] | None:
+        """Return the 90 % interval of each amplitude over all shapes of an effect.
+
+        The result is None if the amplitudes are inseparable in one of the shapes. It is also None for an effect that is
+        not a torque along the swing, that has several shape parameters, or whose shape parameter has too many values.
+        """
+        if effect.stage not in TRAJECTORY_TORQUES or effect.internal or effect.propose or len(effect.shapes) != 1:
+            return None
+        swings = self._beginnings if _is_frequency(effect) and self.problem.disturbance is None else self._whole
+        values = _values(effect, swings.problem)
+        if not 0 < len(values) <= SHAPES.most:
+            return None
+        blocks: list[Array] = []
+        for sets in swings.sets(effect, values):
+            of_block = _union(sets, self.model.inflation)
+            if of_block is None:
+                return None
+            blocks.append(of_block)
+        lower, upper = np.min(blocks, axis=0)[:, 0].tolist(), np.max(blocks, axis=0)[:, 1].tolist()
+        return list(zip(lower, upper, strict=True))
+
+    @cached_property
+    def _whole(self) -> "_Swings":
+        """Swings of the whole recordings."""
+        return _Swings.of(self.problem, self.model.estimate, FittedColumns.of(self.model.fit.linear))
+
+    @cached_property
+    def _beginnings(self) -> "_Swings":
+        """Swings at the beginning of the recordings, in which frequencies are tested."""
+        problem, estimate = _beginning(self.problem, self.model.estimate)
+        return _Swings.of(problem, estimate, FittedColumns.of(linearise(problem, estimate, self.model.fit.free)))
+
+
+def joint_intervals(given: ColumnSpace, inflation: float) -> list[tuple[float, float]] | None:
+    """Return the 90 % interval of each amplitude in a joint fit of all amplitudes.
+
+    The result is None if the amplitudes are inseparable.
+
+    Args:
+        given: columns of the amplitudes, with the model projected out
+        inflation: variance inflation n / n_eff
+    """
+    ridged = given.H + RIDGE * np.eye(len(given))
+    intervals = _union(SmallSets(given.scale[None], ridged[None], given.gradient[None]), inflation)
+    return None if intervals is None else [(low, high) for low, high in intervals.tolist()]
+
+
+def _union(sets: SmallSets, inflation: float) -> Array | None:
+    """Return the union (n, 2) of the 90 % intervals in all shapes, for n amplitudes.
+
+    The result is None if the amplitudes are inseparable in one of the shapes.
+
+    Args:
+        sets: columns of the amplitudes in each shape, with the model projected out
+        inflation: variance inflation n / n_eff
+    """
+    if np.linalg.eigvalsh(sets.H)[:, 0].min() < SEEN:
+        return None
+    inverse = np.linalg.inv(sets.H)
+    x = sets.scale * (inverse @ sets.gradient[:, :, None])[:, :, 0]
+    reach = NORMAL_Q90 * sets.scale * np.sqrt(inflation * np.diagonal(inverse, axis1=1, axis2=2))
+    return np.stack([(x - reach).min(axis=0), (x + reach).max(axis=0)], axis=1)
+
+
+def _is_frequency(effect: Effect) -> bool:
+    (shape,) = effect.shapes
+    return shape.unit == "Hz" and bool(shape.scan)
+
+
+def _beginning(problem: Problem, estimate: Estimate) -> tuple[Problem, Estimate]:
+    """Keep the segments that end within `SHAPES.longest_s` after the first reading."""
+    ends = problem.t[problem.segments.offsets[1:] - 1]
+    indices = np.flatnonzero(ends <= problem.t.min() + SHAPES.longest_s)
+    samples = problem.segments.samples_of(indices)
+    shortened = replace(
+        problem,
+        segments=problem.segments.chosen(indices),
+        measured=problem.measured[samples],
+        weight=problem.weight[samples],
+    )
+    return shortened, estimate.changed(initial=estimate.initial[indices])
+
+
+def _values(effect: Effect, problem: Problem) -> Array:
+    """Return the tested values of the shape parameter; frequencies are evenly spaced."""
+    (shape,) = effect.shapes
+    if not _is_frequency(effect):
+        return np.array(shape.scan)
+    longest = float(problem.t.max() - problem.t.min())
+    return np.arange(shape.scan[0], shape.scan[-1], 0.5 / longest)
+
+
+@dataclass(frozen=True, slots=True)
+class _Swings:
+    """Swings along which shapes are tested, with a fitted model."""
+
+    problem: Problem
+    reference: Trajectory
+    fitted: FittedColumns
+
+    @classmethod
+    def of(cls, problem: Problem, estimate: Estimate, fitted: FittedColumns) -> "_Swings":
+        """Create the swings at the estimate of the linearised problem."""
+        return cls(problem, trajectory(problem, estimate, spacing=TRAJECTORY.coarse_s), fitted)
+
+    def sets(self, effect: Effect, values: Array) -> Iterator[SmallSets]:
+        """Yield the columns of the amplitudes for blocks of several shapes.
+
+        The model is projected out of the columns.
+        """
+        count, place = len(effect.amplitudes), param_index(effect.name, effect.shapes[0].name)
+        at_once = max(1, SCAN.block // count)
+        for first in range(0, len(values), at_once):
+            shapes = [((place, value),) for value in values[first : first + at_once].tolist()]
+            params = one_amplitude(effect, [1.0] * count, shapes)
+            torques = self.reference.torques(effect.stage, self.problem.model.constants, params)
+            yield self.fitted.sets(self.reference.response(self.problem, torques), count)

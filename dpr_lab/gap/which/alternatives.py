@@ -9,9 +9,8 @@ from dpr_lab.gap.hypothesis.significance import explains_as_much, indifference, 
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.fitted_sets import FittedSets
-from dpr_lab.gap.which.local_minima import escaped
+from dpr_lab.gap.which.restarts import escaped, imaged, simpler_forms
 from dpr_lab.gap.which.search import Decision, Move, Proposal
-from dpr_lab.gap.which.substitutes import imaged, simpler_forms
 
 
 def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:

@@ -1,9 +1,9 @@
 """Sets of effects with their fits and score tests; each set is fitted once.
 
 A set is fitted from several shapes of its last effect, from short segments, and from the sets with one effect more and
-one effect fewer. The best of these fits is stored. `local_minima` repeats the fit of a set, and `substitutes` replaces
-an effect. Each move adds its fits and score tests to its own copy, so that they do not change an earlier state of the
-search. All copies share the results of functions that depend only on their arguments.
+one effect fewer. The best of these fits is stored. `restarts` repeats the fit of a set from another
+starting point. Each move adds its fits and score tests to its own copy, so that they do not change an earlier state of
+the search. All copies share the results of functions that depend only on their arguments.
 """
 
 from collections.abc import Callable, Mapping, Set

@@ -14,7 +14,7 @@ from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, joint_gain
 from dpr_lab.gap.hypothesis.significance import accepted, most_excess, promising_gain, significance
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.fitted_sets import FittedSets
-from dpr_lab.gap.which.local_minima import escaped
+from dpr_lab.gap.which.restarts import escaped
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 

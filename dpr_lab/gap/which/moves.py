@@ -16,9 +16,9 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypot
 from dpr_lab.gap.which.alternatives import BETTER_ALTERNATIVE, MORE_PLAUSIBLE
 from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.fitted_sets import FittedSets
-from dpr_lab.gap.which.local_minima import escaped
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
 from dpr_lab.gap.which.replacements import SEVERAL_CAUSES, SIMPLER_FORM
+from dpr_lab.gap.which.restarts import escaped
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 

@@ -7,8 +7,8 @@ from dpr_lab.gap.hypothesis.imitation import follows_remainder
 from dpr_lab.gap.hypothesis.significance import form_indifference
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.fitted_sets import FittedSets
+from dpr_lab.gap.which.restarts import simpler_forms
 from dpr_lab.gap.which.search import Decision, Move, Proposal
-from dpr_lab.gap.which.substitutes import simpler_forms
 
 
 def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
