@@ -1,7 +1,7 @@
 import pytest
 
 from dpr_lab.dynamics.rig_constants import rig_constants
-from dpr_lab.gap.conclusion.remedies import remedies
+from dpr_lab.gap.conclusion.causes import remedies
 from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.rig import Rig
 

@@ -18,11 +18,11 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypot
 from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep
 from dpr_lab.gap.screen.recordings import LENGTHS
 from dpr_lab.gap.which import moves, removals, replacements, restarts
-from dpr_lab.gap.which.alternatives import fit_alternatives
 from dpr_lab.gap.which.effort import Effort
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forward import Beam, forward_selection
 from dpr_lab.gap.which.moves import START
+from dpr_lab.gap.which.replacements import fit_alternatives
 from dpr_lab.gap.which.restarts import escaped
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply_move, apply_moves
 from dpr_lab.gap.which.select import forward, short_segments

@@ -1,6 +1,6 @@
-"""Named effects with sizes and probabilities, their alternatives, and the components they form."""
+"""Named effects with sizes and probabilities, their alternatives, the components they form, and their remedies."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from typing import Any
 
@@ -9,12 +9,15 @@ import numpy as np
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.effect import Effect, Params
 from dpr_lab.effects.families import FAMILIES
+from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.gap.classes.posterior import Alternative, EffectPosterior
+from dpr_lab.gap.conclusion.verdict import VERDICT
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.refits import refit_without
 from dpr_lab.gap.result.causes import EffectSize, NamedEffect, NamedFamily, RivalEffect
 from dpr_lab.gap.state import Transferred
 from dpr_lab.identification.scaling.scale import Scale
+from dpr_lab.shown import listed
 
 
 def named_effect(state: Transferred, posterior: EffectPosterior, scale: Scale) -> NamedEffect:
@@ -116,3 +119,35 @@ def _share(state: Transferred, parts: tuple[str, ...]) -> float:
     chosen, total = state.selection.chosen, state.selection.bare.residuals.excess
     returned = reduce(without, parts, chosen).residuals.excess - max(chosen.residuals.excess, 0.0)
     return float(np.clip(returned / total, 0.0, 1.0)) if total > 0 else 0.0
+
+
+def remedies(named: Sequence[NamedEffect], sizes: Mapping[str, Params], rig: RigConstants) -> list[str]:
+    """Return the remedies: one sentence per faulty part, and one for the simulator.
+
+    An effect with a probability below one half has no remedy, for example if it worsens the free runs.
+
+    Args:
+        named: the effects, in order
+        sizes: fitted parameters of each effect
+        rig: values of the rig file
+    """
+    sentences: list[str] = []
+    simulated: list[str] = []
+    for effect in named:
+        remedy = EFFECTS[effect.name].remedy
+        if effect.probability < VERDICT.rather:
+            continue
+        if remedy is None:
+            simulated.append(effect.name)
+            continue
+        others = [name for name in effect.members if name != effect.name]
+        unless = f" (first rule out {' and '.join(others)}: indistinguishable in these recordings)" if others else ""
+        sentences.append(
+            f"For {effect.name}: {remedy(sizes[effect.name], rig, EFFECTS[effect.name].joints[0])}{unless}."
+        )
+    if simulated:
+        sentences.append(
+            f"Add {listed(simulated)} to the simulator: model.json in the folder of this diagnosis, and the"
+            " models for other programs, contain the fitted sizes."
+        )
+    return sentences

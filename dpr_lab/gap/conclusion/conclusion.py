@@ -9,11 +9,10 @@ from dpr_lab.gap.advice.check_kind import NextStep
 from dpr_lab.gap.advice.expected import expected_size
 from dpr_lab.gap.classes.posterior import probabilities
 from dpr_lab.gap.conclusion.assumptions import assumptions
-from dpr_lab.gap.conclusion.causes import families, named_effect, rivals
+from dpr_lab.gap.conclusion.causes import families, named_effect, remedies, rivals
 from dpr_lab.gap.conclusion.components import components
 from dpr_lab.gap.conclusion.notes import notes
 from dpr_lab.gap.conclusion.ratios import ratio_fields, scale
-from dpr_lab.gap.conclusion.remedies import remedies
 from dpr_lab.gap.conclusion.sentence import sentence
 from dpr_lab.gap.conclusion.verdict import listed_causes, verdict
 from dpr_lab.gap.hypothesis.detectable import visible

@@ -13,11 +13,10 @@ from collections.abc import Iterator
 from dpr_lab.effects import named_params
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
-from dpr_lab.gap.which.alternatives import BETTER_ALTERNATIVE, MORE_PLAUSIBLE
 from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
-from dpr_lab.gap.which.replacements import SEVERAL_CAUSES, SIMPLER_FORM
+from dpr_lab.gap.which.replacements import BETTER_ALTERNATIVE, MORE_PLAUSIBLE, SEVERAL_CAUSES, SIMPLER_FORM
 from dpr_lab.gap.which.restarts import escaped
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 

@@ -17,12 +17,12 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refutes_torque_noise
 from dpr_lab.gap.hypothesis.refits import refit_without
 from dpr_lab.gap.hypothesis.significance import explains_as_much, indifference
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
-from dpr_lab.gap.which.alternatives import fit_alternatives
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.forward import forward_selection
 from dpr_lab.gap.which.moves import REFINE, REVISIONS, SHORT, START
 from dpr_lab.gap.which.removals import HELD_OUT
+from dpr_lab.gap.which.replacements import fit_alternatives
 from dpr_lab.gap.which.restarts import carried_over
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply_move, apply_moves
 from dpr_lab.gap.which.selected import Selection
