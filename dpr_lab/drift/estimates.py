@@ -82,7 +82,9 @@ def estimate_each(
 
 @solvable
 def estimate_each_arm(runs: Sequence[Run], rig: Rig, clearest: float = 0.5) -> Estimates:
-    """Fit rods, arm and drive to each run separately; ratios that at least one run does not determine are omitted.
+    """Fit rods, arm and drive to each run separately.
+
+    Ratios that at least one run does not determine are omitted.
 
     Args:
         runs: the runs in chronological order, all with the same mode of the arm

@@ -8,7 +8,7 @@ from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.fitting.disturbance import most_noise
-from dpr_lab.gap.hypothesis.detectable import DetectableSizes
+from dpr_lab.gap.result.evidence import DetectableSizes
 from dpr_lab.gap.state import Transferred
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import listed

@@ -35,11 +35,11 @@ from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import RIDGE, ColumnSpace, SmallSets
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
-from dpr_lab.gap.hypothesis.detectable import SEEN, DetectableSizes, linear_exclusions
+from dpr_lab.gap.hypothesis.detectable import SEEN, linear_exclusions
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.scan import SCAN, FittedColumns, one_amplitude
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
-from dpr_lab.gap.result.evidence import Exclusion
+from dpr_lab.gap.result.evidence import DetectableSizes, Exclusion
 
 
 def exclusions(problem: Problem, model: Hypothesis, test: ScoreTest, least: DetectableSizes) -> list[Exclusion]:

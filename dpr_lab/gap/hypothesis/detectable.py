@@ -13,11 +13,8 @@ from dpr_lab.fitting.prior import prior_of
 from dpr_lab.fitting.projection import TINY
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
-from dpr_lab.gap.result.evidence import Exclusion
+from dpr_lab.gap.result.evidence import DetectableSizes, Exclusion
 from dpr_lab.rig import load_rig
-
-DetectableSizes = Mapping[str, Mapping[str, float | None]]
-"""Minimum detectable size, SI, by effect and amplitude; None if no size is detectable."""
 
 SIGMAS = 5.0
 """Minimum ratio of the size of a detectable effect to its standard deviation.

@@ -1,6 +1,7 @@
 """Evidence of a diagnosis: curves, valid range, uncertainty, residuals, excluded effects."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -72,6 +73,10 @@ class ResidualLook(Saved):
     """Quantiles of the standard normal distribution, to which the residuals are compared."""
     joints: dict[str, dict[str, Whiteness]]
     """Residual analysis by joint, and by model: `before` and `after` the correction."""
+
+
+DetectableSizes = Mapping[str, Mapping[str, float | None]]
+"""Minimum detectable size, SI, by effect and amplitude; None if no size is detectable."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.gap.hypothesis.detectable import DetectableSizes
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import ScoreTest
+from dpr_lab.gap.result.evidence import DetectableSizes
 from dpr_lab.gap.result.search_step import SearchStep
 
 

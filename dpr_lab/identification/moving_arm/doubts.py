@@ -19,7 +19,7 @@ from dpr_lab.identification.misread.moving_arm_description import (
 from dpr_lab.identification.misread.scaled_readings import ScaledReadings
 from dpr_lab.identification.moving_arm.fit import ArmFit, fit_short_segments
 from dpr_lab.identification.moving_arm.problem import ArmRecording
-from dpr_lab.identification.moving_arm.soft_stop import Stop, soft_stop
+from dpr_lab.identification.moving_arm.soft_stop import ArmStop, soft_stop
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -155,7 +155,7 @@ def _stays(t: Array, theta0: Array, contact: int, angle: float, reach: float) ->
     return bool(t[-1] - t[contact] > DOUBTS.held_s and (np.abs(theta0[after] - angle) < reach).all())
 
 
-def stops(t: Array, theta0: Array) -> list[Stop]:
+def stops(t: Array, theta0: Array) -> list[ArmStop]:
     """Find the stops of an arm.
 
     Args:
@@ -168,10 +168,10 @@ def stops(t: Array, theta0: Array) -> list[Stop]:
     change = np.abs(speed[k:] - speed[:-k])  # change i is at sample i + k
     limit = max(DOUBTS.sudden * float(np.quantile(change, 0.9)), DOUBTS.strong * float(np.abs(speed).max()))
     reach = DOUBTS.apart * float(np.ptp(theta0))
-    hard_stops = list[Stop]()
+    hard_stops = list[ArmStop]()
     for end, angle in (("largest", float(theta0.max())), ("smallest", float(theta0.min()))):
         sudden = np.flatnonzero((change > limit) & (np.abs(theta0[k : k + len(change)] - angle) < reach))
         first = sudden[np.diff(sudden, prepend=-10 * k) > 4 * k] if len(sudden) else sudden
         if len(first) >= 2 or (len(first) == 1 and _stays(t, theta0, int(first[0]) + k, angle, reach)):
-            hard_stops.append(Stop(end, angle, t[first + k].tolist()))
+            hard_stops.append(ArmStop(end, angle, t[first + k].tolist()))
     return hard_stops

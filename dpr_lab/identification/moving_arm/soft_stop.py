@@ -59,7 +59,7 @@ class SoftStopSettings:
 SOFT_STOP = SoftStopSettings()
 
 
-class Stop(NamedTuple):
+class ArmStop(NamedTuple):
     """A stop at one end of the arm's range."""
 
     end: str
@@ -81,7 +81,7 @@ class _Trial:
     """(k,) torque of the stop, with the other terms of the equation projected out."""
 
 
-def soft_stop(run: Run, rig: Rig) -> Stop | None:
+def soft_stop(run: Run, rig: Rig) -> ArmStop | None:
     """Find the stop that explains most of the arm's residual, or return None.
 
     Args:
@@ -105,7 +105,7 @@ def soft_stop(run: Run, rig: Rig) -> Stop | None:
     entered = np.flatnonzero(np.diff(stop.beyond.astype(int), prepend=0) == 1)
     if len(entered) < (1 if reduction > SOFT_STOP.certain else SOFT_STOP.contacts):
         return None
-    return Stop(stop.end, stop.angle, arm.t[entered].tolist())
+    return ArmStop(stop.end, stop.angle, arm.t[entered].tolist())
 
 
 def _terms(rods: LocalMotion, arm: LocalMotion, run: Run, number: int) -> Array:
