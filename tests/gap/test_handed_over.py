@@ -7,14 +7,14 @@ import pytest
 
 from dpr_lab.effects import EFFECTS, effect_params, param_index
 from dpr_lab.fitting.estimate import Estimate
-from dpr_lab.gap.which import substitutes
+from dpr_lab.gap.which import restarts
 
 
 @pytest.mark.parametrize("torque", [0.0, 0.3])
 def test_an_effect_of_any_size_hands_its_amplitudes_over(torque: float, monkeypatch: pytest.MonkeyPatch) -> None:
     start = Estimate.of([1.0] * 7, effect_params({"stribeck_joint1": {"torque_Nm": torque}}), [[0.0] * 4])
-    monkeypatch.setattr(substitutes, "refit", lambda problem, start, names, iterations: start)
+    monkeypatch.setattr(restarts, "refit", lambda problem, start, names, iterations: start)
     sets = cast(Any, SimpleNamespace(library=EFFECTS, problem=None))
     model = cast(Any, SimpleNamespace(estimate=start, effects=("stribeck_joint1",)))
-    exchanged = cast(Any, substitutes._handed_over(sets, model, "stribeck_joint1", "coulomb_joint1"))
+    exchanged = cast(Any, restarts._handed_over(sets, model, "stribeck_joint1", "coulomb_joint1"))
     assert exchanged.params[param_index("coulomb_joint1", "torque_Nm")] == torque
