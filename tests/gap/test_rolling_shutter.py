@@ -19,7 +19,7 @@ from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
 from dpr_lab.gap.result.diagnosis import Diagnosis, load_diagnosis
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.screen.shutter import RollingShutter
+from dpr_lab.gap.screen.shutter import Lines, RollingShutter
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.run import Run
 from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
@@ -61,7 +61,7 @@ def double_rig() -> Rig:
     ("lines", "line"),
     [("horizontal", lambda p: -DELAY * p[:, 1]), ("vertical", lambda p: DELAY * p[:, 0])],
 )
-def test_the_correction_inverts_a_rolling_shutter(tmp_path: Path, lines: str, line: Callable[[Array], Array]) -> None:
+def test_the_correction_inverts_a_rolling_shutter(tmp_path: Path, lines: Lines, line: Callable[[Array], Array]) -> None:
     def theta(t: Array) -> Array:
         return np.column_stack([1.2 * np.cos(5 * t), 0.9 * np.sin(7 * t) + 0.3])
 
