@@ -71,6 +71,20 @@ def test_the_intervals_of_the_inner_rod_alone_hold_its_true_values_in_nine_rigs_
     assert (np.mean(held, axis=0) > 0.8).all()
 
 
+@pytest.mark.parametrize("alone", [True, False])
+def test_gravity_of_the_wrong_sign_says_nothing_about_the_scale(paper: Rig, alone: bool) -> None:
+    nominal = seen(paper, paper.nominal)
+    upwards = np.where(np.array([*RATIOS, "b", "p/b"]) == "e1/b", -1.0, 1.0) * nominal
+    visible = [RATIOS.index("e1/b")]
+    b = ParameterValue(value=nominal[SCALE], std=None, fixed_by="bound", interval90=None)
+    interval = scale_of(b, upwards, paper, visible, alone=alone).interval90
+    assert np.isfinite(interval).all()
+    if not alone:
+        assert interval == scale_of(b, nominal, paper, [], alone=False).interval90
+    for low, high in loose90(paper.nominal, upwards, paper, visible, alone=alone).values():
+        assert 0.0 <= low <= high < np.inf
+
+
 def test_a_scale_fixed_only_by_bounds_is_reported_as_not_measured(paper: Rig) -> None:
     assumed = scale(paper, seen(paper, paper.nominal))
     assert assumed.fixed_by == "bound"

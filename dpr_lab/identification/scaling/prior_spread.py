@@ -9,9 +9,9 @@ and covariance P0:
 
     K = P0 J^T (J P0 J^T + C)^-1,    z = z0 + K (ln q - ln q(z0)),    P = P0 - K J P0,    J = d ln q / d z
 
-Ratios of friction are not used, because a missing effect changes them first. Masses, lengths and inertias are positive
-and enter as products. The problem is therefore nearly linear in the logarithms, even for bounds that are a factor of
-ten apart.
+Ratios of friction are not used, because a missing effect changes them first. Ratios that are not positive are not used
+either, because no positive masses have them. Masses, lengths and inertias are positive and enter as products. The
+problem is therefore nearly linear in the logarithms, even for bounds that are a factor of ten apart.
 """
 
 from collections.abc import Mapping, Sequence
@@ -208,6 +208,7 @@ def _posterior(unknown: Array, rig: Rig, visible: Sequence[int] | None, alone: b
     if alone:
         gravity = unknown[RATIOS.index("e1/b")] - unknown[ON_ELBOW] * rig.g / rig.L1
         estimated = np.array([gravity / alone_share(unknown)])
+    possible = estimated > 0.0
     lower, upper = rig.bounds
     relative = np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS]) / rig.nominal
     P0 = np.diag(np.where(rig.searched, np.log(upper / lower) / np.sqrt(12), relative) ** 2)
@@ -221,9 +222,10 @@ def _posterior(unknown: Array, rig: Rig, visible: Sequence[int] | None, alone: b
         else:
             q = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))[places]
             J = unknown_jacobian(Z, rig)[places] * Z / q[:, None]
+        q, J = q[possible], J[possible]
         K = P0 @ J.T @ np.linalg.pinv(J @ P0 @ J.T + SETTINGS.ratio_std**2 * np.eye(len(q)), hermitian=True)
         P = P0 - K @ J @ P0
-        step = z0 + K @ (np.log(estimated / q) - J @ (z0 - z)) - z
+        step = z0 + K @ (np.log(estimated[possible] / q) - J @ (z0 - z)) - z
         z = z + np.clip(step, -SETTINGS.longest_step, SETTINGS.longest_step)
         if np.max(np.abs(step)) < SETTINGS.converged:
             break
