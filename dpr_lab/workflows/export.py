@@ -45,13 +45,6 @@ class ExportResult:
         return {"schema": 1, **asdict(self)}
 
 
-INNER_ALONE = (
-    "the model was identified from the inner rod alone, so the outer rod is unknown: {}. For both rods, identify from"
-    " recordings of both rods"
-)
-"""Message about a model without the outer rod; {} is the consequence."""
-
-
 def export(
     model_path: Path,
     rig_name: str,
@@ -93,7 +86,12 @@ def export(
     model = model_to_export(model_path, rig)
     runs = read_runs(check, rig, on_event, torque=torque, moving=isinstance(model, MovingArmModel))
     if not isinstance(model, MovingArmModel) and model.fitted and rig.rods.mounted == "both":
-        on_event(Warned(INNER_ALONE.format("the files contain only this rod")))
+        on_event(
+            Warned(
+                "the model was identified from the inner rod alone, so the files contain only this rod. For both rods,"
+                " identify from recordings of both rods"
+            )
+        )
     for run in runs:
         if run.arm is not None:
             raise RunError(f"{run.name}: its arm moves, which the replay does not support: check another run")

@@ -5,7 +5,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.errors import RunError
 from dpr_lab.workflows.checks import refuse_own_folder
 from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_runs
@@ -70,13 +69,11 @@ def export_into(
     from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.rig import load_rig
     from dpr_lab.whole_file import write_text
-    from dpr_lab.workflows.export import INNER_ALONE, model_to_export
+    from dpr_lab.workflows.export import model_to_export
 
     refuse_own_folder(out, into)
     loaded_rig = load_rig(rig)
     loaded = model_to_export(model, loaded_rig)
-    if not isinstance(loaded, MovingArmModel) and loaded.fitted:
-        raise RunError(f"{model}: {INNER_ALONE.format('--into changes files of both rods')}")
     patched = into_file(loaded, loaded_rig, into, joints)
     file, module = patched.write(out, into.name)
     diff_file, diff = out / f"{into.name}.diff", patched.diff(into, str(file))

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports import FORMATS
@@ -58,6 +59,25 @@ def test_the_damping_of_the_file_is_changed_and_nothing_else(cli, bench: tuple[P
     assert held_out_error(text, truth, rig) < 0.1 * held_out_error(ROBOT, truth, rig)
     assert (folder / "out" / "robot.xml.diff").read_text(encoding="utf-8") == result["diff"]
     assert (folder / "robot.xml").read_text(encoding="utf-8") == ROBOT
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_recordings_of_the_inner_rod_alone_do_not_change_a_file_with_both_rods(cli, bench: tuple[Path, Rig]) -> None:
+    folder, _ = bench
+    arm, mass, inertia, damping = 0.12, 0.3, 0.0021 + 0.3 * 0.12**2, 0.003
+    t = np.arange(0, 6, 0.005)
+    swing = solve_ivp(
+        lambda _, x: (x[1], (-mass * 9.81 * arm * np.sin(x[0]) - damping * x[1]) / inertia), (0, 6), (1.2, 0), t_eval=t
+    )
+    noisy = swing.y[0] + np.random.default_rng(3).normal(0, 3e-4, len(t))
+    np.savetxt(folder / "inner.csv", np.column_stack([t, noisy]), delimiter=",", header="t_s,theta1_rad", comments="")
+    described = ("--rig", "rig.toml", "--rods", "inner", "--zero", "hanging")
+    assert cli("import", "table", "inner.csv", *described, "--out", "inner", cwd=folder).code == 0
+    few = ("--library", "coulomb_joint1", "--rig", "rig.toml", "--simulator", "robot.xml")
+    done = cli("diagnose", "inner/inner.mcap", *few, "--json", cwd=folder)
+    assert done.code == 0, done.err
+    assert "identified from the inner rod alone" in done.json["simulator"]["refused"]
 
 
 @pytest.mark.slow

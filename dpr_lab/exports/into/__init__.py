@@ -62,11 +62,16 @@ def into_file(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ())
 
     Raises:
         ConfigError: the file cannot be read or changed, or is of none of these formats; its L1, g or L0 differs from
-            that of the rig; a rod has a rotor that the format cannot change; it has other rods; or it has no arm
-            although the arm of the model moves.
+            that of the rig; a rod has a rotor that the format cannot change; it has other rods; the model was
+            identified from the inner rod alone; or it has no arm although the arm of the model moves.
     """
     editor, text, changes = of_format(EDITORS, path)(path), path.read_bytes(), list[ChangedAttribute]()
     read, chain = _read(editor, text, joints, model.rig.g)
+    if isinstance(model, Model) and model.fitted:
+        raise ConfigError(
+            f"{path}: the model was identified from the inner rod alone, so the outer rod of the file cannot be"
+            " corrected: identify from recordings of both rods"
+        )
     arm = arm_to_change(model, chain, rig, path)
     refuse_other_rig(chain, model.rig.L1, model.rig.g, path)
     driven = [rod.joint.name for rod in chain.rods if rod.joint.armature]
