@@ -41,10 +41,12 @@ def _budget(text: str | None) -> str | None:
     """
     from dpr_lab.workflows.plan import minutes
 
-    try:
-        return text if text is None or minutes(text) else None
-    except ConfigError as error:
-        raise typer.BadParameter(str(error)) from error
+    if text is not None:
+        try:
+            minutes(text)
+        except ConfigError as error:
+            raise typer.BadParameter(str(error)) from error
+    return text
 
 
 def plan(

@@ -161,8 +161,7 @@ def _too_slow(limit: "LimitForecast") -> str:
 def ratio_std_table(made: "Plan", release: "PlannedRelease") -> list[tuple[str, ...]]:
     """Return the standard deviation of each ratio now and after a planned release.
 
-    Before any recording, the rig file bounds only the ratios of the rods. The
-    ratios of arm and drive are unknown.
+    Before any recording, the rig file bounds only the ratios of the rods. The ratios of arm and drive are unknown.
     """
     return [
         (

@@ -32,12 +32,12 @@ def run_campaign(
     """Run a campaign, score it, and write summary, figures and page.
 
     Args:
-        campaign: the plants.
-        n: number of trials.
+        campaign: the plants
+        n: number of trials
         out: folder for the results. An interrupted campaign in this folder is continued.
-        jobs: number of trials that run in parallel on this machine.
-        scheduler: address of a dask scheduler that runs the trials; None: the trials run on this machine.
-        on_event: receives `TrialDone`, at the start and after each trial.
+        jobs: number of trials that run in parallel on this machine
+        scheduler: address of a dask scheduler that runs the trials; None: the trials run on this machine
+        on_event: receives `TrialDone`, at the start and after each trial
 
     Raises:
         ConfigError: a kind is not available for a moving arm.

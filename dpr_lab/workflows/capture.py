@@ -55,18 +55,18 @@ def capture(
     """Record free swings, one run file for each release.
 
     Args:
-        rig_name: rig file, or name of a built-in rig.
-        out: folder of the runs.
-        options: what to record after each release.
-        confirm: called for permission before each release, as in `dpr_lab.acquisition.capture.capture`.
-        poses: names of the poses in order; empty for all poses of the rig.
-        repeat: number of releases from each pose.
-        url: URL of the device; None: the link of the rig file.
-        rods: mounted rods; None: as in the rig file.
-        elbow: whether joint 2 is free or clamped; None: as in the rig file.
-        arm: mode of joint 0: clamped, free, prescribed or driven; None: as in the rig file.
-        inner: mode of joint 1: free or prescribed; None: as in the rig file.
-        on_event: receives `DeviceGreeted`; for each pose `CaptureBegan`, `CaptureProgress`, `CaptureDone`.
+        rig_name: rig file, or name of a built-in rig
+        out: folder of the runs
+        options: what to record after each release
+        confirm: called for permission before each release, as in `dpr_lab.acquisition.capture.capture`
+        poses: names of the poses in order; empty for all poses of the rig
+        repeat: number of releases from each pose
+        url: URL of the device; None: the link of the rig file
+        rods: mounted rods; None: as in the rig file
+        elbow: whether joint 2 is free or clamped; None: as in the rig file
+        arm: mode of joint 0: clamped, free, prescribed or driven; None: as in the rig file
+        inner: mode of joint 1: free or prescribed; None: as in the rig file
+        on_event: receives `DeviceGreeted`; for each pose `CaptureBegan`, `CaptureProgress`, `CaptureDone`
 
     Raises:
         ConfigError: the rig is not valid or lacks a pose, or a file with the name of the folder exists.

@@ -36,17 +36,17 @@ def take_check(
     The new diagnosis names the old one as its parent.
 
     Args:
-        diagnosis_path: output of `diagnose --json`, or the folder of a diagnosis.
-        check_id: identifier of the check.
-        files: run files.
+        diagnosis_path: output of `diagnose --json`, or the folder of a diagnosis
+        check_id: identifier of the check
+        files: run files
         value: measured value, a number in the unit of the check's quantity, or text with a unit, for example
             `6.1 mN m`.
         std: standard uncertainty of the value, as a number or text. Text without a unit is in the unit of the value.
-        rig_name: rig file, or name of a built-in rig; None: the rig stored with the first run.
-        out: folder of `diagnosis.json` and its page; None: no files are written.
-        torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured.
-        confirmed: whether a value that no candidate predicts is accepted.
-        on_event: receives `RunRead`.
+        rig_name: rig file, or name of a built-in rig; None: the rig stored with the first run
+        out: folder of `diagnosis.json` and its page; None: no files are written
+        torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured
+        confirmed: whether a value that no candidate predicts is accepted
+        on_event: receives `RunRead`
 
     Raises:
         ConfigError: the rig is not valid, or a file with the name of the folder exists.

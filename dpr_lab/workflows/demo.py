@@ -79,7 +79,7 @@ def demo(out: Path, seed: int | None = None, on_event: OnEvent = ignore) -> Demo
         out: folder for runs, model and report. It contains a separate folder for the trial of each demo.
         seed: seed of the trial's plant, for repeatable demos; None: a random plant. The seed of all other random
             numbers is then 1.
-        on_event: receives `JobBegan`, and the events of each job.
+        on_event: receives `JobBegan`, and the events of each job
 
     Raises:
         ConfigError: a file with the name of the folder exists, or nothing can be written.

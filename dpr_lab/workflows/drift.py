@@ -80,15 +80,15 @@ def watch_drift(
     """Find parameters of a rig that changed between groups of runs.
 
     Args:
-        files: run files.
-        rig_name: rig file, or the name of a built-in one.
-        by: criterion of the groups, a key of `dpr_lab.drift.groups.KEYS`.
+        files: run files
+        rig_name: rig file, or the name of a built-in one
+        by: criterion of the groups, a key of `dpr_lab.drift.groups.KEYS`
         diagnosis: JSON file or folder. The sizes of its effects are also compared. None: only parameters are compared.
-        model: identified model that provides initial values; None: values of the rig file.
-        out: folder of the report; None: no files are written.
-        any_clock: see `read_runs`.
-        torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured.
-        on_event: receives `RunRead` and `StageBegan`.
+        model: identified model that provides initial values; None: values of the rig file
+        out: folder of the report; None: no files are written
+        any_clock: see `read_runs`
+        torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured
+        on_event: receives `RunRead` and `StageBegan`
 
     Raises:
         ConfigError: the rig is not valid, or a file with the name of the folder exists.

@@ -59,14 +59,14 @@ def export(
     Runs to check are replayed in each program, and exports that are worse than the bare model are refused.
 
     Args:
-        model_path: model written by `identify` or `diagnose`, or the folder of a diagnosis.
-        rig_name: rig file, or the name of a built-in one.
-        formats: names of the formats.
-        out: folder of the files.
+        model_path: model written by `identify` or `diagnose`, or the folder of a diagnosis
+        rig_name: rig file, or the name of a built-in one
+        formats: names of the formats
+        out: folder of the files
         check: runs to replay in each program. Models for formats that cannot express an effect are refitted to these
             runs.
-        torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured.
-        on_event: receives `RunRead`, `StageBegan` and `Warned`.
+        torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured
+        on_event: receives `RunRead`, `StageBegan` and `Warned`
 
     Raises:
         ConfigError: the rig is not valid, the format is unknown, or a package of the format is not installed.

@@ -88,15 +88,15 @@ def export_ensemble(
     """Write models sampled from the posterior of parameters and causes.
 
     Args:
-        model_path: model written by `identify` or `diagnose`, or the folder of a diagnosis.
-        rig_name: rig file, or the name of a built-in one.
-        size: number of models.
-        seed: seed of the random models.
-        formats: formats in which each model is written, in addition to the JSON file.
-        out: folder of the files.
-        check: runs that calibrate the width of the ensemble: the predictive bands must cover their readings.
-        torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured.
-        on_event: receives `RunRead`.
+        model_path: model written by `identify` or `diagnose`, or the folder of a diagnosis
+        rig_name: rig file, or the name of a built-in one
+        size: number of models
+        seed: seed of the random models
+        formats: formats in which each model is written, in addition to the JSON file
+        out: folder of the files
+        check: runs that calibrate the width of the ensemble: the predictive bands must cover their readings
+        torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured
+        on_event: receives `RunRead`
 
     Raises:
         ConfigError: the rig is not valid, or a format is unknown.

@@ -30,10 +30,10 @@ def identifiability(
     """Determine which parameters the recordings of a rig identify.
 
     Args:
-        rig_name: rig file, or the name of a built-in one.
+        rig_name: rig file, or the name of a built-in one
         files: run files. If empty, releases from the poses of the rig are simulated with the values of the rig file.
-        torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured.
-        on_event: receives `RunRead` and `Warned`.
+        torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured
+        on_event: receives `RunRead` and `Warned`
 
     Raises:
         ConfigError: the rig is not valid; or there are no runs, and the rig has no poses or a joint with a prescribed

@@ -27,10 +27,10 @@ def paper(out: Path, seeds: int, generations: int, workers: int, on_event: OnEve
 
     Args:
         out: folder of paper.md, paper.json, tables and figures.
-        seeds: number of searches for each interpretation of H and each set of true values (on and off the coding grid).
-        generations: number of generations of each search.
-        workers: number of searches that run in parallel.
-        on_event: receives `PaperSearchDone`.
+        seeds: number of searches for each interpretation of H and each set of true values (on and off the coding grid)
+        generations: number of generations of each search
+        workers: number of searches that run in parallel
+        on_event: receives `PaperSearchDone`
 
     Raises:
         DprError: the folder or a file cannot be written.

@@ -166,7 +166,7 @@ def test_a_diagnosis_of_other_runs_is_refused(two_runs: list[Run]) -> None:
 @pytest.mark.slow
 def test_refusals_say_what_to_do(cli, tmp_path: Path) -> None:
     for words, code, message in (
-        (("--budget", "soon"), 2, "give a time such as 10min"),
+        (("--budget", "soon"), 2, "give one such as 10min"),
         (("--budget", "10s"), 3, "is too small: one release takes"),
         (("--limits", tmp_path / "none.toml"), 3, "none.toml: cannot be read"),
         ((tmp_path / "none.mcap",), 3, "none.mcap"),

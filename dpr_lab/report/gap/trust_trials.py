@@ -57,7 +57,7 @@ def _refused(trials: Sequence[TrustTrial]) -> str:
     style="prose",
     title="All trials",
 )
-def trial_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def trust_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return one row for each trial."""
     trials = diagnosis.trust.trials if diagnosis.trust else []
     return [

@@ -134,7 +134,7 @@ async def test_wrong_limits_and_budgets_are_refused_in_words(lab, until, notices
         for limits, budget, words in (
             ("[recrding]\n", "", "recrding: unknown key; nearest of 11: recording"),
             (SHORT, "1s", "is too small: one release takes"),
-            (SHORT, "soon", "give a time such as 10min"),
+            (SHORT, "soon", "give one such as 10min"),
         ):
             await planned(pilot, until, tmp_path, limits, budget)
             assert words in notices_text(pilot.app)

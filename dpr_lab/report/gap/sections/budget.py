@@ -82,7 +82,7 @@ def _judged(error: float, uncertainty: float) -> str:
     style="prose",
     title="Uncertainty budget, values",
 )
-def source_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def source_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return the rows of all contributions, their combination, and the error."""
     budget = evidence_of(diagnosis).budget
     rows = [
@@ -114,7 +114,7 @@ def source_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     style="prose",
     title="Error and uncertainty by run",
 )
-def run_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def run_gap_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return rows with error and uncertainty of each free run."""
     return [
         (
@@ -139,8 +139,8 @@ BUDGET = EvidenceSection(
         " fitted to 0.3 s of readings. Logarithmic scale."
     ),
     tables=(
-        source_rows,
-        run_rows,
+        source_table,
+        run_gap_table,
     ),
     symbols="E = S − D, u_val² = u_num² + u_input² + u_D², δ_model = E ± u_val. ASME V&V 20-2009."
     " Limits without a distribution: JCGM 100:2008 (GUM), 4.3.7. The model was calibrated on the fitted"

@@ -72,7 +72,7 @@ def closing_words(diagnosis: Diagnosis) -> list[str]:
     style="prose",
     title="Gap reduction by effect, values",
 )
-def closing_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def closing_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return one row for each model, with the gap and its cumulative reduction."""
     return [
         (
@@ -94,6 +94,6 @@ CLOSING = EvidenceSection(
         "Gap after each added effect, in the order of selection, on data that were not fitted: rms of a"
         " reading above the noise, in segments of 0.5 s with free initial states."
     ),
-    tables=(closing_rows,),
+    tables=(closing_table,),
     symbols="Gap: √((χ² − level · dof) / dof) · σ. Reduction: 1 − gap after / gap before.",
 )

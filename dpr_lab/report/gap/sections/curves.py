@@ -106,7 +106,7 @@ def curves_words(diagnosis: Diagnosis) -> list[str]:
 @page_table(
     "run", "time (s)", "part", *(f"{curve} (rad)" for curve in CURVE_NAMES), style="prose", title="Curves, values"
 )
-def curves_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def curves_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return rows with every fifth point of the curves."""
     return [
         (run_words(curves.run), f"{curves.t_s[k]:.2f}", part, *(f"{angle:.4f}" for angle in angles[k]))
@@ -126,5 +126,5 @@ CURVES = EvidenceSection(
     caption="Angles of the rods, 0 = upright, π = hanging: measured (thick), bare model (dashed) and corrected model"
     " (thin), up to the predictability horizon. Below: error of each simulation, in mrad, and, for a driven"
     " arm, its input.",
-    tables=(curves_rows,),
+    tables=(curves_table,),
 )

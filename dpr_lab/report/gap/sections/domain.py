@@ -100,7 +100,7 @@ def _days(days: list[str], count: int) -> str:
     style="prose",
     title="Map, values",
 )
-def domain_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def domain_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return rows with speeds and durations for each range of angles."""
     rows = []
     for rod, occupancy in evidence_of(diagnosis).coverage.items():
@@ -123,5 +123,5 @@ DOMAIN = EvidenceSection(
     alternative="Maps of the time that each rod spent at each angle and speed.",
     caption="Time that each rod spent at each angle and speed in the fitted recordings, in cells of 15 degrees. The"
     " outline encloses the held-out recordings. Blank: not visited.",
-    tables=(domain_rows,),
+    tables=(domain_table,),
 )

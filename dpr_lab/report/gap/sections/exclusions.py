@@ -39,7 +39,7 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
 
 
 @page_table("effect", "excluded from this size", "confidence", style="prose", title="All excluded effects")
-def exclusion_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def exclusion_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return one row for each excluded effect, in the order of the library."""
     excluded, _ = _split(diagnosis)
     return [
@@ -73,7 +73,7 @@ EXCLUSIONS = EvidenceSection(
     name="exclusions",
     title="Excluded effects",
     words=exclusion_words,
-    tables=(exclusion_rows,),
+    tables=(exclusion_table,),
     symbols="Size: 5 σ, where σ is the standard deviation of the linear estimate a of the effect in addition to all"
     " named effects, with the correlation of the residuals. Confidence: Φ(5 − |a| / σ).",
 )

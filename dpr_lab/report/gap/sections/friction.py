@@ -70,7 +70,7 @@ def friction_words(diagnosis: Diagnosis) -> list[str]:
 @page_table(
     "joint", "speed (rad/s)", "torque (mN m)", "90 % interval (mN m)", style="prose", title="Friction torque, values"
 )
-def friction_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def friction_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return rows for some speeds of each joint."""
     rows = []
     for joint, curve in evidence_of(diagnosis).friction.items():
@@ -100,5 +100,5 @@ FRICTION = EvidenceSection(
     " named friction laws and a free-form curve, fitted together. The band is the 90 % interval at each speed.",
     symbols="T(u) = c u + sum of the friction laws at the speed u, positive against a positive speed, at the assumed b."
     " Its variance is g(u)^T C g(u), with C the covariance of the fitted values and g(u) the derivative of T(u).",
-    tables=(friction_rows,),
+    tables=(friction_table,),
 )

@@ -92,7 +92,7 @@ def metric_words(diagnosis: Diagnosis) -> list[str]:
     style="prose",
     title="Areas and horizons by run",
 )
-def metric_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def metric_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return rows with area metric and horizon of each free run."""
     return [
         (
@@ -113,7 +113,7 @@ METRIC = EvidenceSection(
     alternative="Differences of the quantiles of simulated and measured angles of the rods, for both models.",
     caption="Differences of the quantiles of simulated and measured angles within the horizon, for the recording in"
     " which the bare model has the largest area. The shaded areas are the metric.",
-    tables=(metric_rows,),
+    tables=(metric_table,),
     symbols="d = ∫ |F_S(x) − F_D(x)| dx = ∫ |x_S(p) − x_D(p)| dp, F_S and F_D the empirical distributions. Area"
     " validation metric: Ferson, Oberkampf & Ginzburg (2008), Comput. Methods Appl. Mech. Engrg. 197, 2408-2430.",
 )

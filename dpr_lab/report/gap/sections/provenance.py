@@ -29,7 +29,7 @@ def provenance_words(diagnosis: Diagnosis) -> list[str]:
     style="hash",
     title="Recordings",
 )
-def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def recording_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return one row for each recording, with its SHA-256."""
     return [
         (
@@ -49,5 +49,5 @@ PROVENANCE = EvidenceSection(
     name="provenance",
     title="Provenance",
     words=provenance_words,
-    tables=(recording_rows,),
+    tables=(recording_table,),
 )

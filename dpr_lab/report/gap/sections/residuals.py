@@ -90,7 +90,7 @@ def residual_words(diagnosis: Diagnosis) -> list[str]:
     style="prose",
     title="Autocorrelation, values",
 )
-def residual_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def residual_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return autocorrelation at six lags and large residuals, by joint and model."""
     rows = []
     for joint, models in evidence_of(diagnosis).residuals.joints.items():
@@ -109,7 +109,7 @@ def residual_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     style="prose",
     title="Quantiles, values",
 )
-def quantile_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def quantile_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return rows with every fifth point of the quantile plots, by joint."""
     look = evidence_of(diagnosis).residuals
     return [
@@ -130,8 +130,8 @@ RESIDUALS = EvidenceSection(
     " Segments"
     " of 0.5 s of the fitted recordings, with free initial states.",
     tables=(
-        residual_rows,
-        quantile_rows,
+        residual_table,
+        quantile_table,
     ),
     symbols="Autocorrelation at lag k: Σ r(i) r(i+k) / Σ r(i)², within segments; white noise stays within ±1.96/√n."
     " Box & Jenkins, Time Series Analysis, ch. 8.",

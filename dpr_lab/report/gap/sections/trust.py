@@ -7,7 +7,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.trust import NOTHING
 from dpr_lab.report.figures import new_figure
 from dpr_lab.report.gap.section import EvidenceSection
-from dpr_lab.report.gap.trust_trials import trial_rows, trust_words
+from dpr_lab.report.gap.trust_trials import trust_table, trust_words
 
 
 def trust_figure(diagnosis: Diagnosis) -> Figure | None:
@@ -39,6 +39,6 @@ TRUST = EvidenceSection(
     alternative="Confusion matrix of hidden and named effects.",
     caption="Number of trials by hidden and named effect; ✗ marks incorrect effects. A named effect is"
     " correct if the hidden effect is in its class of indistinguishable effects.",
-    tables=(trial_rows,),
+    tables=(trust_table,),
     symbols="Intervals: Wilson score.",
 )
