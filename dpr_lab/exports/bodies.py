@@ -69,7 +69,7 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
     """Construct rigid bodies that move according to equation (1) of docs/theory.md.
 
     The bodies include the effects that a format can express. The motion depends only on the base parameters. The bodies
-    have the masses of the model, at the scale of its base parameters.
+    have the masses of the model, at the scale of its base parameters, if all inertias are then positive.
 
     Raises:
         ConfigError: no rigid bodies can represent the model with a moving arm.
@@ -77,12 +77,10 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
     if isinstance(model, MovingArmModel):
         return arm_bodies(model, rig, expressed)
     a, b, d, e1, _, c1, c2 = base_of(model)
-    m1, m2, mb = _masses(model)
     values, constants = list(expressed.values()), constants_of(model, rig)
     length = model.rig.L1 + sum(words.get("added_length", 0.0) for words in values)
     length2 = rig.L2 or 2 * model.parameters["l2"].value
-    if model.fitted:  # the inner rod alone contains the parts at joint 2
-        m1, m2, mb = max(m1 + mb, least_mass(e1 / model.rig.g, a)), 0.0, 0.0
+    m1, m2, mb = _masses(model, length)
     moment1, inertia1 = e1 / model.rig.g - (m2 + mb) * length, a - (m2 + mb) * length**2
     inner, outer = (words_of_joint(expressed, joint) for joint in range(2))
     rods = [rod_about_joint(length, m1, moment1, inertia1, c1, constants.m1, inner)]
@@ -93,11 +91,23 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
     return Bodies(tuple(rods), mb, model.rig.g, tilt, arm)
 
 
-def _masses(model: Model) -> tuple[float, float, float]:
-    """Return m1, m2 and mb at the scale of the base parameters, kg."""
+def _masses(model: Model, length: float) -> tuple[float, float, float]:
+    """Return m1, m2 and mb at the scale of the base parameters, kg.
+
+    A mass that would lead to a negative inertia of a rod is changed. `length` is that of the inner rod, m. The inner
+    rod alone contains the parts at joint 2.
+    """
     z = {name: parameter.value for name, parameter in model.parameters.items()}
     scale = model.base["b"].value / (z["J2"] + z["m2"] * z["l2"] ** 2)
-    return scale * z["m1"], scale * z["m2"], scale * z["mb"]
+    m1, m2, mb = (scale * z[name] for name in ("m1", "m2", "mb"))
+    a, b, d, e1, *_ = base_of(model)
+    if model.fitted:
+        return max(m1 + mb, least_mass(e1 / model.rig.g, a)), 0.0, 0.0
+    most = 0.99 * a / length**2  # a larger mass at joint 2 would leave no inertia for the inner rod
+    m2 = max(min(m2, most), least_mass(d / length, b))
+    mb = max(min(mb, most - m2), 0.0)
+    tip = m2 + mb
+    return max(m1, least_mass(e1 / model.rig.g - tip * length, a - tip * length**2)), m2, mb
 
 
 def notes(model: AnyModel, corrected: Bodies, lost: Mapping[str, str]) -> list[str]:
@@ -115,7 +125,7 @@ def arm_of(model: Model, rig: Rig) -> Arm | None:
     """
     params = effect_params(known_effects(model.effects))
     held = arm_model(constants_of(model, rig), HELD_ARM, params.tolist(), active_effects(params))
-    alone = held.inertia - sum(_masses(model)) * rig.rig.L0**2
+    alone = held.inertia - sum(_masses(model, model.rig.L1)) * rig.rig.L0**2
     if held is HELD_ARM or not 0.0 < alone < float("inf"):
         return None
     return Arm(rig.rig.L0, alone, held.friction, {"stiffness": held.stiffness, "rest_angle": 0.0})

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.exports import FORMATS
+from dpr_lab.exports.bodies import bodies
 from dpr_lab.exports.mjcf import mjcf, passive
 from dpr_lab.exports.python_module import python_module
 from dpr_lab.exports.sdf import sdf
@@ -58,6 +59,23 @@ def test_a_model_of_the_inner_rod_alone_is_exported_as_one_rod(paper: Rig, tmp_p
     )
     states = run_source(python_module(model, paper), tmp_path)["simulate"]((1.0, 1.0, 0.0, 0.0), t)
     assert states[:, 0] == pytest.approx(exact.y[0], abs=1e-6)
+
+
+@pytest.mark.parametrize(("name", "factor"), [("d", 1.3), ("e1", 1.3), ("a", 0.8)])
+def test_bodies_have_positive_inertias_and_the_motion_of_the_model_if_its_masses_do_not_fit(
+    paper: Rig, name: str, factor: float
+):
+    model = identified_model(paper, {})
+    changed = model.base[name].model_copy(update={"value": factor * model.base[name].value})
+    model = model.model_copy(update={"base": {**model.base, name: changed}})
+    made = bodies(model, paper, {})
+    inner, outer = made.rods
+    assert min(inner.mass, outer.mass, inner.inertia, outer.inertia) > 0
+    tip = outer.mass + made.tip_mass
+    assert inner.inertia + inner.mass * inner.centroid**2 + tip * inner.length**2 == pytest.approx(model.sizes["a"])
+    assert outer.inertia + outer.mass * outer.centroid**2 == pytest.approx(model.sizes["b"])
+    assert outer.mass * outer.centroid * inner.length == pytest.approx(model.sizes["d"])
+    assert (inner.mass * inner.centroid + tip * inner.length) * paper.g == pytest.approx(model.sizes["e1"])
 
 
 HOSTILE = [
