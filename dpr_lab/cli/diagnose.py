@@ -142,7 +142,7 @@ def show(diagnosis: "Diagnosis", out: Path | None = None, *, verbose: bool = Fal
         report_table("Causes", causes, note)
     for text_below in (*diagnosis.notes, *diagnosis.remedies):
         line(in_words(text_below))
-    if diagnosis.open_gap and not diagnosis.only_uncertain:
+    if diagnosis.where and diagnosis.open_gap and not diagnosis.only_uncertain:
         line(in_words(diagnosis.where_sentence))
     if verbose:
         _show_effects(diagnosis)

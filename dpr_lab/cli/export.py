@@ -243,10 +243,9 @@ def _show(done: "ExportResult") -> None:
 
     if done.lab is not None and done.bare_rad is not None:
         replayed = {"dpr-lab's own simulation": done.lab, **done.tried}
-        rows = [
-            [name, f"{1e3 * errors.off_rad:.3g}", f"{100 * errors.closed:.0f} %"] for name, errors in replayed.items()
-        ]
-        rows.append(["bare model", f"{1e3 * done.bare_rad:.3g}", "0 %"])
+        errors = [(name, replay.off_rad, percent(replay.closed)) for name, replay in replayed.items()]
+        errors.append(("bare model", done.bare_rad, percent(0.0)))
+        rows = [[name, f"{1e3 * rms:.3g}", closed if done.has_effects else "–"] for name, rms, closed in errors]
         runs = ", ".join(done.lab.by_run)
         driven = "".join(f", {kind} torques" for kind in done.torques)
         table(f"Replayed: {runs}{driven}", ["where", "error, mrad", "gap closed"], rows)

@@ -10,7 +10,7 @@ from dpr_lab.errors import ConfigError, DprError, RunError
 from dpr_lab.exports import FORMATS, ExportFormat
 from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.corrected import corrected_model
-from dpr_lab.exports.cost import Replayed, Yardstick, yardstick
+from dpr_lab.exports.cost import REPLAY_RULE, Replayed, Yardstick, yardstick
 from dpr_lab.exports.refit import fitted_for
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.compare import Comparison
@@ -82,10 +82,36 @@ def save_diagnosis(
     """
     figures = save_gap_figures(diagnosis, out)
     report = write_gap_report(diagnosis, f"Rig “{rig.name}”: sim-to-real gap", out, figures, acceptance)
-    corrected = corrected_model(diagnosis, runs, rig)
+    corrected = _confirmed(diagnosis, corrected_model(diagnosis, runs, rig), runs, rig, on_loss)
     corrected.save(out / "model.json")
     exports = save_exports(corrected, runs, rig, out, on_loss)
     return {"report": str(report), "model": str(out / "model.json"), **exports}
+
+
+def _confirmed(
+    diagnosis: Diagnosis, corrected: AnyModel, runs: Sequence[Run], rig: Rig, on_loss: Callable[[str], None]
+) -> AnyModel:
+    """Return the bare model instead of a corrected model without confirmed causes that predicts worse.
+
+    The predictions are free runs, so the corrected model is kept if no run can be replayed.
+    """
+    clamped = [run for run in runs if run.arm is None]
+    if diagnosis.verdict != "unexplained" or not corrected.effects or not clamped:
+        return corrected
+    try:
+        reference = yardstick(corrected, clamped, rig)
+    except DprError:
+        return corrected
+    corrected_rad, bare_rad = reference.replayed(reference.own).off_rad, reference.bare_rad
+    if corrected_rad <= REPLAY_RULE.worse * bare_rad:
+        return corrected
+    warning = (
+        f"The corrected model predicts worse than the bare model ({1e3 * corrected_rad:.3g} against"
+        f" {1e3 * bare_rad:.3g} mrad in free runs). Therefore the model files contain the bare model, without"
+        f" {', '.join(map(named, corrected.effects))}."
+    )
+    on_loss(warning)
+    return reference.bare.model_copy(update={"warnings": [*corrected.warnings, warning]})
 
 
 def save_exports(

@@ -331,7 +331,10 @@ def _verdict(fitted: float, held_out: Sequence[float]) -> str:
     if not math.isfinite(fitted):
         return "The noise floor is unknown, so the residual cannot be judged"
     if fitted > NOISE_LIKE.most:
-        return f"The residual is {three(fitted)} times the noise floor: the model lacks an effect"
+        return (
+            f"The residual is {three(fitted)} times the noise floor: the model lacks an effect, or the noise floor is"
+            " underestimated. dpr-lab diagnose tests both"
+        )
     if not all(multiple <= NOISE_LIKE.most for multiple in held_out):
         return "The residual of the fitted runs is at the noise floor; the residual of the held-out runs is larger"
     if fitted < NOISE_LIKE.least:

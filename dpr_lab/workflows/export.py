@@ -39,6 +39,8 @@ class ExportResult:
     name (`inertia`; a if only the inner rod is mounted). None: unknown."""
     scale_sentence: str = ""
     """Sentence that describes the scale."""
+    has_effects: bool = True
+    """Whether the model contains effects. A model without effects cannot close the gap."""
 
     def to_json(self) -> dict[str, Any]:
         """Return the output of `dpr-lab export --json`."""
@@ -122,6 +124,7 @@ def export(
         torques=torque_kinds(runs),
         scale=_scale(model),
         scale_sentence=model.scale_sentence,
+        has_effects=bool(model.effects),
     )
 
 

@@ -2,15 +2,18 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from dpr_lab.cli import export as command
 from dpr_lab.dynamics.base import BASE, RATIOS
 from dpr_lab.effects import effect_params
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports import refit
-from dpr_lab.exports.cost import Yardstick
+from dpr_lab.exports.cost import Replayed, Yardstick
 from dpr_lab.exports.programs import Replay
 from dpr_lab.exports.refit import fitted_for, moving
 from dpr_lab.fitting.gauss_newton import fit
@@ -26,11 +29,11 @@ from dpr_lab.identification.model import (
     SearchRecord,
     load_model,
 )
-from dpr_lab.report.saving import _yardstick, save_exports
+from dpr_lab.report.saving import _confirmed, _yardstick, save_exports
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import import_csv
-from dpr_lab.workflows.export import export
+from dpr_lab.workflows.export import ExportResult, export
 from tests.exports.models import model_of
 
 FRICTION: dict[str, dict[str, float]] = {
@@ -154,6 +157,39 @@ def test_files_of_a_diagnosis_state_their_loss_of_accuracy(corrected: Model, run
     assert 0 < lost["check"]["off_rad"] <= lost["check"]["bare_rad"]
     assert _yardstick(corrected, [], paper, result.append) is None
     assert "error is unknown: no run can be replayed" in result[-1]
+
+
+@pytest.mark.parametrize(
+    ("verdict", "own_rad", "bare"),
+    [("unexplained", 12.9e-3, True), ("unexplained", 10.7e-3, False), ("named", 12.9e-3, False)],
+)
+def test_an_unexplained_model_that_predicts_worse_is_not_written(verdict, own_rad, bare, monkeypatch):
+    corrected: Any = Model.model_construct(effects={"spring_joint1": {}}, warnings=[])
+    reference: Any = SimpleNamespace(
+        bare_rad=10.6e-3,
+        own=(),
+        replayed=lambda swings: SimpleNamespace(off_rad=own_rad),
+        bare=corrected.model_copy(update={"effects": {}}),
+    )
+    monkeypatch.setattr("dpr_lab.report.saving.yardstick", lambda *arguments: reference)
+    diagnosis: Any = SimpleNamespace(verdict=verdict)
+    runs: Any = [SimpleNamespace(arm=None)]
+    messages: list[str] = []
+    written = _confirmed(diagnosis, corrected, runs, reference, messages.append)
+    assert written.effects == ({} if bare else corrected.effects)
+    if bare:
+        assert "predicts worse than the bare model (12.9 against 10.6 mrad in free runs)" in messages[0]
+    assert written.warnings == messages
+    assert bool(messages) == bare
+
+
+@pytest.mark.parametrize(("has_effects", "closed"), [(True, "0 %"), (False, "–")])
+def test_a_model_without_effects_closes_no_gap(has_effects, closed, monkeypatch):
+    rows: list[list[str]] = []
+    monkeypatch.setattr(command, "table", lambda title, columns, of_table: rows.extend(of_table))
+    errors = Replayed(0.56, -1e-4, {"run": 0.56})
+    command._show(ExportResult({}, {}, {}, {}, 0.56, errors, {"python": errors}, has_effects=has_effects))
+    assert [row[2] for row in rows] == [closed] * 3
 
 
 @pytest.mark.slow

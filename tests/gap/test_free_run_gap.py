@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from dpr_lab.estimation.arm_motion import prescribed_arm
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.report.gap.next_steps import next_steps
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from sim_device.trials.driven import driven_runs
@@ -71,7 +72,9 @@ def test_a_wrong_scale_of_the_recorded_cart_that_segments_absorb_is_a_gap() -> N
     assert (wrong.verdict, wrong.effects) == ("unexplained", [])
     assert ratio(wrong) > 5.0
     assert wrong.sentence.startswith("Unexplained: segments of 0.5 s show no gap, but a free run does. The free run of")
-    assert "check the scale of each recorded angle and input" in wrong.sentence
+    assert "above the limit of 4 times its uncertainty" in wrong.sentence
+    assert "e1/a is 21.7 1/s² in the fit and 29.4 1/s² from the rig file." in wrong.sentence
+    assert next_steps(wrong) == ["Check the scale of each recorded angle and input, then record a further release."]
 
     rig, run = cart(1.0)
     right = diagnose(run, rig)

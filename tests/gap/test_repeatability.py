@@ -15,6 +15,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.gap_budget import GapBudget
 from dpr_lab.gap.transfer.repeatability import budget_of
 from dpr_lab.report.gap.summary import repeatability_bar, repeatability_sentences
+from dpr_lab.shown import percent
 from tests.background_rigs import Law, law, record, recordings, rig_and_base
 from tests.thinned import candidates
 
@@ -57,7 +58,16 @@ def test_a_named_cause_with_a_share_below_all_states_what_the_share_is_of(verdic
     gap = SimpleNamespace(budget=budget, closed_held_out=SimpleNamespace(held_out={}))
     diagnosis: Any = SimpleNamespace(verdict=verdict, gap=gap)
     text = " ".join(repeatability_sentences(diagnosis))
-    assert ("a fit to all recordings leaves only noise" in text) == stated
+    share = percent(explained / 0.9)
+    assert text.startswith(f"Predicted from the other recordings, the corrected model explains {share} of the mean")
+    assert ("A fit to all recordings leaves only noise." in text) == stated
+
+
+def test_the_share_of_a_model_without_confirmed_causes_is_not_that_of_causes() -> None:
+    budget = GapBudget(basis="recordings", explained=0.5, varying=0.0, unmodelled=0.4, not_reproducible=0.0, noise=0.1)
+    gap = SimpleNamespace(budget=budget, closed_held_out=SimpleNamespace(held_out={}))
+    diagnosis: Any = SimpleNamespace(verdict="unexplained", gap=gap, model_effects={"spring_joint1": {}})
+    assert "whose effects are not confirmed as causes, explains 56 %" in repeatability_sentences(diagnosis)[0]
 
 
 @pytest.mark.slow

@@ -33,8 +33,10 @@ def test_an_undetermined_friction_torque_does_not_hide_the_curve() -> None:
 
 
 def test_after_an_unexplained_gap_a_probable_effect_is_not_excluded() -> None:
-    gap = SimpleNamespace(after_rad={"joint1": 1e-3}, floor_rad={"joint1": 1e-4})
+    held_out = SimpleNamespace(held_out={})
+    gap = SimpleNamespace(after_rad={"joint1": 1e-3}, floor_rad={"joint1": 1e-4}, closed_held_out=held_out)
     made: Any = SimpleNamespace(verdict="unexplained", rivals=[], advice=[], checks=[], gap=gap, only_uncertain=False)
+    made.hints, made.only_free_run = [], False
     made.basis = "releases left out"
     assert next_steps(made)[0].startswith("No effect of the library is the cause")
     made.basis = "one release"
@@ -42,6 +44,12 @@ def test_after_an_unexplained_gap_a_probable_effect_is_not_excluded() -> None:
     made.rivals = [SimpleNamespace(name="coulomb_joint1", probability=0.49)]
     (step,) = next_steps(made)
     assert "neither confirm nor exclude Coulomb friction, joint 1 [coulomb_joint1]: record further releases" in step
+    made.rivals, made.basis, held_out.held_out = [], "held-out runs", {"run 10-20 s": 0.5}
+    assert next_steps(made)[0].startswith("One release does not exclude")
+    made.only_free_run = True
+    assert next_steps(made) == ["Check the scale of each recorded angle and input, then record a further release."]
+    made.hints = ["An angle scale of 0.5 explains the residual with one effect fewer."]
+    assert next_steps(made)[0].startswith("Check the description of the recordings as the verdict says")
 
 
 def test_intervals_of_parameters_have_the_decimals_of_their_width() -> None:

@@ -86,7 +86,7 @@ def test_a_run_without_pose_or_noise_floor_shows_dashes(comparison):
     ("times_noise", "verdict"),
     [
         (1.0, "The residual is at the noise floor (rms residual"),
-        (3.4, "3.40 times the noise floor: the model lacks an effect"),
+        (3.4, "the model lacks an effect, or the noise floor is underestimated. dpr-lab diagnose tests both (rms"),
         (0.5, "0.500 times the noise floor, so noise floor and intervals are overestimated"),
     ],
 )

@@ -211,11 +211,11 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
         return ""
     joint, coupled = 2 if rig.rods.mounted == "outer" else 1, rig.rods.mounted == "both"
     counts = rig.encoders.counts_per_rev[joint]
-    turns, moving = ("rods turn", "rods with a clamped elbow") if coupled else ("rod turns", "a single rod")
+    moving = "rods with a clamped elbow" if coupled else "a single rod"
     option = f"--scale {factor:g}" + (f", or --scale theta1={factor:g} if theta2 is relative" if coupled else "")
     return (
-        f"If the {turns} by {factor:g} times the reading, one effect fewer is sufficient, and recordings"
-        f" of {moving} cannot distinguish the two cases. Check counts_per_rev of joint {joint} ({counts} in the rig"
+        f"An angle scale of {factor:g} explains the residual with one effect fewer. Recordings of {moving} cannot"
+        f" distinguish the two cases. Check counts_per_rev of joint {joint} ({counts} in the rig"
         f" file; it would be {counts / factor:.0f}), or the unit of the table ({option})."
     )
 

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.dynamics.base import RATIOS, whole_parameters
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, UNKNOWN_RATIOS, alone_share
+from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, UNKNOWN_RATIOS, alone_share, unknown_ratios
 from dpr_lab.gap.conclusion.uncertainty import by_unseen_ratios
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.saved import Interval
@@ -58,6 +58,24 @@ def determined(state: Transferred) -> tuple[dict[str, Interval], Array]:
             places.append(place)
             divisors.append(per)
     return parameter_of, state.covariance[np.ix_(places, places)] / np.outer(divisors, divisors)
+
+
+def most_deviating(state: Transferred) -> str:
+    """Return the fitted ratio that deviates most from its nominal value, as a clause with both values.
+
+    Friction ratios are not compared, because their nominal values are rough guesses.
+    """
+    setups, fit, rig = state.fitted.problem.segments.setups, state.selection.chosen.fit, state.fitted.recordings.rig
+    rated = unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))
+    nominal, alone, deviations = fit.estimate.changed(ratios=rated), only_inner(setups), dict[str, float]()
+    for parameter in fit.free:
+        if parameter.block == "ratios" and parameter.place < len(RATIOS) and parameter.place not in FRICTION:
+            fitted, of_rig = (ratio_of(parameter, estimate, rig, alone=alone) for estimate in (fit.estimate, nominal))
+            if fitted and of_rig:
+                unit = " 1/s²" if parameter.name.startswith("e") else ""
+                words = f": {fitted[0]} is {fitted[1]:.3g}{unit} in the fit and {of_rig[1]:.3g}{unit} from the rig file"
+                deviations[words] = abs(fitted[1] / of_rig[1] - 1)
+    return max(deviations, key=deviations.__getitem__, default="")
 
 
 def ratio_fields(state: Transferred) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dpr_lab.gap.classes.posterior import EffectPosterior
+from dpr_lab.gap.conclusion.ratios import most_deviating
 from dpr_lab.gap.conclusion.verdict import (
     VERDICT,
     DetailedVerdict,
@@ -17,8 +18,8 @@ from dpr_lab.gap.conclusion.verdict import (
 )
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.causes import PROBABLE
-from dpr_lab.gap.result.diagnosis import UNCERTAIN
-from dpr_lab.gap.result.evidence import Budget
+from dpr_lab.gap.result.diagnosis import ONLY_FREE_RUN, UNCERTAIN
+from dpr_lab.gap.result.evidence import FREE_RUN_TEST, Budget
 from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.gap.state import Transferred
 from dpr_lab.gap.transfer.outcome import Transfer
@@ -96,9 +97,8 @@ def _unexplained(state: Transferred, budget: Budget) -> str:
         )
     if set(selection.chosen.effects) <= selection.expected and gap_is_small(selection.bare):
         return (
-            f"Unexplained: segments of {state.fitted.recordings.working_length:.2g} s show no gap, but a"
-            f" free run does. {_free_run(budget)} A fitted ratio may absorb the cause in segments: compare the ratios"
-            " with those of the rig file, and check the scale of each recorded angle and input."
+            f"Unexplained: segments of {state.fitted.recordings.working_length:.2g} s {ONLY_FREE_RUN}."
+            f" {_free_run(budget)} A fitted ratio may absorb the cause in segments{most_deviating(state)}."
         )
     if not posteriors and transferred.too_short:
         return (
@@ -166,9 +166,10 @@ def _free_run(budget: Budget) -> str:
     if (run := budget.worst) is None:
         return "No free run is long and predictable enough to test this."
     error, uncertainty = (_rounded(1e3 * value) for value in (run.error_before_rad, run.u_before_rad))
+    side = "above" if run.shows_gap else "below"
     return (
-        f"The free run of {run.run} has an error of {error} mrad rms; the uncertainty of parameters, initial state and"
-        f" noise causes {uncertainty} mrad."
+        f"The free run of {run.run} has an error of {error} mrad rms, {side} the limit of {FREE_RUN_TEST.coverage:g}"
+        f" times its uncertainty ({uncertainty} mrad from parameters, initial state, inputs and noise)."
     )
 
 

@@ -32,6 +32,9 @@ Basis = Literal["one release", "releases left out", "held-out runs"]
 UNCERTAIN = "Nothing above the noise floor remains, but the causes are uncertain."
 """Last sentence of the verdict if effects explain the whole gap but no cause is certain."""
 
+ONLY_FREE_RUN = "show no gap, but a free run does"
+"""Part of the verdict if a fitted ratio absorbs the gap in segments."""
+
 
 class SensorFinding(Saved):
     """A sensor fault that was detected without a model."""
@@ -196,6 +199,11 @@ class Diagnosis(Shown, Saved):
     def only_uncertain(self) -> bool:
         """Whether effects explain the gap down to the noise, but their identity is uncertain."""
         return UNCERTAIN in self.sentence
+
+    @property
+    def only_free_run(self) -> bool:
+        """Whether a free run shows a gap, but the segments do not."""
+        return ONLY_FREE_RUN in self.sentence
 
     @property
     def has_gap(self) -> bool:

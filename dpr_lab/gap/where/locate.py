@@ -66,7 +66,7 @@ def _maps(problem: Problem) -> Iterator[tuple[int, Kind, Coordinate]]:
 def where_sentence(places: tuple[Where, ...]) -> str:
     """Return the sentence about the location of the gap."""
     if not places:
-        return "The segments show no gap to locate."
+        return "No gap in the segments is large enough to be located."
     best = places[0]
     if best.share < CONVINCING:
         return (

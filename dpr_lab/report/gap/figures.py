@@ -25,7 +25,7 @@ def where_figure(diagnosis: Diagnosis, most: int = 4) -> Figure:
     """
     shown = [place for place in diagnosis.where[:most] if place.knots and not _flat(place)]
     if not shown:
-        return empty_figure("The segments show no gap to locate.")
+        return empty_figure("No gap in the segments is large enough to be located.")
     figure = new_figure(2.6 * ((len(shown) + 1) // 2) + 0.4)
     grid = figure.subplots((len(shown) + 1) // 2, 2, squeeze=False)
     for axes, place in zip(grid.flat, shown, strict=False):

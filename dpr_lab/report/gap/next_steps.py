@@ -4,6 +4,7 @@ from dpr_lab.checks.update import candidates
 from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.checks import AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.planning.stopping import reservation, undecided
 from dpr_lab.report.gap.check_tables import bits
 from dpr_lab.report.gap.tables import per_reading
@@ -20,10 +21,16 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     likely = " or ".join(named(rival.name) for rival in diagnosis.rivals if rival.probability >= PROBABLE)
     more = f"The recordings neither confirm nor exclude {likely}: record further releases. If these do not confirm it,"
     alone = "One release does not exclude the effects of the library: record further releases. If the gap remains,"
-    cause = more if likely else alone if diagnosis.basis == "one release" else "No effect of the library is the cause:"
+    one_release = diagnosis.basis == "one release" or are_pieces(diagnosis.gap.closed_held_out.held_out)
+    cause = more if likely else alone if one_release else "No effect of the library is the cause:"
+    unknown = f"{cause} inspect the rig where the gap is largest, joint by joint."
+    if diagnosis.hints:
+        unknown = "Check the description of the recordings as the verdict says, then repeat the diagnosis."
+    elif diagnosis.only_free_run:
+        unknown = "Check the scale of each recorded angle and input, then record a further release."
     unexplained = {
         "partly_explained": partly,
-        "unexplained": f"{cause} inspect the rig where the gap is largest, joint by joint.",
+        "unexplained": unknown,
         "inconclusive": "Record further releases as the verdict says (dpr-lab plan proposes them).",
     }
     last = [unexplained[diagnosis.verdict]] if diagnosis.verdict in unexplained else []

@@ -106,18 +106,17 @@ def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
     if budget is None or budget.of_gap is None:
         return []
     between = _repeated(diagnosis)
+    model = "the corrected model"
+    if diagnosis.verdict == "unexplained" and diagnosis.model_effects:
+        model += ", whose effects are not confirmed as causes,"
+    explains = f"Predicted from the other {between}, {model} explains {percent(budget.of_gap)} of the mean squared gap"
     if budget.of_reproducible is None:
         reason = budget.undecided or "No part of the gap is known to be reproducible."
-        sentences = [f"The corrected model explains {percent(budget.of_gap)} of the mean squared gap. {reason}"]
+        sentences = [f"{explains}. {reason}"]
     else:
-        sentences = [
-            f"The corrected model explains {percent(budget.of_gap)} of the mean squared gap, and"
-            f" {percent(budget.of_reproducible)} of its reproducible part, which repeats in the other {between}."
-        ]
+        sentences = [f"{explains}, and {percent(budget.of_reproducible)} of its reproducible part."]
     if diagnosis.verdict == "named" and percent(budget.of_gap) != percent(1.0):
-        sentences.append(
-            f"These shares are of the prediction from other {between}; a fit to all {between} leaves only noise."
-        )
+        sentences.append(f"A fit to all {between} leaves only noise.")
     if budget.basis == "pieces of one recording":
         sentences.append("Pieces of a single recording cannot show differences between releases.")
     return [*sentences, *(f"Between {between} {_varying(parameter)}." for parameter in budget.parameters)]

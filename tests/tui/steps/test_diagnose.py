@@ -164,7 +164,7 @@ async def test_without_a_gap_there_is_no_empty_picture_of_where(lab, fixed_diagn
         for record, drawn in ((fixed_diagnosis, True), (tmp_path / "diagnosis.json", False)):
             shown.show(load_diagnosis(record))
             assert [shown.query_one(name).display for name in ("#place", "#place-map")] == [drawn] * 2
-        assert "The segments show no gap to locate." in text(pilot.app, "#place-text")
+        assert "No gap in the segments is large enough to be located." in text(pilot.app, "#place-text")
         assert "There is no gap, so there is no gap reduction" in text(pilot.app, "#far-text")
         assert "90 % interval" not in text(pilot.app, "#far-text")
         await pilot.press("v")
