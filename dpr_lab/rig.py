@@ -32,6 +32,9 @@ from dpr_lab.shown import Row, Shown
 PARAMETERS = ("l1", "l2", "m1", "m2", "mb", "c1", "c2", "J1", "J2")
 """Names of the kinetic parameters Z, in the order of the published tables (docs/theory.md, section 1)."""
 
+OF_OUTER_ROD = ("l2", "m2", "c2", "J2")
+"""Parameters of the outer rod. The mass mb at joint 2 is part of the inner rod."""
+
 MASSES = ("m1", "m2", "mb")
 """Parameters in Z that a balance can measure."""
 

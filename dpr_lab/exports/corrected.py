@@ -19,7 +19,7 @@ from dpr_lab.estimation.usable_runs import refuse_other_rigs
 from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.ensemble.sampled import signed
 from dpr_lab.exports.moving_arm.corrected import corrected_arm_model, has_moving_arm
-from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS, visible_ratios
+from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS, alone_share, visible_ratios
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.identification.model import (
@@ -92,7 +92,7 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
         cramer_rao_std={} if alone else dict(zip(RATIOS, std.tolist(), strict=True)),
         parameters=nine,
         base=absolute,
-        scale=scale,
+        scale=scale.as_inertia("a", alone_share(unknown)) if alone else scale,
         fit=_fit_summary(diagnosis),
         search=SearchRecord(
             algorithm="diagnosis",

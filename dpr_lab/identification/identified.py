@@ -114,7 +114,7 @@ def identified_model(
         p_over_b=p_over_b if any(prepared.run.setup.alone for prepared in runs) else None,
         parameters=parameters,
         base=base,
-        scale=scale,
+        scale=scale.as_inertia("a", share) if alone else scale,
         identifiability=_identifiable(
             ratio_fit, ratio_uncertainty, rig, np.array([value.value for value in parameters.values()])
         ),

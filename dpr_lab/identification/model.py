@@ -3,10 +3,10 @@
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError, computed_field, model_validator
 
 from dpr_lab.arrays import Array
 from dpr_lab.configs import first_fault
@@ -15,7 +15,15 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError, all_printable
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS
 from dpr_lab.identification.scaling.scale import Scale
-from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.identification.scaling.values import (
+    EstimatedValue,
+    ModelPart,
+    Number,
+    ParameterValue,
+    base_alone,
+    ratios_alone,
+)
+from dpr_lab.rig import NO_ENCODER, OF_OUTER_ROD, PARAMETERS, Rig
 from dpr_lab.run import Run
 from dpr_lab.search import search_words
 from dpr_lab.shown import FIXED_BY, Row, Shown, counted
@@ -25,13 +33,6 @@ MODEL = "model.json"
 RODS = ("theta1", "theta2")
 Kept = TypeVar("Kept")
 AnyFittedModel = TypeVar("AnyFittedModel", bound="FittedModel")
-Number = Annotated[float, Field(allow_inf_nan=False)]
-
-
-class ModelPart(BaseModel):
-    """Part of a model file; keys of other versions are ignored."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
 
 def by_name(names: Sequence[str]) -> Callable[[dict[str, Kept]], dict[str, Kept]]:
@@ -47,57 +48,9 @@ def by_name(names: Sequence[str]) -> Callable[[dict[str, Kept]], dict[str, Kept]
     return ordered
 
 
-class EstimatedValue(ModelPart):
-    """Estimated value, its standard deviation and its 90 % interval."""
-
-    value: Number
-    """Estimated value, SI."""
-    std: Annotated[float, Field(ge=0, allow_inf_nan=False)]
-    """Standard deviation, in the unit of the value."""
-    interval90: tuple[Number, Number]
-    """90 % interval, in the unit of the value."""
-    profile90: tuple[Number | None, Number | None] | None = None
-    """90 % interval by profile likelihood, if requested; an end without a bound is None."""
-    fixed_by: Literal["data", "bound"] = "data"
-    """Source: `data`, or `bound` if the value depends mainly on nominal values and bounds of the rig file."""
-
-
-class ParameterValue(ModelPart):
-    """One of the nine kinetic parameters and its source."""
-
-    value: Number
-    """Value of the parameter, SI."""
-    std: Number | None
-    """Standard deviation, SI; None for a value that only bounds determine."""
-    fixed_by: Literal["data", "measured", "bound"]
-    """Source: `data` (the recordings and measured values determine the value), `measured` (a bench measurement), or
-    `bound` (only the bounds of the search determine the value, so other values are equally good)."""
-    interval90: tuple[Number, Number] | None = None
-    """90 % interval from the recordings and the rig file; that of the prior if only the bounds determine the value."""
-
-
 def of_rods(ratios: dict[str, Kept]) -> dict[str, Kept]:
     """Check that the ratios belong to both rods, or to the inner rod alone."""
     return by_name(ALONE if set(ratios) == set(ALONE) else RATIOS)(ratios)
-
-
-def ratios_alone(five: Sequence[EstimatedValue], p_over_b: float, gravity_rate: float) -> dict[str, EstimatedValue]:
-    """Compute the ratios e1/a and c1/a of the inner rod alone.
-
-    Args:
-        five: the ratios of the fit
-        p_over_b: ratio p/b of the fit
-        gravity_rate: g / L1, 1/s^2
-    """
-    ratios, share = dict(zip(RATIOS, five, strict=True)), five[0].value - p_over_b
-
-    def over_a(ratio: EstimatedValue, offset: float) -> EstimatedValue:
-        low, high = ((end - offset) / share for end in ratio.interval90)
-        ends = tuple(end if end is None else (end - offset) / share for end in ratio.profile90 or ())
-        scaled = {"value": (ratio.value - offset) / share, "std": ratio.std / share, "interval90": (low, high)}
-        return ratio.model_copy(update=scaled | {"profile90": ends or None})
-
-    return {"e1/a": over_a(ratios["e1/b"], p_over_b * gravity_rate), "c1/a": over_a(ratios["c1/b"], 0.0)}
 
 
 class RigFacts(ModelPart):
@@ -259,12 +212,12 @@ class Model(FittedModel):
     parameters: Annotated[dict[str, ParameterValue], AfterValidator(by_name(PARAMETERS))]
     """The nine kinetic parameters by name, in SI units, with their sources."""
     base: Annotated[dict[str, ParameterValue], AfterValidator(by_name(BASE))]
-    """Base parameters a, b, d, e1, c1, c2, SI.
+    """Base parameters a, b, d, e1, c1, c2 of the whole rig, SI; `alone` contains those of the inner rod alone.
 
     Only measured values or a known added mass determine their common scale.
     """
     scale: Scale | None = None
-    """Value of b that absolute sizes assume, with its interval and source; None in a file of an older version."""
+    """Inertia that absolute sizes assume: b, or a of the inner rod alone; None in a file of an older version."""
     identifiability: Identifiable | None = None
     """Directions that the runs determine; None in a corrected model."""
     fit: FitSummary
@@ -289,6 +242,30 @@ class Model(FittedModel):
         doubts = f"; {len(self.failures)} checks failed" if self.failures else ""
         search = search_words(self.search.algorithm)
         return f"Model of rig {self.rig.name} from {counted(len(self.runs), 'run')}, {search}: {rms}{doubts}"
+
+    @computed_field
+    @property
+    def alone(self) -> dict[str, ParameterValue]:
+        """Base parameters a, e1 and c1, SI, if only the inner rod is mounted; empty for both rods."""
+        if not self.fitted or self._scale is None:
+            return {}
+        return base_alone(self._scale, self.ratios["e1/a"]) | {"c1": self.parameters["c1"]}
+
+    @property
+    def mounted(self) -> dict[str, ParameterValue]:
+        """The kinetic parameters of the mounted parts by name, SI."""
+        if not self.fitted:
+            return self.parameters
+        bare = self.parameters["mb"].value < 2 * NO_ENCODER["nominal"]
+        absent = (*OF_OUTER_ROD, "mb") if bare else OF_OUTER_ROD
+        return {name: value for name, value in self.parameters.items() if name not in absent}
+
+    @property
+    def _scale(self) -> Scale | None:
+        """Scale of the mounted rods; older files of one rod contain b instead of a."""
+        if self.scale is None or not self.fitted or self.scale.inertia == "a":
+            return self.scale
+        return self.scale.as_inertia("a", self.fitted[0].value - (self.p_over_b or 0.0))
 
     @property
     def all_ratios(self) -> "dict[str, EstimatedValue]":
@@ -321,8 +298,8 @@ class Model(FittedModel):
     def _rows(self) -> list[Row]:
         rows = [
             (name, f"{entry.value:.5g}", "" if entry.std is None else f"{entry.std:.2g}", FIXED_BY[entry.fixed_by])
-            for name, entry in (*self.ratios.items(), *self.parameters.items())
-            if name in self.parameters or entry.fixed_by == "data"
+            for name, entry in (self.ratios | self.alone | self.mounted).items()
+            if name not in self.ratios or entry.fixed_by == "data"
         ]
         return [("", "value", "std", "determined by"), *rows]
 
@@ -339,9 +316,8 @@ class Model(FittedModel):
     @property
     def scale_sentence(self) -> str:
         """Sentence that states the inertia b of all masses, inertias and torques, with its uncertainty."""
-        if self.scale is not None:
-            share = self.fitted[0].value - (self.p_over_b or 0.0) if self.fitted else 1.0
-            return (self.scale.as_inertia("a", share) if self.fitted else self.scale).sentence
+        if self._scale is not None:
+            return self._scale.sentence
         end = "." if self.base["b"].fixed_by != "bound" else " (not measured)."
         return f"Masses, inertias and torques are computed with b = {self.base['b'].value:.4g} kg m^2{end}"
 

@@ -41,16 +41,13 @@ COMPARISON_NOTE = (
 )
 
 BASE_UNITS = {
-    "a": ("kg m²", "inertia about joint 1, the outer mass at joint 2"),
+    "a": ("kg m²", "inertia about joint 1, with the mounted masses at joint 2"),
     "b": ("kg m²", "inertia of the outer rod about joint 2"),
     "d": ("kg m²", "coupling of the rods"),
     "e1": ("N m", "gravity on joint 1"),
     "c1": ("N m s/rad", "viscous friction of joint 1"),
     "c2": ("N m s/rad", "viscous friction of joint 2"),
 }
-OF_OUTER_ROD = ("l2", "m2", "mb", "c2", "J2")
-"""Parameters of the outer rod, which are omitted if only the inner rod is mounted."""
-
 PARAMETER_UNITS = {
     "l1": ("m", "inner rod, pivot to CoM"),
     "l2": ("m", "outer rod, pivot to CoM"),
@@ -204,28 +201,24 @@ def ratio_note(model: "Model") -> str:
 
 @page_table("base parameter", "value ± std", "unit", "meaning")
 def base_table(model: "Model") -> list[list[str]]:
-    """Return one row for each of the six base parameters.
+    """Return one row for each base parameter of the mounted rods.
 
     The list is empty if the runs do not identify the scale.
     """
-    if model.base["b"].fixed_by != "data":
+    base = model.alone or model.base
+    if base["a" if model.alone else "b"].fixed_by != "data":
         return []
-    return [
-        [name, plus_minus(model.base[name].value, model.base[name].std), unit, meaning]
-        for name, (unit, meaning) in BASE_UNITS.items()
-    ]
+    return [[name, plus_minus(value.value, value.std), *BASE_UNITS[name]] for name, value in base.items()]
 
 
 @page_table("parameter", "value ± std", "90 % interval", "unit", "determined by", "meaning")
 def parameter_table(model: "Model") -> list[list[str]]:
     """Return one row for each physical parameter with its source.
 
-    Parameters of an outer rod that is not mounted are omitted.
+    Parameters of parts that are not mounted are omitted.
     """
     rows: list[list[str]] = []
-    for name, parameter in model.parameters.items():
-        if model.fitted and name in OF_OUTER_ROD:
-            continue
+    for name, parameter in model.mounted.items():
         unit, meaning = PARAMETER_UNITS.get(name, ("", ""))
         value = plus_minus(parameter.value, parameter.std)
         rows.append([name, value, interval_words(parameter), unit, FIXED_BY[parameter.fixed_by], meaning])

@@ -308,8 +308,7 @@ def _odd_geometry(rig: "Rig") -> Iterator[RigFinding]:
 
 
 def _odd_parameters(rig: "Rig") -> Iterator[RigFinding]:
-    from dpr_lab.report.tables import OF_OUTER_ROD
-    from dpr_lab.rig import MASSES
+    from dpr_lab.rig import MASSES, OF_OUTER_ROD
 
     for name, p in rig.parameters.items():
         if rig.rods.mounted == "inner" and name in OF_OUTER_ROD:

@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -11,6 +11,11 @@ from dpr_lab.errors import RunError
 from dpr_lab.identification.model import load_model
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.model import load_model as load_any_model
+from dpr_lab.identification.scaling.scale import Scale
+from dpr_lab.identification.scaling.values import ratios_alone
+from dpr_lab.report.data_frame import to_dataframe
+from dpr_lab.report.tables import parameter_table
+from dpr_lab.rig import NO_ENCODER
 
 (MODEL,) = (Path(__file__).parents[1]).rglob("model.json")
 
@@ -94,3 +99,31 @@ def test_an_export_gets_the_ratios_of_the_recordings_and_not_those_that_the_boun
     of_ratios = [base[name] / base["b"] for name in ("a", "d", "e1", "c1", "c2")]
     assert of_ratios == pytest.approx(pulled.ratio_values, rel=1e-12)
     assert base["c1"] == pytest.approx(0.97 * model.base["c1"].value, rel=1e-6)
+
+
+@pytest.mark.parametrize("inertia", ["a", "b"])
+def test_a_model_of_the_inner_rod_alone_states_the_same_a_and_e1_everywhere(
+    tmp_path: Path, inertia: Literal["a", "b"]
+) -> None:
+    both = load_model(MODEL)
+    assert both.alone == {}
+    assert both.mounted == both.parameters
+    five, p = [*both.ratios.values()], 3.0
+    ratios = ratios_alone(five, p, both.rig.g / both.rig.L1)
+    scale = Scale(b=0.005, interval90=(0.004, 0.006), fixed_by="bound")
+    share = five[0].value - p
+    changes = {"fitted": five, "p_over_b": p, "ratios": ratios, "cramer_rao_std": {}}
+    scale = scale.as_inertia("a", share) if inertia == "a" else scale  # older files contain b
+    model = both.model_copy(update=changes | {"scale": scale})
+    model.save(tmp_path / "model.json")
+    assert load_model(tmp_path) == model
+    frame, of_file = to_dataframe(model)["value"], json.loads((tmp_path / "model.json").read_text())["alone"]
+    assert set(frame.index) == {"e1/a", "c1/a", "a", "e1", "c1", "l1", "m1", "mb", "J1"}
+    assert frame["a"] == of_file["a"]["value"] == pytest.approx(0.005 * share)
+    assert frame["e1"] == of_file["e1"]["value"] == pytest.approx(frame["e1/a"] * frame["a"])
+    assert f"assume a = {frame['a']:.4g} kg m^2" in model.scale_sentence
+    assert of_file["a"]["interval90"] == pytest.approx([0.004 * share, 0.006 * share])
+    assert {line.split()[0] for line in repr(model).splitlines()[2:]} == set(frame.index)
+    assert {row[0] for row in parameter_table(model).rows} == {"l1", "m1", "mb", "c1", "J1"}
+    without = model.parameters | {"mb": model.parameters["mb"].model_copy(update={"value": NO_ENCODER["nominal"]})}
+    assert "mb" not in model.model_copy(update={"parameters": without}).mounted

@@ -41,6 +41,8 @@ class _WithTexts(GenerateJsonSchema):
 
 def _described(made: dict[str, Any], cls: type) -> dict[str, Any]:
     made.setdefault("additionalProperties", False)
+    for name in getattr(cls, "model_computed_fields", ()):  # older files do not contain it
+        made["required"].remove(name)
     texts = {name: text for base in reversed(cls.__mro__) for name, text in _texts(base).items()}
     aliases = {name: field.alias or name for name, field in getattr(cls, "model_fields", {}).items()}
     for name, text in texts.items():
