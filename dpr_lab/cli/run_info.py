@@ -62,6 +62,7 @@ PARTS = {
     "release_speed": "speed at the release",
     "lost": "share of lost samples",
     "gap": "longest gap",
+    "complete": "finished file",
     "jitter": "jitter of the samples",
     "clock": "clock rate error",
     "clock_fit": "uncertainty of the clock rate",
@@ -110,7 +111,12 @@ def _imported(extra: Mapping[str, str]) -> str:
         name: stored_object(text) if name in TABLES else text for name, text in extra.items() if text
     }
     if isinstance(options := known.get("options"), Mapping):
-        given = {name: value for name, value in options.items() if value not in (None, "", {}, [], False)}
+        own_rows = ("arm", "inner")
+        given = {
+            name: value
+            for name, value in options.items()
+            if name not in own_rows and value not in (None, "", {}, [], False)
+        }
         known["options"] = [f"--{name.replace('_', '-')} {_option(value)}".rstrip() for name, value in given.items()]
     return _text({name: value for name, value in known.items() if value})
 

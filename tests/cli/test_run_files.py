@@ -58,7 +58,9 @@ def test_the_json_of_one_file_is_an_object_and_of_many_a_list(runs: list[Path], 
 
 
 def test_info_names_the_facts_of_an_import_in_words() -> None:
+    """The modes of arm and inner rod are rows of their own."""
     options = {"angles": "absolute", "scale": {"theta1": -1.0}, "keep_rest": True, "pose": None, "take": []}
+    options |= {"arm": "clamped", "inner": "free"}
     extra = {
         "file_sha256": "ab",
         "options": json.dumps(options),

@@ -227,7 +227,7 @@ def test_time_and_angle_of_a_table_without_a_header_are_found(one: Rig, tmp_path
     t, angle = fallen()
     understood = understand(table(tmp_path, "", t, angle, np.full_like(t, 0.0167)), one, ImportOptions(zero="hanging"))
     assert (understood.columns["t"], understood.columns["theta1"]) == ("1", "2")
-    assert any("the only column that varies" in note for note in understood.notes)
+    assert any("no other column that varies can be an angle" in note for note in understood.notes)
     plotted = understand(table(tmp_path, "X,Y", t, angle), one, ImportOptions(zero="hanging"))
     assert (plotted.columns["t"], plotted.columns["theta1"]) == ("X", "Y")
     rows = table(tmp_path, "", np.arange(len(t)), angle)

@@ -340,7 +340,7 @@ def test_the_part_of_a_swing_without_a_hidden_drive_is_named(tmp_path, one, driv
     assert re.search(ends, remarks)
 
 
-@pytest.mark.parametrize("name", ["thetadeg", "theta1deg", "θ₁ (°)", "θ1 [°]", "theta_1 (º)", "ϑ₁[deg]", "thetagrad"])
+@pytest.mark.parametrize("name", ["thetadeg", "theta1deg", "θ₁ (°)", "θ1 [°]", "theta_1 (º)", "ϑ₁[deg]", "thetagrados"])
 def test_degrees_in_the_name_of_a_column_are_recognised(one: Rig, tmp_path: Path, name: str) -> None:
     file = tmp_path / "swing.csv"
     file.write_text(f"t,{name}\n" + lines("{t:.2f},{angle:.4f}\n"), encoding="utf-8")

@@ -28,7 +28,7 @@ from dpr_lab.storage.readers.coordinates import OTHER, coordinate, in_plane, onl
 from dpr_lab.storage.readers.downwards import points_downwards
 from dpr_lab.storage.readers.rod_lengths import WANTED, rod_length
 from dpr_lab.storage.tables.columns import is_time, numbers
-from dpr_lab.storage.tables.table import Table, own_name, read_table, without_copies
+from dpr_lab.storage.tables.table import Table, own_name, read_table
 from dpr_lab.storage.tables.time_stamps import never_falls, runs, varies
 
 
@@ -105,8 +105,20 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
         unused = _points(table, despite_angles=True)[1]
         if any(all(map(varies, point.at.T)) and not _NO_POINT.search(point.name) for point in unused):
             table = replace(table, notes=(*table.notes, note))
-        return without_copies(table)
+        return _without_copies(table)
     return _angles(replace(table, kind=kind, notes=(*table.notes, note) if note else table.notes), tracked, take)
+
+
+def _without_copies(table: Table) -> Table:
+    """Remove columns that repeat the name and values of an earlier column."""
+    columns = list(table.columns)
+    places = [
+        place
+        for place, (name, values) in enumerate(columns)
+        if not any(name == other and np.array_equal(values, same, equal_nan=True) for other, same in columns[:place])
+    ]
+    names, values, strange = (tuple(part[k] for k in places) for part in (table.names, table.values, table.strange))
+    return table if len(places) == len(columns) else replace(table, names=names, values=values, strange=strange)
 
 
 def _points(table: Table, despite_angles: bool = False) -> tuple[str, list[_Point], str]:

@@ -12,6 +12,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig, refuse_impossible_arm, refuse_impossible_inner
 from dpr_lab.rig_tables import MotorTable
+from dpr_lab.storage.tables.cells import listed
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.table import Table, bare
 from dpr_lab.storage.tables.time_stamps import varies
@@ -197,13 +198,13 @@ def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path:
     units = _UNITS[motor.input]
     matches = _columns_of(motor.input, names)
     if given is not None and given not in names:
-        raise RunError(f"{path}: no column is named {given!r} (input); the table has: {', '.join(names)}")
+        raise RunError(f"{path}: no column is named {given!r} (input); the table has: {listed(names)}")
     chosen = list(matches or _matching(_UNNAMED, names)) if given is None else [given]
     if len(chosen) != 1:
         which = f"could be any of {', '.join(chosen)}" if chosen else "was not found"
         raise RunError(
             f"{path}: the {motor.input} that drives the arm {which}: name its column, for example --columns"
-            f" input=NAME{'' if chosen else _other_input(names, motor)}. The table has: {', '.join(names)}"
+            f" input=NAME{'' if chosen else _other_input(names, motor)}. The table has: {listed(names)}"
         )
     match = matches.get(chosen[0])
     return chosen[0], units[match[1]] if match is not None and match[1] else 1.0

@@ -27,6 +27,9 @@ NEXT = "\x02"
 _CLOCK = r"\d{1,2}:\d{2}:\d{2}\.\d+"
 _STAMP = re.compile(rf"^({_CLOCK}) -> ?")
 """Pattern of the time that the serial monitor of Arduino writes before a line."""
+_TIME_BEFORE = re.compile(rf"^\[?({_CLOCK}|{_NUMBER})(?:\s*->\s*|[\],;\s]+)(?=[^\W\d]\w*\s*[:=])", re.I)
+"""Pattern of a time without a name before the named numbers of a line, such as `1.234 enc1=-5` or `[1.234] enc1=-5`."""
+CLOCK_TIME = re.compile(r"(?:.*[ T])?(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)(?:Z|[+-]\d{2}:?\d{2})?")
 _LABEL = rf"([^\W\d]\w*)\s*[:=]\s*({_CLOCK}|{_NUMBER})"
 _LABELLED = re.compile(rf"\s*{_LABEL}(?:[,;\s]+{_LABEL})*[,;\s]*", re.I)
 """Pattern of a line with a name before each number, such as `angle:57.3,speed:0.1` for the plotter of Arduino."""
@@ -113,6 +116,11 @@ def names_rate(name: str) -> bool:
     return bool(_RATE.search(name.lower()))
 
 
+def listed(names: Sequence[str]) -> str:
+    """Join column names with commas; a name that contains a comma is quoted."""
+    return ", ".join(repr(name) if "," in name else name for name in names)
+
+
 def labels_of(lines: list[str]) -> list[str]:
     """Return the names of the columns if most lines have a name before each number.
 
@@ -123,8 +131,8 @@ def labels_of(lines: list[str]) -> list[str]:
 
 
 def _with_time(line: str) -> str:
-    """Label the time that the serial monitor writes before a line."""
-    return _STAMP.sub(r"time=\1 ", line)
+    """Label the time without a name at the beginning of a line."""
+    return _TIME_BEFORE.sub(r"time=\1 ", line)
 
 
 def numbers_of(cells: Sequence[str]) -> list[str]:
@@ -154,6 +162,8 @@ def cells_of(path: Path, line: str, delimiter: str | None, labels: Sequence[str]
     line = _STAMP.sub(rf"\1{delimiter or ' '}", joined(line), count=1)
     if delimiter is None:
         return line.split()
+    if delimiter == "|" and line.startswith("|"):  # a table of Markdown
+        line = line[1:].removesuffix("|")
     try:
         return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
     except csv.Error as error:
@@ -169,9 +179,9 @@ def is_data(row: list[str]) -> bool:
     numbers = sum(map(_is_number, row))
     empty = sum(cell.lower() in NOT_A_VALUE for cell in row)
     quantities = sum(bool(match) and _is_number(match[1]) for match in map(QUANTITY.fullmatch, row))
-    with_units = quantities > 0 and numbers + quantities + empty == len(
-        row
-    )  # a header may contain names such as `10 cm`
+    clocks = sum(map(bool, map(CLOCK_TIME.fullmatch, row)))
+    # A header may contain names such as `10 cm`.
+    with_units = quantities > 0 and numbers + quantities + empty + clocks == len(row)
     return with_units or (numbers > 0 and 2 * (numbers + empty) >= len(row))
 
 

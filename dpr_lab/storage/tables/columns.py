@@ -9,10 +9,11 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
-from dpr_lab.storage.tables.cells import names_no_angle, names_rate
+from dpr_lab.storage.tables.cells import listed, names_no_angle, names_rate
 from dpr_lab.storage.tables.options import AXES, ImportOptions
+from dpr_lab.storage.tables.questions.names import refuse_long_form, refuse_scaled_units, without_scaled_unit
 from dpr_lab.storage.tables.table import LIMITS, Table, bare, own_name
-from dpr_lab.storage.tables.time_stamps import never_falls, runs, varies
+from dpr_lab.storage.tables.time_stamps import never_falls, runs, varies, without_speed
 
 TO_RADIANS = {"rad": 1.0, "deg": math.pi / 180}
 TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
@@ -20,10 +21,10 @@ UNITS = ("rad", "deg", "counts")
 NO_ROD = "joint 2, without a rod"
 """Name of the substitute column for joint 2 of a rig with one rod."""
 
-_TIME_NAME = r"(t|(date|clock|host|elapsed)?time(stamp)?|elapsed|tout|zeit|temps|tempo|tiempo)?({unit})?(?<=.)"
+_TIME_NAME = r"(t|(date|clock|host|elapsed)?time(stamp)?|clock|elapsed|tout|zeit|temps|tempo|tiempo)?({unit})?(?<=.)"
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds|millis", "us": "us|usec|microseconds|micros"}
-_ANGLE_UNIT = r"((?:m|milli)?rad(?:ians?)?|deg|degrees?|degr[eé]s|gra(?:us|dos|di|den|d))"
-_ANGLE_WORD = "(theta|th|phi|q|angle|angulo|angolo|winkel|joint|pos|position|θ|φ)"
+_ANGLE_UNIT = r"(rad(?:ians?)?|deg|degrees?|degr[eé]s|gra(?:us|dos|di|den|d))"
+_ANGLE_WORD = "(theta|th|phi|q|angle|angulo|angolo|winkel|joint|pos|position|gon|θ|φ)"
 _MEASURED = "(meas|measured|act|actual|exp|experimental?|obs|observed|real)"
 _ANGLE_NAME = (
     rf"{_ANGLE_WORD}{{axis}}{_ANGLE_UNIT}?|(enc|encoder){{axis}}{_ANGLE_UNIT}"
@@ -32,7 +33,10 @@ _ANGLE_NAME = (
 _MEASURED_NAME = rf"{_ANGLE_WORD}({{axis}}{_MEASURED}|{_MEASURED}{{axis}}){_ANGLE_UNIT}?"
 _ARM_NAME = rf"arm(angle|pos|position)?{_ANGLE_UNIT}?"
 _OTHER_ANGLE = "(alpha|beta|psi|α|β|ψ)"  # used last, because alpha is also an angular acceleration
-JOINT_NAMES = {"theta1": "shoulder|(inner|upper)(rod|link|arm)", "theta2": "elbow|(outer|lower)(rod|link|arm)"}
+JOINT_NAMES = {
+    "theta1": "shoulder|(inner|upper)(rod|link|arm)|inner",
+    "theta2": "elbow|(outer|lower)(rod|link|arm)|outer",
+}
 _ON_ARM = {"theta0": f"theta{_ANGLE_UNIT}?", "theta1": f"alpha{_ANGLE_UNIT}?"}
 """Patterns of the angles of arm and rod in the notation of Quanser."""
 _ROD_NAME = rf"(rod|pole|pend(ulum|ulo|ule|el)?)(angle|pos|position)?{_ANGLE_UNIT}?"
@@ -48,22 +52,11 @@ _SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
 _SAID_UNIT = re.compile(
     r"((?<![a-z])rad|(?<![a-z])counts|(?<!m)(?<!milli)deg)(ians|rees|r[eé]s)?(?![a-z])|[°º˚]|gra(us|dos|di|den|d)(?![a-z])"
 )
-_SCALED_UNITS = (
-    (re.compile(r"(m|milli)rad(ians?)?(?![a-z])", re.I), "in mrad", "", 0.001),
-    (re.compile(r"(?<![a-z])(m|milli)deg(rees?)?(?![a-z])", re.I), "in mdeg", "--unit deg ", 0.001),
-    (re.compile(r"(?<![a-z])(c|centi)deg(rees?)?(?![a-z])", re.I), "in hundredths of a degree", "--unit deg ", 0.01),
-    (re.compile(r"(?<![a-z])gons?(?![a-z])", re.I), "in gon", "--unit deg ", 0.9),
-    (re.compile(r"(?<![a-z])(revs?|revolutions?|turns?)(?![a-z0-9])", re.I), "in revolutions", "--unit deg ", 360.0),
-    (re.compile(r"_e3$", re.I), "multiplied by 1000", "", 0.001),
-)
-"""Patterns of names that state a unit with a factor: the pattern, its meaning, the option `--unit` and the scale."""
 _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
 _ERROR = re.compile(r"d[xyt]|(delta|δ|unc|uncertainty|sigma|std)\w*")
 """Pattern of the error of a value, a column of fit programs."""
 _NO_NAME = re.compile(r"\d+|.+\[\d+\]|[xy]", re.I)
 """Pattern of names without a meaning: numbers, elements of an array, and axes of a plot."""
-SPEED_CORRELATION = 0.9
-"""Minimum correlation of the steps of an angle with its speed; it is 0.95 for exact speeds at six rows per period."""
 _JOINT_STATES = (re.compile(r"(?:.*[/.])?positions?\[\d+\]", re.I), re.compile(r".+/position", re.I))
 """Patterns of joint angles in tables of ROS: `/joint_states/position[0]`, `/joint_states/shoulder/position`."""
 
@@ -121,17 +114,18 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
         else (_ANGLE_NAME, f"{_ANGLE_NAME}|{_ARM_NAME}", f"(angle|pos)?{_ANGLE_UNIT}?")
     )
     time = _TIME_NAME.format(unit=_TIME_SUFFIX[time_unit])
-    patterns = {"t": [time, _MEASURED + time]}
+    patterns: dict[str, list[str]] = {}
     for axis, quantity in enumerate(AXES):
         name = angle if quantity == "theta0" else common
         patterns[quantity] = [name.format(axis=axis), _MEASURED_NAME.format(axis=axis)]
     for quantity, joint in JOINT_NAMES.items():
         patterns[quantity] += [f"({joint}){ending}", f"({joint}){_MEASURED}{ending}"]
-    named = {q: _matches(names, alternatives) for q, alternatives in patterns.items()}
+    named = {q: _angles(names, alternatives) for q, alternatives in patterns.items()}
+    named["t"] = _matches(names, [time, _MEASURED + time])
     counts = [_COUNT_NAME.format(axis=axis) for axis in (1, 2)]
     plain = named["theta1"] + named["theta2"] + _matches(names, [_ONE_ROD.pattern, *counts])
     if not plain and unit != "counts":
-        named |= {q: _matches(names, [f"{_OTHER_ANGLE}{q[-1]}{_ANGLE_UNIT}?"]) for q in JOINT_NAMES}
+        named |= {q: _angles(names, [f"{_OTHER_ANGLE}{q[-1]}{_ANGLE_UNIT}?"]) for q in JOINT_NAMES}
     return {quantity: matches[0] for quantity, matches in named.items() if len(matches) == 1}
 
 
@@ -139,6 +133,34 @@ def _matches(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
     """Return the names that match the first pattern with a match."""
     matches = ([name for name in names if re.fullmatch(pattern, bare(name))] for pattern in patterns)
     return next(filter(None, matches), [])
+
+
+def _angles(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
+    """Return the matching names; names with a scaled unit are used only if no other name matches."""
+    plain = {name: without_scaled_unit(name) for name in names}
+    if matches := _matches(names, patterns):
+        return matches
+    stems = _matches(list(plain.values()), patterns)
+    return [name for name in names if plain[name] in stems]
+
+
+def stated_columns(table: Table, options: ImportOptions, one_rod: bool) -> tuple[Table, dict[str, str], ImportOptions]:
+    """Return a table, its stated columns of time and angles, and the options with the names of all stated columns.
+
+    A missing rod gets a constant angle.
+    """
+    columns = _numbered([*table.names, *table.other_lengths], options.columns)
+    given = {quantity: name for quantity, name in columns.items() if quantity in ("t", *AXES)}
+    refuse_long_form(table, given)
+    if one_rod:
+        table, given = with_still_joint2(table, given, options.rate_hz is None)
+    return table, given, replace(options, columns=columns)
+
+
+def _numbered(names: Sequence[str], given: Mapping[str, str]) -> dict[str, str]:
+    """Replace stated column numbers, from 1, by the names of these columns, unless a column has this name."""
+    numbers = {str(number): name for number, name in enumerate(names, 1)}
+    return {q: name if name in names else numbers.get(name, name) for q, name in given.items()}
 
 
 def find_columns(table: Table, given: Mapping[str, str], options: ImportOptions) -> Columns:
@@ -168,7 +190,7 @@ def find_columns(table: Table, given: Mapping[str, str], options: ImportOptions)
         named.pop("t", None)
     _refuse(table, named, given, options.rate_hz is None)
     _check_units(table, named, unit, time_unit)
-    _refuse_scaled_units(table, named, options.scale)
+    refuse_scaled_units(table, named, options)
     return Columns(named, unit, time_unit, notes)
 
 
@@ -185,7 +207,7 @@ def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tu
     clock = _clock(table, given) if timed else {}
     given, notes = clock | dict(given), table.notes
     given |= {} if {"theta0", "theta1"} & set(given) else _on_arm(table.names)
-    alone = _matches(table.names, [_ONE_ROD.pattern, f"({_ONE_ROD.pattern})unwrapped"])
+    alone = _angles(table.names, [_ONE_ROD.pattern, f"({_ONE_ROD.pattern})unwrapped"])
     moving = {name for name, column in table.columns if varies(column)}
     places = {name for name in alone if _PLACE.fullmatch(bare(name))}
     letters = {name for name in alone if len(bare(name)) == 1}  # a single letter such as `Q` may denote an input
@@ -194,7 +216,8 @@ def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tu
     if "theta1" not in given and not any("theta1" in guess for guess in guessed):
         if len(alone) != 1:
             alone = _only_varying(table, given)
-            notes = (*notes, *(f"the only column that varies, {name}, is interpreted as theta1" for name in alone))
+            reason = "because no other column that varies can be an angle"
+            notes = (*notes, *(f"interpreted as theta1: {name}, {reason}" for name in alone))
         given |= dict(zip(("theta1",), alone, strict=False))
     values = (*table.values, np.zeros(len(table.lines)))
     grown = replace(table, names=(*table.names, NO_ROD), values=values, strange=(*table.strange, ""), notes=notes)
@@ -239,7 +262,7 @@ def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
     ]
     varying = [name for name in varying if not names_no_angle(name)] or varying
     if len(varying) == 2 and clock and all(_NO_NAME.fullmatch(name) for name in table.names):
-        varying = _without_speed(varying, table, clock)
+        varying = without_speed({name: table.column(name) for name in varying}, table.column(clock))
     if len(varying) == 1 and not clock and _COORDINATE.fullmatch(own_name(varying[0])):
         raise RunError(
             f"{table.path}: {varying[0]!r} is the name of one coordinate of a point, and an angle requires two: export"
@@ -248,33 +271,10 @@ def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
     return varying if len(varying) == 1 and not names_no_angle(varying[0]) else []
 
 
-def _without_speed(names: Sequence[str], table: Table, clock: str) -> list[str]:
-    """Remove one of two columns if it is the speed of the other.
-
-    The steps of an angle are proportional to speed times time step, in any unit. The steps of the speed of a swing have
-    the opposite sign of the angle.
-    """
-    steps = np.diff(table.column(clock))
-    angles = [
-        angle
-        for angle, speed in (names, names[::-1])
-        if _correlation(np.diff(table.column(angle)), steps * table.column(speed)[1:]) > SPEED_CORRELATION
-    ]
-    return angles if len(angles) == 1 else list(names)
-
-
-def _correlation(first: Array, second: Array) -> float:
-    """Compute the correlation of two columns about zero; rows that lack a value are ignored."""
-    known = np.isfinite(first) & np.isfinite(second)
-    x, y = first[known], second[known]
-    size = float(np.sqrt((x @ x) * (y @ y)))
-    return float(x @ y) / size if size > 0 else 0.0
-
-
 def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], timed: bool) -> None:
     names = [*table.names, *table.other_lengths]
-    named_so = [name or "(no name)" for name in names if name != NO_ROD]
-    available = f"the table has: {', '.join(named_so[: LIMITS.named])}"
+    named_so = [name for name in names if name != NO_ROD]
+    available = f"the table has: {listed(named_so[: LIMITS.named])}"
     available += f" and {len(named_so) - LIMITS.named} more" if len(named_so) > LIMITS.named else ""
     for quantity, name in given.items():
         if names.count(name) != 1:
@@ -303,14 +303,19 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
             example = f"--columns t={clocks[0]},theta1=NAME"
             rate = f"; several recordings next to each other are imported one by one, for example {example}"
         points = "; for points of a video add a first line with their names, for example t,x,y" if unnamed else ""
-        rated = [name for name in named_so if not (is_time(name) or re.match(r"abs|\(no name\)", name.lower()))]
+        unrated = re.compile(r"abs|column \d+ \(without", re.I)
+        rated = [name for name in named_so if not (is_time(name) or unrated.match(name))]
         if rated and all(map(names_no_angle, rated)):
             points = ". None of them is an angle: export the angle of the rod"
             points += ", for example the integral of a rate" if any(map(names_rate, rated)) else ""
+        if {"sin", "cos"} <= {bare(name)[:3] for name in named_so}:
+            points += "; for columns of sin and cos, export the angle, atan2(sin, cos)"
+        unnameable = any("," in name or name.endswith("(without a name)") for name in named_so)
+        number = "; NAME can be the number of the column" if unnameable else ""
         raise RunError(
             f"{table.path}: no single column found for {' and '.join(missing)}; {available}."
             f" Name {'them' if len(missing) > 1 else 'it'}: --columns"
-            f" {','.join(f'{quantity}=NAME' for quantity in missing)}{needed}{rate}"
+            f" {','.join(f'{quantity}=NAME' for quantity in missing)}{number}{needed}{rate}"
             f"{points}"
         )
     other = [name for name in named.values() if name in table.other_lengths]
@@ -383,16 +388,4 @@ def _check_units(table: Table, named: Mapping[str, str], unit: str, time_unit: s
             raise RunError(
                 f"{table.path}: column {name!r} states {stated[0]}, but the given unit is {given}: remove the"
                 " option, or correct the name in the table"
-            )
-
-
-def _refuse_scaled_units(table: Table, named: Mapping[str, str], scale: Mapping[str, float]) -> None:
-    """Refuse columns of angles whose names state a unit with a factor, if no scale is given for them."""
-    for pattern, meaning, unit, factor in _SCALED_UNITS:
-        axes = [axis for axis in AXES if axis not in scale and pattern.search(named.get(axis, ""))]
-        if axes:
-            name = named[axes[0]]
-            factors = f"{factor:g}" if "theta0" not in axes else ",".join(f"{axis}={factor:g}" for axis in axes)
-            raise RunError(
-                f"{table.path}: column {name!r} is {meaning} by its name: convert it ({unit}--scale {factors})"
             )

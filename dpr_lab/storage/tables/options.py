@@ -63,10 +63,12 @@ class ImportOptions:
     ] = None
     """Unit of the time; None: as in the column name, otherwise s."""
     columns: Annotated[
-        Mapping[str, str], Typed("Names of the columns, e.g. t=time,theta1=q1,theta2=q2; recognised by default.")
+        Mapping[str, str],
+        Typed("Names or numbers of the columns, e.g. t=time,theta1=q1,theta2=q2; recognised by default."),
     ] = field(default_factory=dict)
-    """Column name of each quantity, or column number if there is no header. The quantities are t, theta0, theta1,
-    theta2, the torques tau1 and tau2, and the input of a driven arm. Only names that are not recognised are needed."""
+    """Column name of each quantity, or column number, from 1, if no column has this name. The quantities are t,
+    theta0, theta1, theta2, the torques tau1 and tau2, and the input of a driven arm. Only names that are not recognised
+    are needed."""
     take: Annotated[
         tuple[str, ...], Typed("Part of the file: topic of a bag, arrays or groups, or the points PIVOT,ELBOW,TIP.")
     ] = ()
@@ -208,7 +210,13 @@ class TypedOption:
                 raise ValueError
             named = {axis: float(value) if numeric else value for axis, value in pairs}
         except ValueError as error:
-            example = "a number or theta1=-1,theta2=0.5" if numeric else "name=column pairs, t=time,theta1=q1"
+            example = (
+                "a number or theta1=-1,theta2=0.5"
+                if numeric
+                else (
+                    "name=column pairs, t=time,theta1=q1 (a column whose name has a comma is given by its number, t=2)"
+                )
+            )
             raise ValueError(f"{self.name} must be {example}, not {text[:50]!r}") from error
         if len(named) < len(pairs):
             raise ValueError(f"{self.name} states a value twice: {text[:50]!r}; state each once")

@@ -78,7 +78,7 @@ class Preview:
             "angles": f"{options.unit}, {convention}",
             "time": f"{len(t):,} rows, {t[-1]:.6g} s from the release{rest}, unit {options.time_unit}",
             "recorded": swing.recorded_at or "date unknown (--recorded-at)",
-            "rate": f"{rate_hz:.5g} Hz, {steps}; {self._gaps or 'no'} gaps",
+            "rate": f"{rate_hz:.5g} Hz, {steps}; {self._gaps or 'no'} gap{'' if self._gaps == 1 else 's'}",
             "motion": "; ".join(f"{AXES[joint]} {_range(swing.theta[:, joint])}" for joint in self.joints),
         }
         return facts | self._inputs()

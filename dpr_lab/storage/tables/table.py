@@ -18,6 +18,7 @@ from dpr_lab.errors import RunError, printable
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.run import FilmNoise
 from dpr_lab.storage.tables.cells import (
+    CLOCK_TIME,
     MINUS,
     NEXT,
     NOT_A_VALUE,
@@ -35,11 +36,15 @@ from dpr_lab.storage.tables.content import Content, TableLimits
 from dpr_lab.storage.tables.options import date_in
 from dpr_lab.storage.tables.time_stamps import runs
 
-DELIMITERS = (";", "\t", ",")  # The order matters: in a table with semicolons or tabs, a comma is the decimal sign.
+# The order matters: in a table with another delimiter, a comma is the decimal sign.
+DELIMITERS = ("|", ";", "\t", ",")
 LIMITS = TableLimits()
 ONLY_UNIT = re.compile(rf"\W*({UNIT_WORDS})\W*", re.I)
 _DECIMAL = re.compile(r"[+-]?\d+\.\d+(e[+-]?\d+)?", re.I)
-_CLOCK_TIME = re.compile(r"(?:.*[ T])?(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)(?:Z|[+-]\d{2}:?\d{2})?")
+_FORMS = (
+    ": a table is read from rows of numbers with commas, semicolons, tabs, bars (|) or blanks between them, or from"
+    " rows such as `t=0.01 theta1=1.57 theta2=0.2`"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,18 +99,6 @@ class Table:
         return self.values[place].copy()
 
 
-def without_copies(table: Table) -> Table:
-    """Remove columns that repeat the name and values of an earlier column."""
-    columns = list(table.columns)
-    places = [
-        place
-        for place, (name, values) in enumerate(columns)
-        if not any(name == other and np.array_equal(values, same, equal_nan=True) for other, same in columns[:place])
-    ]
-    names, values, strange = (tuple(part[k] for k in places) for part in (table.names, table.values, table.strange))
-    return table if len(places) == len(columns) else replace(table, names=names, values=values, strange=strange)
-
-
 def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
     """Read a table with at most one header line; text compressed by gzip is decompressed.
 
@@ -131,9 +124,9 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
                     break
                 early.append(begin[1])
                 if len(early) > LIMITS.head:
-                    raise RunError(f"{path}: contains no row of numbers in its first {LIMITS.head} lines")
+                    raise RunError(f"{path}: contains no row of numbers in its first {LIMITS.head} lines{_FORMS}")
             else:
-                raise RunError(f"{path}: contains no row of numbers, so it is not a table of angles")
+                raise RunError(f"{path}: contains no row of numbers{_FORMS}")
             comments = list(content.comments)
             last_comment = [text.split(delimiter) for text in comments[-1:]]
             if not labels and _ends_with_delimiter(begin[1], early or last_comment):
@@ -160,7 +153,8 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
             columns.finish()
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
-    shown = tuple(printable(_with_unit(name.strip(), unit)) for name, unit in zip(names, columns.units, strict=True))
+    names = [name.strip() or f"column {number} (without a name)" for number, name in enumerate(names, 1)]
+    shown = tuple(printable(_with_unit(name, unit)) for name, unit in zip(names, columns.units, strict=True))
     heading = tuple(tuple(printable(cell.strip()) for cell in row) for row in early)
     strange = tuple(columns.strange)
     midnights = {}
@@ -270,7 +264,8 @@ class _Columns:
             mend = ": if commas are decimal signs, export it with semicolons between the columns"
         elif width < length and not self._lines:
             mend = ": add the missing names to the header"
-        raise RunError(f"{self._path}: line {number} has {length} fields, but there are {width} columns{mend}")
+        columns = "is 1 column" if width == 1 else f"are {width} columns"
+        raise RunError(f"{self._path}: line {number} has {length} fields, but there {columns}{mend}")
 
     def _number(self, word: str, place: int, line: int) -> float:
         """Convert a field to a number.
@@ -281,7 +276,7 @@ class _Columns:
         word = word.replace(MINUS, "-")
         if (value := value_of(word, self._comma)) is not None:
             return value
-        if clock := _CLOCK_TIME.fullmatch(word):
+        if clock := CLOCK_TIME.fullmatch(word):
             hours, minutes, seconds = clock.groups("0")
             with suppress(ValueError, TypeError):  # no date, or another zone than in the first row
                 stamp = datetime.fromisoformat(word)
@@ -334,7 +329,8 @@ def _otherwise_separated(early: list[list[str]], delimiter: str | None, width: i
     """
     lines = [(delimiter or " ").join(row) for row in early]
     lines += [re.sub(r"\s+(?=[(\[])", "", line) for line in lines]  # a blank before a unit separates no names
-    split = [line.split(other) for line in lines for other in (*DELIMITERS, None)]
+    split = [re.split(r"\s{2,}", line.strip()) for line in lines]
+    split += [line.split(other) for line in lines for other in (*DELIMITERS, None)]
     return [names for names in split if len(names) == width]
 
 

@@ -63,6 +63,9 @@ class StampSettings:
     fit: float = 2.0
     """Maximum prediction error with the stamp on the other side of the gap, in units of the usual size, in every
     column."""
+    speed_correlation: float = 0.9
+    """Minimum correlation of the steps of an angle with its speed; it is 0.95 for exact speeds at six rows per
+    period."""
 
 
 SETTINGS = StampSettings()
@@ -270,3 +273,26 @@ def _error(t: Array, x: Array, fitted: slice, row: int, instant: float) -> Array
     u = (t[fitted] - instant) / duration
     parabola = np.linalg.lstsq(np.stack([np.ones_like(u), u, u**2], axis=1), x[fitted], rcond=None)[0]
     return np.abs(x[row] - parabola[0])
+
+
+def without_speed(columns: Mapping[str, Array], t: Array) -> list[str]:
+    """Return the names of two columns, without the name of one that is the speed of the other.
+
+    The steps of an angle are proportional to speed times time step, in any unit. The steps of the speed of a swing have
+    the opposite sign of the angle.
+    """
+    names, steps = list(columns), np.diff(t)
+    angles = [
+        angle
+        for angle, speed in (names, names[::-1])
+        if _correlation(np.diff(columns[angle]), steps * columns[speed][1:]) > SETTINGS.speed_correlation
+    ]
+    return angles if len(angles) == 1 else names
+
+
+def _correlation(first: Array, second: Array) -> float:
+    """Compute the correlation of two columns about zero; rows that lack a value are ignored."""
+    known = np.isfinite(first) & np.isfinite(second)
+    x, y = first[known], second[known]
+    size = float(np.sqrt((x @ x) * (y @ y)))
+    return float(x @ y) / size if size > 0 else 0.0

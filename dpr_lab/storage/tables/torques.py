@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
+from dpr_lab.storage.tables.cells import listed
 from dpr_lab.storage.tables.columns import JOINT_NAMES
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.table import Table, bare
@@ -98,7 +99,7 @@ def _stated(names: Sequence[str], source: str | None, stated: Mapping[str, str],
     """Return the torque columns that the options name; all must be of one kind."""
     for joint, name in stated.items():
         if name not in names:
-            raise RunError(f"{path}: no column is named {name!r} ({joint}); the table has: {', '.join(names)}")
+            raise RunError(f"{path}: no column is named {name!r} ({joint}); the table has: {listed(names)}")
     matches = [match for name in stated.values() if (match := _named(name))]
     kinds = {KIND_WORDS[kind] for match in matches if (kind := match[1] or match[3])}
     kind = source or (kinds.pop() if len(kinds) == 1 else "")

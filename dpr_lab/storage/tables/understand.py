@@ -27,7 +27,7 @@ from dpr_lab.storage.readers.merged import rows_of_angles
 from dpr_lab.storage.tables.angles import angles, in_radians
 from dpr_lab.storage.tables.arm_input import cart_note, known_inputs, stated_arm, unused_input
 from dpr_lab.storage.tables.clock_wrap import check_forwards, unwrapped_times
-from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, numbers, with_still_joint2
+from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, numbers, stated_columns
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.options import ImportOptions, date_in, parse_recorded_at
 from dpr_lab.storage.tables.plausible import (
@@ -46,7 +46,7 @@ from dpr_lab.storage.tables.plausible import (
 from dpr_lab.storage.tables.questions.questions import questions, refuse_push
 from dpr_lab.storage.tables.table import Table
 from dpr_lab.storage.tables.time_stamps import carried_times, even_times, shares_times, spread_times, stamps_at_gaps
-from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, set_point, torque_column, unnumbered
+from dpr_lab.storage.tables.torques import PASSIVE, find_torques, set_point, torque_column, unnumbered
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +106,9 @@ def understand(
     if options.pose is not None and options.pose not in rig.poses:
         raise RunError(f"{file}: the rig has no pose {options.pose!r}; its poses: {', '.join(rig.poses) or 'none'}")
     path = Path(file)
-    table, given = _read(path, rig, options, on_progress)
+    named_angles = not set(AXES).isdisjoint(options.columns)
+    table = read_any(path, options.take, on_progress, points=not named_angles)
+    table, given, options = stated_columns(table, options, rig.rods.mounted != "both")
     columns = find_columns(table, given, options)
     recorded = [name for name, column in table.columns if name != NO_ROD and not np.isnan(column).all()]
     table = rows_of_angles(table, [name for axis, name in columns.names.items() if axis != "t" and name != NO_ROD])
@@ -139,17 +141,6 @@ def understand(
     read = _Rows(path, rows, t, values, torques, named, options, ignored, drive, midnight, table.recorded_at)
     understood = replace(_understood(read, notes, rig, table.kind, inputs.pairs), film_noise=table.film_noise)
     return _at_edges(understood, rig)
-
-
-def _read(path: Path, rig: Rig, options: ImportOptions, on_progress: OnImport) -> tuple[Table, dict[str, str]]:
-    """Read the table, and return it with the stated columns of time and angles.
-
-    A missing rod gets a constant angle.
-    """
-    named_angles = not set(AXES).isdisjoint(options.columns)
-    table = read_any(path, options.take, on_progress, points=not named_angles)
-    stated = {name: column for name, column in options.columns.items() if name not in ("input", *JOINTS)}
-    return (table, stated) if rig.rods.mounted == "both" else with_still_joint2(table, stated, options.rate_hz is None)
 
 
 def _readings(
@@ -219,7 +210,6 @@ def _understood(
         refuse_still_arm(theta[:, 0], options.arm, path)
     wraps = [] if counts is not None or options.wrap else wrap_notes(in_radians(read.values, options))
     notes += wraps + gap_notes(time)
-    notes += frame_notes(options, rig) if counts is None else []
     origin = float(read.t[np.isfinite(read.t)][0])
     driven = next(iter(read.torques.values()), None)
     mounted = as_mounted(theta, rig.rods.mounting, str(path))
@@ -231,6 +221,8 @@ def _understood(
         path, rig, options, read.columns, time, mounted, read.values, part, driven, pair, read.ignored, read.drive
     )
     doubts = questions(table)
+    if counts is None and not any("--angles" in doubt.mend for doubt in doubts):
+        notes += frame_notes(options, rig)
     if not options.keep_rest:
         refuse_push(table, origin)
     if not rig.rig.on_earth(rig.g):

@@ -1,0 +1,75 @@
+"""Refuse tables whose column names need an answer of the user, such as the scale of a unit."""
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+
+from dpr_lab.errors import RunError
+from dpr_lab.storage.tables.options import AXES, ImportOptions
+from dpr_lab.storage.tables.table import Table, bare
+
+_SCALED_UNITS = tuple(
+    (re.compile(pattern, re.I), meaning, unit, factor)
+    for pattern, meaning, unit, factor in (
+        (r"(m|milli)rad(ians?)?(?![a-z])|0[.,]001 ?rad", "in mrad", "", 1e-3),
+        (r"([uµμ]|micro)rad(ians?)?(?![a-z])", "in microradians", "", 1e-6),
+        (r"(?<![a-z])(m|milli)deg(rees?)?(?![a-z])|0[.,]001 ?(deg|°)", "in mdeg", "--unit deg ", 1e-3),
+        (r"(?<![a-z])(c|centi)deg(rees?)?(?![a-z])|0[.,]01 ?(deg|°)", "in hundredths of a degree", "--unit deg ", 1e-2),
+        (r"(?<![a-z])(d|deci)deg(rees?)?(?![a-z])|0[.,]1 ?(deg|°)", "in tenths of a degree", "--unit deg ", 0.1),
+        (r"(?<![a-z])arc_?min(utes?)?(?![a-z])", "in arc minutes", "--unit deg ", 1 / 60),
+        (r"(?<![a-z])arc_?sec(onds?)?(?![a-z])", "in arc seconds", "--unit deg ", 1 / 3600),
+        (r"(?<![a-z])gons?(?![a-z])", "in gon", "--unit deg ", 0.9),
+        (r"(?<![a-z])(revs?|revolutions?|turns?)(?![a-z0-9])", "in revolutions", "--unit deg ", 360.0),
+        (r"_e-?3$|_x1000$", "multiplied by 1000", "", 1e-3),
+    )
+)
+"""Patterns of names that state a unit with a factor: the pattern, its meaning, the option `--unit` and the scale."""
+
+_GRAD = re.compile(r"(?!.*winkel).*grad(?![a-z])", re.I)
+"""Pattern of the unit `grad`: gon, or degrees in German. Next to the German word for angle, it denotes degrees."""
+_SENSOR = re.compile("(sensor|joint|channel|signal|variable)s?(id|name|no|number)?")
+
+
+def without_scaled_unit(name: str) -> str:
+    """Remove a unit with a factor from a column name, unless nothing else remains of the name."""
+    for pattern, *_ in _SCALED_UNITS:
+        if re.search(r"[^\W\d_]", rest := pattern.sub("", name)):
+            name = rest
+    return name
+
+
+def refuse_scaled_units(table: Table, named: Mapping[str, str], options: ImportOptions) -> None:
+    """Refuse columns of angles whose names state a unit with a factor, if no scale is given for them."""
+    unscaled = {axis: named[axis] for axis in AXES if axis in named and axis not in options.scale}
+    for name in unscaled.values():
+        if options.unit is None and _GRAD.match(name):
+            raise RunError(
+                f"{table.path}: column {name!r} is in degrees or in gon (400 in a turn) by its name: for degrees, add"
+                " --unit deg; for gon, convert it (--unit deg --scale 0.9)"
+            )
+    for pattern, meaning, unit, factor in _SCALED_UNITS:
+        if axes := [axis for axis, name in unscaled.items() if pattern.search(name)]:
+            number = f"{factor:.9g}"
+            factors = number if "theta0" not in axes else ",".join(f"{axis}={number}" for axis in axes)
+            raise RunError(
+                f"{table.path}: column {unscaled[axes[0]]!r} is {meaning} by its name: convert it"
+                f" ({unit}--scale {factors})"
+            )
+
+
+def refuse_long_form(table: Table, given: Mapping[str, str]) -> None:
+    """Refuse a table with one row per sensor.
+
+    Raises:
+        RunError: one column contains the names of few sensors, and another their values.
+    """
+    values = [name for name in table.names if bare(name) == "value"]
+    if "theta1" in given or not values:
+        return
+    for name, column in table.columns:
+        if _SENSOR.fullmatch(bare(name)) and np.unique(column).size <= len(AXES):
+            raise RunError(
+                f"{table.path}: seems to have one row per sensor ({name}, {values[0]}): export one column per joint; if"
+                f" all rows are of one sensor, give --columns theta1={values[0]}"
+            )

@@ -1,0 +1,135 @@
+"""Names of columns that state a scaled unit, are empty, contain commas, or have another form than the numbers."""
+
+import numpy as np
+import pytest
+
+from dpr_lab.errors import RunError
+from dpr_lab.storage.csv_import import ImportOptions, import_csv
+from dpr_lab.storage.tables.options import typed_options
+from dpr_lab.storage.tables.preview import preview
+from tests.storage.swing_files import RIG, THETA1, THETA2, T, is_the_swing
+
+DEGREES = np.rad2deg(np.array([THETA1, THETA2]))
+
+
+def file_of(folder, head, form, inner=THETA1, outer=THETA2):
+    rows = (form.format(t=t, a=a, b=b) for t, a, b in zip(T, inner, outer, strict=True))
+    (folder / "a.txt").write_text(head + "".join(rows), encoding="utf-8")
+    return folder / "a.txt"
+
+
+@pytest.mark.parametrize(
+    ("inner", "outer", "unit", "scale"),
+    [
+        ("theta1 [rev]", "theta2 [rev]", "deg", 360.0),
+        ("theta1_e3", "theta2_e3", None, 1e-3),
+        ("theta1_x1000", "theta2_x1000", None, 1e-3),
+        ("theta1_rad_e-3", "theta2_rad_e-3", None, 1e-3),
+        ("theta1_mrad", "theta2_mrad", None, 1e-3),
+        ("theta1_urad", "theta2_urad", None, 1e-6),
+        ("theta1_mdeg", "theta2_mdeg", "deg", 1e-3),
+        ("theta1_ddeg", "theta2_ddeg", "deg", 0.1),
+        ("theta1 (0.1 deg)", "theta2 (0.1 deg)", "deg", 0.1),
+        ("theta1_arcmin", "theta2_arcmin", "deg", 1 / 60),
+        ("gon1", "gon2", "deg", 0.9),
+    ],
+)
+def test_the_scale_of_two_rods_is_requested_at_once(tmp_path, inner, outer, unit, scale):
+    factor = 1 / scale if unit is None else 180 / np.pi / scale
+    file = file_of(tmp_path, f"t,{inner},{outer}\n", "{t:.3f},{a:.12g},{b:.12g}\n", factor * THETA1, factor * THETA2)
+    with pytest.raises(RunError, match=rf"by its name: convert it .*--scale {scale:.9g}\)"):
+        import_csv(file, RIG)
+    options = ImportOptions(unit=unit, scale={"theta1": scale, "theta2": scale})
+    assert is_the_swing(import_csv(file, RIG, options), 1e-8)
+
+
+def test_a_scaled_column_next_to_an_angle_is_not_used(tmp_path):
+    file = file_of(tmp_path, "t,theta1_e3,theta1,theta2\n", "{t:.3f},5,{a:.12g},{b:.12g}\n")
+    assert is_the_swing(import_csv(file, RIG))
+
+
+def test_grad_requires_a_decision_between_degrees_and_gon(tmp_path):
+    file = file_of(tmp_path, "t,theta1 (grad),theta2 (grad)\n", "{t:.3f},{a:.12g},{b:.12g}\n", *DEGREES)
+    with pytest.raises(RunError, match=r"in degrees or in gon .*--unit deg; for gon, .*--scale 0.9"):
+        import_csv(file, RIG)
+    assert is_the_swing(import_csv(file, RIG, ImportOptions(unit="deg")))
+    gon = ImportOptions(unit="deg", scale={"theta1": 0.9, "theta2": 0.9})
+    assert import_csv(file, RIG, gon).theta[0, 1] == pytest.approx(0.9 * THETA1[0])
+
+
+@pytest.mark.parametrize(
+    ("head", "form"),
+    [
+        ("Time [s]   Angle 1 [deg]   Angle 2 [deg]\n", "{t:.3f}\t{a:.12g}\t{b:.12g}\n"),
+        ("Time [s]   inner angle (deg)   outer angle (deg)\n", "{t:.3f}\t{a:.12g}\t{b:.12g}\n"),
+        ("| t | theta1_deg | theta2_deg |\n|---|---|---|\n", "| {t:.3f} | {a:.12g} | {b:.12g} |\n"),
+        ("", "{t:.3f} theta1_deg={a:.12g} theta2_deg={b:.12g}\n"),
+        ("start\n", "[{t:.3f}] theta1_deg:{a:.12g} theta2_deg:{b:.12g}\n"),
+        ("clock,inner,outer\n", "14:05:0{t:.3f},{a:.12g}°,{b:.12g}°\n"),
+        ("t,inner,outer\n", "{t:.3f},{a:.12g} deg,{b:.12g} deg\n"),
+    ],
+)
+def test_names_in_other_forms_are_found(tmp_path, head, form):
+    assert is_the_swing(import_csv(file_of(tmp_path, head, form, *DEGREES), RIG))
+
+
+def test_a_table_of_words_is_refused_with_the_forms_that_are_read(tmp_path):
+    (tmp_path / "a.txt").write_text("one two\nthree four\n")
+    with pytest.raises(RunError, match=r"no row of numbers: a table is read from .*bars \(\|\)"):
+        import_csv(tmp_path / "a.txt", RIG)
+
+
+def test_a_header_of_one_name_has_one_column(tmp_path):
+    with pytest.raises(RunError, match="has 3 fields, but there is 1 column: add the missing names"):
+        import_csv(file_of(tmp_path, "swing\n", "{t},{a},{b}\n"), RIG)
+
+
+def test_a_column_without_a_name_is_shown_and_selected_by_its_number(tmp_path, one):
+    file = file_of(tmp_path, "time,,speed\n", "{t:.3f},{a:.12g},{b:.12g}\n")
+    shown = preview(file, one, ImportOptions())
+    assert shown.facts()["columns"] == "t = time, theta1 = column 2 (without a name)"
+    assert any("theta1: column 2 (without a name), because no other column" in note for note in shown.notes)
+    np.testing.assert_allclose(import_csv(file, one, ImportOptions(columns={"theta1": "3"})).theta[:, 1], THETA2)
+
+
+def test_a_name_with_a_comma_is_quoted_and_given_by_its_number(tmp_path):
+    file = file_of(tmp_path, '"Elapsed, s",A,B\n', "{t},{a:.12g},{b:.12g}\n")
+    with pytest.raises(RunError, match=r"has: 'Elapsed, s', A, B.*NAME can be the number of the column"):
+        import_csv(file, RIG)
+    columns = next(option for option in typed_options() if option.name == "columns")
+    with pytest.raises(ValueError, match="whose name has a comma is given by its number"):
+        columns.read("t=Elapsed, s,theta1=A")
+    numbers = ImportOptions(columns=columns.read("t=1,theta1=2,theta2=B"))
+    assert is_the_swing(import_csv(file, RIG, numbers))
+
+
+def test_a_number_that_is_a_name_is_the_name(tmp_path):
+    file = file_of(tmp_path, "t,x,outermost,1\n", "{t:.3f},5,{b:.12g},{a:.12g}\n")
+    assert is_the_swing(import_csv(file, RIG, ImportOptions(columns={"theta1": "1", "theta2": "3"})))
+
+
+def test_one_row_per_sensor_and_columns_of_sin_and_cos_are_explained(tmp_path, one):
+    form = "{t:.3f},joint1,{a:.12g}\n{t:.3f},joint2,{b:.12g}\n"
+    for rig in (one, RIG):
+        with pytest.raises(RunError, match=r"one row per sensor .*: export one column per joint"):
+            import_csv(file_of(tmp_path, "timestamp,sensor,value\n", form), rig)
+    with pytest.raises(RunError, match=r"export the angle, atan2\(sin, cos\)"):
+        import_csv(file_of(tmp_path, "t,cos1,sin1\n", "{t:.3f},{a:.6f},{b:.6f}\n"), RIG)
+
+
+def test_a_relative_reference_is_not_contradicted(tmp_path):
+    """The note on the encoder of joint 2 is absent if a warning proposes relative angles."""
+    from tests.storage.test_csv_import import THETA1, THETA2, T
+
+    rows = np.column_stack([T, THETA1, THETA2 - THETA1])
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,theta1,theta2", comments="")
+    shown = preview(tmp_path / "a.csv", RIG, ImportOptions())
+    assert "--angles" in shown.mend
+    assert not any("theta2 is absolute" in note for note in shown.notes)
+
+
+def test_one_gap_is_not_plural(tmp_path, one):
+    file = file_of(tmp_path, "t,theta1,x\n", "{t:.3f},{a:.12g},{b}\n")
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join([*lines[:80], *lines[120:]]))
+    assert preview(file, one, ImportOptions()).facts()["rate"].endswith("; 1 gap")
