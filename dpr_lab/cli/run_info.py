@@ -111,12 +111,8 @@ def _imported(extra: Mapping[str, str]) -> str:
         name: stored_object(text) if name in TABLES else text for name, text in extra.items() if text
     }
     if isinstance(options := known.get("options"), Mapping):
-        own_rows = ("arm", "inner")
-        given = {
-            name: value
-            for name, value in options.items()
-            if name not in own_rows and value not in (None, "", {}, [], False)
-        }
+        stated = {name: value for name, value in options.items() if name not in ("arm", "inner")}  # rows of their own
+        given = {name: value for name, value in stated.items() if value not in (None, "", {}, [], False)}
         known["options"] = [f"--{name.replace('_', '-')} {_option(value)}".rstrip() for name, value in given.items()]
     return _text({name: value for name, value in known.items() if value})
 

@@ -137,11 +137,11 @@ def _matches(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
 
 def _angles(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
     """Return the matching names; names with a scaled unit are used only if no other name matches."""
-    plain = {name: without_scaled_unit(name) for name in names}
     if matches := _matches(names, patterns):
         return matches
-    stems = _matches(list(plain.values()), patterns)
-    return [name for name in names if plain[name] in stems]
+    stems = [without_scaled_unit(name) for name in names]
+    matches = _matches(stems, patterns)
+    return [name for name, stem in zip(names, stems, strict=True) if stem in matches]
 
 
 def stated_columns(table: Table, options: ImportOptions, one_rod: bool) -> tuple[Table, dict[str, str], ImportOptions]:
