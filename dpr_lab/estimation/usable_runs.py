@@ -1,11 +1,55 @@
 """Refuse runs that a job cannot use."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from dpr_lab.errors import RunError
+import numpy as np
+
+from dpr_lab.arrays import Array
+from dpr_lab.errors import IdentificationError, RunError
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, clock_error
+
+
+@dataclass(frozen=True, slots=True)
+class GapSettings:
+    """Limits of gaps in which the motion is predicted (decision 101)."""
+
+    longest_s: float = 3.0
+    """Longest such gap, s. After a longer gap, smoothed states can be infinite."""
+    steps: float = 20.0
+    """Number of median steps up to which a gap is never too long, because the unit of time may be wrong."""
+
+
+GAP = GapSettings()
+
+
+def long_gap(t: Array) -> tuple[int, str]:
+    """Return the first sample after the first gap that is too long, and a description of this gap.
+
+    Without such a gap the sample is 0, and the description is empty.
+    """
+    steps = np.diff(t)
+    limit = max(GAP.longest_s, GAP.steps * np.median(steps)) if len(steps) else np.inf
+    for before in np.flatnonzero(steps > limit)[:1].tolist():
+        return before + 1, (
+            f"has a gap of {steps[before]:.3g} s at {t[before]:.5g} s, which is too long for a prediction. Import the"
+            " parts before and after the gap as separate runs"
+        )
+    return 0, ""
+
+
+def refuse_long_gaps(runs: Iterable[Run]) -> None:
+    """Check that no run contains a gap after its release in which its motion cannot be predicted.
+
+    Raises:
+        IdentificationError: a run contains such a gap.
+    """
+    for run in runs:
+        _, words = long_gap(run.swing.t)
+        if words:
+            raise IdentificationError(f"{run.file or run.name}: {words} (--start-s, --duration-s)")
 
 
 def refuse_other_rigs(runs: Iterable[Run], rig: Rig) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.errors import ConfigError, IdentificationError, RunError, refuse_unknown
-from dpr_lab.estimation.usable_runs import refuse_other_rigs, refuse_repeated
+from dpr_lab.estimation.usable_runs import refuse_long_gaps, refuse_other_rigs, refuse_repeated
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.identification.expected import expected_information
 from dpr_lab.identification.identifiability import Identifiability
@@ -22,7 +22,7 @@ from dpr_lab.identification.model import Model, SearchRecord
 from dpr_lab.identification.moving_arm.identifiability import ArmIdentifiability, identifiability_of_arm
 from dpr_lab.identification.moving_arm.identify import identify_moving_arm
 from dpr_lab.identification.moving_arm.model import MovingArmModel
-from dpr_lab.identification.objectives import OBJECTIVES, SETTINGS
+from dpr_lab.identification.objectives import OBJECTIVES
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
 from dpr_lab.identification.prior_update import update_prior
 from dpr_lab.identification.ratio_fit import RatioFit, short_fit
@@ -80,14 +80,16 @@ def identify(
     Raises:
         ConfigError: the objective or the search is unknown.
         RunError: there are no runs, a run is given twice, or a run cannot be used or belongs to another rig.
-        IdentificationError: no candidate inside the bounds could be simulated, the recordings determine no parameter,
-            or they do not match the rig because zero, unit, sign or order of the readings is specified incorrectly.
+        IdentificationError: a run has a gap that is too long, no candidate inside the bounds could be simulated, the
+            recordings determine no parameter, or they do not match the rig because zero, unit, sign or order of the
+            readings is specified incorrectly.
 
     Source: docs/theory.md, section 2 (search), 5 (multiple shooting), 11 and 12 (parameters from ratios).
     """
     runs = as_runs(runs)
     refuse_repeated(runs)
     refuse_other_rigs(runs, rig)
+    refuse_long_gaps(runs)
     if has_arm_model(runs, rig):
         if on_polish:
             on_polish()
@@ -115,9 +117,7 @@ def identify(
         if stop and stop():
             break
     if not np.isfinite(history[0].best_cost):
-        raise IdentificationError(
-            f"no candidate inside the bounds could be simulated: {_gap(runs) or 'check the bounds in the rig file'}"
-        )
+        raise IdentificationError("no candidate inside the bounds could be simulated: check the bounds in the rig file")
     record = SearchRecord(
         algorithm=search,
         objective=objective,
@@ -135,17 +135,6 @@ def identify(
     if on_polish:
         on_polish()
     return identified_model(polish(history[-1].best, prepared_runs, rig), prepared_runs, rig, record, profile)
-
-
-def _gap(runs: Sequence[Run]) -> str:
-    """Describe the longest gap of the runs; empty if it is shorter than a segment of the search."""
-    longest, name = max((float(np.diff(run.swing.t).max(initial=0.0)), run.name) for run in runs)
-    if longest < SETTINGS.segment_s:
-        return ""
-    return (
-        f"{name} has a gap of {longest:.3g} s, which is too long for a prediction. Import the parts before and after"
-        " the gap as separate runs (--start-s, --duration-s)"
-    )
 
 
 def has_arm_model(runs: Sequence[Run], rig: Rig) -> bool:
@@ -203,12 +192,14 @@ def identifiability(
         ConfigError: there are neither runs nor poses; or a joint of the rig is prescribed, and there are no runs that
             contain its motion.
         RunError: a run cannot be used, or belongs to another rig.
-        IdentificationError: the fitted values are physically impossible, or cannot be simulated.
+        IdentificationError: a run has a gap that is too long, or the fitted values are physically impossible or cannot
+            be simulated.
 
     Source: docs/theory.md, sections 3 and 16.
     """
     tell, runs = tell or (lambda sentence: None), as_runs(runs)
     refuse_other_rigs(runs, rig)
+    refuse_long_gaps(runs)
     if moves(runs) or (not runs and rig.arm.mode in ("free", "driven")):
         return identifiability_of_arm(runs, rig)
     if not runs:

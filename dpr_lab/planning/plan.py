@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.estimation.usable_runs import refuse_other_rigs
+from dpr_lab.estimation.usable_runs import refuse_long_gaps, refuse_other_rigs
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.acting import Acting
@@ -74,6 +74,7 @@ def plan(
     """
     limits, runs = limits or PlanLimits(), as_runs(runs)
     refuse_other_rigs(runs, rig)
+    refuse_long_gaps(runs)
     if budget_min is not None:
         _refuse_small(budget_min, limits, rig)
     if runs and diagnosis is None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.errors import RunError
+from dpr_lab.errors import IdentificationError, RunError
 from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.events import OnEvent, RunCompared, RunLeftOut, ignore
 
@@ -120,7 +120,7 @@ def _leaving_out(file: Path, request: CompareRequest, left_out: list[Path], on_e
     """Add a run that cannot be read or compared to `left_out`, if the request permits it."""
     try:
         yield
-    except RunError as error:
+    except (RunError, IdentificationError) as error:
         if not request.leave_out:
             raise
         left_out.append(file)

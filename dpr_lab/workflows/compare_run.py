@@ -28,13 +28,15 @@ def compare_any_run(
     Raises:
         RunError: the run is the name of a file, the run or the model belongs to another rig, the model belongs to
             another mode of the arm, or the model cannot follow the readings.
+        IdentificationError: the run has a gap that is too long for a prediction.
     """
-    from dpr_lab.estimation.usable_runs import refuse_other_rigs
+    from dpr_lab.estimation.usable_runs import refuse_long_gaps, refuse_other_rigs
     from dpr_lab.identification.compare import compare_run
     from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.run import as_runs
 
     refuse_other_rigs(as_runs(run), rig)
+    refuse_long_gaps([run])
     if isinstance(model, MovingArmModel):
         return compare_arm_run(run, rig, model, segment_s)
     return compare_run(run, rig, model, segment_s)

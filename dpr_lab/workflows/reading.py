@@ -36,9 +36,15 @@ def read_runs(
         RunError: a file is not a run, or belongs to another rig; two files contain the same recording; a table contains
             several swings between which the rods are held; a table contains only torques of the other kind; or, unless
             `any_clock`, the clock rate error of a device is larger than that of a crystal.
+        IdentificationError: a run has a gap that is too long for a prediction.
     """
     from dpr_lab.estimation.held_rods import refuse_held
-    from dpr_lab.estimation.usable_runs import refuse_moving_arms, refuse_repeated, refuse_wrong_clocks
+    from dpr_lab.estimation.usable_runs import (
+        refuse_long_gaps,
+        refuse_moving_arms,
+        refuse_repeated,
+        refuse_wrong_clocks,
+    )
     from dpr_lab.storage.reader import load_run
 
     runs: list[Run] = []
@@ -52,6 +58,7 @@ def read_runs(
     if not moving:
         refuse_moving_arms(runs)
     refuse_held(runs)
+    refuse_long_gaps(runs)
     if not any_clock:
         refuse_wrong_clocks(runs)
     return runs

@@ -221,6 +221,26 @@ def test_a_table_that_begins_before_its_zero_is_remarked_on(tmp_path: Path, cli)
     assert "--start-s 0.2" in done.err
 
 
+def test_every_command_refuses_a_long_gap(tmp_path: Path, model: Path, runs: list[Path], cli) -> None:
+    """The import warns; an analysis of such a run, also with other runs, is refused with the same message."""
+    header, *rows = GOOD.splitlines()
+    later = [f"{300 + float(time)},{angles}" for time, _, angles in (row.partition(",") for row in rows)]
+    table = tmp_path / "gap.csv"
+    table.write_text("\n".join([header, *rows, *later]))
+    assert "has a gap of 298 s at 1.995 s" in cli("import", "table", table, "--rig", "paper", "--out", tmp_path).err
+    out, gap = ("--rig", "paper", "--out", tmp_path / "out"), tmp_path / "gap.mcap"
+    for command in (
+        ("identify", gap, *out),
+        ("identifiability", gap, "--rig", "paper"),
+        ("diagnose", gap, runs[0], *out),
+        ("plan", gap, *out),
+        ("compare", gap, "--model", model, "--out", tmp_path / "out"),
+        ("export", model, "--to", "python", "--check", gap, *out),
+    ):
+        done = cli(*command)
+        assert (done.code, "too long for a prediction" in done.err) == (8, True), command
+
+
 def test_a_recording_counts_once(tmp_path: Path, runs: list[Path], cli) -> None:
     for command in (("identify", "--out", tmp_path / "m.json"), ("identifiability",)):
         done = cli(*command, "--rig", "paper", runs[0], runs[0])

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -227,7 +228,23 @@ def test_a_swing_that_is_appended_after_a_gap_is_named(tmp_path, one, appended):
     sentences = [q.sentence for q in preview(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).questions]
     named = [sentence for sentence in sentences if "do not belong to one motion" in sentence]
     assert len(named) == appended
-    assert all("(--duration-s 2.8; --start-s 2.92)" in sentence for sentence in named)
+    assert all("(--duration-s 2.84; --start-s 2.92)" in sentence for sentence in named)
+
+
+@pytest.mark.parametrize("start", [0.0, 1.0])
+@pytest.mark.parametrize("second", [1.0, 1.5])
+def test_both_parts_of_a_table_with_a_long_gap_are_named(tmp_path, one, start, second):
+    """No other warning judges both parts as one swing."""
+    t = np.arange(0, 5, 0.01)
+    parts = [np.column_stack([t + 305 * n, small_swing(t, angle)]) for n, angle in enumerate((1.2, second))]
+    np.savetxt(tmp_path / "a.csv", np.concatenate(parts), "%.5f", ",", header="t,theta", comments="")
+    options = ImportOptions(zero="hanging", start_s=start)
+    (question,) = preview(tmp_path / "a.csv", one, options).questions
+    assert "has a gap of 300 s at" in question.sentence
+    assert f"(--duration-s {5 - start:g}; --start-s 305)" in question.sentence
+    first = import_csv(tmp_path / "a.csv", one, replace(options, duration_s=5 - start))
+    later = import_csv(tmp_path / "a.csv", one, replace(options, start_s=305))
+    assert (len(first.t), len(later.t)) == (500 - 100 * start, 500)
 
 
 @pytest.mark.parametrize("zero", ["hanging", "upright"])
@@ -338,6 +355,16 @@ def test_the_part_of_a_swing_without_a_hidden_drive_is_named(tmp_path, one, driv
     assert "the energy of the swing changes by" in remarks
     assert bool(ends) == ("they explain it" in remarks)
     assert re.search(ends, remarks)
+
+
+def test_a_part_without_a_hidden_drive_does_not_begin_in_a_gap(tmp_path, one):
+    """A coil acts for 3 s; after the usual margin, no rows are recorded."""
+    t = np.arange(0, 14, 0.01)
+    free = solve_ivp(lambda _, y: [y[1], -45.3 * np.sin(y[0]) - 0.1 * y[1]], (0, 14), [0.6, 0], t_eval=t).y[0]
+    rows = np.column_stack([t, np.where(t < 3, 0.4, 1.0) * free])[(t < 3) | (t > 5.5)]
+    np.savetxt(tmp_path / "a.csv", rows, "%.6f", ",", header="t,theta", comments="")
+    remarks = " ".join(import_csv(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).notes)
+    assert "(--start-s 5.51)" in remarks
 
 
 @pytest.mark.parametrize("name", ["thetadeg", "theta1deg", "θ₁ (°)", "θ1 [°]", "theta_1 (º)", "ϑ₁[deg]", "thetagrados"])

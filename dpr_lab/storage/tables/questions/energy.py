@@ -124,10 +124,10 @@ def _explained_part(table: InterpretedTable) -> str:
     for cut, safe in pairwise(cuts[cuts <= duration_s - periods(table.rig)[0]]) if table.free else ():
         later, earlier = t >= t[0] + cut, t <= t[-1] - cut
         if residual_near(t[later], rods[later], None, table.rig) <= READ.sure:
-            begins = f"{round(t[0] + safe + before, 2):g}"
+            begins = f"{round(t[np.searchsorted(t, t[0] + safe)] + before, 2):g}"
             return f"; they explain it from {begins} s on (--start-s {begins}): did a drive or a hand act before?"
         if residual_near(t[earlier], rods[earlier], None, table.rig) <= READ.sure:
-            ends = f"{round(t[-1] - safe - table.t[0], 2):g}"
+            ends = f"{round(t[np.searchsorted(t, t[-1] - safe, 'right') - 1] - table.t[0], 2):g}"
             return f"; they explain it in the first {ends} s (--duration-s {ends}): did a drive or a hand act later?"
     return ""
 

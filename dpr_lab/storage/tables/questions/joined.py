@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.arrays import Array, Flags
+from dpr_lab.estimation.usable_runs import long_gap
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.plausible import PLAUSIBLE
 
@@ -44,14 +45,26 @@ def joined_questions(table: InterpretedTable) -> list[TableQuestion]:
         for after in gaps:
             part = slice(after - JOIN.rows, after + JOIN.rows)
             if (_residual(t[part], theta[part]) > most).any():
-                begin, end = (table.options.start_s + t[row] - table.t[0] for row in (after - 1, after))
                 sentence = (
                     f"the readings before and after the gap at {t[after - 1]:.5g} s do not belong to one motion: if"
-                    f" another swing begins there, import both separately (--duration-s {begin:.6g};"
-                    f" --start-s {end:.6g})"
+                    f" another swing begins there, import both separately ({_parts(table, t, after)})"
                 )
                 return [TableQuestion(sentence)]
     return []
+
+
+def gap_questions(table: InterpretedTable) -> list[TableQuestion]:
+    """Warn about the first gap in which the motion cannot be predicted."""
+    t = table.t[table.swing]
+    after, words = long_gap(t)
+    return [TableQuestion(f"the table {words} ({_parts(table, t, after)})")] if words else []
+
+
+def _parts(table: InterpretedTable, t: Array, after: int) -> str:
+    """Return the options that import the rows `t` before and from the row `after`."""
+    begin, end = t[[after - 1, after]] - table.t[0]
+    lasts = begin + np.median(np.diff(t))  # the row at the end of a duration is excluded
+    return f"--duration-s {lasts:.6g}; --start-s {table.options.start_s + end:.6g}"
 
 
 def _usual(t: Array, theta: Array, whole: Flags, lost: int) -> float:

@@ -13,7 +13,7 @@ from dpr_lab.identification.misread.balance import periods
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.questions.accelerations import balance_questions, rig_questions, unit_questions
 from dpr_lab.storage.tables.questions.energy import energy_questions
-from dpr_lab.storage.tables.questions.joined import joined_questions
+from dpr_lab.storage.tables.questions.joined import gap_questions, joined_questions
 from dpr_lab.storage.tables.questions.period import period_questions
 from dpr_lab.storage.tables.questions.pose import apart, pose_questions
 from dpr_lab.storage.tables.questions.torques import torque_questions
@@ -52,6 +52,8 @@ def questions(table: InterpretedTable) -> list[TableQuestion]:
     doubts, other = energy_questions(table)
     arm = _arm_questions(table, theta[:, 0])
     few_rows = [*joined_questions(table), *_few(table, t), *torque_questions(table)]
+    if separate := gap_questions(table):  # the parts are tested when each is imported
+        return separate
     posed = [] if other else pose_questions(table)
     certain = other or posed or arm or any(doubt.mend for doubt in doubts)
     if not certain:
