@@ -33,7 +33,7 @@ from dpr_lab.identification.model import (
     ratios_alone,
 )
 from dpr_lab.identification.prior_update import update_prior
-from dpr_lab.identification.scaling.prior_spread import scale_of, with_intervals
+from dpr_lab.identification.scaling.prior_spread import SETTINGS, relative_std, scale_of, with_intervals
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.version import __version__
@@ -83,7 +83,11 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
         for (name, interval), value, s in zip(diagnosis.all_ratios.items(), values.tolist(), std, strict=True)
     }
     visible = visible_ratios(run.setup for run in runs)
-    nine, absolute = with_intervals(nine, absolute, ratios, scale, diagnosis.unknowns, rig, visible, alone=alone)
+    gravity = diagnosis.determined.get("e1/a")
+    spread = relative_std(gravity.interval90) if gravity else SETTINGS.ratio_std
+    nine, absolute = with_intervals(
+        nine, absolute, ratios, scale, diagnosis.unknowns, rig, visible, alone=alone, ratio_std=spread
+    )
     return Model(
         rig=RigFacts.of(rig),
         ratios=_alone(diagnosis, [*ratios.values()], rig) if alone else ratios,

@@ -7,7 +7,7 @@ from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, alone_share, unknown_ratios
 from dpr_lab.identification.model import EstimatedValue, ParameterValue
 from dpr_lab.identification.prior_update import update_prior
-from dpr_lab.identification.scaling.prior_spread import loose90, scale_of, with_intervals
+from dpr_lab.identification.scaling.prior_spread import loose90, relative_std, scale_of, with_intervals
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import PARAMETERS, Rig, load_rig
 from dpr_lab.rig_tables import Parameter
@@ -83,6 +83,20 @@ def test_gravity_of_the_wrong_sign_says_nothing_about_the_scale(paper: Rig, alon
         assert interval == scale_of(b, nominal, paper, [], alone=False).interval90
     for low, high in loose90(paper.nominal, upwards, paper, visible, alone=alone).values():
         assert 0.0 <= low <= high < np.inf
+
+
+def test_an_uncertain_ratio_of_one_rod_does_not_shift_the_interval_away_from_the_assumed_inertia(paper: Rig) -> None:
+    fitted, visible = seen(paper, paper.nominal), [RATIOS.index("e1/b")]
+    share, carried = alone_share(fitted), fitted[ON_ELBOW] * paper.g / paper.L1
+    e1_over_a = 0.4 * (fitted[visible[0]] - carried) / share
+    fitted[visible] = e1_over_a * share + carried
+    b = ParameterValue(value=fitted[SCALE], std=None, fixed_by="bound")
+    assert b.value in scale_of(b, fitted, paper, visible, alone=True).interval90  # at its edge
+    std = relative_std((0.4 * e1_over_a, 1.6 * e1_over_a))
+    assert std == pytest.approx(0.6 / 1.645, rel=1e-3)
+    low, high = scale_of(b, fitted, paper, visible, alone=True, ratio_std=std).interval90
+    assert low < 0.95 * b.value
+    assert high > 1.05 * b.value
 
 
 def test_a_scale_fixed_only_by_bounds_is_reported_as_not_measured(paper: Rig) -> None:

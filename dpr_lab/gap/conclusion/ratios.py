@@ -14,7 +14,7 @@ from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Transferred
 from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.identification.prior_update import assumed_b
-from dpr_lab.identification.scaling.prior_spread import scale_of
+from dpr_lab.identification.scaling.prior_spread import relative_std, scale_of
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.setup import only_inner
 
@@ -118,7 +118,11 @@ def _scale_b(state: Transferred, alone: bool) -> Scale:
         return Scale(b=b, interval90=(max(b - reach, 1e-3 * b), b + reach), fixed_by="data", constants_std=of_drive)
     visible = [i for i, name in enumerate(UNKNOWN_RATIOS) if ("", name) in intervals]
     assumed = assumed_b(state.selection.bare.estimate.ratios, rig)
-    return scale_of(assumed.model_copy(update={"value": b}), unknown, rig, visible, alone=alone)
+    assumed = assumed.model_copy(update={"value": b})
+    gravity = determined(state)[0].get("e1/a")  # an effect such as a spring may make this ratio uncertain
+    if gravity is None:
+        return scale_of(assumed, unknown, rig, visible, alone=alone)
+    return scale_of(assumed, unknown, rig, visible, alone=alone, ratio_std=relative_std(gravity.interval90))
 
 
 def ratio_covariance(state: Transferred) -> Array:

@@ -34,7 +34,7 @@ class PriorSettings:
     """Settings for updating the prior by the ratios."""
 
     ratio_std: float = 1e-3
-    """Relative standard deviation of the ratios; it is about the change due to a missing effect."""
+    """Minimum relative standard deviation of the ratios; it is about the change due to a missing effect."""
     longest_step: float = 0.5
     """Maximum change of a logarithm in one iteration."""
     converged: float = 1e-9
@@ -46,8 +46,20 @@ SETTINGS = PriorSettings()
 _A, _B, _E1 = (BASE.index(name) for name in ("a", "b", "e1"))
 
 
+def relative_std(interval90: Interval90) -> float:
+    """Return the relative standard deviation of a ratio from its 90 % interval, at least `SETTINGS.ratio_std`."""
+    low, high = interval90
+    return max(SETTINGS.ratio_std, (high - low) / max(NORMAL_Q90 * abs(low + high), 1e-9))
+
+
 def scale_of(
-    b: ParameterValue, unknown: Array, rig: Rig, visible: Sequence[int] | None = None, *, alone: bool = False
+    b: ParameterValue,
+    unknown: Array,
+    rig: Rig,
+    visible: Sequence[int] | None = None,
+    *,
+    alone: bool = False,
+    ratio_std: float = SETTINGS.ratio_std,
 ) -> Scale:
     """Compute the scale of absolute sizes from the rig file.
 
@@ -57,9 +69,10 @@ def scale_of(
         rig: measured values, nominal values and bounds
         visible: indices in `UNKNOWN_RATIOS` that the recordings determine; default: the five ratios
         alone: whether only the inner rod is mounted; the scale is then its inertia a, converted to b by the ratio
+        ratio_std: relative standard deviation of the ratios, for example of e1/a
     """
     share = alone_share(unknown) if alone else 1.0
-    low, high = _posterior(unknown, rig, visible, alone).of_base(_A if alone else _B, share * b.value, alone)
+    low, high = _posterior(unknown, rig, visible, alone, ratio_std).of_base(_A if alone else _B, share * b.value, alone)
     return Scale(
         b=b.value, interval90=(low / share, high / share), fixed_by="bound" if b.fixed_by == "bound" else "measured"
     )
@@ -75,6 +88,7 @@ def with_intervals(
     visible: Sequence[int] | None = None,
     *,
     alone: bool = False,
+    ratio_std: float = SETTINGS.ratio_std,
 ) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
     """Add 90 % intervals to the nine rig parameters and to the base parameters.
 
@@ -89,9 +103,11 @@ def with_intervals(
         rig: measured values, nominal values and bounds
         visible: as in `scale_of`
         alone: as in `scale_of`
+        ratio_std: as in `scale_of`
     """
-    loose = loose90(np.array([parameter.value for parameter in nine.values()]), unknown, rig, visible, alone=alone)
-    posterior, absolute = _posterior(unknown, rig, visible, alone), {}
+    Z = np.array([parameter.value for parameter in nine.values()])
+    loose = loose90(Z, unknown, rig, visible, alone=alone, ratio_std=ratio_std)
+    posterior, absolute = _posterior(unknown, rig, visible, alone, ratio_std), {}
     for place, name in enumerate(BASE):
         interval = _of_std(base[name])
         if interval is None and not alone and _determined(f"{name}/b", visible):
@@ -108,7 +124,13 @@ def with_intervals(
 
 
 def loose90(
-    Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = None, *, alone: bool = False
+    Z: Array,
+    unknown: Array,
+    rig: Rig,
+    visible: Sequence[int] | None = None,
+    *,
+    alone: bool = False,
+    ratio_std: float = SETTINGS.ratio_std,
 ) -> dict[str, Interval90]:
     """Compute the 90 % intervals of the parameters that are determined only by bounds.
 
@@ -118,8 +140,9 @@ def loose90(
         rig: measured values, nominal values and bounds
         visible: as in `scale_of`
         alone: as in `scale_of`
+        ratio_std: as in `scale_of`
     """
-    posterior = _posterior(unknown, rig, visible, alone)
+    posterior = _posterior(unknown, rig, visible, alone, ratio_std)
     inertia, std = posterior.base(_A if alone else _B, alone)
     assumed = unknown[SCALE] * (alone_share(unknown) if alone else 1.0)
     lower, upper = _edges(rig)
@@ -197,7 +220,7 @@ def _base(Z: Array, rig: Rig, alone: bool) -> tuple[Array, Array]:
     return base, base_jacobian(mounted, rig.L1, rig.g) * mounted / np.maximum(base, 1e-30)[:, None]
 
 
-def _posterior(unknown: Array, rig: Rig, visible: Sequence[int] | None, alone: bool) -> _Posterior:
+def _posterior(unknown: Array, rig: Rig, visible: Sequence[int] | None, alone: bool, ratio_std: float) -> _Posterior:
     """Compute the distribution of the parameters, given all determined ratios except friction.
 
     The inner rod alone determines only the ratio e1/a.
@@ -223,7 +246,7 @@ def _posterior(unknown: Array, rig: Rig, visible: Sequence[int] | None, alone: b
             q = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))[places]
             J = unknown_jacobian(Z, rig)[places] * Z / q[:, None]
         q, J = q[possible], J[possible]
-        K = P0 @ J.T @ np.linalg.pinv(J @ P0 @ J.T + SETTINGS.ratio_std**2 * np.eye(len(q)), hermitian=True)
+        K = P0 @ J.T @ np.linalg.pinv(J @ P0 @ J.T + ratio_std**2 * np.eye(len(q)), hermitian=True)
         P = P0 - K @ J @ P0
         step = z0 + K @ (np.log(estimated[possible] / q) - J @ (z0 - z)) - z
         z = z + np.clip(step, -SETTINGS.longest_step, SETTINGS.longest_step)
