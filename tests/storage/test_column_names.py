@@ -103,6 +103,11 @@ def test_a_name_with_a_comma_is_quoted_and_given_by_its_number(tmp_path):
     assert is_the_swing(import_csv(file, RIG, numbers))
 
 
+def test_empty_columns_without_a_name_are_not_listed(tmp_path):
+    with pytest.raises(RunError, match=r"the table has: t, theta1\. Name it"):
+        import_csv(file_of(tmp_path, "t,theta1,,\n", "{t:.3f},{a:.12g},,\n"), RIG)
+
+
 def test_a_number_that_is_a_name_is_the_name(tmp_path):
     file = file_of(tmp_path, "t,x,outermost,1\n", "{t:.3f},5,{b:.12g},{a:.12g}\n")
     assert is_the_swing(import_csv(file, RIG, ImportOptions(columns={"theta1": "1", "theta2": "3"})))

@@ -273,7 +273,7 @@ def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
 
 def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], timed: bool) -> None:
     names = [*table.names, *table.other_lengths]
-    named_so = [name for name in names if name != NO_ROD]
+    named_so = [name for name in names if name not in ("", NO_ROD)]
     available = f"the table has: {listed(named_so[: LIMITS.named])}"
     available += f" and {len(named_so) - LIMITS.named} more" if len(named_so) > LIMITS.named else ""
     for quantity, name in given.items():

@@ -153,7 +153,11 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
             columns.finish()
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
-    names = [name.strip() or f"column {number} (without a name)" for number, name in enumerate(names, 1)]
+    empty = [bool(np.isnan(column).all()) for column in columns.arrays]
+    names = [
+        name.strip() or ("" if empty[number - 1] else f"column {number} (without a name)")
+        for number, name in enumerate(names, 1)
+    ]
     shown = tuple(printable(_with_unit(name, unit)) for name, unit in zip(names, columns.units, strict=True))
     heading = tuple(tuple(printable(cell.strip()) for cell in row) for row in early)
     strange = tuple(columns.strange)
