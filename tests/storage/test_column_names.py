@@ -48,6 +48,14 @@ def test_a_scaled_column_next_to_an_angle_is_not_used(tmp_path):
     assert is_the_swing(import_csv(file, RIG))
 
 
+@pytest.mark.parametrize("head", ["theta1 (counts 4096/rev),theta2 (counts 4096/rev)", "rev_counts1,rev_counts2"])
+def test_counts_whose_name_states_the_revolution_are_not_scaled(tmp_path, head):
+    counts = np.round(RIG.positions(np.column_stack([0 * T, THETA1, THETA2]))).astype(int)
+    file = file_of(tmp_path, f"t,{head}\n", "{t:.3f},{a},{b}\n", counts[:, 1], counts[:, 2])
+    columns = dict(zip(("theta1", "theta2"), head.split(","), strict=True))
+    assert (import_csv(file, RIG, ImportOptions(columns=columns, unit="counts")).counts == counts).all()
+
+
 def test_grad_requires_a_decision_between_degrees_and_gon(tmp_path):
     file = file_of(tmp_path, "t,theta1 (grad),theta2 (grad)\n", "{t:.3f},{a:.12g},{b:.12g}\n", *DEGREES)
     with pytest.raises(RunError, match=r"in degrees or in gon .*--unit deg; for gon, .*--scale 0.9"):

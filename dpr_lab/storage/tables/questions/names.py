@@ -26,6 +26,8 @@ _SCALED_UNITS = tuple(
 )
 """Patterns of names that state a unit with a factor: the pattern, its meaning, the option `--unit` and the scale."""
 
+_COUNTS = re.compile(r"(?<![a-z])(counts?|ticks?)(?![a-z])", re.I)
+"""Pattern of names in counts, which may also state the counts per revolution."""
 _GRAD = re.compile(r"(?!.*winkel).*grad(?![a-z])", re.I)
 """Pattern of the unit `grad`: gon, or degrees in German. Next to the German word for angle, it denotes degrees."""
 _SENSOR = re.compile("(sensor|joint|channel|signal|variable)s?(id|name|no|number)?")
@@ -42,6 +44,7 @@ def without_scaled_unit(name: str) -> str:
 def refuse_scaled_units(table: Table, named: Mapping[str, str], options: ImportOptions) -> None:
     """Refuse columns of angles whose names state a unit with a factor, if no scale is given for them."""
     unscaled = {axis: named[axis] for axis in AXES if axis in named and axis not in options.scale}
+    unscaled = {axis: name for axis, name in unscaled.items() if options.unit != "counts" and not _COUNTS.search(name)}
     for name in unscaled.values():
         if options.unit is None and _GRAD.match(name):
             raise RunError(
