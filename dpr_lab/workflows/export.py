@@ -87,13 +87,7 @@ def export(
     rig = load_rig(rig_name)
     model = model_to_export(model_path, rig)
     runs = read_runs(check, rig, on_event, torque=torque, moving=isinstance(model, MovingArmModel))
-    if not isinstance(model, MovingArmModel) and model.fitted and rig.rods.mounted == "both":
-        on_event(
-            Warned(
-                "the model was identified from the inner rod alone, so the files contain only this rod. For both rods,"
-                " identify from recordings of both rods"
-            )
-        )
+    warn_of_one_rod(model, rig, on_event)
     for run in runs:
         if run.arm is not None:
             raise RunError(f"{run.name}: its arm moves, which the replay does not support: check another run")
@@ -186,3 +180,16 @@ def _checked(
                 " another format"
             )
     return ExportResult({}, {}, {}, refused, reference.bare_rad, reference.replayed(reference.own), tried)
+
+
+def warn_of_one_rod(model: "AnyModel", rig: "Rig", on_event: OnEvent) -> None:
+    """Warn if the files contain only the inner rod of a rig with two rods."""
+    from dpr_lab.identification.model import Model
+
+    if isinstance(model, Model) and model.fitted and rig.rods.mounted == "both":
+        on_event(
+            Warned(
+                "the model was identified from the inner rod alone, so the files contain only this rod. For both rods,"
+                " identify from recordings of both rods"
+            )
+        )

@@ -112,12 +112,13 @@ def export_ensemble(
     from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.report.saving import write_export, write_json
     from dpr_lab.rig import load_rig
-    from dpr_lab.workflows.export import model_to_export
+    from dpr_lab.workflows.export import model_to_export, warn_of_one_rod
 
     refuse_unknown(formats, FORMATS, "format")
     check_folder_writable(out)
     rig = load_rig(rig_name)
     model = model_to_export(model_path, rig)
+    warn_of_one_rod(model, rig, on_event)
     diagnosis = _diagnosis_of(model, (model_path if model_path.is_dir() else model_path.parent) / RECORD)
     runs = read_runs(check, rig, on_event, torque=torque, moving=isinstance(model, MovingArmModel))
     scatter, factor_of_fit = None, 1.0
@@ -261,11 +262,17 @@ def _fitted_runs(model: "Model", rig: "Rig") -> "list[Run]":
 def _member(model: "AnyModel", rig: "Rig") -> dict[str, Any]:
     """Return the entry of a model in `ensemble.json`."""
     from dpr_lab.exports.bodies import bodies, in_words
+    from dpr_lab.exports.module_parts import base_of
+    from dpr_lab.identification.model import Model
 
+    base = model.sizes
+    if isinstance(model, Model) and model.fitted:
+        a, _, _, e1, _, c1, _ = base_of(model)
+        base = {"a": a, "e1": e1, "c1": c1}
     made = bodies(model, rig, in_words(model, rig, frozenset({"offset", "added_length", "tilt"})))
     rods = [
         {"length_m": rod.length, "mass_kg": rod.mass, "centroid_m": rod.centroid, "inertia_kgm2": rod.inertia}
         for rod in made.rods
     ]
     ratios = {name: estimate.value for name, estimate in model.ratios.items()}
-    return {"ratios": ratios, "base": model.sizes, "rods": rods, "effects": model.effects}
+    return {"ratios": ratios, "base": base, "rods": rods, "effects": model.effects}

@@ -1,6 +1,8 @@
 """Models sampled from a posterior: their distribution, their files, and the bands that they predict."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,8 +22,10 @@ from dpr_lab.identification import compare
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
 from dpr_lab.identification.scaling.scale import Scale
+from dpr_lab.report.plain import write_json
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
+from dpr_lab.workflows.export_ensemble import export_ensemble
 from sim_device.plant.config import load_plant
 from sim_device.trials.driven import DriveFault, done_by_drives, driven_runs
 from sim_device.trials.offline_recorder import record
@@ -102,6 +106,20 @@ def test_ratios_of_an_identification_scatter_if_its_recordings_differ(model: Mod
 
 
 @pytest.mark.slow
+def test_models_of_the_inner_rod_alone_contain_its_base_parameters(model: Model, paper: Rig, tmp_path: Path) -> None:
+    alone = {
+        "fitted": list(model.ratios.values()),
+        "p_over_b": paper.parameters["m2"].nominal * paper.L1**2 / model.base["b"].value,
+    }
+    write_json(json.loads(model.model_copy(update=alone | {"effects": {}}).model_dump_json()), tmp_path / "model.json")
+    export_ensemble(tmp_path / "model.json", "paper", 2, 0, [], tmp_path)
+    for member in json.loads((tmp_path / "ensemble.json").read_text(encoding="utf-8"))["models"]:
+        (rod,), base = member["rods"], member["base"]
+        assert set(base) == {"a", "e1", "c1"}
+        assert rod["inertia_kgm2"] + rod["mass_kg"] * rod["centroid_m"] ** 2 == pytest.approx(base["a"])
+        assert rod["mass_kg"] * rod["centroid_m"] * paper.g == pytest.approx(base["e1"])
+
+
 def test_causes_are_drawn_by_their_probability(model: Model) -> None:
     two = [component(model, 0.7), component(model, 0.3, viscous_ground_link2={"friction_Nms": 1e-4})]
     sets = [tuple(member.effects) for member in sampled_models(model, two, 1000, 2)]

@@ -99,6 +99,22 @@ def test_an_uncertain_ratio_of_one_rod_does_not_shift_the_interval_away_from_the
     assert high > 1.05 * b.value
 
 
+@pytest.mark.parametrize("factor", [1.0, 0.8])
+def test_friction_of_the_inner_rod_alone_is_as_uncertain_as_its_inertia(paper: Rig, factor: float) -> None:
+    nominal, visible = seen(paper, paper.nominal), (RATIOS.index("e1/b"), RATIOS.index("c1/b"))
+    values = dict(zip(PARAMETERS, paper.nominal.tolist(), strict=True)) | {"c1": factor * paper.nominal[5]}
+    nine, base = (
+        {name: ParameterValue(value=value, std=None, fixed_by="bound") for name, value in each.items()}
+        for each in (values, dict(zip(BASE, factor * base_parameters(paper.nominal, paper.L1, paper.g), strict=True)))
+    )
+    scale_in_use = scale_of(base["b"], nominal, paper, visible, alone=True)
+    parameters, _ = with_intervals(nine, base, {}, scale_in_use, nominal, paper, visible, alone=True)
+    share = alone_share(nominal)
+    interval, of_a = parameters["c1"].interval90, scale_in_use.as_inertia("a", share).interval90
+    assert interval is not None
+    assert interval == pytest.approx([values["c1"] * end / (share * base["b"].value) for end in of_a], rel=1e-6)
+
+
 def test_a_scale_fixed_only_by_bounds_is_reported_as_not_measured(paper: Rig) -> None:
     assumed = scale(paper, seen(paper, paper.nominal))
     assert assumed.fixed_by == "bound"

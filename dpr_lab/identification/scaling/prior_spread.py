@@ -106,7 +106,9 @@ def with_intervals(
         ratio_std: as in `scale_of`
     """
     Z = np.array([parameter.value for parameter in nine.values()])
-    loose = loose90(Z, unknown, rig, visible, alone=alone, ratio_std=ratio_std)
+    in_use = unknown.copy()
+    in_use[SCALE] = scale.b
+    loose = loose90(Z, in_use, rig, visible, alone=alone, ratio_std=ratio_std)
     posterior, absolute = _posterior(unknown, rig, visible, alone, ratio_std), {}
     for place, name in enumerate(BASE):
         interval = _of_std(base[name])
@@ -136,7 +138,7 @@ def loose90(
 
     Args:
         Z: (9,) values in use, which the intervals contain
-        unknown: (7,) ratios, b and p/b
+        unknown: (7,) ratios, the b of these values, and p/b
         rig: measured values, nominal values and bounds
         visible: as in `scale_of`
         alone: as in `scale_of`
