@@ -33,7 +33,7 @@ from dpr_lab.identification.model import (
     ratios_alone,
 )
 from dpr_lab.identification.prior_update import update_prior
-from dpr_lab.identification.scaling.prior_spread import SETTINGS, relative_std, scale_of, with_intervals
+from dpr_lab.identification.scaling.prior_spread import SETTINGS, posterior_of, relative_std, scale_of, with_intervals
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.version import __version__
@@ -76,7 +76,7 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
     }
     std = np.sqrt(np.diag(covariance))
     alone = bool(diagnosis.fitted)
-    scale = diagnosis.scale or scale_of(absolute["b"], diagnosis.unknowns, rig, alone=alone)
+    scale = diagnosis.scale or scale_of(absolute["b"], posterior_of(diagnosis.unknowns, rig, alone=alone))
     scale = scale.as_inertia("b", absolute["b"].value / scale.b)
     ratios = {
         name: EstimatedValue(value=value, std=float(s), interval90=interval.interval90)
@@ -85,9 +85,8 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
     visible = visible_ratios(run.setup for run in runs)
     gravity = diagnosis.determined.get("e1/a")
     spread = relative_std(gravity.interval90) if gravity else SETTINGS.ratio_std
-    nine, absolute = with_intervals(
-        nine, absolute, ratios, scale, diagnosis.unknowns, rig, visible, alone=alone, ratio_std=spread
-    )
+    posterior = posterior_of(diagnosis.unknowns, rig, visible, alone=alone, ratio_std=spread)
+    nine, absolute = with_intervals(nine, absolute, ratios, scale, posterior)
     return Model(
         rig=RigFacts.of(rig),
         ratios=_alone(diagnosis, [*ratios.values()], rig) if alone else ratios,

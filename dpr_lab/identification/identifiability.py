@@ -15,14 +15,14 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS, base_parameters, whole_parameters
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import UNKNOWN_RATIOS, unknown_ratios
+from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS, unknown_ratios
 from dpr_lab.fitting.prior import unknown_jacobian
 from dpr_lab.identification.directions import SEEN, free_directions, simple_basis, spread
 from dpr_lab.identification.expected import expected_releases, information_root
 from dpr_lab.identification.instruments import INSTRUMENTS, BenchReading, Instrument, Measurement
 from dpr_lab.identification.model import ParameterValue
 from dpr_lab.identification.ratio_fit import fit_ratios
-from dpr_lab.identification.scaling.prior_spread import loose90
+from dpr_lab.identification.scaling.prior_spread import loose90, posterior_of
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.rig_tables import Parameter
 from dpr_lab.shown import Row, Shown
@@ -309,7 +309,8 @@ def _parameters(
 ) -> dict[str, ParameterValue]:
     loose, std = np.isinf(spread(rows.known)), Z * _bounded_spread(rows.known, rows.bounds)
     reach = NORMAL_Q90 * std
-    wide = loose90(Z, unknown_ratios(whole_parameters(Z, rig.L1, rig.g)), rig, visible, alone=alone)
+    unknown = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
+    wide = loose90(Z, float(unknown[SCALE]), posterior_of(unknown, rig, visible, alone=alone))
     return {
         name: ParameterValue(
             value=float(Z[i]),

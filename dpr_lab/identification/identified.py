@@ -28,7 +28,7 @@ from dpr_lab.identification.preprocess import PreprocessedRun
 from dpr_lab.identification.prior_update import prior_ratio_std, update_prior
 from dpr_lab.identification.profile import profile90
 from dpr_lab.identification.ratio_fit import RatioFit, predictable_until
-from dpr_lab.identification.scaling.prior_spread import scale_of, with_intervals
+from dpr_lab.identification.scaling.prior_spread import posterior_of, scale_of, with_intervals
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.identification.uncertainty import RatioUncertainty, uncertainty
 from dpr_lab.rig import Rig
@@ -97,7 +97,9 @@ def identified_model(
     parameters, base = update_prior(ratio_uncertainty.values, ratio_uncertainty.of_runs, rig, ratio_fit.visible)
     alone = only_inner(prepared.run.setup for prepared in runs)
     scale, unknown = _scale(ratio_fit, ratio_uncertainty, rig, base["b"], alone=alone), ratio_fit.fit.estimate.ratios
-    parameters, base = with_intervals(parameters, base, ratios, scale, unknown, rig, ratio_fit.visible, alone=alone)
+    parameters, base = with_intervals(
+        parameters, base, ratios, scale, posterior_of(unknown, rig, ratio_fit.visible, alone=alone)
+    )
     p_over_b = float(unknown[ON_ELBOW])
     std = dict.fromkeys(RATIOS, 0.0) | _of_ratios(ratio_uncertainty.names, ratio_uncertainty.cramer_rao_std)
     share = float(unknown[RATIOS.index("a/b")]) - p_over_b
@@ -180,7 +182,7 @@ def _scale(
     then contains both values.
     """
     if SCALE not in ratio_fit.visible:
-        return scale_of(b, ratio_fit.fit.estimate.ratios, rig, ratio_fit.visible, alone=alone)
+        return scale_of(b, posterior_of(ratio_fit.fit.estimate.ratios, rig, ratio_fit.visible, alone=alone))
     low, high = ratio_uncertainty.interval90(list(ratio_fit.visible).index(SCALE))
     return Scale(b=b.value, interval90=(max(min(low, b.value), 1e-3 * b.value), max(high, b.value)), fixed_by="data")
 

@@ -226,10 +226,8 @@ def identifiability(
     nine, _ = update_prior(ratio_uncertainty.values, ratio_uncertainty.of_runs, rig, ratio_fit.visible)
     Z = np.array([value.value for value in nine.values()])
     # A residual above the noise floor is treated as noise of that size.
-    information, alone = (
-        ratio_uncertainty.information / max(1.0, ratio_fit.chi2_per_dof),
-        only_inner(r.setup for r in runs),
-    )
+    information = ratio_uncertainty.information / max(1.0, ratio_fit.chi2_per_dof)
+    alone = only_inner(run.setup for run in runs)
     return analysed(information, rig, Z, visible=ratio_fit.visible, alone=alone)
 
 

@@ -7,7 +7,13 @@ from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, alone_share, unknown_ratios
 from dpr_lab.identification.model import EstimatedValue, ParameterValue
 from dpr_lab.identification.prior_update import update_prior
-from dpr_lab.identification.scaling.prior_spread import loose90, relative_std, scale_of, with_intervals
+from dpr_lab.identification.scaling.prior_spread import (
+    loose90,
+    posterior_of,
+    relative_std,
+    scale_of,
+    with_intervals,
+)
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import PARAMETERS, Rig, load_rig
 from dpr_lab.rig_tables import Parameter
@@ -32,7 +38,7 @@ def seen(rig: Rig, Z: np.ndarray) -> np.ndarray:
 
 def scale(rig: Rig, unknown: np.ndarray) -> Scale:
     _, base = update_prior(unknown[:5], np.diag((1e-3 * unknown[:5]) ** 2), rig)
-    return scale_of(base["b"], unknown, rig)
+    return scale_of(base["b"], posterior_of(unknown, rig))
 
 
 @pytest.mark.slow
@@ -64,9 +70,9 @@ def test_the_intervals_of_the_inner_rod_alone_hold_its_true_values_in_nine_rigs_
         fitted = nominal.copy()
         fitted[list(visible)] = e1 / a * share + carried, c1 / a * share
         assumed = ParameterValue(value=nominal[SCALE], std=None, fixed_by="bound")
-        of_a = scale_of(assumed, fitted, rig, visible, alone=True).as_inertia("a", share)
+        of_a = scale_of(assumed, posterior_of(fitted, rig, visible, alone=True)).as_inertia("a", share)
         in_use = np.where(np.array(PARAMETERS) == "c1", c1 / a * of_a.b, rig.nominal)
-        of_c1 = loose90(in_use, fitted, rig, visible, alone=True)["c1"]
+        of_c1 = loose90(in_use, fitted[SCALE], posterior_of(fitted, rig, visible, alone=True))["c1"]
         held.append([low <= value <= high for value, (low, high) in ((a, of_a.interval90), (c1, of_c1))])
     assert (np.mean(held, axis=0) > 0.8).all()
 
@@ -77,11 +83,13 @@ def test_gravity_of_the_wrong_sign_says_nothing_about_the_scale(paper: Rig, alon
     upwards = np.where(np.array([*RATIOS, "b", "p/b"]) == "e1/b", -1.0, 1.0) * nominal
     visible = [RATIOS.index("e1/b")]
     b = ParameterValue(value=nominal[SCALE], std=None, fixed_by="bound", interval90=None)
-    interval = scale_of(b, upwards, paper, visible, alone=alone).interval90
+    interval = scale_of(b, posterior_of(upwards, paper, visible, alone=alone)).interval90
     assert np.isfinite(interval).all()
     if not alone:
-        assert interval == scale_of(b, nominal, paper, [], alone=False).interval90
-    for low, high in loose90(paper.nominal, upwards, paper, visible, alone=alone).values():
+        assert interval == scale_of(b, posterior_of(nominal, paper, [])).interval90
+    for low, high in loose90(
+        paper.nominal, upwards[SCALE], posterior_of(upwards, paper, visible, alone=alone)
+    ).values():
         assert 0.0 <= low <= high < np.inf
 
 
@@ -91,10 +99,10 @@ def test_an_uncertain_ratio_of_one_rod_does_not_shift_the_interval_away_from_the
     e1_over_a = 0.4 * (fitted[visible[0]] - carried) / share
     fitted[visible] = e1_over_a * share + carried
     b = ParameterValue(value=fitted[SCALE], std=None, fixed_by="bound")
-    assert b.value in scale_of(b, fitted, paper, visible, alone=True).interval90  # at its edge
+    assert b.value in scale_of(b, posterior_of(fitted, paper, visible, alone=True)).interval90  # at its edge
     std = relative_std((0.4 * e1_over_a, 1.6 * e1_over_a))
     assert std == pytest.approx(0.6 / 1.645, rel=1e-3)
-    low, high = scale_of(b, fitted, paper, visible, alone=True, ratio_std=std).interval90
+    low, high = scale_of(b, posterior_of(fitted, paper, visible, alone=True, ratio_std=std)).interval90
     assert low < 0.95 * b.value
     assert high > 1.05 * b.value
 
@@ -107,8 +115,8 @@ def test_friction_of_the_inner_rod_alone_is_as_uncertain_as_its_inertia(paper: R
         {name: ParameterValue(value=value, std=None, fixed_by="bound") for name, value in each.items()}
         for each in (values, dict(zip(BASE, factor * base_parameters(paper.nominal, paper.L1, paper.g), strict=True)))
     )
-    scale_in_use = scale_of(base["b"], nominal, paper, visible, alone=True)
-    parameters, _ = with_intervals(nine, base, {}, scale_in_use, nominal, paper, visible, alone=True)
+    scale_in_use = scale_of(base["b"], posterior_of(nominal, paper, visible, alone=True))
+    parameters, _ = with_intervals(nine, base, {}, scale_in_use, posterior_of(nominal, paper, visible, alone=True))
     share = alone_share(nominal)
     interval, of_a = parameters["c1"].interval90, scale_in_use.as_inertia("a", share).interval90
     assert interval is not None
@@ -171,7 +179,9 @@ def test_values_that_only_bounds_fix_have_an_interval_inside_those_bounds(paper:
         name: EstimatedValue(value=value, std=0.0, interval90=(value, value))
         for name, value in zip(RATIOS, unknown[:5].tolist(), strict=True)
     }
-    nine, base = with_intervals(nine, base, ratios, scale_of(base["b"], unknown, paper), unknown, paper)
+    nine, base = with_intervals(
+        nine, base, ratios, scale_of(base["b"], posterior_of(unknown, paper)), posterior_of(unknown, paper)
+    )
     for name, (lower, upper) in zip(PARAMETERS, paper.bounds.T.tolist(), strict=True):
         low, high = nine[name].interval90 or (np.nan, np.nan)
         assert nine[name].fixed_by == "bound"

@@ -18,7 +18,7 @@ from dpr_lab.identification.moving_arm.engine import OF_ARM, swing_of
 from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel
 from dpr_lab.identification.moving_arm.scale import absolute_name, estimated
 from dpr_lab.identification.moving_arm.unknowns import parameter_of
-from dpr_lab.identification.scaling.prior_spread import scale_of
+from dpr_lab.identification.scaling.prior_spread import posterior_of, scale_of
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -54,7 +54,7 @@ def corrected_arm_model(
     swing, inertia = swing_of(unknown, effect_params(effects), mounted, driven, rig)
     letter: Literal["a", "b"] = "b" if mounted == "both" else "a"
     of_rig = ParameterValue(value=float(unknown[SCALE]), std=None, fixed_by="bound")
-    assumed = diagnosis.scale or scale_of(of_rig, unknown, rig)
+    assumed = diagnosis.scale or scale_of(of_rig, posterior_of(unknown, rig))
     scale = assumed.as_inertia(letter, inertia / assumed.b)
     kind = rig.motor.input if driven and rig.motor else ""
     determined = {name: _estimated(interval) for name, interval in diagnosis.determined.items()}

@@ -14,7 +14,7 @@ from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Transferred
 from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.identification.prior_update import assumed_b
-from dpr_lab.identification.scaling.prior_spread import relative_std, scale_of
+from dpr_lab.identification.scaling.prior_spread import SETTINGS, posterior_of, relative_std, scale_of
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.setup import only_inner
 
@@ -120,9 +120,8 @@ def _scale_b(state: Transferred, alone: bool) -> Scale:
     assumed = assumed_b(state.selection.bare.estimate.ratios, rig)
     assumed = assumed.model_copy(update={"value": b})
     gravity = determined(state)[0].get("e1/a")  # an effect such as a spring may make this ratio uncertain
-    if gravity is None:
-        return scale_of(assumed, unknown, rig, visible, alone=alone)
-    return scale_of(assumed, unknown, rig, visible, alone=alone, ratio_std=relative_std(gravity.interval90))
+    spread = relative_std(gravity.interval90) if gravity else SETTINGS.ratio_std
+    return scale_of(assumed, posterior_of(unknown, rig, visible, alone=alone, ratio_std=spread))
 
 
 def ratio_covariance(state: Transferred) -> Array:

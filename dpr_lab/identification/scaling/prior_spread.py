@@ -22,7 +22,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import BASE, RATIOS, base_jacobian, base_parameters, whole_parameters
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, alone_share, unknown_ratios
+from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, alone_share, unknown_ratios
 from dpr_lab.fitting.prior import unknown_jacobian
 from dpr_lab.identification.model import EstimatedValue, ParameterValue
 from dpr_lab.identification.scaling.scale import Interval90, Scale, lognormal90
@@ -52,27 +52,48 @@ def relative_std(interval90: Interval90) -> float:
     return max(SETTINGS.ratio_std, (high - low) / max(NORMAL_Q90 * abs(low + high), 1e-9))
 
 
-def scale_of(
-    b: ParameterValue,
-    unknown: Array,
-    rig: Rig,
-    visible: Sequence[int] | None = None,
-    *,
-    alone: bool = False,
-    ratio_std: float = SETTINGS.ratio_std,
-) -> Scale:
-    """Compute the scale of absolute sizes from the rig file.
+@dataclass(frozen=True, slots=True)
+class Posterior:
+    """Lognormal distribution of the nine parameters, given the ratios that recordings determine."""
 
-    Args:
-        b: value of b in use, and its source
-        unknown: (7,) ratios, b and p/b, of which only the ratios are used
-        rig: measured values, nominal values and bounds
-        visible: indices in `UNKNOWN_RATIOS` that the recordings determine; default: the five ratios
-        alone: whether only the inner rod is mounted; the scale is then its inertia a, converted to b by the ratio
-        ratio_std: relative standard deviation of the ratios, for example of e1/a
+    median: Array
+    """(9,) most probable parameters."""
+    covariance: Array
+    """(9, 9) covariance of their logarithms."""
+    rig: Rig
+    """Rig file of the prior."""
+    visible: Sequence[int] | None
+    """Indices in `UNKNOWN_RATIOS` that the recordings determine; None: the five ratios."""
+    alone: bool
+    """Whether only the inner rod is mounted. The scale is then its inertia a."""
+    share: float
+    """Inertia of the scale over b: a/b of the inner rod alone, otherwise 1."""
+
+    def determines(self, ratio: str) -> bool:
+        """Check whether the recordings determine a ratio."""
+        return ratio in RATIOS and (self.visible is None or RATIOS.index(ratio) in self.visible)
+
+    def inertia(self) -> tuple[float, float]:
+        """Return the median of the inertia of the scale, and the standard deviation of its logarithm."""
+        return self._moments(_A if self.alone else _B, self.alone)
+
+    def _moments(self, place: int, alone: bool) -> tuple[float, float]:
+        value, slopes = _base(self.median, self.rig, alone)
+        return float(value[place]), float(np.sqrt(slopes[place] @ self.covariance @ slopes[place]))
+
+    def of_base(self, place: int, value: float, alone: bool) -> Interval90:
+        """Return the 90 % interval of a base parameter, extended to the value in use."""
+        lower, upper = (_base(edge, self.rig, alone)[0][place] for edge in _edges(self.rig))
+        return _interval(*self._moments(place, alone), lower, upper, value)
+
+
+def scale_of(b: ParameterValue, posterior: Posterior) -> Scale:
+    """Return the scale of absolute sizes from the rig file, for a value of b and its source.
+
+    For the inner rod alone, the interval is that of its inertia a, converted to b by the ratio.
     """
-    share = alone_share(unknown) if alone else 1.0
-    low, high = _posterior(unknown, rig, visible, alone, ratio_std).of_base(_A if alone else _B, share * b.value, alone)
+    share, alone = posterior.share, posterior.alone
+    low, high = posterior.of_base(_A if alone else _B, share * b.value, alone)
     return Scale(
         b=b.value, interval90=(low / share, high / share), fixed_by="bound" if b.fixed_by == "bound" else "measured"
     )
@@ -83,12 +104,7 @@ def with_intervals(
     base: Mapping[str, ParameterValue],
     ratios: Mapping[str, EstimatedValue],
     scale: Scale,
-    unknown: Array,
-    rig: Rig,
-    visible: Sequence[int] | None = None,
-    *,
-    alone: bool = False,
-    ratio_std: float = SETTINGS.ratio_std,
+    posterior: Posterior,
 ) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
     """Add 90 % intervals to the nine rig parameters and to the base parameters.
 
@@ -99,24 +115,17 @@ def with_intervals(
         base: the six absolute base parameters
         ratios: ratios with their intervals
         scale: assumed scale of absolute values
-        unknown: (7,) ratios, b and p/b
-        rig: measured values, nominal values and bounds
-        visible: as in `scale_of`
-        alone: as in `scale_of`
-        ratio_std: as in `scale_of`
+        posterior: distribution of the parameters
     """
-    Z = np.array([parameter.value for parameter in nine.values()])
-    in_use = unknown.copy()
-    in_use[SCALE] = scale.b
-    loose = loose90(Z, in_use, rig, visible, alone=alone, ratio_std=ratio_std)
-    posterior, absolute = _posterior(unknown, rig, visible, alone, ratio_std), {}
+    loose = loose90(np.array([parameter.value for parameter in nine.values()]), scale.b, posterior)
+    absolute = {}
     for place, name in enumerate(BASE):
         interval = _of_std(base[name])
-        if interval is None and not alone and _determined(f"{name}/b", visible):
+        if interval is None and not posterior.alone and posterior.determines(f"{name}/b"):
             low, high = ratios[f"{name}/b"].interval90
             interval = scale.absolute90(base[name].value, (scale.b * low, scale.b * high))
         absolute[name] = interval or loose.get(name) or posterior.of_base(place, base[name].value, alone=False)
-    if not alone:
+    if not posterior.alone:
         absolute["b"] = scale.interval90
     parameters = {
         name: parameter.model_copy(update={"interval90": _of_std(parameter) or absolute.get(name) or loose[name]})
@@ -125,43 +134,25 @@ def with_intervals(
     return parameters, {name: base[name].model_copy(update={"interval90": absolute[name]}) for name in BASE}
 
 
-def loose90(
-    Z: Array,
-    unknown: Array,
-    rig: Rig,
-    visible: Sequence[int] | None = None,
-    *,
-    alone: bool = False,
-    ratio_std: float = SETTINGS.ratio_std,
-) -> dict[str, Interval90]:
+def loose90(Z: Array, b: float, posterior: Posterior) -> dict[str, Interval90]:
     """Compute the 90 % intervals of the parameters that are determined only by bounds.
 
     Args:
         Z: (9,) values in use, which the intervals contain
-        unknown: (7,) ratios, the b of these values, and p/b
-        rig: measured values, nominal values and bounds
-        visible: as in `scale_of`
-        alone: as in `scale_of`
-        ratio_std: as in `scale_of`
+        b: value of b in use, kg m^2
+        posterior: distribution of the parameters
     """
-    posterior = _posterior(unknown, rig, visible, alone, ratio_std)
-    inertia, std = posterior.base(_A if alone else _B, alone)
-    assumed = unknown[SCALE] * (alone_share(unknown) if alone else 1.0)
-    lower, upper = _edges(rig)
+    inertia, std = posterior.inertia()
+    lower, upper = _edges(posterior.rig)
     intervals = {}
     for i, name in enumerate(PARAMETERS):
-        if _determined(f"{name}/b", visible):  # friction: its ratio to the inertia is determined, the inertia is not
-            low, high = lognormal90(inertia / assumed * Z[i], std)
+        if posterior.determines(f"{name}/b"):  # friction: its ratio to the inertia is determined, the inertia is not
+            low, high = lognormal90(inertia / (b * posterior.share) * Z[i], std)
             intervals[name] = (float(min(low, Z[i])), float(max(high, Z[i])))
         else:
             log_std = posterior.covariance[i, i] ** 0.5
             intervals[name] = _interval(posterior.median[i], log_std, lower[i], upper[i], Z[i])
     return intervals
-
-
-def _determined(ratio: str, visible: Sequence[int] | None) -> bool:
-    """Check whether the recordings determine a ratio."""
-    return ratio in RATIOS and (visible is None or RATIOS.index(ratio) in visible)
 
 
 def _of_std(value: ParameterValue) -> Interval90 | None:
@@ -190,28 +181,6 @@ def _edges(rig: Rig) -> Array:
     return rig.bounds + np.outer([-1.0, 1.0], reach)
 
 
-@dataclass(frozen=True, slots=True)
-class _Posterior:
-    """Lognormal distribution of the nine parameters, given the ratios."""
-
-    median: Array
-    """(9,) most probable parameters."""
-    covariance: Array
-    """(9, 9) covariance of their logarithms."""
-    rig: Rig
-    """Rig file of the prior."""
-
-    def base(self, place: int, alone: bool) -> tuple[float, float]:
-        """Return the median of a base parameter, and the standard deviation of its logarithm."""
-        value, slopes = _base(self.median, self.rig, alone)
-        return float(value[place]), float(np.sqrt(slopes[place] @ self.covariance @ slopes[place]))
-
-    def of_base(self, place: int, value: float, alone: bool) -> Interval90:
-        """Return the 90 % interval of a base parameter, extended to the value in use."""
-        lower, upper = (_base(edge, self.rig, alone)[0][place] for edge in _edges(self.rig))
-        return _interval(*self.base(place, alone), lower, upper, value)
-
-
 def _base(Z: Array, rig: Rig, alone: bool) -> tuple[Array, Array]:
     """Return the base parameters (6,) and the derivatives (6, 9) of their logarithms by the logarithms of Z (9,).
 
@@ -222,17 +191,32 @@ def _base(Z: Array, rig: Rig, alone: bool) -> tuple[Array, Array]:
     return base, base_jacobian(mounted, rig.L1, rig.g) * mounted / np.maximum(base, 1e-30)[:, None]
 
 
-def _posterior(unknown: Array, rig: Rig, visible: Sequence[int] | None, alone: bool, ratio_std: float) -> _Posterior:
+def posterior_of(
+    unknown: Array,
+    rig: Rig,
+    visible: Sequence[int] | None = None,
+    *,
+    alone: bool = False,
+    ratio_std: float = SETTINGS.ratio_std,
+) -> Posterior:
     """Compute the distribution of the parameters, given all determined ratios except friction.
 
     The inner rod alone determines only the ratio e1/a.
+
+    Args:
+        unknown: (7,) ratios, b and p/b, of which only the ratios are used
+        rig: measured values, nominal values and bounds
+        visible: as in `Posterior`
+        alone: as in `Posterior`
+        ratio_std: relative standard deviation of the ratios, for example of e1/a
     """
+    share = alone_share(unknown) if alone else 1.0
     determined = range(len(RATIOS)) if visible is None else visible
     places = [i for i in (*range(len(RATIOS)), ON_ELBOW) if i in determined and i not in FRICTION]
     estimated = unknown[places]
     if alone:
         gravity = unknown[RATIOS.index("e1/b")] - unknown[ON_ELBOW] * rig.g / rig.L1
-        estimated = np.array([gravity / alone_share(unknown)])
+        estimated = np.array([gravity / share])
     possible = estimated > 0.0
     lower, upper = rig.bounds
     relative = np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS]) / rig.nominal
@@ -254,4 +238,4 @@ def _posterior(unknown: Array, rig: Rig, visible: Sequence[int] | None, alone: b
         z = z + np.clip(step, -SETTINGS.longest_step, SETTINGS.longest_step)
         if np.max(np.abs(step)) < SETTINGS.converged:
             break
-    return _Posterior(np.exp(z), P, rig)
+    return Posterior(np.exp(z), P, rig, visible, alone, share)

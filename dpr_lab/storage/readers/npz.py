@@ -19,7 +19,7 @@ def read_numpy(path: Path, take: Sequence[str]) -> Table:
     """Read every numeric array of a .npz file, or the array of a .npy file.
 
     Raises:
-        RunError: the file is damaged or is another archive. It contains pickled objects, or more numbers than a
+        RunError: the file is damaged or is another archive, or it contains pickled objects or more numbers than a
             recording can have.
     """
     with library_of(path, KIND, zipfile.BadZipFile, zlib.error), _plain_arrays(path):

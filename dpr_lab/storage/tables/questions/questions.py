@@ -110,8 +110,7 @@ def refuse_push(table: InterpretedTable, origin: float) -> None:
         raise RunError(
             f"{table.path}: the rods hang at rest until {begins:.4g} s after the first row and then swing:"
             f" they were pushed by an unknown force. Exclude the push (--start-s {begins + 1:.4g}), or name"
-            f" the torques' columns"
-            " tau1_Nm, tau2_Nm; --keep-rest uses all rows"
+            " the torques' columns tau1_Nm, tau2_Nm; --keep-rest uses all rows"
         )
 
 
