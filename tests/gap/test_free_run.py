@@ -11,11 +11,13 @@ from dpr_lab.effects import SIZE
 from dpr_lab.errors import RunError
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
+from dpr_lab.gap.screen.input import refuse_wrong_input
 from dpr_lab.gap.screen.record import Record, record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import expected_errors, free_runs, free_swings
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+from tests.arm_engine import drawn_plant, recorded, rig_of
 
 NOISE = 2e-4
 
@@ -52,6 +54,30 @@ def test_a_recording_in_pieces_too_short_is_refused(paper: Rig) -> None:
     run = Run("x", t, np.full((len(t), 3), np.pi), None, None, paper.name, "", 200.0)
     with pytest.raises(RunError, match="x: no sequence of 8 valid samples without a gap"):
         record(run, paper)
+
+
+def arm_and_clamped_arm() -> tuple[Rig, list[Run]]:
+    """Record a release with a free arm, and one with a clamped arm, as a plan proposes for a rig with an arm."""
+    rng = np.random.default_rng(4)
+    plant = drawn_plant(rng, False, "", 1.0, 0.12)
+    rig, clamped = rig_of(plant, "free"), replace(plant, J0=1e6)
+    (free, *_), (held, *_) = (recorded(one, rig, "free", rng, 1.0, 0.12) for one in (plant, clamped))
+    return rig, [free, replace(held, name="held", arm_mode="clamped", theta=held.theta * [0.0, 1.0, 1.0])]
+
+
+def test_runs_with_a_free_and_a_clamped_arm_are_simulated_together() -> None:
+    rig, runs = arm_and_clamped_arm()
+    recordings = Recordings(tuple(record(run, rig) for run in runs), rig)
+    estimate = Estimate.of(nominal_ratios(rig), recordings.start_params, np.zeros((0, 4)))
+    assert free_runs(recordings, estimate).errors_rad.keys() == {"run0", "held"}
+
+
+def test_a_clamped_arm_that_turns_is_refused_among_runs_with_a_free_arm() -> None:
+    rig, runs = arm_and_clamped_arm()
+    turned = replace(runs[1], theta=runs[1].theta + np.outer(runs[1].t, [0.5, 0.0, 0.0]))
+    recordings = Recordings(tuple(record(run, rig) for run in (runs[0], turned)), rig)
+    with pytest.raises(RunError, match=r"held: its arm is described as clamped, but encoder 0 turns by 0\.5 rad"):
+        refuse_wrong_input(recordings, nominal_ratios(rig))
 
 
 @pytest.mark.slow

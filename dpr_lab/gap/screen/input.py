@@ -29,10 +29,12 @@ from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 
 @dataclass(frozen=True, slots=True)
 class InputRules:
-    """Thresholds for an arm that stands still, and for other interpretations of a table."""
+    """Thresholds for an arm that is described as moving or clamped, and for other interpretations of a table."""
 
     still: float = 6.0
     """Maximum range of the arm's angle for an arm that counts as at rest, in standard deviations of a reading."""
+    turned_rad: float = 0.1
+    """Maximum range of the angle of a clamped arm, rad; a mount or a gear that yields turns it by less."""
     likely: tuple[str, ...] = (SPRING_JOINT0.name, COULOMB_JOINT0.name)
     """Effects that most arms have. Without them in the model, the torque of a strong cable can hide a wrong sign."""
     alike: float = 1.1
@@ -55,12 +57,12 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
         start: (7,) initial ratios, b and p/b
 
     Raises:
-        RunError: the arm does not move, although it is described as moving.
+        RunError: the arm does not move, although it is described as moving, or the reverse.
         IdentificationError: another sign or unit explains the recordings; the message names it.
     """
     if not recordings.arm_moves:
         return
-    _refuse_still(recordings)
+    _refuse_other_modes(recordings)
     rig = recordings.rig
     as_read = _fitted(recordings, start)
     if as_read.reduced > DESCRIPTION.doubted or as_read.gain < 0.0:
@@ -92,14 +94,20 @@ def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
     )
 
 
-def _refuse_still(recordings: Recordings) -> None:
+def _refuse_other_modes(recordings: Recordings) -> None:
     for recording in recordings.records:
-        run, turn = recording.run, float(np.ptp(recording.joints[:, -1]))
-        if recording.setup.arm_moves and turn < INPUT.still * float(np.median(recording.sigma[:, -1])):
+        run, moves = recording.run, recording.setup.arm_moves
+        turn = float(np.ptp(recording.joints[:, -1] if moves else run.swing.theta[:, 0]))
+        if moves and turn < INPUT.still * float(np.median(recording.sigma[:, -1])):
             raise RunError(
                 f"{run.file or run.name}: its arm is {run.arm_mode}, but encoder 0 stands still (range"
                 f" {turn:.2g} rad). If the arm was held, import with --arm clamped; otherwise check the"
                 " column of theta0"
+            )
+        if run.arm_mode == "clamped" and turn > INPUT.turned_rad:
+            raise RunError(
+                f"{run.file or run.name}: its arm is described as clamped, but encoder 0 turns by {turn:.2g} rad. Clamp"
+                " the arm and record again, or state its mode: capture or import with --arm"
             )
 
 

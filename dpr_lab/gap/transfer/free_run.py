@@ -136,13 +136,12 @@ def free_runs(recordings: Recordings, estimate: Estimate, length_s: float = FREE
         within = record.t <= until
         within[:MIN_SAMPLES] = True
         compared.append(replace(record.only(within), breaks=np.zeros(0)))
-    problem, _ = (
-        replace(recordings, ratios=None).only(compared).cut(np.inf)
-    )  # nothing is fitted here, so the noise has no influence
-    starts = np.concatenate([start.initial[:1] for start in own_starts])
-    return FreeRuns(
-        items, problem, estimate.changed(initial=starts, zeros=np.concatenate([start.zeros for start in own_starts]))
-    )
+    # nothing is fitted here, so the noise has no influence
+    problem, initial = replace(recordings, ratios=None).only(compared).cut(np.inf)
+    for state, start in zip(initial, own_starts, strict=True):
+        state[: start.initial.shape[1]] = start.initial[0]  # a clamped arm keeps its angle
+    zeros = np.concatenate([start.zeros for start in own_starts])
+    return FreeRuns(items, problem, estimate.changed(initial=initial, zeros=zeros))
 
 
 def _own_start(recordings: Recordings, record: Record, estimate: Estimate) -> Estimate:
