@@ -1,4 +1,4 @@
-"""Identify a rotary double pendulum and explain why its simulation differs from the rig.
+"""Identify a double pendulum and explain why its simulation differs from the rig.
 
     import dpr_lab as dpr
 

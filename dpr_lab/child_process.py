@@ -103,7 +103,7 @@ class ChildProgram:
 
     @property
     def pid(self) -> int:
-        """Process number."""
+        """Process identifier (PID)."""
         return self._process.pid
 
     @property

@@ -59,7 +59,7 @@ def refuse_other_parameters(names: Iterable[str]) -> None:
 
 
 NO_ENCODER = {"nominal": 1e-6, "measured": 1e-6, "std": 1e-7}
-"""Negligible mass of the encoder at joint 2 for a rig without joint 2, kg."""
+"""Negligible mass of the parts at joint 2 for a rig without joint 2, kg."""
 
 
 def refuse_impossible_arm(rig: "Rig", mode: ArmMode) -> None:

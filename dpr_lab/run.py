@@ -142,7 +142,9 @@ class Run(Shown):
             return replace(self, arm_input=self.commanded_input, **alone)
         if kind != self.torque_kind:
             known = self.torque_kind or "unspecified"
-            which = f"torques, only {known} ones" if self.arm_input is None else f"arm input, only the {known} one"
+            which = (
+                f"torques, only {known} torques" if self.arm_input is None else f"arm input, only a {known} arm input"
+            )
             raise RunError(f"{self.file or self.name}: contains no {kind} {which}: remove the option --torque")
         return replace(self, **alone)
 

@@ -91,7 +91,7 @@ def test_broken_plugins_are_named_and_skipped(announce: Announce) -> None:
     assert "wrong:LAW is not Effect" in reasons["wrong"]
     assert "LAW" in reasons["missing"]
     assert "'coulomb_joint1' exists already" in reasons["taken"]
-    assert "the kernel asks for velocity" in reasons["asks"]
+    assert "the kernel needs velocity" in reasons["asks"]
     assert "no limit for 'furlong'" in reasons["units"]
     line = LAW.splitlines().index("from dpr_lab.kernels import inlined") + 1
     assert f"circle.py, line {line} imports a module that needs the table of effects" in reasons["circle"]

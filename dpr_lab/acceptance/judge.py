@@ -147,7 +147,7 @@ def _largest(curve: JointFriction, speed: float, diagnosis: Diagnosis) -> Range:
 def _other_friction(diagnosis: Diagnosis, joint: int) -> str:
     """Return the reason why the friction torque may depend on more than the speed.
 
-    One reason is that the named effect may be something else than a friction law. The text is empty if the friction
+    One reason is that the named effect may not be a friction law. The text is empty if the friction
     torque certainly is a function of the speed alone.
     """
     laws = {*laws_of(joint)}
@@ -278,7 +278,7 @@ def _confused(diagnosis: Diagnosis, effect: str) -> str:
     for rival in diagnosis.rivals:
         if effect in (rival.name, *rival.members) and rival.probability > 1 - SURE:
             instead = rival.instead_of or "none"
-            return f"the probability that it is the cause instead of {instead} is {percent(rival.probability)}"
+            return f"the probability that this effect is the cause instead of {instead} is {percent(rival.probability)}"
     return "named, but not confirmed on other recordings" if effect in diagnosis.withdrawn else ""
 
 
@@ -312,12 +312,12 @@ def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> str:
 
 
 def _unsure(diagnosis: Diagnosis, effect: str) -> str:
-    """Return the reason why an effect that exceeds its limit may be another effect.
+    """Return the reason why an effect other than the one above its limit may be the cause.
 
     The reason is empty if the effect is certain or was not named.
     """
     for named in diagnosis.effects:
         if named.name == effect:
             sure = named.candidates[effect]
-            return "" if sure >= SURE else f"the probability that it is the cause is {percent(sure)}"
+            return "" if sure >= SURE else f"the probability that this effect is the cause is {percent(sure)}"
     return ""

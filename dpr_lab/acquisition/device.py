@@ -227,7 +227,7 @@ class Device:
     def simulated_time(self) -> bool:
         """Whether ticks may differ from real time.
 
-        The device must declare this, and its link must be inside this computer.
+        The device must declare simulated time, and its link must be inside this computer.
         """
         return self.info.simulated_time and self._software
 

@@ -16,7 +16,7 @@ from dpr_lab.cli.plugin_listing import PluginListing
 from dpr_lab.plugins.installed import OFF
 from dpr_lab.version import __version__
 
-HELP = """Identify a rotary double pendulum and explain why its simulation differs from the rig.
+HELP = """Identify a double pendulum and explain why its simulation differs from the rig.
 
 \b
 Example:

@@ -66,7 +66,7 @@ def _write_tables(out: Path, as_json: bool) -> None:
     for file in (rig, *tables):
         line(file)
     table = in_command(rig.with_name("side.csv"))
-    line(f"Next: dpr-lab import table {table} --rig {in_command(rig)} --dry-run")
+    line(f"next: dpr-lab import table {table} --rig {in_command(rig)} --dry-run")
 
 
 def _record(done: "DemoResult") -> dict[str, Any]:

@@ -57,9 +57,10 @@ def diagnose(
     fail_on: Annotated[
         str | None,
         typer.Option(
-            help="Exit with code 1 in any of these cases, separated by commas: gap, unexplained, unsure,"
-            " sensor. The exit code is always 1 if the recordings cannot show a gap, or if the description"
-            " of the recordings is probably wrong.",
+            help="Conditions of exit code 1, separated by commas: gap (simulation and rig differ), unexplained (part"
+            " of the gap is unexplained), unsure (a named effect has a probability below 90 %), sensor (a sensor"
+            " fault). The code is always 1 if the verdict is inconclusive, or if the description of the recordings"
+            " is probably wrong.",
             callback=REASON_NAMES.check,
             autocompletion=REASON_NAMES.complete,
         ),
@@ -68,7 +69,8 @@ def diagnose(
         int,
         typer.Option(
             min=0,
-            help="Number of blind trials on simulated plants like this rig. Each trial takes as long as the diagnosis.",
+            help="Number of blind trials on simulated plants like this rig, which measure how often the diagnosis is"
+            " correct. Each trial takes as long as the diagnosis.",
         ),
     ] = 0,
     explain: Annotated[

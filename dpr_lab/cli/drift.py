@@ -29,7 +29,9 @@ def drift(
         Path | None,
         typer.Option(help="Model of `identify`, or folder of a diagnosis: initial values of the fit."),
     ] = None,
-    fail_on_drift: Annotated[bool, typer.Option("--fail-on-drift", help="Exit with 1 if a parameter changed.")] = False,
+    fail_on_drift: Annotated[
+        bool, typer.Option("--fail-on-drift", help="Exit with code 1 if a parameter changed.")
+    ] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for the control charts and the report.")] = None,
     any_clock: AnyClock = False,
     torque: TorqueKind = None,

@@ -50,7 +50,7 @@ def identify(
     torque: TorqueKind = None,
     as_json: Json = False,
 ) -> None:
-    """Identify the kinetic parameters from recorded swings.
+    """Identify the parameters of a rig from recorded swings.
 
     Example: dpr-lab identify runs/*.mcap --rig paper --out model.json
     """

@@ -65,7 +65,7 @@ def plan(
     ] = None,
     diagnosis: Annotated[
         Path | None,
-        typer.Option(help="Diagnosis of these runs, its JSON file or folder; default: they are diagnosed first."),
+        typer.Option(help="Diagnosis of these runs: its JSON file or folder. Default: the runs are diagnosed first."),
     ] = None,
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the random numbers; the same seed gives the same plan.")

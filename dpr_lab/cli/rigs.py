@@ -112,7 +112,7 @@ def check(
     rig: RigFile,
     as_json: AnyJson = False,
 ) -> None:
-    """Check a rig file for errors, missing keys and implausible values. The exit code is 1 if it cannot be used.
+    """Check a rig file for errors, missing keys and implausible values. The exit code is 1 if the file cannot be used.
 
     Example: dpr-lab rig check my_rig.toml
     """

@@ -30,7 +30,7 @@ JsonEach = Annotated[
 def info(files: RunFiles, as_json: JsonEach = False) -> None:
     """Show the contents of run files: samples, duration, losses by cause, pose, rig, firmware.
 
-    Exits with 3 if a file is not a run.
+    The exit code is 3 if a file is not a run.
 
     Example: dpr-lab run info runs/20261121T101500Z_X1_1a2b3c4d.mcap
     """

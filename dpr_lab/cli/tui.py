@@ -1,4 +1,4 @@
-"""`dpr-lab tui`: the terminal user interface."""
+"""`dpr-lab tui`: the screen, a terminal user interface."""
 
 import os
 import sys
@@ -46,14 +46,14 @@ def tui(
             min=1,
             max=65535,
             metavar="PORT",
-            help="Serve the interface to browsers on this computer, read-only by default. The command prints the"
+            help="Serve the screen to browsers on this computer, read-only by default. The command prints the"
             " address, which contains a token.",
         ),
     ] = None,
 ) -> None:
-    """Open the terminal user interface: connect, capture, identify, compare and diagnose.
+    """Open the screen, a terminal user interface for all steps from the connection to the diagnosis.
 
-    It restores the last session. F1 explains each step.
+    The screen restores the last session. F1 explains each step.
 
     Example: dpr-lab tui --rig paper --link sim:// --out bench
     """

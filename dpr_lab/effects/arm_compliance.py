@@ -69,7 +69,7 @@ ARM_COMPLIANCE = Effect(
             "coupling of the arm",
             "coupling",
             ("coupling_per_kg",),
-            definition="L0^2 over the inertia of the arm with all masses at its tip",
+            definition="L0^2 divided by the inertia of the arm with all masses at its tip",
         ),
     ),
     symptom=(

@@ -29,7 +29,7 @@ AXIS_TILT_JOINT0 = Effect(
     words="tilt of the arm's axis",
     equation=(
         "Y cos(q) - X sin(q) - (e1 sin(theta1) + e2 sin(theta2)) p_r acts on the arm and e_i cos(theta_i) p_t on"
-        " theta_i, with p_r = x cos(q) + y sin(q), p_t = y cos(q) - x sin(q), q the angle of the arm"
+        " theta_i, with p_r = x cos(q) + y sin(q), p_t = y cos(q) - x sin(q) and q the angle of the arm"
     ),
     parameters=(
         EffectParameter("along_rad", "rad", 5e-3),

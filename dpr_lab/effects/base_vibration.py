@@ -30,7 +30,9 @@ def shaken(
 BASE_VIBRATION = Effect(
     name="base_vibration",
     words="base vibration",
-    equation=("tau_i = -(e_i / g) cos(theta_i) u, u = A cos(2 pi f t) + B sin(2 pi f t), t the time since the release"),
+    equation=(
+        "tau_i = -(e_i / g) cos(theta_i) u, u = A cos(2 pi f t) + B sin(2 pi f t), with t the time since the release"
+    ),
     parameters=(
         EffectParameter("cos_m_per_s2", "m/s^2", 0.2),
         EffectParameter("sin_m_per_s2", "m/s^2", 0.2),

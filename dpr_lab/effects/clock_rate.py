@@ -16,7 +16,7 @@ def fast(t: float, excess: float) -> float:
 CLOCK_RATE = Effect(
     name="clock_rate",
     words="clock rate error",
-    equation="both encoders are read at t / (1 + x), t the device's time since the release",
+    equation="both encoders are read at t / (1 + x), with t the device's time since the release",
     parameters=(EffectParameter("excess", "1", 1e-3, plausible=1e-4),),
     site="timing",
     stage="timing",
@@ -29,7 +29,7 @@ CLOCK_RATE = Effect(
     twins=("wrong_length_L1",),
     quantities=(
         BenchQuantity(
-            "rate error of the device's clock", "x", ("excess",), definition="device time over true time, minus 1"
+            "rate error of the device's clock", "x", ("excess",), definition="device time divided by true time, minus 1"
         ),
     ),
     symptom="All periods differ by the same factor from those measured with a stopwatch.",

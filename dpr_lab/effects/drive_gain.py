@@ -22,8 +22,8 @@ DRIVE_GAIN = Effect(
     quantities=(BenchQuantity("gain of the drive divided by the assumed gain, minus 1", "x", ("excess",)),),
     symptom="The arm responds to every input too strongly or too weakly, by the same factor.",
     bench_check=(
-        "Hold the arm's tip against a spring scale and command a steady input: force times length over the input is"
-        " the gain."
+        "Hold the arm's tip against a spring scale and command a steady input: force times length divided by the input"
+        " is the gain."
     ),
     source="Ljung (1999), System Identification, ch. 4: the static gain of a model structure.",
 )

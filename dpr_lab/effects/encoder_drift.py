@@ -21,7 +21,7 @@ ENCODER_DRIFT = pair(
     "encoder_drift",
     words="encoder zero drift, joint {j}",
     kernel=drifting,
-    equation="encoder {j} reads q{j} + x + r t, t the time since the release, 0 before it",
+    equation="encoder {j} reads q{j} + x + r t, with t the time since the release, 0 before the release",
     parameters=(
         EffectParameter("offset_rad", "rad", 5e-3),
         EffectParameter("rate_rad_per_s", "rad/s", 5e-4, most=LARGEST_RAD_PER_S),

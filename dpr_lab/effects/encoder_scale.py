@@ -52,12 +52,14 @@ ENCODER_SCALE = pair(
     corrects="counts_per_rev",
     remedy=remedy,
     twins=("spring",),
-    equation="encoder {j} reads (1 + x) q{j}, q{j} its angle from hanging",
+    equation="encoder {j} reads (1 + x) q{j}, with q{j} the angle of the joint from hanging",
     parameters=(EffectParameter("excess", "1", 1e-3, most=0.2),),
     site="sensor",
     stage="encoder",
     quantities=(
-        BenchQuantity("scale error of the encoder", "x", ("excess",), definition="angle read over true angle, minus 1"),
+        BenchQuantity(
+            "scale error of the encoder", "x", ("excess",), definition="reading divided by true angle, minus 1"
+        ),
     ),
     symptom=(
         "After whole turns, the reading of the hanging rod {j} is not a whole number of turns; all angles are too"
@@ -69,7 +71,7 @@ ENCODER_SCALE = pair(
 
 ENCODER_SCALE_JOINT0 = at_arm(
     ENCODER_SCALE[0],
-    equation="encoder 0 reads (1 + x) q0, q0 the angle of the arm",
+    equation="encoder 0 reads (1 + x) q0, with q0 the angle of the arm",
     symptom="All angles of the arm are too large or too small by the same factor.",
     bench_check="Turn the arm by hand through whole turns to the same mark, as far as its cable allows.",
 )

@@ -35,7 +35,7 @@ FREE_ARM = Effect(
         " simulated."
     ),
     bench_check=(
-        "Accelerate the arm by a known weight on a string over a pulley and measure the time: torque over"
+        "Accelerate the arm by a known weight on a string over a pulley and measure the time: torque divided by"
         " acceleration is A."
     ),
     source="Lagrange's equations of the whole rig, `dpr_lab.dynamics.arm`.",

@@ -18,7 +18,7 @@ FRICTION_DRIFT = pair(
     "friction_drift",
     words="viscous friction drift, joint {j}",
     kernel=drifting,
-    equation="tau = -r t u: c{j}(t) = c{j} + r t, t the time since the release",
+    equation="tau = -r t u: c{j}(t) = c{j} + r t, with t the time since the release",
     parameters=(
         EffectParameter(
             "rate_Nm_per_rad",

@@ -28,7 +28,7 @@ def _reasons(effect: Effect) -> Iterator[str]:
     names = [*(state.name for state in effect.internal), *(parameter.name for parameter in effect.parameters)]
     offered = [*STAGES[effect.stage].quantities, *names]
     if unknown := [name for name in arguments(effect.kernel) if name not in offered]:
-        yield f"the kernel asks for {', '.join(unknown)}; the stage {effect.stage!r} offers: {', '.join(offered)}"
+        yield f"the kernel needs {', '.join(unknown)}; the stage {effect.stage!r} provides: {', '.join(offered)}"
     if not effect.amplitudes:
         yield "an effect needs at least one amplitude, which is zero if the effect is absent"
     for parameter in effect.parameters:

@@ -32,7 +32,7 @@ _JOINT1, _JOINT2 = pair(
     stage="drive",
     quantities=(
         BenchQuantity(
-            "gain error of the torque", "x", ("excess",), definition="acting torque over known torque, minus 1"
+            "gain error of the torque", "x", ("excess",), definition="acting torque divided by known torque, minus 1"
         ),
     ),
     symptom="The residual of joint {j} is proportional to the torque of its drive, and vanishes in free swings.",
@@ -57,7 +57,7 @@ TORQUE_SCALE_JOINT0 = at_arm(
     equation="(1 + x) tau acts on the arm, with tau the known torque",
     symptom="The residual of the arm is proportional to the input, and vanishes without an input.",
     bench_check=(
-        "Hold the arm's tip against a spring scale and command a steady input: force times length over the input is"
-        " the gain. With a voltage drive measure the winding's resistance too: the gain is kt gear / R."
+        "Hold the arm's tip against a spring scale and command a steady input: force times length divided by the input"
+        " is the gain. With a voltage drive measure the winding's resistance too: the gain is kt gear / R."
     ),
 )

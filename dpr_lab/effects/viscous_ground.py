@@ -27,7 +27,7 @@ VISCOUS_GROUND = Effect(
     ),
     symptom="The outer rod loses energy according to its absolute speed, even while joint 2 does not turn.",
     bench_check=(
-        "Tape a light card to the outer rod: air drag increases by a factor of several, joint friction does not. A"
+        "Tape a light card to the outer rod: air drag increases several times, joint friction does not. A"
         " release from upright covers the speeds at which linear and quadratic drag differ."
     ),
     source="Stokes' law for slow flow; many models use it by mistake for the friction of joint 2.",

@@ -17,7 +17,7 @@ class GapSettings:
     """Limits of gaps in which the motion is predicted (decision 101)."""
 
     longest_s: float = 3.0
-    """Longest such gap, s. After a longer gap, smoothed states can be infinite."""
+    """Longest gap without an error, s. After a longer gap, smoothed states can be infinite."""
     steps: float = 20.0
     """Number of median steps up to which a gap is never too long, because the unit of time may be wrong."""
 

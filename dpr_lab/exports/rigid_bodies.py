@@ -11,7 +11,7 @@ from dpr_lab.effects.effect import Words
 Vector = tuple[float, float, float]
 
 THIN = 1e-12
-"""Inertia of a thin rod about its own axis, kg m^2. It is positive, because simulators require this."""
+"""Inertia of a thin rod about its own axis, kg m^2. It is positive, because simulators require positive inertias."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ class Bodies:
     rods: tuple[Rod, ...]
     """The inner rod, and the outer rod if it is mounted."""
     tip_mass: float
-    """Mass of the encoder at joint 2, kg."""
+    """Mass of the parts at joint 2, kg."""
     gravity: float
     tilt: float
     arm: Arm | None

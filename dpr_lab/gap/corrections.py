@@ -78,7 +78,7 @@ def corrected(preliminary: ForwardSelected, search: Callable[[ScreenedRuns], For
 
 
 def with_other_noise(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
-    """Return the state with less or no noise of known torques, if a model requires this."""
+    """Return the state with less or no noise of known torques, if a model requires the change."""
     if refutes_torque_noise(fitted.problem, model):
         return replace(fitted, recordings=replace(fitted.recordings, exact_torques=True))
     recordings = with_likeliest_noise(fitted.recordings, fitted.problem, model)

@@ -21,7 +21,7 @@ class Search:
     spread: int = 40
     """Number of evenly spread poses with which the search starts."""
     screened_s: float = 10.0
-    """Duration of the releases by which these poses are compared, s."""
+    """Duration of the releases by which the evenly spread poses are compared, s."""
     alone_s: float = PIECES.from_s - 1.0
     """Maximum duration of a first release, s; a diagnosis does not divide such a recording into pieces."""
     best: int = 3
@@ -43,7 +43,7 @@ class Search:
 
     repeated: float = 0.5
     """Fraction by which the value of a release falls if it repeats another release, because a model error affects
-    both."""
+    both releases."""
     alike_rad: float = 0.5
     """Distance between two start poses, rad, at which the reduction by `repeated` has mostly disappeared."""
 

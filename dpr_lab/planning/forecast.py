@@ -24,8 +24,8 @@ releases has a significance of mean s sqrt((n + 1) / n) and variance 1 / n after
 noise, the remainder therefore disappears with the probability 0.05, 0.10 or 0.14 for n = 1, 2 or 3. A larger remainder
 disappears less often.
 
-For an individual plant, the probability of a decision differs from this mean, because the causes may stay undecided for
-reasons that a forecast cannot take into account. The prior of this probability is a beta distribution with the above
+For an individual plant, the probability of a decision differs from this mean: the causes may stay undecided for reasons
+that a forecast cannot take into account. The prior of this probability is a beta distribution with the above
 mean and a weight of `weight` releases. After `failed` releases that left the causes undecided, k more releases decide
 with the beta-binomial probability
 

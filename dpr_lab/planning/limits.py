@@ -58,11 +58,11 @@ class ReachablePoses(RigTable):
     """
 
     theta1_rad: Range = (0.0, 2 * math.pi)
-    """Range of the angle of the inner rod."""
+    """Range of the angle of the inner rod, rad."""
     theta2_rad: Range = (0.0, 2 * math.pi)
-    """Range of the angle of the outer rod."""
+    """Range of the angle of the outer rod, rad."""
     elbow_rad: Range | None = None
-    """Range of theta2 - theta1 modulo full turns, for an elbow that cannot make a full turn; None: unlimited."""
+    """Range of theta2 - theta1, rad, modulo full turns, for an elbow that cannot make a full turn; None: unlimited."""
 
     @model_validator(mode="after")
     def _in_order(self) -> "ReachablePoses":

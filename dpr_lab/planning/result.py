@@ -71,7 +71,7 @@ class PlannedRelease(_Record):
     ratio_std: dict[str, Number]
     """Expected standard deviation of each ratio after this release and the previous releases."""
     decided: Number | None
-    """Probability that no further release is necessary after this one.
+    """Probability that no further release is necessary after this release.
 
     None before any recording, and if no further release is necessary now.
     """

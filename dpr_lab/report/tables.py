@@ -53,7 +53,7 @@ PARAMETER_UNITS = {
     "l2": ("m", "outer rod, pivot to CoM"),
     "m1": ("kg", "mass of the inner rod"),
     "m2": ("kg", "mass of the outer rod"),
-    "mb": ("kg", "mass of the encoder at joint 2"),
+    "mb": ("kg", "mass of the parts at joint 2"),
     "c1": ("N m s/rad", "viscous friction of joint 1"),
     "c2": ("N m s/rad", "viscous friction of joint 2"),
     "J1": ("kg m²", "inner rod, inertia about CoM"),

@@ -28,8 +28,8 @@ class TextSettings:
     """Numbers of decimals to try, in this order. The first number of decimals that reproduces every value of a column
     exactly is used."""
     largest: int = 1 << 53
-    """Limit of the integer that the digits of a number form without the decimal point. Integers below the limit are
-    exact as floats, so that only the division by a power of ten is rounded."""
+    """Upper limit of a number whose decimal point is removed. Integers below this limit are exact as floats, so that
+    only the division by a power of ten is rounded."""
 
 
 SETTINGS = TextSettings()

@@ -25,9 +25,9 @@ class LinkKind:
     name: str
     """Description for the operator."""
     opener: str
-    """Location of the function that opens the link, `module:function`. It is imported on demand, so that only the
-    library of the used link is needed. The function receives the parsed URL and the rig file, and returns a
-    `Transport`."""
+    """Location of the function that opens the link, `module:function`. The module is imported on demand, so
+    that only the library of the used link is needed. The function receives the parsed URL and the rig file, and returns
+    a `Transport`."""
     example: str
     """Example of a URL for error messages and help."""
 

@@ -232,7 +232,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
     def on_resize(self, event: events.Resize) -> None:
         """Adapt the list of steps to the width.
 
-        If the window is too small, this is reported.
+        If the window is too small, a message is shown.
         """
         width, height = event.size
         main = self.screen_stack[0]

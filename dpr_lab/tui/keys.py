@@ -85,8 +85,8 @@ def about_keys() -> str:
     [capture]
     release = "space"
 
-The sections are `app`, `chart`, `slider`, `runs` and the names of the steps. The README lists the actions. A file with
-an unknown action or key, or with the same key for two actions of a section, is rejected with a message.
+The sections are `app`, `chart`, `slider`, `runs` and the names of the steps. A file with an unknown action or key, or
+with the same key for two actions of a section, is rejected. The message about an unknown action lists all actions.
 """
 
 

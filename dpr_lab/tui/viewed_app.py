@@ -37,7 +37,7 @@ class ViewedApp(App[None]):
     ) -> str | None:
         """Save a screenshot.
 
-        A read-only page refuses this with a message.
+        A read-only page refuses the command with a message.
         """
         if self.read_only:
             self._handle_exception(SafetyStop(READ_ONLY))

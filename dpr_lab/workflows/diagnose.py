@@ -57,7 +57,7 @@ class DiagnoseRequest:
     """Number of additional blind trials on simulated plants that resemble this rig. Each takes as long as the
     diagnosis."""
     processes: int = 0
-    """Number of these trials that run in parallel; 0: one per processor."""
+    """Number of blind trials that run in parallel; 0: one per processor."""
     torque: str | None = None
     """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
 

@@ -29,7 +29,7 @@ class DriftResult:
     estimates: "Estimates"
     """Estimates of the runs in chronological order."""
     group: tuple[int, ...]
-    """Index of the group of each run in this order."""
+    """Index of the group of each run, in the order of the estimates."""
     files: dict[str, str]
     torques: tuple[str, ...] = ()
     """Kinds of the known torques that drove the runs."""

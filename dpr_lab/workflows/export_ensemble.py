@@ -55,7 +55,7 @@ class EnsembleResult:
     factor: float
     """Factor by which the standard deviations of the posterior were multiplied."""
     factor_of_fit: float
-    """Part of this factor that follows from leave-one-out cross-validation over the fitted recordings; 1 if files are
+    """Part of `factor` that follows from leave-one-out cross-validation over the fitted recordings; 1 if files are
     missing."""
     expected_coverage: float
     """Share of the readings that a band of this number of models is expected to cover: 0.9, or less for few models."""

@@ -105,7 +105,7 @@ MEANING = {
     "J1": "inertia of the inner rod about its centre of mass, kg m^2",
     "J2": "inertia of the outer rod about its centre of mass, kg m^2",
     "L0": "distance from the axis of the arm to the rods, m",
-    "L1": "distance of both joints, or length of a single rod, m",
+    "L1": "distance between the two joints, or length of a single rod, m",
     "L2": "length of the outer rod, m",
     "g": "gravity in the plane of the swing, m/s^2",
     "A": "inertia of the arm about its axis with the rods at its end, kg m^2",
@@ -162,7 +162,7 @@ def _parameters(m: RigMeasures, mb: Measure) -> dict[str, tuple[str, Bounds, flo
         values |= {f"l{rod}": length / 2, f"m{rod}": mass.value, f"J{rod}": mass.value * length**2 / 12}
     ranges = ranges_of(values, [length for _, length in rods], m.g, uncertain=True)
     stds = {f"m{rod}": mass.std for rod, (mass, _) in enumerate(rods, 1)} | {"mb": mb.std}
-    words = MEANING | {"mb": "mass of the parts at the elbow (encoder, bearing, motor), kg"}
+    words = MEANING | {"mb": "mass of the parts at joint 2 (encoder, bearing, motor), kg"}
     if len(rods) == 2:
         least, _, most = (factor * (values["m1"] + values["m2"]) for factor in DRAFT.elbow)
         ranges["mb"] = mass_bounds(mb.value) if m.mb else (least, mb.value, most)

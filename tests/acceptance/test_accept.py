@@ -71,7 +71,7 @@ def test_an_effect_does_not_fail_where_another_may_be_the_cause(diagnosis: Diagn
     shared_cause = diagnosis.model_copy(update={"effects": [shared]})
     (judged,) = judge(shared_cause, limit("coulomb_joint1", "torque_Nm", 0.9 * low, "N m")).limits
     assert judged.answer == "not decidable"
-    assert "the probability that it is the cause" in judged.reason
+    assert "the probability that this effect is the cause" in judged.reason
 
 
 @pytest.mark.slow

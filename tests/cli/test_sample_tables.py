@@ -32,7 +32,7 @@ def test_the_demo_writes_tables_films_and_their_rig_file(cli: Cli, tmp_path: Pat
 def test_the_next_command_can_be_copied_if_the_folder_has_a_space(cli: Cli, tmp_path: Path) -> None:
     out = tmp_path / "my sample"
     proposed = cli("demo", "--table", "--out", out).out.splitlines()[-1]
-    assert proposed.startswith("Next: dpr-lab ")
+    assert proposed.startswith("next: dpr-lab ")
     assert cli(*shlex.split(proposed)[2:]).code == 0
 
 

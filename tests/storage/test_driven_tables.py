@@ -168,7 +168,7 @@ def test_measured_torques_are_used_unless_commanded_ones_are_requested(paper: Ri
     export(both, tmp_path / "a.h5")
     again = import_csv(tmp_path / "a.h5", paper, ImportOptions(torque="commanded"))
     assert again.torques == pytest.approx(2 * TAU)
-    with pytest.raises(RunError, match="contains no commanded torques, only measured ones: remove the option --torque"):
+    with pytest.raises(RunError, match="no commanded torques, only measured torques: remove the option --torque"):
         both.driven_by("measured").driven_by("commanded")
 
 

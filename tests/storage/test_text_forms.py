@@ -203,7 +203,7 @@ def test_a_turned_camera_is_named(tmp_path, one):
     noisy = np.column_stack([t, np.stack([x, y], 1) + np.random.default_rng(2).normal(0, 4, (len(t), 2))])
     np.savetxt(tmp_path / "a.csv", noisy, "%.4f", ",", header="t,x,y", comments="")
     questions = preview(tmp_path / "a.csv", one, ImportOptions()).questions
-    (named,) = [q.sentence for q in questions if "turned camera" in q.sentence]
+    (named,) = [q.sentence for q in questions if "camera is turned" in q.sentence]
     offset = float(named.rpartition("--offset ")[2].rstrip(")"))
     assert abs(offset) == pytest.approx(np.pi / 2, abs=0.05)
     assert not preview(tmp_path / "a.csv", one, ImportOptions(offset={"theta1": offset})).questions

@@ -30,7 +30,7 @@ class PassiveForces:
 
     effects: tuple[str, ...] = ()
     friction: tuple[float, float] = (0.0, 0.0)
-    """Coulomb friction of these effects at rest, at joints 1 and 2, N m."""
+    """Coulomb friction of the passive effects at rest, at joints 1 and 2, N m."""
     module: str = field(default="", repr=False)
     """Source of the module; empty if there are no effects."""
 

@@ -132,7 +132,7 @@ class BodyChange:
 
 
 def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None:
-    """Check that L1, m, and g, m/s^2, agree between a file and a rig.
+    """Check that L1 (m) and g (m/s^2) agree between a file and a rig.
 
     The length of a single rod is not compared.
 

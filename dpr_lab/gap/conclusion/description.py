@@ -105,9 +105,9 @@ def unbalanced(runs: Sequence[Run], rig: Rig) -> Description:
         if ENERGY.unexplained[run.torques is not None] < residual < np.inf:
             change = f"{percent(residual)} of" if residual < 1 else "more than"
             return Description(
-                f"The energy of the rods changes by {change} the energy exchanged by gravity, which friction and known"
-                " torques do not explain: a motor, a hand or the base drives the rods, or the readings or their"
-                " description are incorrect. Record the torques of the motors, or a free swing.",
+                f"The energy of the rods changes by {change} the energy exchanged by gravity. Friction and known"
+                " torques do not explain this change: a motor, a hand or the base drives the rods, or the readings or"
+                " their description are incorrect. Record the torques of the motors, or a free swing.",
                 forced=True,
             )
     return Description()

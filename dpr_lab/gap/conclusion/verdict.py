@@ -38,9 +38,10 @@ class VerdictRules:
     If the interval from the quarters of one release extends below the minimum, the sentence asks for a second release.
     """
     narrow: float = 0.02
-    """Width of the interval of this share below which the sentence states the share with one decimal."""
+    """Width of the interval of the closed share below which the sentence states the share with one decimal."""
     nearly_all: float = 0.999
-    """Lower limit of the interval of this share above which the sentence states only this limit, and not "100 %"."""
+    """Lower limit of the interval of the closed share above which the sentence states only this limit, and not "100
+    %"."""
     gap_from: float = 0.5
     """Minimum ratio of a remainder to the noise for which the remainder is a gap that no effect explains."""
     held_out_gap: float = 1.0

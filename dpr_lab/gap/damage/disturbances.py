@@ -37,7 +37,8 @@ class DisturbanceRules:
     joins_s: float = 0.15
     """Maximum distance, s, at which a step of a reading and a neighbouring interval count as one disturbance."""
     push_s: float = 2.5
-    """Maximum time between two kicks that count as beginning and end of one push, s. This interval is excluded."""
+    """Maximum time between two kicks that count as beginning and end of one push, s. The readings of the push are
+    excluded."""
     release_s: float = 0.5
     """Time after the first reading within which a kick counts as the hand that releases the rods, s.
 

@@ -62,7 +62,7 @@ class JumpRules:
     kick_s: float = 0.06
     """Time before and after the middle of a kick within which a hand touches a rod, s."""
     near_s: float = 0.1
-    """Distance in time from a jump within which another segment may still contain a part of it, s."""
+    """Maximum time between a jump and another segment that may still contain a part of the jump, s."""
 
 
 JUMP = JumpRules()

@@ -101,7 +101,7 @@ class _Refit:
 
     @classmethod
     def of(cls, problem: Problem, model: Hypothesis, change: Change) -> Self:
-        """Refit the model to unchanged readings after a change of the problem."""
+        """Refit the model to the same readings after a change of the problem, in linear approximation."""
         fit = model.fit
         other = change(problem).predict(fit.estimate)
         whitened = problem.whitened(np.nan_to_num(other - problem.predict(fit.estimate)))

@@ -14,8 +14,8 @@ def promising_gain(model: Hypothesis) -> float:
     reduction by chance, divided by this factor.
 
     A missing effect inflates the residuals of all readings. With few readings, even the only cause of the excess cannot
-    reduce chi2 significantly relative to inflated residuals. This is not necessary, because the residuals are small
-    once the cause is in the model. `THRESHOLDS.promising` then limits the predicted reduction.
+    reduce chi2 significantly relative to inflated residuals. A significant reduction is not necessary, because
+    the residuals are small once the cause is in the model. `THRESHOLDS.promising` then limits the predicted reduction.
     """
     residuals = model.residuals
     inflation = min(residuals.inflation, max(1.0, residuals.chi2 / residuals.dof))

@@ -44,7 +44,7 @@ class StepSettings:
     errors: float = 3.0
     """Number of standard errors by which the step in the readings may be smaller than the step of the residual.
 
-    It is also the minimum size, in standard errors, of a visible step in the readings.
+    A visible step in the readings exceeds the same number of standard errors.
     """
     sharp: float = 2.0
     """Minimum ratio of half a step of the residual to the scatter of apparent steps at all instants of the recording.

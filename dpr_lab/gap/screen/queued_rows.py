@@ -65,14 +65,14 @@ QUEUE = QueueSettings()
 
 @dataclass(frozen=True, slots=True)
 class QueuedRows:
-    """Rows that were sent while the queue was not full, and the evidence for this."""
+    """Rows that were sent while the queue was not full, and the evidence for the queue."""
 
     rows: Flags
     """(n,) mask of rows that were sent while the queue was not full."""
     series: int
-    """Number of series of such rows after turning points."""
+    """Number of series of successive single counts after turning points."""
     differ_s: float
-    """Median difference between the delay of these rows and the delay of a full queue, s."""
+    """Median difference between the delay of the rows and the delay of a full queue, s."""
 
     @property
     def evidence(self) -> str:

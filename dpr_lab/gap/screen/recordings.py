@@ -174,7 +174,7 @@ class Recordings:
             return self
         evidence = (
             f"the residual of the bare model contains correlated errors of neighbouring readings (correlation"
-            f" {noise.correlation:.2f}): a tracker"
+            f" {noise.correlation:.2f}), probably of a tracker"
         )
         records = [
             record

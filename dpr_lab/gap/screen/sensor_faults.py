@@ -65,12 +65,13 @@ class ScreenSettings:
     repeating_in_part: float = 0.05
     """Minimum excess of the fraction of repeated readings at one position of a cycle, if only some readings repeat."""
     rows_in_short_period: float = 80.0
-    """Minimum number of samples in the faster small oscillation for the detection of steps of two free rods.
+    """Minimum number of samples per period of the faster small oscillation to detect steps in readings of two free
+    rods.
 
     Large swings without a fault contained apparent steps with 58 and 68 samples, but none with 75 or more (72 swings).
     """
     rows_in_period: float = 20.0
-    """Minimum number of samples in a small oscillation for the detection of steps of a single rod.
+    """Minimum number of samples per period of a small oscillation to detect steps in readings of a single rod.
 
     Of 40 simulated swings without a fault, 29 contained an apparent step with 6 samples, 2 with 15, none with 20.
     """
@@ -335,7 +336,9 @@ def _colour(run: Run, rig: Rig, joints: Array, floor: Array) -> tuple[Array, lis
     """
     factor, findings = np.ones(2), []
     if run.rate_hz < SCREEN.colour_hz:
-        evidence = "neighbouring readings at rest have correlated errors (correlation {:.2f}): a filter or a tracker"
+        evidence = (
+            "neighbouring readings at rest have correlated errors (correlation {:.2f}), due to a filter or a tracker"
+        )
         if run.film_noise is not None:
             evidence = "the lengths of the rods in neighbouring frames have correlated errors (correlation {:.2f})"
         shared = rest_correlation(run, rig).tolist()

@@ -86,8 +86,8 @@ def _contradiction(record: Record, rig: Rig, ratios: Array) -> str:
     masses = "has a counterweight" if too_long else "is much shorter, or has its mass near the joint"
     expected = TIME_SCALE.swings * 2 * math.pi * math.sqrt(nominal / rig.g)
     return (
-        f"the rod swings like a simple pendulum of {length:.3g} m; by the rig file it is {nominal:.3g} m. Either"
+        f"the rod swings like a simple pendulum of {length:.3g} m; the rig file gives {nominal:.3g} m. Either"
         f" the time stamps are {stamps} (a video {film}), or the rod {masses}. These recordings cannot decide."
-        f" Time {TIME_SCALE.swings} small swings with a stopwatch: {expected:.3g} s by the rig file,"
-        f" {factor * expected:.3g} s by the time stamps"
+        f" Time {TIME_SCALE.swings} small swings with a stopwatch: the rig file predicts {expected:.3g} s,"
+        f" the time stamps {factor * expected:.3g} s"
     )

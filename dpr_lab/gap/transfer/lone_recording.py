@@ -29,7 +29,7 @@ class LoneRules:
     recordings: int = 3
     """Minimum number of recordings. If there are two, it is unknown which of them is the exception."""
     ratio: float = 3.0
-    """Minimum ratio of the remainder of this recording to the remainder of every other recording."""
+    """Minimum ratio of the remainder of the exceptional recording to the remainder of every other recording."""
     least: float = 0.5
     """Minimum remainder of the other recordings in this ratio, in units of the noise."""
 

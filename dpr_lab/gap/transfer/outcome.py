@@ -38,7 +38,7 @@ class TransferSettings:
     multiplied by the ratio of both shares.
     """
     least_fitted: float = 0.5
-    """Lower limit of the share closed in the fitted recordings, which is the denominator of this ratio."""
+    """Lower limit of the share closed in the fitted recordings, the denominator of the ratio `kept`."""
     gap_from: float = 0.25
     """Minimum ratio of the excess chi2 to the chi2 of the noise for a meaningful share.
 

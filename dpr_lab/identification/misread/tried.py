@@ -34,7 +34,7 @@ class MisreadSettings:
     All runs are fitted only if the interpretation passes this test.
     """
     worse: float = 3.0
-    """Maximum ratio of the reduced chi-square of this part to the limit for all runs.
+    """Maximum ratio of the reduced chi-square in a quick test to the limit for all runs.
 
     The ratio is above 1 because the noise of a part is estimated from fewer readings.
     """
@@ -129,7 +129,7 @@ class Description:
     withholds: bool = False
     """Whether another interpretation explains as much as the chosen effects; no effect is then named as a cause."""
     forced: bool = False
-    """Whether a force that is not described probably acts on the rods; no effect is then certain."""
+    """Whether a force that the model lacks probably acts on the rods; no effect is then certain."""
 
 
 def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:

@@ -28,10 +28,10 @@ class PlaneSettings:
     """Maximum radius of the circle on which a point swings, relative to the range of the point. The ratio is 5.7 for
     amplitudes of 5 degrees. A straight line fits a circle of large radius."""
     scatter: float = 0.1
-    """Maximum scatter of the distances to the centre of this circle, relative to the range of the point. Simulated
-    points (amplitudes of 0.1 to 1.5 rad, noise up to 1 % of the radius, sideways swing of up to 0.3 of the amplitude)
-    scatter by at most 0.047 in the correct plane. In a wrong plane, their path is no circle or scatters by 0.037 to
-    0.12, always more than in the correct plane."""
+    """Maximum scatter of the distances to the centre of the fitted circle, relative to the range of the point.
+    Simulated points (amplitudes of 0.1 to 1.5 rad, noise up to 1 % of the radius, sideways swing of up to 0.3 of the
+    amplitude) scatter by at most 0.047 in the correct plane. In a wrong plane, their path is no circle or scatters by
+    0.037 to 0.12, always more than in the correct plane."""
 
 
 SETTINGS = PlaneSettings()

@@ -43,7 +43,7 @@ class TableLimits:
     rows_as_columns: int = 7
     """Maximum number of rows that can be quantities: a time, and for arm and two rods an angle and a speed each."""
     instants: int = 5
-    """Minimum number of columns for each of these rows, so that the columns are instants."""
+    """Minimum number of columns of a table whose rows are quantities and whose columns are instants."""
     named: int = 20
     """Maximum number of column names in a message."""
     small_bytes: int = 1 << 24

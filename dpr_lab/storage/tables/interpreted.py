@@ -43,7 +43,8 @@ class QuestionSettings:
     other_unit: float = 30.0
     """Factor between the time scales of kinetic and potential energy above which the unit of time must be wrong."""
     same_rig: float = 0.15
-    """Maximum residual of the torque balance with free L1, for which the inertias are compared with the rig file."""
+    """Maximum residual of the torque balance with free L1, relative to gravity. Below it, the inertias are compared
+    with the rig file."""
     other_rig: float = 1.1
     """Maximum ratio of an inertia, divided by gravity, to the nearest value within the bounds of the rig file. A larger
     ratio gives a warning. It is below 1.05 for free swings of the correct rig, and at least 1.15 for other rigs."""

@@ -51,7 +51,7 @@ class ReadingSettings:
     given even if noise hides the reduction of the residual. The distance is at most 0.08 for 21 correct recordings of
     real rigs, and 0.17 for a zero with an error of 10 degrees."""
     better_zero: float = 1.1
-    """Minimum factor by which such a zero must reduce the torque residual."""
+    """Minimum factor by which a zero beyond `wrong_zero_rad` must reduce the torque residual."""
 
 
 READ = ReadingSettings()

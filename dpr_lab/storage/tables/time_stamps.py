@@ -162,7 +162,7 @@ def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
 
 
 def spread_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Spread new readings with one stamp evenly over the adjacent gap.
+    """Spread the times of successive new readings with one time stamp evenly over the adjacent gap.
 
     The result contains the times and a note. Rows are not spread if the gap is too short for them, for example after a
     row that was written twice.

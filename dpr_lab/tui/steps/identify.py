@@ -44,7 +44,7 @@ class IdentifyStep(JobStep):
     RESTS_ON = ("the rig", "the runs", "the torques")
     CAN_PAUSE = True
     HELP = """
-Estimates the kinetic parameters from the selected runs: a global search inside the bounds of the rig file, then a
+Estimates the parameters of the rig from the selected runs: a global search inside the bounds of the rig file, then a
 local fit down to the noise floor.
 
 - **objective** `segments` restarts the simulation every quarter second, so that chaos does not disturb the search;

@@ -18,7 +18,8 @@ class SightSettings:
     code_s: float = 60.0
     """Maximum time to type the code that a multiplexer requires, s."""
     code_length: int = 3
-    """Number of letters of this code. The probability that a program or a stuck key guesses the code is 1/6840."""
+    """Number of letters of the code that a multiplexer requires. The probability that a program or a stuck key guesses
+    the code is 1/6840."""
 
 
 SIGHT = SightSettings()

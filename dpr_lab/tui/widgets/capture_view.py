@@ -28,7 +28,7 @@ from dpr_lab.tui.widgets.readout import BAD, GOOD, Placement
 
 BEGIN = "press {capture.start}: the latch closes and you are guided to the pose"
 BEGIN_HELD = "the latch is closed; press {capture.start} to be guided to the pose"
-ALL_DONE = "all poses are recorded: {app.next} shows the next step. {capture.start} records this one again"
+ALL_DONE = "all poses are recorded: {app.next} shows the next step. {capture.start} records this pose again"
 RELEASING = "RELEASING after the countdown. Any key but {capture.release} stops it"
 CODE_FIRST = "RELEASING after you type the displayed code. Any other key stops it"
 SENT = "RELEASE sent: the latch opens. Keep clear"

@@ -63,7 +63,7 @@ class Countdown(ModalScreen[bool]):
         with Vertical(classes="dialog small"):
             yield Static(id="asked", markup=False)
             yield Digits(str(self.SECONDS))
-            yield Static("Any other key stops this; the rods stay held.")
+            yield Static("Any other key stops the countdown; the rods stay held.")
 
     def on_mount(self) -> None:
         """Start the countdown, or request the code."""

@@ -49,9 +49,8 @@ def budget_words(diagnosis: Diagnosis) -> list[str]:
     """Compose sentences that compare the error with the uncertainty of the inputs."""
     budget = evidence_of(diagnosis).budget
     return [
-        "A simulation can differ from a recording even if the model is correct, because initial state,"
-        " lengths and gravity are known with finite accuracy and the integrator has errors. The figure shows how much"
-        " each input changes a free"
+        "A simulation can differ from a recording even if the model is correct: initial state, lengths and gravity"
+        " have uncertainties, and the integrator has errors. The figure shows how much each input changes a free"
         f" run, and the error of the free run. An error above {FREE_RUN_TEST.coverage:g} times the combined"
         " uncertainty shows a model error.",
         f"Bare model: {_judged(budget.error_before_rad, budget.u_before_rad)}"
@@ -77,8 +76,8 @@ def _judged(error: float, uncertainty: float) -> str:
     "share not corrected by the fit",
     "bare model (mrad)",
     "corrected model (mrad)",
-    caption="Share not corrected by the fit (corrected model): a large input error would be visible in the"
-    " recordings, so only the share that is not visible contributes.",
+    caption="Share not corrected by the fit (corrected model): the recordings would show a large input error. Only the"
+    " share of the error that is not visible contributes.",
     style="prose",
     title="Uncertainty budget, values",
 )

@@ -73,8 +73,8 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
         counted = table.options.unit == "counts"
         angles = "counts_per_rev, zero_counts, --offset" if counted else "--unit, --scale, --zero, --offset, --angles"
         notes.append(
-            f"the energy of the swing changes by {share} the energy exchanged by gravity, which friction and known"
-            f" torques do not explain: check {angles}, --columns, --time-unit, --torque"
+            f"the energy of the swing changes by {share} the energy exchanged by gravity, and friction and known"
+            f" torques do not explain this change: check {angles}, --columns, --time-unit, --torque"
             f" (in N m) and --arm, and lengths and masses of the rig{filmed}"
         )
     elif fit is not None and table.free and abs(math.log(fit.time_scale)) >= math.log(SETTINGS.time_scale):
@@ -144,7 +144,7 @@ def _turned(read: InterpretedTable) -> list[OtherReading]:
     added = energy_zeros(read.t, read.rods(read.values, read.options), read.rig)
     if added is None or abs(math.sin(added[0])) < math.sin(READ.wrong_zero_rad):
         return []
-    cause = "a turned camera or a constant torque lets the rod hang at another angle of the table"
+    cause = "the camera is turned, or a constant torque deflects the hanging rod"
     return [replace(with_zeros(read, added), causes=(cause,))]
 
 

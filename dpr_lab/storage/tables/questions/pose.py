@@ -78,7 +78,7 @@ def _zeros_in_pose(table: InterpretedTable, added: Array) -> list[OtherReading]:
 
 
 def as_posed(table: InterpretedTable, other: OtherReading) -> OtherReading:
-    """Return the interpretation, or its mirror image if only this starts at the named pose."""
+    """Return the interpretation, or its mirror image if only the mirror image starts at the named pose."""
     behind = not _in_pose(table, other) and _in_pose(table, other.mirrored)
     return other.mirrored if behind else other
 

@@ -28,9 +28,9 @@ class PushSettings:
     pushed_rad: float = 0.2
     """Smallest later excursion that shows a push, rad."""
     pushed_ratio: float = 10.0
-    """Smallest ratio of this excursion to the angle of the rest. A single rod that is released from rest stays within
-    twice the angle of the release; a wrong zero changes this angle. Of two rods, a light outer rod swings further: up
-    to 8.5 times the angle with a tenth of the mass of the inner rod, but 13 times with 3 % of it."""
+    """Smallest ratio of the later excursion to the angle of the rest. A single rod that is released from rest stays
+    within twice the angle of the release; a wrong zero changes this angle. Of two rods, a light outer rod swings
+    further: up to 8.5 times the angle with a tenth of the mass of the inner rod, but 13 times with 3 % of it."""
 
 
 PUSH = PushSettings()
