@@ -31,8 +31,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _interrupt)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
-    for number in (signal.SIGINT, signal.SIGTERM):  # not possible while the interpreter shuts down
-        atexit.register(signal.signal, number, signal.SIG_IGN)
+    atexit.register(_ignore_interrupts)  # not possible while the interpreter shuts down
     try:
         # The matrices are small. Threads of the linear algebra library would slow down the computation, because the
         # parallel simulations already use all cores.
@@ -105,6 +104,7 @@ def _run(app: Callable[[], object]) -> None:
             raise stopped from None
         sys.stdout.flush()
         _say_skipped_plugins()
+        _ignore_interrupts()
         raise
     except Exception as error:
         # A compiler that is interrupted reports a failed compilation, possibly without the cause.
@@ -118,6 +118,13 @@ def _run(app: Callable[[], object]) -> None:
             raise DprError(sentence) from error
         raise
     sys.stdout.flush()
+    _ignore_interrupts()
+
+
+def _ignore_interrupts() -> None:
+    """Ignore Ctrl-C and SIGTERM from now on: the command has ended."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _say_skipped_plugins() -> None:
@@ -155,7 +162,7 @@ class Interrupt(KeyboardInterrupt):
     """Whether `main` has received the interrupt."""
 
     def __del__(self) -> None:
-        if not Interrupt.heard:
+        if not (Interrupt.heard or sys.is_finalizing()):  # at the end a thread cannot start, and would be waited for
             again = threading.Timer(0.05, _interrupt_main_thread)  # an immediate timer would fire inside this handler
             again.daemon = True
             again.start()

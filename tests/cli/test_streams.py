@@ -180,6 +180,27 @@ for way in (wrapped, lost, replaced, dropped):
     assert rest == ""
 
 
+def test_an_interrupt_after_the_command_changes_nothing() -> None:
+    """Neither a traceback, nor a process that waits for a thread for ever."""
+    program = """
+import signal, sys
+from dpr_lab import cli
+import dpr_lab.cli.app
+def ended(**_):
+    print("result")
+    raise SystemExit(0)
+dpr_lab.cli.app.app = ended
+sys.last_value = cli.Interrupt()  # is deleted when the interpreter ends
+try:
+    cli.main()
+finally:
+    signal.raise_signal(signal.SIGINT)
+    signal.raise_signal(signal.SIGTERM)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=100)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "result\n", "")
+
+
 @pytest.mark.slow
 def test_a_progress_bar_on_a_terminal_ends_with_the_interrupt(
     runs: list[Path], tmp_path: Path, on_terminal, after_work
