@@ -115,12 +115,12 @@ class CaptureSettings:
     release_timeout_s: float = 2.0
     """Maximum waiting time for the message with the instant of the release, s."""
     last_status_s: float = 0.5
-    """Maximum waiting time for the last status after the stop, s. It contains the losses."""
+    """Maximum waiting time for the last status after the stop, s. The last status contains the losses."""
     rest_after_s: float = 2.0
     """Duration for which the rods must be still after a swing to count as being at rest, s."""
     pace_window_s: float = 10.0
-    """Duration for which samples may arrive slower than `slowest_pace` before the recording is ended, s. It is longer
-    in simulated time."""
+    """Duration for which samples may arrive slower than `slowest_pace` before the recording is ended, s. The
+    duration is longer in simulated time."""
     slowest_pace: float = 0.1
     """Minimum rate at which the device's time passes, relative to the host's time."""
     silences_without_samples: float = 2.0

@@ -3,7 +3,7 @@
 These rules are part of the code and not of the file. A certificate with a missing, additional or changed claim is not
 valid. A change of the rules requires a new policy number (`dpr_lab.certificate.document.POLICY`). Names and verdicts
 must be equal. The tolerances of numbers are computed from the repeated diagnosis, so editing the file cannot widen
-them. They are also used to compare the results of different versions of this program (tests/golden).
+them. The tolerances are also used to compare the results of different versions of this program (tests/golden).
 """
 
 from collections.abc import Iterator, Mapping

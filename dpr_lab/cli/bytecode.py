@@ -35,7 +35,7 @@ def keep_bytecode() -> None:
 def _has_bytecode(package: str) -> bool:
     """Return whether the bytecode of a package exists or can be written.
 
-    Its place is next to the source.
+    The bytecode is next to the source.
     """
     module = importlib.util.find_spec(package)
     if module is None or module.origin is None:

@@ -181,9 +181,7 @@ def _show_detectable(made: "Plan", most: int = 6) -> None:
         )
         for effect in worst[:most]
     ]
-    note = (
-        f"{len(made.detectable)} amplitudes in total. The table lists the ones that are hardest to detect. {NOT_SEEN}"
-    )
+    note = f"The table lists those of the {len(made.detectable)} amplitudes that are hardest to detect. {NOT_SEEN}"
     table("Minimum detectable size", ("effect", "amplitude", "now", "after the plan"), rows, note=note)
 
 

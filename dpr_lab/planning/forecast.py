@@ -4,7 +4,7 @@
 
 If cause t is true, further releases increase its log odds against each other cause j by a normally distributed amount
 of mean d^2 / 2 and variance d^2 (`dpr_lab.planning.worth.criteria`). The true cause is drawn from its posterior, and
-the amount is drawn from this distribution. The probability of a decision is the share of draws in which one cause
+the amount is drawn from its normal distribution. The probability of a decision is the share of draws in which one cause
 reaches `SURE`. If the cause is outside the library, no release decides it. Causes that no release separates count as
 one cause, as in the stopping rule, because a bench check distinguishes them. After each planned release, this rule
 refers to the information at that time, because the next plan will apply it then.

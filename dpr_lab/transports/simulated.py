@@ -1,7 +1,7 @@
 """Simulated device in a child process: `sim://?plant=paper&seed=1&clock=fast&bus=can`.
 
-The child communicates over a pseudo-terminal (or slcan, or TCP), like a real device. It prints the URL of its link,
-which this module opens like any other link.
+The child communicates over a pseudo-terminal (or slcan, or TCP), like a real device. The child prints the URL of its
+link, which this module opens like any other link.
 """
 
 import json

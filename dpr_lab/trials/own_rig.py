@@ -2,7 +2,7 @@
 
 The plants are variants of the corrected model of the rig, with known effects. They are recorded like the rig, with
 different noise. The readings are simulated by dpr-lab itself with a quarter of the integration step. The trials show
-how reliable the named effects are for this rig, these recordings and this noise. They do not show this for effects
+how reliable the named effects are for this rig, these recordings and this noise. The trials do not cover effects
 outside the library. (`dpr-lab trials` uses plants of an independent simulation program.)
 """
 

@@ -78,7 +78,7 @@ def into_file(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ())
     if driven and "armature" not in editor.words:
         raise ConfigError(
             f"{path}: the rotor inertia of joint {driven[0]!r} (drake:rotor_inertia) cannot be changed in"
-            f" {editor.name}: use a copy of the file without it"
+            f" {editor.name}: use a copy of the file without this inertia"
         )
     expressed = {
         name: words

@@ -11,8 +11,8 @@ minimum detectable sizes, and together they improve the fit by less than their p
 than these sizes, and further recordings would not change their odds.
 
 The probability of a class is the softmax of the predictive costs of the selected set, of the fitted sets in which
-another effect replaces the named one, and of the selected set without it. It is multiplied by the probability that the
-cause is in the library, and later by the factors of the validation (`dpr_lab.gap.transfer.transfer.judged`).
+another effect replaces the named one, and of the selected set without it. The softmax is multiplied by the probability
+that the cause is in the library, and later by the factors of the validation (`dpr_lab.gap.transfer.transfer.judged`).
 No other set counts as more probable than the selected set, because the search would have selected a significantly
 better set. The odds of a cause outside the library are
 

@@ -13,8 +13,8 @@ free run whose initial state is fitted to the first readings, up to the predicta
 No contribution contains the model error; otherwise no error would ever exceed u_val.
 
 A change of an input by one standard uncertainty changes the readings by c. The fitted values absorb a part of c, and c'
-remains. A larger error of the input would be visible in the recordings. They therefore reduce the standard uncertainty
-by the factor (1 + |c'|^2 / f)^-1/2, where f is the variance inflation n / n_eff.
+remains. A larger error of the input would be visible in the recordings. The recordings therefore reduce the standard
+uncertainty by the factor (1 + |c'|^2 / f)^-1/2, where f is the variance inflation n / n_eff.
 
 Sources: ASME V&V 20-2009, Standard for Verification and Validation in Computational Fluid Dynamics and Heat Transfer;
 JCGM 100:2008 (GUM), 4.3.7 for limits without a distribution.

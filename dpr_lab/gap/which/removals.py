@@ -116,7 +116,7 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
 def _without_possible_compensations(sets: FittedSets, current: Hypothesis) -> dict[str, Hypothesis]:
     """Return the sets without one effect, for each effect that may only compensate for another effect's form.
 
-    Two kinds of effects are kept: those that every rig has, and those whose removal increases the excess far above that
+    Two kinds of effects are kept: those that every rig has, and those without which the excess is far above the excess
     of the best fitted set. All effects are kept if a removal would lead the search to a curve that explains less.
     """
     closest = min(model.bounded_excess for model in sets.fits.values())

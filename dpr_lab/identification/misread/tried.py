@@ -100,7 +100,7 @@ class SecondLook:
     energy_rise: float
     """Impossible increase of passive rods' energy, relative to its range; zero if there are other interpretations."""
     energy_remedy: str = ""
-    """Probable cause of the increase on this rig, with its remedy."""
+    """Probable cause of the impossible increase on this rig, with its remedy."""
     causes: str = ""
     """Mistakes that the other interpretations correct."""
 

@@ -10,9 +10,9 @@ sgn(q'), the input, s_i^2 q'' + 2 q' s_i c_i th_i' and c_i th_i'' - s_i th_i'^2 
 rods. The limit angles Q+ and Q- are scanned. Local polynomials estimate the derivatives. The coefficients k_j, K+ and
 K- follow by linear least squares, without the values of the rig file.
 
-If a cable stiffens gradually or if cogging acts, the term of a stop also reduces the residual. It then reduces the
-residual less than the smooth torque K2 q^2 + K3 q^3. A stop is therefore reported only if it reduces the residual more
-than this torque.
+If a cable stiffens gradually or if cogging acts, the term of a stop also reduces the residual. This term then reduces
+the residual less than the smooth torque K2 q^2 + K3 q^3. A stop is therefore reported only if it reduces the residual
+more than this torque.
 """
 
 from dataclasses import dataclass

@@ -36,7 +36,7 @@ class Reason:
     """Reason for a release: its contribution in addition to the previous releases."""
 
     text: str
-    """Text of the reason."""
+    """Contribution in words, as in the table of the plan."""
     only_ratios: bool
     """Whether the accuracy of the ratios is the only noticeable contribution."""
 

@@ -3,8 +3,8 @@
 The fit must be robust because the tracker may have followed another object in some frames.
 
 The algebraic fit is linear, but noise makes its radius too small: by 22 % on an arc of +-0.2 rad with errors of 0.3 %
-of the radius. It only selects the points near the circle. The final circle has the least squared distances from these
-points, which is the maximum likelihood estimate and has no such bias.
+of the radius. The algebraic fit only selects the points near the circle. The final circle has the least squared
+distances from these points, which is the maximum likelihood estimate and has no such bias.
 
 Sources: Kasa (1976), IEEE Trans. Instrum. Meas. 25, 8-14: least squares of x^2 + y^2 - 2 cx x - 2 cy y - k with the
 centre (cx, cy). Rousseeuw (1984), J. Am. Stat. Assoc. 79, 871-880: the circle through three of the points with the

@@ -176,7 +176,7 @@ class _Rows:
     ignored: tuple[str, Array] | None
     """Kind and (kept rows, 2) torques that `--torque none` ignores, N m; None if no torques are ignored."""
     drive: str
-    """Sign in the table that an unknown torque drives the rods; empty if there is none."""
+    """Evidence in the table that an unknown torque drives the rods; empty if there is none."""
     midnight: float
     """Zero of times with dates, s since 1970; 0 for other times."""
     recorded_at: str

@@ -31,10 +31,7 @@ class JobControl:
         self.send(JobProgress(value))
 
     def proceed(self) -> bool:
-        """Wait while the job is paused; return False if the job must stop and keep its result.
-
-        The job then keeps its result.
-        """
+        """Wait while the job is paused; return False if the job must stop and keep its result."""
         self._going.wait()
         return not self._stop.is_set()
 
