@@ -62,6 +62,12 @@ NO_ENCODER = {"nominal": 1e-6, "measured": 1e-6, "std": 1e-7}
 """Negligible mass of the parts at joint 2 for a rig without joint 2, kg."""
 
 
+def of_inner_rod(mb: float) -> tuple[str, ...]:
+    """Return the names of the parameters of the inner rod alone, with mb, kg, unless it is negligible."""
+    absent = (*OF_OUTER_ROD, "mb") if mb < 2 * NO_ENCODER["nominal"] else OF_OUTER_ROD
+    return tuple(name for name in PARAMETERS if name not in absent)
+
+
 def refuse_impossible_arm(rig: "Rig", mode: ArmMode) -> None:
     """Check that a rig supports a mode of the arm.
 

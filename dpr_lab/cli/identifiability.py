@@ -86,13 +86,15 @@ def show(analysis: "Identifiability") -> None:
     from dpr_lab.identification.identifiability import CRAMER_RAO_NOTE
     from dpr_lab.report.digits import NONE, plus_minus
     from dpr_lab.report.tables import PARAMETER_UNITS, interval_words
+    from dpr_lab.rig import PARAMETERS
     from dpr_lab.shown import FIXED_BY
 
     sizes = ", ".join(f"{value:.2g}" for value in analysis.singular_values)
     _print(
-        f"The recordings determine {analysis.rank} of 9 combinations of parameters (singular values {sizes};"
-        " the other singular values are 0)."
+        f"The recordings determine {analysis.rank} of {len(analysis.parameters)} combinations of parameters (singular"
+        f" values {sizes}; the other singular values are 0)."
     )
+    count = "Nine parameters" if len(analysis.parameters) == len(PARAMETERS) else "Parameters"
     table(
         "Quantities determined by the recordings",
         ("combination", "value ± Cramér-Rao std", "relative std"),
@@ -105,7 +107,7 @@ def show(analysis: "Identifiability") -> None:
         note=CRAMER_RAO_NOTE,
     )
     table(
-        "Nine parameters and what determines them",
+        f"{count} and what determines them",
         ("parameter", "value ± std", "90 % interval", "unit", "determined by", "contributing measured values"),
         [
             (

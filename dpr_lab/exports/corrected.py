@@ -32,8 +32,7 @@ from dpr_lab.identification.model import (
     SearchRecord,
     ratios_alone,
 )
-from dpr_lab.identification.prior_update import update_prior
-from dpr_lab.identification.scaling.prior_spread import SETTINGS, posterior_of, relative_std, scale_of, with_intervals
+from dpr_lab.identification.prior_update import posterior_of
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.version import __version__
@@ -69,24 +68,17 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
     unknown, effects = significant_values(diagnosis)
     values = unknown[: len(RATIOS)]
     covariance = np.array(diagnosis.ratio_covariance)
-    nine, base = update_prior(values, covariance, rig)
-    factor = float(unknown[SCALE]) / base["b"].value
-    absolute = {
-        name: parameter.model_copy(update={"value": parameter.value * factor}) for name, parameter in base.items()
-    }
     std = np.sqrt(np.diag(covariance))
-    alone = bool(diagnosis.fitted)
-    scale = diagnosis.scale or scale_of(absolute["b"], posterior_of(diagnosis.unknowns, rig, alone=alone))
-    scale = scale.as_inertia("b", absolute["b"].value / scale.b)
+    alone, visible = bool(diagnosis.fitted), visible_ratios(run.setup for run in runs)
+    determined = [i for i in visible if i < len(RATIOS)]
+    posterior = posterior_of(unknown, rig, determined, covariance[np.ix_(determined, determined)], alone=alone)
+    scale = diagnosis.scale or posterior.scale(float(unknown[SCALE]))
+    scale = scale.as_inertia("b", float(unknown[SCALE]) / scale.b)
     ratios = {
         name: EstimatedValue(value=value, std=float(s), interval90=interval.interval90)
         for (name, interval), value, s in zip(diagnosis.all_ratios.items(), values.tolist(), std, strict=True)
     }
-    visible = visible_ratios(run.setup for run in runs)
-    gravity = diagnosis.determined.get("e1/a")
-    spread = relative_std(gravity.interval90) if gravity else SETTINGS.ratio_std
-    posterior = posterior_of(diagnosis.unknowns, rig, visible, alone=alone, ratio_std=spread)
-    nine, absolute = with_intervals(nine, absolute, ratios, scale, posterior)
+    nine, absolute = posterior.parameters(scale, ratios)
     return Model(
         rig=RigFacts.of(rig),
         ratios=_alone(diagnosis, [*ratios.values()], rig) if alone else ratios,

@@ -15,15 +15,14 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS, base_parameters, whole_parameters
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS, unknown_ratios
-from dpr_lab.fitting.prior import unknown_jacobian
+from dpr_lab.fitting.estimate import UNKNOWN_RATIOS, unknown_ratios
 from dpr_lab.identification.directions import SEEN, free_directions, simple_basis, spread
 from dpr_lab.identification.expected import expected_releases, information_root
-from dpr_lab.identification.instruments import INSTRUMENTS, BenchReading, Instrument, Measurement
+from dpr_lab.identification.instruments import BenchReading, Measurement, rod_measurements
 from dpr_lab.identification.model import ParameterValue
+from dpr_lab.identification.prior_update import Posterior, observed, posterior_of, units
 from dpr_lab.identification.ratio_fit import fit_ratios
-from dpr_lab.identification.scaling.prior_spread import loose90, posterior_of
-from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.rig import PARAMETERS, Rig, of_inner_rod
 from dpr_lab.rig_tables import Parameter
 from dpr_lab.shown import Row, Shown
 
@@ -150,7 +149,7 @@ class Identifiability(Directions, Shown):
     cramer_rao_std: Mapping[str, float]
     """Cramér-Rao bound of the standard deviation of each unknown; inf if there is no information."""
     parameters: Mapping[str, ParameterValue]
-    """Source of each of the nine parameters, and its standard deviation if it is determined."""
+    """Source of each parameter of the mounted rods, and its standard deviation if it is determined."""
     helps: Mapping[str, tuple[str, ...]]
     """For each measured value, the other parameters that would be less accurate without it."""
     length_error: LengthError | None
@@ -159,8 +158,8 @@ class Identifiability(Directions, Shown):
     def _heading(self) -> str:
         least = ", ".join(f"{name} {self.cramer_rao_std[name]:.1g}" for name in self.unknowns)
         return (
-            f"Identifiability: {self.rank} of {len(PARAMETERS)} combinations of parameters are determined; lower bounds"
-            f" of the standard deviations: {least}"
+            f"Identifiability: {self.rank} of {len(self.parameters)} combinations of parameters are determined; lower"
+            f" bounds of the standard deviations: {least}"
         )
 
     def _rows(self) -> list[Row]:
@@ -169,7 +168,7 @@ class Identifiability(Directions, Shown):
 
     @property
     def fixed_by(self) -> dict[str, str]:
-        """Source of each of the nine parameters: `data`, `measured` or `bound`."""
+        """Source of each parameter: `data`, `measured` or `bound`."""
         return {name: value.fixed_by for name, value in self.parameters.items()}
 
     def to_json(self) -> dict[str, Any]:
@@ -244,42 +243,45 @@ class InformationRows:
 def identifiability(
     information: Array,
     rig: Rig,
-    Z: Array | None = None,
+    posterior: Posterior | None = None,
     *,
     lengths: bool = True,
-    visible: Sequence[int] | None = None,
-    alone: bool = False,
 ) -> Identifiability:
     """Analyse which parameters are identifiable from recordings and measured values.
+
+    For the inner rod alone, the result contains only parameters of this rod and its ratios to its inertia a.
 
     Args:
         information: (5, 5) Fisher information of the ratios, or (6, 6) with b, from a fit or from
             `expected_information`
         rig: bounds, measured values, encoders and poses
-        Z: (9,) parameters of the linearisation, SI; default: best known values of the rig file
-        visible: indices in `UNKNOWN_RATIOS` of the unknowns of the information; default: the first entries
+        posterior: distribution of the parameters given the unknowns of the information; default: the first unknowns
+            have the best known values of the rig file
         lengths: whether to compute the effect of an error of L1, which needs a fit to simulated releases
-        alone: whether only the inner rod is mounted
     """
-    Z = rig.nominal if Z is None else Z
-    places = list(range(len(information)) if visible is None else visible)
-    values = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))[places]
-    root = information_root(information, values)
-    of_recordings = root @ unknown_jacobian(Z, rig)[places] * Z
-    rows = InformationRows.of(of_recordings, {name: rig.parameters[name] for name in PARAMETERS}, Z)
-    answers: dict[Measurement, Array] = {i: i.rows(Z, rig) * Z for i in INSTRUMENTS if not already_made(i, rig)}
-    directions = rows.directions(answers)
+    if posterior is None:
+        nominal = unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))
+        posterior = posterior_of(nominal, rig, range(len(information)))
+    Z, places, alone = posterior.values(posterior.b), posterior.visible, posterior.alone
+    names = of_inner_rod(Z[PARAMETERS.index("mb")]) if alone else PARAMETERS
+    columns, per = [PARAMETERS.index(name) for name in names], units(posterior.unknown, alone)[list(places)]
+    values, slopes = observed(Z, rig, places, alone)
+    root = information_root(information * np.outer(per, per), values)
+    of_recordings = (root * values @ slopes)[:, columns]
+    rows = InformationRows.of(of_recordings, {name: rig.parameters[name] for name in names}, Z[columns])
+    directions = rows.directions(rod_measurements(names, Z, rig))
+    unknowns = [UNKNOWN_RATIOS[i].replace("b", "a") if alone else UNKNOWN_RATIOS[i] for i in places]
     return Identifiability(
         rank=directions.rank,
         singular_values=directions.singular_values,
         null_space=directions.null_space,
         advice=directions.advice,
         sequence=directions.sequence,
-        unknowns=_named([UNKNOWN_RATIOS[i] for i in places], values),
-        cramer_rao_std=_named([UNKNOWN_RATIOS[i] for i in places], values * spread(root * values)),
-        parameters=_parameters(rows, rig, Z, places, alone),
+        unknowns=_named(unknowns, values),
+        cramer_rao_std=_named(unknowns, values * spread(root * values)),
+        parameters=_parameters(rows, posterior, Z[columns]),
         helps=_helps(rows, rig),
-        length_error=_length_error(rig, Z) if lengths and rig.poses else None,
+        length_error=_length_error(rig, Z) if lengths and rig.poses and not alone else None,
     )
 
 
@@ -292,39 +294,31 @@ def summary(analysis: Identifiability) -> dict[str, Any]:
     }
 
 
-def already_made(instrument: Instrument, rig: Rig) -> bool:
-    """Check whether the rig file contains this measurement at the same or a better accuracy."""
-    if len(instrument.parameters) != 1:
-        return False
-    std = rig.parameters[instrument.parameters[0]].std
-    return std is not None and std <= instrument.std[0]
-
-
 def _bounded_spread(known: Array, bounds: Array) -> Array:
     return spread(np.vstack([known, bounds]), least=0.0)
 
 
-def _parameters(
-    rows: InformationRows, rig: Rig, Z: Array, visible: Sequence[int], alone: bool
-) -> dict[str, ParameterValue]:
+def _parameters(rows: InformationRows, posterior: Posterior, Z: Array) -> dict[str, ParameterValue]:
     loose, std = np.isinf(spread(rows.known)), Z * _bounded_spread(rows.known, rows.bounds)
-    reach = NORMAL_Q90 * std
-    unknown = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
-    wide = loose90(Z, float(unknown[SCALE]), posterior_of(unknown, rig, visible, alone=alone))
+    reach, wide = NORMAL_Q90 * std, posterior.intervals(posterior.b)
     return {
         name: ParameterValue(
             value=float(Z[i]),
             std=None if loose[i] else float(std[i]),
-            fixed_by="measured" if not rig.searched[i] else "bound" if loose[i] else "data",
+            fixed_by="measured"
+            if posterior.rig.parameters[name].measured is not None
+            else "bound"
+            if loose[i]
+            else "data",
             interval90=wide[name] if loose[i] else (float(Z[i] - reach[i]), float(Z[i] + reach[i])),
         )
-        for i, name in enumerate(PARAMETERS)
+        for i, name in enumerate(rows.names)
     }
 
 
 def _helps(rows: InformationRows, rig: Rig) -> dict[str, tuple[str, ...]]:
     measured = rows.measured
-    names = [name for name in PARAMETERS if rig.parameters[name].measured is not None]
+    names = [name for name in rows.names if rig.parameters[name].measured is not None]
     with_all = _bounded_spread(rows.known, rows.bounds)
     helped = {}
     for i, name in enumerate(names):
@@ -332,7 +326,7 @@ def _helps(rows: InformationRows, rig: Rig) -> dict[str, tuple[str, ...]]:
         others = np.delete(measured, i, axis=0)
         without = _bounded_spread(np.vstack([rows.of_recordings, others, weak]), rows.bounds)
         helped[name] = tuple(
-            p for p, grown in zip(PARAMETERS, without > SETTINGS.helps * with_all, strict=True) if grown and p != name
+            p for p, grown in zip(rows.names, without > SETTINGS.helps * with_all, strict=True) if grown and p != name
         )
     return helped
 

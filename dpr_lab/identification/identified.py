@@ -25,10 +25,9 @@ from dpr_lab.identification.model import (
     ratios_alone,
 )
 from dpr_lab.identification.preprocess import PreprocessedRun
-from dpr_lab.identification.prior_update import prior_ratio_std, update_prior
+from dpr_lab.identification.prior_update import Posterior, posterior_of, prior_ratio_std
 from dpr_lab.identification.profile import profile90
 from dpr_lab.identification.ratio_fit import RatioFit, predictable_until
-from dpr_lab.identification.scaling.prior_spread import posterior_of, scale_of, with_intervals
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.identification.uncertainty import RatioUncertainty, uncertainty
 from dpr_lab.rig import Rig
@@ -94,12 +93,10 @@ def identified_model(
     measured = np.concatenate([prepared.run.theta[:, 1:] for prepared in runs])
     rms = np.sqrt(np.mean((measured - ratio_fit.predicted) ** 2, axis=0))
     ratios = {name: _ratio(ratio_fit, ratio_uncertainty, rig, name, profile) for name in RATIOS}
-    parameters, base = update_prior(ratio_uncertainty.values, ratio_uncertainty.of_runs, rig, ratio_fit.visible)
-    alone = only_inner(prepared.run.setup for prepared in runs)
-    scale, unknown = _scale(ratio_fit, ratio_uncertainty, rig, base["b"], alone=alone), ratio_fit.fit.estimate.ratios
-    parameters, base = with_intervals(
-        parameters, base, ratios, scale, posterior_of(unknown, rig, ratio_fit.visible, alone=alone)
-    )
+    alone, unknown = only_inner(prepared.run.setup for prepared in runs), ratio_fit.fit.estimate.ratios
+    posterior = posterior_of(unknown, rig, ratio_fit.visible, ratio_uncertainty.of_runs, alone=alone)
+    scale = _scale(ratio_fit, ratio_uncertainty, posterior)
+    parameters, base = posterior.parameters(scale, ratios)
     p_over_b = float(unknown[ON_ELBOW])
     std = dict.fromkeys(RATIOS, 0.0) | _of_ratios(ratio_uncertainty.names, ratio_uncertainty.cramer_rao_std)
     share = float(unknown[RATIOS.index("a/b")]) - p_over_b
@@ -117,9 +114,7 @@ def identified_model(
         parameters=parameters,
         base=base,
         scale=scale.as_inertia("a", share) if alone else scale,
-        identifiability=_identifiable(
-            ratio_fit, ratio_uncertainty, rig, np.array([value.value for value in parameters.values()])
-        ),
+        identifiability=_identifiable(ratio_fit, ratio_uncertainty, posterior),
         fit=FitSummary(
             rms_rad=dict(zip(("theta1", "theta2"), rms.tolist(), strict=True)),
             noise_rad=dict(zip(("theta1", "theta2"), noise.tolist(), strict=True)),
@@ -173,18 +168,17 @@ def _ratio(
     )
 
 
-def _scale(
-    ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, b: ParameterValue, *, alone: bool
-) -> Scale:
+def _scale(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, posterior: Posterior) -> Scale:
     """Return the scale of absolute sizes, which the runs or the rig file determine.
 
     The scale is the inertia `b`. Bounds of the rig file may shift it away from the estimate of the runs. The interval
     then contains both values.
     """
     if SCALE not in ratio_fit.visible:
-        return scale_of(b, posterior_of(ratio_fit.fit.estimate.ratios, rig, ratio_fit.visible, alone=alone))
+        return posterior.scale()
+    b = posterior.b
     low, high = ratio_uncertainty.interval90(list(ratio_fit.visible).index(SCALE))
-    return Scale(b=b.value, interval90=(max(min(low, b.value), 1e-3 * b.value), max(high, b.value)), fixed_by="data")
+    return Scale(b=b, interval90=(max(min(low, b), 1e-3 * b), max(high, b)), fixed_by="data")
 
 
 def _profile(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: int) -> tuple[float | None, float | None]:
@@ -192,11 +186,11 @@ def _profile(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: in
     return low if np.isfinite(low) else None, high if np.isfinite(high) else None
 
 
-def _identifiable(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, Z: Array) -> Identifiable:
+def _identifiable(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, posterior: Posterior) -> Identifiable:
     relative = ratio_uncertainty.information / max(
         1.0, ratio_fit.chi2_per_dof
     )  # a residual above the noise is treated as noise of that size
-    analysis = identifiability(relative, rig, Z, lengths=False, visible=ratio_fit.visible)
+    analysis = identifiability(relative, posterior.rig, posterior, lengths=False)
     return Identifiable.model_validate(summary(analysis))
 
 

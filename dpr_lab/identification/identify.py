@@ -24,7 +24,7 @@ from dpr_lab.identification.moving_arm.identify import identify_moving_arm
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.objectives import OBJECTIVES
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
-from dpr_lab.identification.prior_update import update_prior
+from dpr_lab.identification.prior_update import posterior_of
 from dpr_lab.identification.ratio_fit import RatioFit, short_fit
 from dpr_lab.identification.uncertainty import uncertainty
 from dpr_lab.rig import PARAMETERS, Rig
@@ -223,12 +223,16 @@ def identifiability(
             " a global search"
         )
     ratio_uncertainty = determined(uncertainty(ratio_fit))
-    nine, _ = update_prior(ratio_uncertainty.values, ratio_uncertainty.of_runs, rig, ratio_fit.visible)
-    Z = np.array([value.value for value in nine.values()])
+    posterior = posterior_of(
+        ratio_fit.fit.estimate.ratios,
+        rig,
+        ratio_fit.visible,
+        ratio_uncertainty.of_runs,
+        alone=only_inner(run.setup for run in runs),
+    )
     # A residual above the noise floor is treated as noise of that size.
     information = ratio_uncertainty.information / max(1.0, ratio_fit.chi2_per_dof)
-    alone = only_inner(run.setup for run in runs)
-    return analysed(information, rig, Z, visible=ratio_fit.visible, alone=alone)
+    return analysed(information, rig, posterior)
 
 
 def _suited(name: str, search: str) -> SearchSettings:

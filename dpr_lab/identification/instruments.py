@@ -1,7 +1,7 @@
 """Bench measurements for parameters that a free swing does not determine."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -161,3 +161,34 @@ INSTRUMENTS = (
     _add_mass("outer", "the end of the outer rod", _loaded_outer),
 )
 """Bench measurements that can be recommended, one in each row."""
+
+
+def rod_measurements(names: Sequence[str], Z: Array, rig: Rig) -> dict[Measurement, Array]:
+    """Return the bench measurements of the named parameters that the rig file lacks.
+
+    Returns:
+        whitened readings (k, n) of each measurement; the n columns belong to relative changes of the named parameters
+    """
+    columns = [PARAMETERS.index(name) for name in names]
+    return {
+        instrument if "mb" in names else _of_one_rod(instrument): (instrument.rows(Z, rig) * Z)[:, columns]
+        for instrument in INSTRUMENTS
+        if set(instrument.parameters) <= set(names) and not already_made(instrument, rig)
+    }
+
+
+def _of_one_rod(instrument: Instrument) -> Instrument:
+    """Adapt a measurement to a rig with a single rod.
+
+    A single rod does not carry the encoder of joint 2.
+    """
+    quantity = replace(instrument.quantity, name=instrument.quantity.name.replace(JOINT2_ENCODER, ""))
+    return replace(instrument, how=instrument.how.replace(JOINT2_ENCODER, ""), quantity=quantity)
+
+
+def already_made(instrument: Instrument, rig: Rig) -> bool:
+    """Check whether the rig file contains this measurement at the same or a better accuracy."""
+    if len(instrument.parameters) != 1:
+        return False
+    std = rig.parameters[instrument.parameters[0]].std
+    return std is not None and std <= instrument.std[0]

@@ -23,7 +23,7 @@ from dpr_lab.identification.scaling.values import (
     base_alone,
     ratios_alone,
 )
-from dpr_lab.rig import NO_ENCODER, OF_OUTER_ROD, PARAMETERS, Rig
+from dpr_lab.rig import PARAMETERS, Rig, of_inner_rod
 from dpr_lab.run import Run
 from dpr_lab.search import search_words
 from dpr_lab.shown import FIXED_BY, Row, Shown, counted
@@ -256,9 +256,7 @@ class Model(FittedModel):
         """The kinetic parameters of the mounted parts by name, SI."""
         if not self.fitted:
             return self.parameters
-        bare = self.parameters["mb"].value < 2 * NO_ENCODER["nominal"]
-        absent = (*OF_OUTER_ROD, "mb") if bare else OF_OUTER_ROD
-        return {name: value for name, value in self.parameters.items() if name not in absent}
+        return {name: self.parameters[name] for name in of_inner_rod(self.parameters["mb"].value)}
 
     @property
     def _scale(self) -> Scale | None:

@@ -1,29 +1,59 @@
-"""Update the nine parameters by the ratios (MAP), and determine their sources (docs/theory.md, equation 47).
+"""Update the prior of the rig file by the unknowns that recordings determine (docs/theory.md, equations 47 and 56).
 
 A free swing determines five numbers. The nine parameters therefore form a four-dimensional family of equally good
-values. Measured values (scale, calliper, knife edge) enter as priors with their standard uncertainty. For the other
-parameters, the prior follows from the bounds of the search. A known added mass also makes b identifiable. The estimates
-of the ratios then update this prior as an observation. The update (maximum a posteriori) consists of iterated extended
-Kalman updates:
+values, and their prior selects among them. Each parameter has a lognormal prior. Its median is the measured value, or
+the nominal value without a measurement. The standard deviation of its logarithm is std / measured for a measured value.
+Otherwise, it is that of a uniform distribution between the bounds, ln(upper / lower) / sqrt(12). The estimates q of the
+recordings, with the covariance C of their logarithms, update the logarithms z = ln Z of the parameters Z, with the
+prior mean z0 and covariance P0 (iterated extended Kalman update):
 
-    K = P0 J^T (J P0 J^T + C)^-1,    Z = Z0 + K (q - q(Z0)),    P = P0 - K J P0
+    K = P0 J^T (J P0 J^T + C)^-1,    z = z0 + K (ln q - ln q(z) - J (z0 - z)),    P = P0 - K J P0,    J = d ln q / d z
 
-where Z are the parameters, Z0 their prior mean and P0 their prior covariance, q the ratios (and b), C the covariance of
-the ratios, and J = dq/dZ. A parameter that neither data nor measured values determine keeps the standard deviation of
-its bounds. It is reported as determined only by bounds.
+q are the ratios to b, and b if a known mass makes it identifiable. For the inner rod alone, q are its ratios to a. The
+logarithm is used for two reasons. Masses, lengths and inertias are positive. They enter as products, so the problem is
+nearly linear in the logarithms even for bounds that are a factor of ten apart; a normal prior between such bounds would
+be centred far above the nominal value in its logarithm, and would shift the scale of all absolute sizes.
+
+The prior of a friction coefficient that is not measured has no influence, because effects that the model lacks change
+friction first. Ratios that are not positive are not used, because no positive masses have them.
 """
 
-from collections.abc import Sequence
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from dpr_lab.arrays import Array
-from dpr_lab.dynamics.base import BASE, RATIOS, base_jacobian, base_parameters, ratio_jacobian, whole_parameters
-from dpr_lab.fitting.estimate import ON_ELBOW, unknown_ratios
+from dpr_lab.arrays import Array, Flags
+from dpr_lab.dynamics.base import (
+    BASE,
+    RATIOS,
+    base_from_ratios,
+    base_jacobian,
+    base_parameters,
+    ratio_jacobian,
+    whole_parameters,
+)
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, alone_share, unknown_ratios
 from dpr_lab.fitting.prior import parameter_std, unknown_jacobian
-from dpr_lab.identification.model import ParameterValue
+from dpr_lab.identification.model import EstimatedValue, ParameterValue
+from dpr_lab.identification.scaling.scale import Interval90, Scale, lognormal90
 from dpr_lab.rig import PARAMETERS, Rig
+
+
+@dataclass(frozen=True, slots=True)
+class PriorSettings:
+    """Settings for updating the prior by the recordings."""
+
+    friction_std: float = 10.0
+    """Standard deviation of the logarithm of a friction coefficient that only the recordings determine."""
+    longest_step: float = 0.5
+    """Maximum change of a logarithm in one iteration."""
+    converged: float = 1e-11
+    """Maximum change of a logarithm in the last iteration."""
+
+
+SETTINGS = PriorSettings()
 
 UNREACHED = 1e-6
 """Maximum relative change of a parameter along the null space for which the data determine the parameter.
@@ -31,99 +61,287 @@ UNREACHED = 1e-6
 The limit is far above rounding errors.
 """
 
-_RELATIVE = (*range(len(RATIOS)), ON_ELBOW)
+_A, _B, _E1, _C1 = (BASE.index(name) for name in ("a", "b", "e1", "c1"))
+_GRAVITY = RATIOS.index("e1/b")
+_OF_FRICTION = [PARAMETERS.index(RATIOS[i].partition("/")[0]) for i in FRICTION]
 
 
-def update_prior(
-    estimated: Array,
-    covariance: Array,
+@dataclass(frozen=True, slots=True)
+class Posterior:
+    """Lognormal distribution of the nine parameters, given the unknowns that recordings determine."""
+
+    median: Array
+    """(9,) most probable parameters."""
+    covariance: Array
+    """(9, 9) covariance of their logarithms."""
+    rig: Rig
+    """Rig file of the prior."""
+    unknown: Array
+    """(7,) ratios, b and p/b of the fit."""
+    visible: tuple[int, ...]
+    """Indices in `UNKNOWN_RATIOS` of the unknowns that the recordings determine."""
+    errors: Array
+    """(n, n) covariance of the logarithms of these unknowns, as estimated from the recordings."""
+    alone: bool
+    """Whether only the inner rod is mounted. The scale is then its inertia a."""
+
+    @property
+    def share(self) -> float:
+        """Inertia of the scale over b: a/b of the inner rod alone, otherwise 1."""
+        return alone_share(self.unknown) if self.alone else 1.0
+
+    def determines(self, ratio: str) -> bool:
+        """Check whether the recordings determine a ratio."""
+        return ratio in RATIOS and RATIOS.index(ratio) in self.visible
+
+    @property
+    def b(self) -> float:
+        """Most probable inertia b, kg m^2; for the inner rod alone it follows from a."""
+        return self.inertia()[0] / self.share
+
+    def inertia(self) -> tuple[float, float]:
+        """Return the median of the inertia of the scale, and the standard deviation of its logarithm."""
+        return self._moments(_A if self.alone else _B, alone=self.alone)
+
+    def scale(self, b: float | None = None) -> Scale:
+        """Return the scale of absolute sizes for a value of b; default: the most probable b.
+
+        The interval is extended to this value. For the inner rod alone, it is that of a, converted to b by the ratio.
+        """
+        b, share, place = b or self.b, self.share, _A if self.alone else _B
+        low, high = self._of_base(place, share * b, alone=self.alone)
+        loose = self._loose(_base(self.median, self.rig, self.alone)[1][[place]])[0]
+        return Scale(b=b, interval90=(low / share, high / share), fixed_by="bound" if loose else "measured")
+
+    def parameters(
+        self, scale: Scale, ratios: Mapping[str, EstimatedValue]
+    ) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
+        """Return the nine rig parameters and the six base parameters at a scale, with their 90 % intervals.
+
+        The nine parameters are the most probable ones with the ratios and the inertia b in use. The intervals include
+        the uncertainty of the scale.
+
+        Args:
+            scale: inertia b in use
+            ratios: the five ratios with their intervals
+        """
+        Z, loose90 = self.values(scale.b), self.intervals(scale.b)
+        base, slopes = _base(Z, self.rig, alone=False)
+        if self.alone:  # parts that are not mounted have the ratios that the fit assumed
+            base = scale.b * base_from_ratios(self.unknown[: len(RATIOS)])
+        absolute = {}
+        for i, name in enumerate(BASE):
+            value, determined = float(base[i]), not self.alone and self.determines(f"{name}/b")
+            if name == "b" and not self.alone:
+                wide = scale.interval90
+            elif determined:
+                low, high = ratios[f"{name}/b"].interval90
+                wide = scale.absolute90(value, (scale.b * low, scale.b * high))
+            else:
+                wide = loose90.get(name) or self._of_base(i, value, alone=False)
+            absolute[name] = self._value(value, slopes[i], wide)
+        nine = {
+            name: self._value(
+                float(Z[i]), row, (absolute[name].interval90 if name in absolute else None) or loose90[name]
+            )
+            for i, (name, row) in enumerate(zip(PARAMETERS, np.eye(len(PARAMETERS)), strict=True))
+        }
+        for name in np.array(PARAMETERS)[~self.rig.searched].tolist():
+            nine[name] = nine[name].model_copy(update={"fixed_by": "measured"})
+        return nine, absolute
+
+    def values(self, b: float) -> Array:
+        """Return the most probable nine parameters (9,) that have the ratios of the fit and a given inertia b."""
+        unknown, visible = self.unknown.copy(), self.visible
+        unknown[SCALE] = b
+        assumed = [SCALE]
+        if not self.alone:
+            whole = set(range(len(RATIOS))) <= set(visible)
+            assumed += [i for i in (*range(len(RATIOS)), *([] if whole else [ON_ELBOW])) if i not in visible]
+        places = [i for i in visible if i != SCALE] + assumed
+        C = np.zeros((len(places), len(places)))
+        n = len(places) - len(assumed)
+        of_ratios = [k for k, i in enumerate(visible) if i != SCALE]
+        C[:n, :n] = self.errors[np.ix_(of_ratios, of_ratios)]
+        Z, _ = _updated(as_observed(unknown, self.rig, alone=self.alone)[places], C, places, self.rig, self.alone)
+        for parameter, place in zip(_OF_FRICTION, FRICTION, strict=True):
+            if place in places and unknown[place] <= 0.0:
+                Z[parameter] = 0.0
+        return Z
+
+    def intervals(self, b: float) -> dict[str, Interval90]:
+        """Compute the 90 % intervals of the nine parameters, extended to their values at the inertia b in use.
+
+        Only the interval of a friction coefficient that the recordings determine may exceed the bounds of the rig file.
+        """
+        Z, (lower, upper), spreads = (
+            self.values(b),
+            _edges(self.rig),
+            np.sqrt(np.maximum(np.diag(self.covariance), 0.0)),
+        )
+        intervals = {}
+        for i, name in enumerate(PARAMETERS):
+            edges = (0.0, np.inf) if self.determines(f"{name}/b") else (lower[i], upper[i])
+            intervals[name] = _interval(self.median[i], spreads[i], *edges, Z[i])
+        return intervals
+
+    def _value(self, value: float, slopes: Array, wide: Interval90) -> ParameterValue:
+        """Return a value with its interval, from the derivatives (9,) of its logarithm by those of the parameters.
+
+        The interval `wide` is used if only the bounds of the rig file determine the value.
+        """
+        if self._loose(slopes[None])[0]:
+            return ParameterValue(value=value, std=None, fixed_by="bound", interval90=wide)
+        std = value * float(np.sqrt(max(slopes @ self.covariance @ slopes, 0.0)))
+        reach = NORMAL_Q90 * std
+        return ParameterValue(value=value, std=std, fixed_by="data", interval90=(value - reach, value + reach))
+
+    def _loose(self, slopes: Array) -> Flags:
+        """Check whether quantities change in a direction that neither recordings nor measured values determine.
+
+        `slopes` (n, 9) are the derivatives of their logarithms by the logarithms of the parameters.
+        """
+        _, rows = observed(self.median, self.rig, self.visible, self.alone)
+        free = self.rig.searched
+        _, sizes, directions = np.linalg.svd(rows[:, free])
+        null = directions[np.count_nonzero(sizes > 1e-9 * sizes.max(initial=0.0)) :].T
+        return np.asarray((np.abs(slopes[:, free] @ null) > UNREACHED).any(axis=1))
+
+    def _moments(self, place: int, *, alone: bool) -> tuple[float, float]:
+        value, slopes = _base(self.median, self.rig, alone)
+        return float(value[place]), float(np.sqrt(max(slopes[place] @ self.covariance @ slopes[place], 0.0)))
+
+    def _of_base(self, place: int, value: float, *, alone: bool) -> Interval90:
+        """Return the 90 % interval of a base parameter, extended to the value in use."""
+        lower, upper = (_base(edge, self.rig, alone)[0][place] for edge in _edges(self.rig))
+        return _interval(*self._moments(place, alone=alone), lower, upper, value)
+
+
+def posterior_of(
+    unknown: Array,
     rig: Rig,
     visible: Sequence[int] | None = None,
-) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
-    """Compute the most probable nine parameters, given the rig file and the estimated ratios.
+    covariance: Array | None = None,
+    *,
+    alone: bool = False,
+) -> Posterior:
+    """Compute the distribution of the parameters, given the unknowns that recordings determine (equation 47).
+
+    The module docstring states the equation and the reasons for a lognormal distribution. `identify` and `diagnose`
+    both call this function, so that equal ratios give equal absolute values.
 
     Args:
-        estimated: (5,) ratios, or (6,) with b; or the unknowns with the indices `visible` in `UNKNOWN_RATIOS`
-        covariance: (n, n) covariance of the estimated values
-        rig: nominal values, bounds, measured values and L1, g
-        visible: indices of the estimated unknowns; other ratios keep the values of the rig file
+        unknown: (7,) ratios, b and p/b of a fit
+        rig: measured values, nominal values and bounds
+        visible: indices in `UNKNOWN_RATIOS` of the unknowns that the recordings determine; None: all ratios
+        covariance: (n, n) covariance of these unknowns; None: zero
+        alone: whether only the inner rod is mounted; its ratios to a are then used
+    """
+    of_rods = (_GRAVITY, FRICTION[0]) if alone else range(len(RATIOS))
+    places = list(of_rods if visible is None else visible)
+    values = as_observed(unknown, rig, alone=alone)[places]
+    errors = np.zeros((len(places), len(places)))
+    if covariance is not None:
+        per = units(unknown, alone)[places] * np.maximum(np.abs(values), 1e-12)
+        errors = covariance / np.outer(per, per)
+    median, P = _updated(values, errors, places, rig, alone)
+    return Posterior(median, P, rig, unknown, tuple(places), errors, alone)
+
+
+def as_observed(unknown: Array, rig: Rig, *, alone: bool) -> Array:
+    """Return the unknowns (7,) as recordings of the mounted rods determine them.
+
+    For the inner rod alone, e1/b and c1/b become the ratios e1/a and c1/a of this rod, and b becomes its inertia a.
+    """
+    if not alone:
+        return unknown
+    of_rod = unknown.copy()
+    of_rod[_GRAVITY] -= unknown[ON_ELBOW] * rig.g / rig.L1
+    return of_rod / units(unknown, alone)
+
+
+def units(unknown: Array, alone: bool) -> Array:
+    """Return the (7,) sizes of the unknowns for a unit of the quantities of `as_observed`."""
+    units = np.ones(len(unknown))
+    if alone:
+        units[: len(RATIOS)], units[SCALE] = alone_share(unknown), 1.0 / alone_share(unknown)
+    return units
+
+
+def observed(Z: Array, rig: Rig, places: Sequence[int], alone: bool) -> tuple[Array, Array]:
+    """Return the quantities (n,) of `as_observed` for parameters Z (9,).
 
     Returns:
-        the nine parameters by name, and the six absolute base parameters by name
+        the quantities, and the derivatives (n, 9) of their logarithms by the logarithms of Z
     """
-    places = list(range(len(estimated)) if visible is None else visible)
-    Z, P = _update(estimated, covariance, rig, places)
-    loose = _loose(Z, places, rig)
-    slopes = base_jacobian(Z, rig.L1, rig.g)
-    base = base_parameters(Z, rig.L1, rig.g)
-    nine = {
-        name: _value(Z[i], P[i, i], _origin(loose[i]) if rig.searched[i] else "measured")
-        for i, name in enumerate(PARAMETERS)
-    }
-    moved = (slopes * Z) @ loose / np.maximum(base, 1e-30)[:, None]
-    absolute = {name: _value(base[i], slopes[i] @ P @ slopes[i], _origin(moved[i])) for i, name in enumerate(BASE)}
-    return nine, absolute
+    unknown, chosen = unknown_ratios(whole_parameters(Z, rig.L1, rig.g)), list(places)
+    if not alone:
+        values = unknown[chosen]
+        return values, unknown_jacobian(Z, rig)[chosen] * Z / np.maximum(values, 1e-30)[:, None]
+    _, of_base = _base(Z, rig, alone)
+    of_places = {_GRAVITY: of_base[_E1] - of_base[_A], FRICTION[0]: of_base[_C1] - of_base[_A], SCALE: of_base[_A]}
+    return as_observed(unknown, rig, alone=alone)[chosen], np.reshape(
+        [of_places[i] for i in chosen], (len(chosen), len(Z))
+    )
 
 
-UNSURE = np.array([1e-3, 1e-3, 1e-3, 0.3, 0.3])
-"""Assumed relative standard deviations of the five ratios a/b, d/b, e1/b, c1/b, c2/b when b is derived from them.
+def _updated(values: Array, errors: Array, places: Sequence[int], rig: Rig, alone: bool) -> tuple[Array, Array]:
+    """Update the prior of the rig file by the quantities of `as_observed` (equation 47).
 
-Those of the friction ratios are large, because other effects change these ratios most.
-"""
+    Args:
+        values: (n,) quantities
+        errors: (n, n) covariance of their logarithms
+        places: indices in `UNKNOWN_RATIOS` of the quantities
+        rig: measured values, nominal values and bounds
+        alone: whether only the inner rod is mounted
 
-
-def assumed_b(unknown: Array, rig: Rig) -> ParameterValue:
-    """Return the most probable inertia b, kg m^2, given the rig file and five ratios.
-
-    The ratios are the first values of `unknown`. b is the scale of all masses, inertias and torques.
+    Returns:
+        (9,) median of the parameters, and (9, 9) covariance of their logarithms
     """
-    values = unknown[: len(UNSURE)]
-    _, base = update_prior(values, np.diag((UNSURE * np.maximum(values, 1e-3)) ** 2), rig)
-    return base["b"]
-
-
-def _origin(moved: Array) -> Literal["data", "bound"]:
-    return "bound" if np.any(np.abs(moved) > UNREACHED) else "data"
-
-
-def _value(value: np.float64, variance: np.float64, fixed_by: Literal["data", "measured", "bound"]) -> ParameterValue:
-    std = None if fixed_by == "bound" else float(np.sqrt(max(variance, 0.0)))
-    return ParameterValue(value=float(value), std=std, fixed_by=fixed_by)
-
-
-def _loose(Z: Array, observed: list[int], rig: Rig) -> Array:
-    """Find relative changes (9, k) of the searched parameters that do not change any observation."""
-    scaled = unknown_jacobian(Z, rig)[observed] * Z / np.maximum(_unknowns(Z, rig)[observed], 1e-12)[:, None]
-    directions = np.zeros((len(PARAMETERS), 0))
-    if rig.searched.any():
-        _, sizes, rows = np.linalg.svd(scaled[:, rig.searched])
-        null = rows[np.count_nonzero(sizes > 1e-9 * sizes.max(initial=0.0)) :].T
-        directions = np.zeros((len(PARAMETERS), null.shape[1]))
-        directions[rig.searched] = null
-    return directions
-
-
-def _update(estimated: Array, covariance: Array, rig: Rig, places: list[int]) -> tuple[Array, Array]:
-    prior, P0 = rig.nominal, np.diag(parameter_std(rig) ** 2)
-    given = [] if set(range(len(RATIOS))) <= set(places) else [i for i in _RELATIVE if i not in places]
-    estimated = np.append(estimated, _unknowns(prior, rig)[given])
-    covariance = np.pad(covariance, (0, len(given)))
-    places = places + given
-    Z, P = prior, P0
-    for _ in range(30):
-        J = unknown_jacobian(Z, rig)[places]
-        K = P0 @ J.T @ np.linalg.pinv(J @ P0 @ J.T + covariance, hermitian=True)
-        innovation = estimated - _unknowns(Z, rig)[places] - J @ (prior - Z)
-        moved = np.maximum(prior + K @ innovation, 1e-3 * prior)
+    lower, upper = rig.bounds
+    relative = np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS]) / rig.nominal
+    std = np.where(rig.searched, np.log(upper / lower) / np.sqrt(12), relative)
+    for parameter, place in zip(_OF_FRICTION, FRICTION, strict=True):
+        if place in places and rig.searched[parameter]:
+            std[parameter] = SETTINGS.friction_std
+    possible = values > 0.0
+    values, C, chosen = values[possible], errors[np.ix_(possible, possible)], np.array(places, dtype=int)[possible]
+    z0 = z = np.log(rig.nominal)
+    P0 = P = np.diag(std**2)
+    for _ in range(60):
+        q, J = observed(np.exp(z), rig, chosen.tolist(), alone)
+        K = P0 @ J.T @ np.linalg.pinv(J @ P0 @ J.T + C, hermitian=True)
         P = P0 - K @ J @ P0
-        if np.max(np.abs(moved - Z) / prior) < 1e-10:
-            return moved, P
-        Z = moved
-    return Z, P
+        step = z0 + K @ (np.log(values / q) - J @ (z0 - z)) - z
+        z = z + np.clip(step, -SETTINGS.longest_step, SETTINGS.longest_step)
+        if np.max(np.abs(step)) < SETTINGS.converged:
+            break
+    return np.exp(z), P
 
 
-def _unknowns(Z: Array, rig: Rig) -> Array:
-    return unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
+def _interval(median: float, log_std: float, lower: float, upper: float, value: float) -> Interval90:
+    """Clip a lognormal 90 % interval to the bounds.
+
+    The interval is then extended to the value in use.
+    """
+    low, high = lognormal90(median, log_std)
+    return float(min(max(low, lower), value)), float(max(min(high, upper), value))
+
+
+def _edges(rig: Rig) -> Array:
+    """Return the bounds (2, 9) of the parameters, extended to measured 90 % intervals."""
+    reach = NORMAL_Q90 * np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS]) * ~rig.searched
+    return rig.bounds + np.outer([-1.0, 1.0], reach)
+
+
+def _base(Z: Array, rig: Rig, alone: bool) -> tuple[Array, Array]:
+    """Return the base parameters (6,) and the derivatives (6, 9) of their logarithms by the logarithms of Z (9,).
+
+    Those of the inner rod alone do not contain the mass of the outer rod.
+    """
+    mounted = np.where(np.array(PARAMETERS) == "m2", 0.0, Z) if alone else Z
+    base = base_parameters(mounted, rig.L1, rig.g)
+    return base, base_jacobian(mounted, rig.L1, rig.g) * mounted / np.maximum(base, 1e-30)[:, None]
 
 
 def prior_ratio_std(rig: Rig) -> list[float]:

@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
-from dpr_lab.dynamics.base import base_parameters, ratios
-from dpr_lab.identification.prior_update import update_prior
+from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios, whole_parameters
+from dpr_lab.fitting.estimate import unknown_ratios
+from dpr_lab.identification.model import EstimatedValue, ParameterValue
+from dpr_lab.identification.prior_update import posterior_of
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.rig_tables import Parameter
 
@@ -18,6 +20,20 @@ def measured(rig: Rig, *names: str) -> Rig:
         for name in names
     }
     return rig.model_copy(update={"parameters": {**rig.parameters, **known}})
+
+
+def update_prior(
+    estimated: np.ndarray, covariance: np.ndarray, rig: Rig
+) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
+    """Nine parameters and base parameters for (5,) ratios, or (6,) with b."""
+    unknown = unknown_ratios(whole_parameters(TRUE, rig.L1, rig.g))
+    unknown[: len(estimated)] = estimated
+    posterior = posterior_of(unknown, rig, range(len(estimated)), covariance)
+    five = {
+        name: EstimatedValue(value=value, std=0.0, interval90=(value, value))
+        for name, value in zip(RATIOS, estimated[:5].tolist(), strict=True)
+    }
+    return posterior.parameters(posterior.scale(), five)
 
 
 def truth(rig: Rig) -> np.ndarray:
@@ -68,3 +84,39 @@ def test_a_known_scale_leaves_two_directions_and_fixes_the_base_parameters(paper
 def test_without_a_scale_no_base_parameter_is_fixed(paper: Rig) -> None:
     _, absolute = update_prior(truth(paper), EXACT, paper)
     assert {value.fixed_by for value in absolute.values()} == {"bound"}
+
+
+def test_the_update_agrees_with_a_weighted_sample_of_the_prior(paper: Rig) -> None:
+    """One rod whose ratio e1/a is 6 % below that of the rig file, with an uncertainty of 3 %."""
+    l1, m1, mb, J1 = (paper.parameters[name] for name in ("l1", "m1", "mb", "J1"))
+    logs = [np.log(p.upper / p.lower) / np.sqrt(12) for p in (l1, m1, mb, J1) if p.upper and p.lower]
+    middle = np.log([p.nominal for p in (l1, m1, mb, J1)])
+    x = np.exp(middle + np.array(logs) * np.random.default_rng(0).standard_normal((400_000, 4))).T
+    a, e1 = x[3] + x[1] * x[0] ** 2 + x[2] * paper.L1**2, (x[1] * x[0] + x[2] * paper.L1) * paper.g
+    unknown = unknown_ratios(whole_parameters(paper.nominal, paper.L1, paper.g))
+    share = unknown[0] - unknown[6]
+    wanted = 0.94 * (unknown[2] - unknown[6] * paper.g / paper.L1) / share
+    unknown[2] = wanted * share + unknown[6] * paper.g / paper.L1
+    weight = np.exp(-0.5 * (np.log(e1 / a / wanted) / 0.03) ** 2)
+    mean = np.average(np.log(a), weights=weight)
+    std = np.average((np.log(a) - mean) ** 2, weights=weight) ** 0.5
+    posterior = posterior_of(unknown, paper, [2], np.array([[(0.03 * wanted * share) ** 2]]), alone=True)
+    inertia, log_std = posterior.inertia()
+    assert np.log(inertia) == pytest.approx(mean, abs=0.15 * std)
+    assert log_std == pytest.approx(std, rel=0.1)
+    assert posterior.b == pytest.approx(inertia / share)
+
+
+def test_two_commands_with_different_covariances_and_assumed_ratios_state_the_same_inertia_of_one_rod(
+    paper: Rig,
+) -> None:
+    unknown = unknown_ratios(whole_parameters(0.9 * paper.nominal, paper.L1, paper.g))
+    of_fit = posterior_of(unknown, paper, [2, 3], np.diag((1e-5 * unknown[[2, 3]]) ** 2), alone=True)
+    before_the_fit = posterior_of(unknown, paper, alone=True)
+    assert of_fit.inertia()[0] == pytest.approx(before_the_fit.inertia()[0], rel=1e-4)
+    nine, base = of_fit.parameters(of_fit.scale(), {})
+    Z = {name: value.value for name, value in nine.items()}
+    a = Z["J1"] + Z["m1"] * Z["l1"] ** 2 + Z["mb"] * paper.L1**2
+    assert a == pytest.approx(of_fit.inertia()[0], rel=1e-6)
+    assert base["a"].value == pytest.approx(unknown[0] * of_fit.b)
+    assert Z["c1"] / a == pytest.approx(unknown[3] / (unknown[0] - unknown[6]), rel=1e-4)

@@ -5,15 +5,8 @@ from dpr_lab.dynamics.base import BASE, RATIOS, base_parameters, whole_parameter
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, alone_share, unknown_ratios
-from dpr_lab.identification.model import EstimatedValue, ParameterValue
-from dpr_lab.identification.prior_update import update_prior
-from dpr_lab.identification.scaling.prior_spread import (
-    loose90,
-    posterior_of,
-    relative_std,
-    scale_of,
-    with_intervals,
-)
+from dpr_lab.identification.model import EstimatedValue
+from dpr_lab.identification.prior_update import posterior_of
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import PARAMETERS, Rig, load_rig
 from dpr_lab.rig_tables import Parameter
@@ -37,8 +30,7 @@ def seen(rig: Rig, Z: np.ndarray) -> np.ndarray:
 
 
 def scale(rig: Rig, unknown: np.ndarray) -> Scale:
-    _, base = update_prior(unknown[:5], np.diag((1e-3 * unknown[:5]) ** 2), rig)
-    return scale_of(base["b"], posterior_of(unknown, rig))
+    return posterior_of(unknown, rig).scale()
 
 
 @pytest.mark.slow
@@ -69,10 +61,9 @@ def test_the_intervals_of_the_inner_rod_alone_hold_its_true_values_in_nine_rigs_
         a, e1, c1 = (float(without[BASE.index(name)]) for name in ("a", "e1", "c1"))
         fitted = nominal.copy()
         fitted[list(visible)] = e1 / a * share + carried, c1 / a * share
-        assumed = ParameterValue(value=nominal[SCALE], std=None, fixed_by="bound")
-        of_a = scale_of(assumed, posterior_of(fitted, rig, visible, alone=True)).as_inertia("a", share)
-        in_use = np.where(np.array(PARAMETERS) == "c1", c1 / a * of_a.b, rig.nominal)
-        of_c1 = loose90(in_use, fitted[SCALE], posterior_of(fitted, rig, visible, alone=True))["c1"]
+        posterior = posterior_of(fitted, rig, visible, alone=True)
+        of_a = posterior.scale(nominal[SCALE]).as_inertia("a", share)
+        of_c1 = posterior.intervals(nominal[SCALE])["c1"]
         held.append([low <= value <= high for value, (low, high) in ((a, of_a.interval90), (c1, of_c1))])
     assert (np.mean(held, axis=0) > 0.8).all()
 
@@ -82,14 +73,12 @@ def test_gravity_of_the_wrong_sign_says_nothing_about_the_scale(paper: Rig, alon
     nominal = seen(paper, paper.nominal)
     upwards = np.where(np.array([*RATIOS, "b", "p/b"]) == "e1/b", -1.0, 1.0) * nominal
     visible = [RATIOS.index("e1/b")]
-    b = ParameterValue(value=nominal[SCALE], std=None, fixed_by="bound", interval90=None)
-    interval = scale_of(b, posterior_of(upwards, paper, visible, alone=alone)).interval90
+    posterior = posterior_of(upwards, paper, visible, alone=alone)
+    interval = posterior.scale(nominal[SCALE]).interval90
     assert np.isfinite(interval).all()
     if not alone:
-        assert interval == scale_of(b, posterior_of(nominal, paper, [])).interval90
-    for low, high in loose90(
-        paper.nominal, upwards[SCALE], posterior_of(upwards, paper, visible, alone=alone)
-    ).values():
+        assert interval == posterior_of(nominal, paper, []).scale(nominal[SCALE]).interval90
+    for low, high in posterior.intervals(nominal[SCALE]).values():
         assert 0.0 <= low <= high < np.inf
 
 
@@ -98,29 +87,23 @@ def test_an_uncertain_ratio_of_one_rod_does_not_shift_the_interval_away_from_the
     share, carried = alone_share(fitted), fitted[ON_ELBOW] * paper.g / paper.L1
     e1_over_a = 0.4 * (fitted[visible[0]] - carried) / share
     fitted[visible] = e1_over_a * share + carried
-    b = ParameterValue(value=fitted[SCALE], std=None, fixed_by="bound")
-    assert b.value in scale_of(b, posterior_of(fitted, paper, visible, alone=True)).interval90  # at its edge
-    std = relative_std((0.4 * e1_over_a, 1.6 * e1_over_a))
-    assert std == pytest.approx(0.6 / 1.645, rel=1e-3)
-    low, high = scale_of(b, posterior_of(fitted, paper, visible, alone=True, ratio_std=std)).interval90
-    assert low < 0.95 * b.value
-    assert high > 1.05 * b.value
+    b = float(fitted[SCALE])
+    assert b in posterior_of(fitted, paper, visible, alone=True).scale(b).interval90  # at its edge
+    variance = np.array([[(0.4 * e1_over_a * share) ** 2]])
+    low, high = posterior_of(fitted, paper, visible, variance, alone=True).scale(b).interval90
+    assert low < 0.95 * b
+    assert high > 1.05 * b
 
 
 @pytest.mark.parametrize("factor", [1.0, 0.8])
 def test_friction_of_the_inner_rod_alone_is_as_uncertain_as_its_inertia(paper: Rig, factor: float) -> None:
-    nominal, visible = seen(paper, paper.nominal), (RATIOS.index("e1/b"), RATIOS.index("c1/b"))
-    values = dict(zip(PARAMETERS, paper.nominal.tolist(), strict=True)) | {"c1": factor * paper.nominal[5]}
-    nine, base = (
-        {name: ParameterValue(value=value, std=None, fixed_by="bound") for name, value in each.items()}
-        for each in (values, dict(zip(BASE, factor * base_parameters(paper.nominal, paper.L1, paper.g), strict=True)))
-    )
-    scale_in_use = scale_of(base["b"], posterior_of(nominal, paper, visible, alone=True))
-    parameters, _ = with_intervals(nine, base, {}, scale_in_use, posterior_of(nominal, paper, visible, alone=True))
-    share = alone_share(nominal)
-    interval, of_a = parameters["c1"].interval90, scale_in_use.as_inertia("a", share).interval90
+    fitted, visible = seen(paper, paper.nominal), (RATIOS.index("e1/b"), RATIOS.index("c1/b"))
+    fitted[visible[1]] *= factor
+    posterior = posterior_of(fitted, paper, visible, np.zeros((2, 2)), alone=True)
+    parameters, _ = posterior.parameters(posterior.scale(), {})
+    interval, of_a = parameters["c1"].interval90, posterior.scale().interval90
     assert interval is not None
-    assert interval == pytest.approx([values["c1"] * end / (share * base["b"].value) for end in of_a], rel=1e-6)
+    assert interval == pytest.approx([fitted[visible[1]] * end for end in of_a], rel=1e-5)
 
 
 def test_a_scale_fixed_only_by_bounds_is_reported_as_not_measured(paper: Rig) -> None:
@@ -174,14 +157,12 @@ def test_every_parameter_of_an_effect_has_a_power_of_the_scale_and_the_unit_of_i
 
 def test_values_that_only_bounds_fix_have_an_interval_inside_those_bounds(paper: Rig) -> None:
     unknown = seen(paper, paper.nominal)
-    nine, base = update_prior(unknown[:5], np.diag((1e-3 * unknown[:5]) ** 2), paper)
     ratios = {
         name: EstimatedValue(value=value, std=0.0, interval90=(value, value))
         for name, value in zip(RATIOS, unknown[:5].tolist(), strict=True)
     }
-    nine, base = with_intervals(
-        nine, base, ratios, scale_of(base["b"], posterior_of(unknown, paper)), posterior_of(unknown, paper)
-    )
+    posterior = posterior_of(unknown, paper)
+    nine, base = posterior.parameters(posterior.scale(), ratios)
     for name, (lower, upper) in zip(PARAMETERS, paper.bounds.T.tolist(), strict=True):
         low, high = nine[name].interval90 or (np.nan, np.nan)
         assert nine[name].fixed_by == "bound"

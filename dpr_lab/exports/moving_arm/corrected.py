@@ -13,12 +13,12 @@ from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.saved import Interval
-from dpr_lab.identification.model import EstimatedValue, ParameterValue, RigFacts, RunUsed
+from dpr_lab.identification.model import EstimatedValue, RigFacts, RunUsed
 from dpr_lab.identification.moving_arm.engine import OF_ARM, swing_of
 from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel
 from dpr_lab.identification.moving_arm.scale import absolute_name, estimated
 from dpr_lab.identification.moving_arm.unknowns import parameter_of
-from dpr_lab.identification.scaling.prior_spread import posterior_of, scale_of
+from dpr_lab.identification.prior_update import posterior_of
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -53,8 +53,7 @@ def corrected_arm_model(
     mounted: Literal["both", "inner"] = "both" if rig.rods.mounted == "both" else "inner"
     swing, inertia = swing_of(unknown, effect_params(effects), mounted, driven, rig)
     letter: Literal["a", "b"] = "b" if mounted == "both" else "a"
-    of_rig = ParameterValue(value=float(unknown[SCALE]), std=None, fixed_by="bound")
-    assumed = diagnosis.scale or scale_of(of_rig, posterior_of(unknown, rig))
+    assumed = diagnosis.scale or posterior_of(unknown, rig).scale(float(unknown[SCALE]))
     scale = assumed.as_inertia(letter, inertia / assumed.b)
     kind = rig.motor.input if driven and rig.motor else ""
     determined = {name: _estimated(interval) for name, interval in diagnosis.determined.items()}

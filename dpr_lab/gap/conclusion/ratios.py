@@ -7,14 +7,13 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS, whole_parameters
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, UNKNOWN_RATIOS, alone_share, unknown_ratios
+from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, alone_share, unknown_ratios
 from dpr_lab.gap.conclusion.uncertainty import by_unseen_ratios
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Transferred
 from dpr_lab.identification.moving_arm.setup import drive_gain
-from dpr_lab.identification.prior_update import assumed_b
-from dpr_lab.identification.scaling.prior_spread import SETTINGS, posterior_of, relative_std, scale_of
+from dpr_lab.identification.prior_update import posterior_of
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.setup import only_inner
 
@@ -116,12 +115,11 @@ def _scale_b(state: Transferred, alone: bool) -> Scale:
         of_drive = drive_gain(rig).relative_std if driven else 0.0
         reach = float(np.hypot(intervals["", "b"], NORMAL_Q90 * b * of_drive))
         return Scale(b=b, interval90=(max(b - reach, 1e-3 * b), b + reach), fixed_by="data", constants_std=of_drive)
-    visible = [i for i, name in enumerate(UNKNOWN_RATIOS) if ("", name) in intervals]
-    assumed = assumed_b(state.selection.bare.estimate.ratios, rig)
-    assumed = assumed.model_copy(update={"value": b})
-    gravity = determined(state)[0].get("e1/a")  # an effect such as a spring may make this ratio uncertain
-    spread = relative_std(gravity.interval90) if gravity else SETTINGS.ratio_std
-    return scale_of(assumed, posterior_of(unknown, rig, visible, alone=alone, ratio_std=spread))
+    places = {p.place: i for i, p in enumerate(state.selection.chosen.fit.free) if p.block == "ratios"}
+    visible = sorted(places)
+    columns = [places[place] for place in visible]
+    # an effect such as a spring may make a ratio uncertain
+    return posterior_of(unknown, rig, visible, state.covariance[np.ix_(columns, columns)], alone=alone).scale(b)
 
 
 def ratio_covariance(state: Transferred) -> Array:

@@ -21,18 +21,15 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.identification.directions import spread
 from dpr_lab.identification.expected import RELEASES, information_root
-from dpr_lab.identification.identifiability import Directions, InformationRows, already_made
-from dpr_lab.identification.instruments import INSTRUMENTS, JOINT2_ENCODER, BenchReading, Instrument, Measurement
+from dpr_lab.identification.identifiability import Directions, InformationRows
+from dpr_lab.identification.instruments import BenchReading, Measurement, rod_measurements
 from dpr_lab.identification.moving_arm.fit import ArmFit, fit_moving_arm, fit_segments
 from dpr_lab.identification.moving_arm.problem import ArmRecording, arm_problem, recordings_of
 from dpr_lab.identification.moving_arm.unknowns import Unknowns, best, mode_number, rod_inertias
-from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.rig import PARAMETERS, Rig, of_inner_rod
 from dpr_lab.rig_tables import Parameter, Pose
 from dpr_lab.run import Run
 from dpr_lab.shown import Row, Shown
-
-SINGLE_ROD = ("l1", "m1", "c1", "J1")
-"""Names of the parameters of the inner rod alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +195,7 @@ def _physical(rig: Rig, unknowns: Unknowns) -> tuple[dict[str, float], Array]:
     small motor whose back-EMF is as large as the friction.
     """
     both_rods, motor = rig.rods.mounted == "both", rig.motor
-    of_rods = PARAMETERS if both_rods else SINGLE_ROD
+    of_rods = PARAMETERS if both_rods else of_inner_rod(0.0)
     sizes = {name: float(rig.nominal[PARAMETERS.index(name)]) for name in of_rods}
     scale = rod_inertias(rig.nominal, rig)[1]
     start = dict(zip(SWING_PARAMETERS, (unknowns.start * scale).tolist(), strict=True))
@@ -242,30 +239,16 @@ def _answers(
     The n columns belong to relative changes of the parameters.
     """
     names, answers = list(sizes), dict[Measurement, Array]()
-    for instrument in INSTRUMENTS:
-        if instrument.parameters == PARAMETERS or not set(instrument.parameters) <= sizes.keys():
-            continue  # a release with an added mass needs a clamped arm
-        if not already_made(instrument, rig):
-            rows = instrument.rows(rig.nominal, rig) * rig.nominal
-            places = [PARAMETERS.index(name) for name in instrument.parameters]
-            answer = np.zeros((len(rows), len(names)))
-            answer[:, [names.index(name) for name in instrument.parameters]] = rows[:, places]
-            answers[instrument if "mb" in sizes else _of_one_rod(instrument)] = answer
+    of_rods = [name for name in names if name in PARAMETERS]
+    for measurement, readings in rod_measurements(of_rods, rig.nominal, rig).items():
+        if measurement.quantity.symbol != "added mass":  # a release with an added mass needs a clamped arm
+            answers[measurement] = np.pad(readings, ((0, 0), (0, len(names) - len(of_rods))))
     for reading in ARM_INSTRUMENTS:
         if reading.parameter in sizes and not 0 < _std(parameters[reading.parameter]) <= (
             reading.relative_std * sizes[reading.parameter]
         ):
             answers[reading] = np.eye(len(names))[[names.index(reading.parameter)]] / reading.relative_std
     return answers
-
-
-def _of_one_rod(instrument: Instrument) -> Instrument:
-    """Adapt a measurement to a rig with a single rod.
-
-    A single rod does not carry the encoder of joint 2.
-    """
-    quantity = replace(instrument.quantity, name=instrument.quantity.name.replace(JOINT2_ENCODER, ""))
-    return replace(instrument, how=instrument.how.replace(JOINT2_ENCODER, ""), quantity=quantity)
 
 
 def _simulated(rig: Rig) -> ArmFit:

@@ -225,7 +225,8 @@ in the folder of the workspace.
         ratios = report_table(tables.ratio_title(model), tables.ratio_table(model))
         absolute = tables.base_table(model)
         base = [report_table("Base parameters, because these runs also determine the scale", absolute)] * bool(absolute)
-        nine = report_table("Nine parameters and what determines them", tables.parameter_table(model))
+        count = "Parameters" if model.fitted else "Nine parameters"
+        nine = report_table(f"{count} and what determines them", tables.parameter_table(model))
         self.put("ratios-text", Group(ratios, Text(tables.ratio_note(model), "dim"), *base, warnings))
         self.put("nine-text", Group(nine, Text(tables.parameter_note(model), "dim")))
         self.put("seen-text", _identifiability(model))
@@ -294,7 +295,7 @@ def _identifiability(model: "Model") -> Group:
         return Group("This model contains no identifiability analysis.")
     free = [described(direction) for direction in identifiability.null_space]
     return Group(
-        f"The recordings determine {identifiability.rank} of 9 combinations of parameters.\n",
+        f"The recordings determine {identifiability.rank} of {len(model.mounted)} combinations of parameters.\n",
         sentences("Parameter changes that neither recordings nor measured values can detect:", free),
         sentences("Additional measurements on the bench, best first:", identifiability.advice),
         "" if free else "All nine parameters are determined. A further measurement only reduces their uncertainty.",
