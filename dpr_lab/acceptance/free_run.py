@@ -21,7 +21,7 @@ def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon
     The corrected model is simulated from the start of the swing, without correction by the readings.
 
     The result is a mapping from run names to errors. An error is not finite if the simulation fails before the horizon.
-    If the runs are not those of the diagnosis, effects that occurred only once are omitted, because they refer to a run
+    Effects that occurred only once are omitted if the runs are not those of the diagnosis: such effects refer to a run
     of the diagnosis by its number.
 
     As in a diagnosis, a kick or another disturbance ends the free run, and a rolling shutter is corrected.

@@ -28,7 +28,7 @@ Example:
 \b
 Exit codes:
   0 ok                        5 protocol mismatch
-  1 refused by a check        6 degraded capture (file kept)
+  1 failed check or test      6 degraded capture (file kept)
   2 usage                     7 device lost (partial file kept)
   3 configuration or input    8 identification failed its own checks
   4 device not found or busy  9 limits not decidable with these runs

@@ -7,8 +7,8 @@ or the quarters of a single release.
 The quarters of a release, and the pieces of a long recording, share the pose and all other conditions. A single release
 therefore decides at most one cause, and only under two further conditions. The first concerns the amplitudes a of the
 cause, with covariance C: their joint significance sqrt(a^T C^-1 a) is at least `margin`, twice the value that counts as
-detectable. (The joint significance is used because amplitudes such as the stiffness and the cubic term of a spring are
-correlated, so that each amplitude alone is less significant.) The second is that every other effect is excluded as
+detectable. (Amplitudes such as the stiffness and the cubic term of a spring are correlated, so each amplitude alone is
+less significant.) The second is that every other effect is excluded as
 described below. If a small second cause may be present, a second release is therefore recorded. Several causes, and the
 absence of a gap, are always confirmed by a second release.
 

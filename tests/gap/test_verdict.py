@@ -211,7 +211,7 @@ def test_the_sentence_without_a_gap_states_the_worst_free_run() -> None:
     limit = "has an error of 1.8 mrad rms, below the limit of 4 times its uncertainty (1 mrad from parameters, initial"
     assert limit in words
     assert sentence("no_gap", state, (10, 10), Budget.model_construct(runs=[])).endswith(
-        "No free run is long and predictable enough to test this."
+        "No free run is long and predictable enough for a test."
     )
 
 

@@ -2,10 +2,10 @@
 
 Models predict the recordings to which they were fitted better than further recordings. The residuals of the fitted
 recordings therefore cannot show that the models are incomplete. For each recording r, models are drawn around the
-values that are fitted without r (`PosteriorComponent.left_out`). The errors of models that are fitted to R - 1 of R
-recordings have R / (R - 1) times the variance of the errors of models that are fitted to all recordings (the
-jackknife). The covariance is therefore multiplied by this factor. m and w are the middle and the half width of the 90 %
-band of these models, y are the readings, and z is the normal quantile of the band. The quantity
+values that are fitted without r (`PosteriorComponent.left_out`). Without one of R recordings, the variance of the
+errors of a model is R / (R - 1) times as large as with all recordings (the jackknife). The covariance is therefore
+multiplied by this factor. m and w are the middle and the half width of the 90 % band of these models, y are the
+readings, and z is the normal quantile of the band. The quantity
 
     v = median(s_r) / median(chi2_q / q),    s_r = mean (z (y - m) / w)^2
 

@@ -164,7 +164,7 @@ def _no_gap(bare: Hypothesis) -> str:
 def _free_run(budget: Budget) -> str:
     """State the largest error of a predictable free run relative to its uncertainty."""
     if (run := budget.worst) is None:
-        return "No free run is long and predictable enough to test this."
+        return "No free run is long and predictable enough for a test."
     error, uncertainty = (_rounded(1e3 * value) for value in (run.error_before_rad, run.u_before_rad))
     side = "above" if run.shows_gap else "below"
     return (

@@ -5,10 +5,10 @@ larger than anything else in the recordings (`dpr_lab.gap.damage.jumps`), wherea
 segments.
 
 Around a kick, the readings of a tenth of a second are excluded. A push looks like two kicks, at its beginning and at
-its end, so that all readings between two kicks at a short distance are excluded as well. Each kick belongs to one push
-at most. If a reading steps and returns after a while, the readings in between are excluded. If it stays shifted, the
-encoder missed counts, whose number the diagnosis estimates. A table of angles contains no counts, so its shorter part
-is excluded.
+its end. All readings between two kicks at a short distance are therefore excluded as well. Each kick belongs to one
+push at most. If a reading steps and returns after a while, the readings in between are excluded. If it stays shifted,
+the encoder missed counts, whose number the diagnosis estimates. A table of angles contains no counts, so its shorter
+part is excluded.
 """
 
 from collections.abc import Iterable, Sequence

@@ -45,8 +45,9 @@ def too_fast(t: Array, joints: Array) -> Flags:
 def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) -> Flags:
     """Detect readings that equal the previous reading although the rod moves.
 
-    The rod moves if its path since the last new reading is many standard deviations of a reading, if it moves in the
-    same direction before and after, and if the next new reading makes up for the missing motion. Consecutive repeated
+    The rod moves if three conditions hold: its path since the last new reading is many standard deviations of a
+    reading, it moves in the same direction before and after, and the next new reading contains the missing motion.
+    Consecutive repeated
     readings are judged together. A jump after repeated readings is not a missed count.
 
     Args:

@@ -78,10 +78,10 @@ class QueuedRows:
     def evidence(self) -> str:
         """Sentence that states the evidence of the finding and the remedy."""
         return (
-            f"a row is sent for each count over a saturated link: after {self.series} turning points the"
-            " rows arrive at even intervals, one count each, and their delay differs from the delay of the"
-            f" other rows by {1e3 * self.differ_s:.2g} ms (median). These {self.rows.sum()} readings are"
-            " excluded. Increase the baud rate, or send the time of the board with each row"
+            f"a row is sent for each count over a saturated link: after {self.series} turning points the rows arrive at"
+            " even intervals, one count each. The delay of these rows differs from the delay of the other rows by"
+            f" {1e3 * self.differ_s:.2g} ms (median). These {self.rows.sum()} readings are excluded."
+            " Increase the baud rate, or send the time of the board with each row"
         )
 
 

@@ -11,8 +11,8 @@ smoothed near zero, and tau1, tau2 are the known torques of the joints. The equa
 The equations are linear in all coefficients, which are fitted within bounds around the values of the rig file. The
 balance needs accelerations, and thus more rows than the energy balance (`balance`). The torque balance compares
 friction and gravity at every instant. An incorrect zero or scale of one rod is therefore not mistaken for friction.
-With one degree of freedom (a clamped elbow, or one rod represented by two equal halves), only the sum of both equations
-is used, in which the torques of joint 2 cancel.
+A clamped elbow, or one rod represented by two equal halves, has one degree of freedom. Only the sum of both equations
+is then used, in which the torques of joint 2 cancel.
 """
 
 from dataclasses import dataclass, field, replace

@@ -289,6 +289,6 @@ def cart_note(table: Table, used: Mapping[str, str], rig: Rig, options: ImportOp
     factor = -_METRES[match[1] or "m"] * _ANGLES[options.unit] / SETTINGS.rail_m
     return [
         f"column {name} is not used. If it is the position of a cart that carries the rod, describe the rail as a long"
-        f' arm, L0 = {SETTINGS.rail_m:g} in [rig] and mode = "prescribed" in [arm], and import with --columns'
+        f' arm: L0 = {SETTINGS.rail_m:g} in [rig], mode = "prescribed" in [arm]. Then import with --columns'
         f" theta0={name},theta1={used['theta1']} --scale theta0={factor:.4g}{'' if match[1] else ' (for metres)'}"
     ]

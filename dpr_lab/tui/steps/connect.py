@@ -43,10 +43,10 @@ Choose the link to the device: one from the list, or your own URL (`{{connect.ed
 
 {LINKS}
 - a simulated rig, to try everything without hardware: `{{connect.simulate}}`; a connected rig is disconnected only
-  after you confirm
+  after a confirmation
 
 `{{connect.exercise}}` makes the device stream for two seconds and shows the received and lost samples, and the error
-of its clock relative to this computer. This closes the latch and leaves it closed.
+of its clock relative to this computer. This test closes the latch and leaves it closed.
 """
     BINDINGS = bindings("connect")
 

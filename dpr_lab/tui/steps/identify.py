@@ -55,9 +55,9 @@ local fit down to the noise floor.
   result.
 
 A free swing determines five ratios. *Nine parameters* shows which of the nine parameters are determined, and by which
-data. *Identifiability* shows the measurements that determine the others. With a free or driven arm, a local fit that
-starts from the values of the rig file estimates the ratios of rods, arm and drive. The model is written to `model.json`
-in the folder of the workspace.
+data. *Identifiability* shows the measurements that determine the others. With a free or driven arm, a local fit
+estimates the ratios of rods, arm and drive. This fit starts from the values of the rig file. The model is written to
+`model.json` in the folder of the workspace.
 """
     BINDINGS = bindings("identify")
     DEFAULT_CSS = """
