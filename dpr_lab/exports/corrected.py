@@ -14,7 +14,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
-from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.estimation.noise import NORMAL_Q90, noise_floor
 from dpr_lab.estimation.usable_runs import refuse_other_rigs
 from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.ensemble.sampled import signed
@@ -32,6 +32,7 @@ from dpr_lab.identification.model import (
     SearchRecord,
     ratios_alone,
 )
+from dpr_lab.identification.preprocess import rms_noise
 from dpr_lab.identification.prior_update import posterior_of
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -88,7 +89,7 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
         parameters=nine,
         base=absolute,
         scale=scale.as_inertia("a", alone_share(unknown)) if alone else scale,
-        fit=_fit_summary(diagnosis),
+        fit=_fit_summary(diagnosis, rms_noise(noise_floor(run, rig) for run in runs)),
         search=SearchRecord(
             algorithm="diagnosis",
             objective="segments",
@@ -108,11 +109,16 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
     )
 
 
-def _fit_summary(diagnosis: Diagnosis) -> FitSummary:
-    gap = diagnosis.gap
+def _fit_summary(diagnosis: Diagnosis, noise: Array) -> FitSummary:
+    """Return the residual and the noise of a single reading, as an identification states them.
+
+    The noise floor of the diagnosis is that of averaged readings, so it is smaller.
+    """
+    noise_rad = dict(zip(AXES.values(), noise.tolist(), strict=True))
+    after = {AXES[joint]: rms for joint, rms in diagnosis.gap.after_rad.items()}
     return FitSummary(
-        rms_rad={AXES[joint]: float(np.hypot(rms, gap.floor_rad[joint])) for joint, rms in gap.after_rad.items()},
-        noise_rad={AXES[joint]: floor for joint, floor in gap.floor_rad.items()},
+        rms_rad={rod: float(np.hypot(rms, noise_rad[rod])) for rod, rms in after.items()},
+        noise_rad=noise_rad,
         segments=diagnosis.segments,
         chi2_per_dof=diagnosis.chi2_per_dof,
         iterations=0,

@@ -24,7 +24,7 @@ from dpr_lab.identification.model import (
     SearchRecord,
     ratios_alone,
 )
-from dpr_lab.identification.preprocess import PreprocessedRun
+from dpr_lab.identification.preprocess import PreprocessedRun, rms_noise
 from dpr_lab.identification.prior_update import Posterior, posterior_of, prior_ratio_std
 from dpr_lab.identification.profile import profile90
 from dpr_lab.identification.ratio_fit import RatioFit, predictable_until
@@ -89,7 +89,7 @@ def identified_model(
         IdentificationError: the runs do not determine the ratios.
     """
     ratio_uncertainty = determined(uncertainty(ratio_fit))
-    noise = np.sqrt(np.mean([np.diag(prepared.noise.covariance) for prepared in runs], axis=0))
+    noise = rms_noise(prepared.noise for prepared in runs)
     measured = np.concatenate([prepared.run.theta[:, 1:] for prepared in runs])
     rms = np.sqrt(np.mean((measured - ratio_fit.predicted) ** 2, axis=0))
     ratios = {name: _ratio(ratio_fit, ratio_uncertainty, rig, name, profile) for name in RATIOS}

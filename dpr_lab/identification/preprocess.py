@@ -1,5 +1,6 @@
 """Preprocess runs: estimate the noise of the readings and the state at every sample."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,6 +42,11 @@ def preprocess(run: Run, rig: Rig, every: int = 1) -> PreprocessedRun:
     noise = noise_floor(run, rig)
     thinned = run.swing if every == 1 else _thinned(run.swing, every)
     return PreprocessedRun(thinned, noise, smooth(thinned, noise).states)
+
+
+def rms_noise(noises: Iterable[NoiseFloor]) -> Array:
+    """Return the rms noise (2,) of a single reading of theta1 and theta2 over runs, rad."""
+    return np.sqrt(np.mean([np.diag(noise.covariance) for noise in noises], axis=0))
 
 
 def _thinned(swing: Run, every: int) -> Run:

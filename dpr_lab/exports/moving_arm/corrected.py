@@ -16,6 +16,7 @@ from dpr_lab.gap.result.saved import Interval
 from dpr_lab.identification.model import EstimatedValue, RigFacts, RunUsed
 from dpr_lab.identification.moving_arm.engine import OF_ARM, swing_of
 from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel
+from dpr_lab.identification.moving_arm.problem import reading_std
 from dpr_lab.identification.moving_arm.scale import absolute_name, estimated
 from dpr_lab.identification.moving_arm.unknowns import parameter_of
 from dpr_lab.identification.prior_update import posterior_of
@@ -58,8 +59,9 @@ def corrected_arm_model(
     kind = rig.motor.input if driven and rig.motor else ""
     determined = {name: _estimated(interval) for name, interval in diagnosis.determined.items()}
     ratios = _with_values(determined, swing, kind, letter)
-    floor = diagnosis.gap.floor_rad
-    rms = {joint: float(np.hypot(above, floor[joint])) for joint, above in diagnosis.gap.after_rad.items()}
+    std = np.sqrt(np.mean([reading_std(run, rig) ** 2 for run in runs], axis=0)).tolist()
+    read = sorted(joint for joint, floor in diagnosis.gap.floor_rad.items() if floor > 0.0)
+    noise = {joint: std[int(joint[-1])] for joint in read}
     return MovingArmModel(
         rig=RigFacts.of(rig),
         mounted=mounted,
@@ -74,8 +76,10 @@ def corrected_arm_model(
         swing=swing,
         effects=_named(effects),
         fit=ArmFitSummary(
-            rms_rad={_joint(name): rms[name] for name in sorted(rms)},
-            noise_rad={_joint(name): floor[name] for name in sorted(floor)},
+            rms_rad={
+                _joint(name): float(np.hypot(diagnosis.gap.after_rad[name], floor)) for name, floor in noise.items()
+            },
+            noise_rad={_joint(name): floor for name, floor in noise.items()},
             segments=diagnosis.segments,
             segment_s=0.5,
             chi2_per_dof=diagnosis.chi2_per_dof,

@@ -29,7 +29,11 @@ class Gap(Saved):
     """
 
     floor_rad: dict[str, Number]
-    """Noise floor of each joint, rad, by the name of the joint."""
+    """Noise floor of each joint, rad, by the name of the joint; 0 for a joint without readings.
+
+    It is the noise of the readings that the diagnosis fits: averages over blocks of at most 5 ms, with the errors of
+    the time stamps and the measured correlation of the noise. `noise_rad` of a model is the noise of a single reading.
+    """
     before_rad: dict[str, Number]
     """Rms of the residual of the bare model above the noise, rad, by joint."""
     after_rad: dict[str, Number]

@@ -155,14 +155,17 @@ def _recording(run: Run, rig: Rig) -> ArmRecording:
         refuse_without_motion(run, rig)
     else:
         refuse_still_arm(run.swing.theta[:, 0], run.arm_mode, name)
-    swing, std = run.swing, np.full(3, np.nan)
-    std[1:] = noise_floor(run, rig).std_joint
-    std[0] = arm_noise(run, rig)
+    swing, std = run.swing, reading_std(run, rig)
     drive, slope = np.zeros((2, len(swing.t)))
     if run.arm_input is not None:
         held = Torques(run.t + run.input_delay_s, np.zeros((len(run.t), 2)), on_arm=run.arm_input)
         drive[:-1], slope[:-1] = _line(swing.t, run.between_rows(held))
     return ArmRecording(swing, mode_number(run.arm_mode, rig.motor.input if rig.motor else ""), std, drive, slope)
+
+
+def reading_std(run: Run, rig: Rig) -> Array:
+    """Return the noise (3,) of a single reading of joints 0, 1 and 2, rad."""
+    return np.append(arm_noise(run, rig), noise_floor(run, rig).std_joint)
 
 
 def _line(t: Array, torques: Torques) -> tuple[Array, Array]:

@@ -1,0 +1,55 @@
+"""Noise in the corrected model of a diagnosis, compared with the noise that was added to a simulated recording."""
+
+import numpy as np
+import pytest
+
+from dpr_lab.dynamics.base import RATIOS, whole_parameters
+from dpr_lab.exports.corrected import corrected_model
+from dpr_lab.exports.moving_arm.corrected import corrected_arm_model
+from dpr_lab.fitting.estimate import unknown_ratios
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.gap_size import Gap
+from dpr_lab.gap.result.saved import Interval
+from dpr_lab.identification.moving_arm.problem import reading_std
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.run import Run
+
+NOISE = np.array([3e-3, 2e-3, 1e-3])
+"""Noise of a reading of joints 0, 1 and 2, rad, at 1 kHz; a diagnosis averages five readings."""
+AFTER = {"joint0": 4e-3, "joint1": 3e-3, "joint2": 2e-3}
+
+
+def recorded(rig: Rig, mode: str) -> Run:
+    t = np.arange(4000) / 1000.0
+    joints = 0.3 * np.sin(np.outer(t, (3.0, 5.0, 7.0))) + NOISE * np.random.default_rng(4).standard_normal((4000, 3))
+    joints[:, 1:] = joints[:, 1:] @ rig.encoders.joint_angles.to_rods_matrix.T
+    return Run("swing", t, joints, None, None, rig.name, rig.sha256, 1000.0, arm_mode=mode, mounting=rig.rods.mounting)
+
+
+def diagnosed(rig: Rig) -> Diagnosis:
+    unknown = unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))
+    gap = Gap.model_construct(floor_rad={name: 1e-4 for name in AFTER}, after_rad=AFTER)
+    five = {name: Interval(value=v, interval90=(v, v)) for name, v in zip(RATIOS, unknown.tolist(), strict=False)}
+    return Diagnosis.model_construct(
+        ratios=five, fitted=[], determined=five, gap=gap, scale_b=float(unknown[5]), p_over_b=None, scale=None,
+        ratio_covariance=np.zeros((5, 5)).tolist(), determined_covariance=np.zeros((5, 5)).tolist(), segments=1,
+        chi2_per_dof=1.0, verdict="no_gap", seconds=0.0, posterior=[], effects=[], model_effects={},
+    )  # fmt: skip
+
+
+def test_a_moving_arm_has_the_noise_of_a_single_reading() -> None:
+    rig = load_rig("furuta").with_rods("both")
+    run, diagnosis = recorded(rig, "free"), diagnosed(rig)
+    fit = corrected_arm_model(diagnosis, diagnosis.unknowns, {}, [run], rig).fit
+    assert list(fit.noise_rad.values()) == pytest.approx(NOISE, rel=0.1)
+    assert list(fit.noise_rad.values()) == pytest.approx(reading_std(run, rig))  # as in an identification
+    assert list(fit.rms_rad.values()) == pytest.approx(np.hypot(NOISE, list(AFTER.values())), rel=0.1)
+
+
+def test_a_clamped_arm_has_the_noise_of_a_single_reading(paper: Rig) -> None:
+    diagnosis = diagnosed(paper)
+    gap = Gap.model_construct(floor_rad={}, after_rad={"joint1": 0.0, "joint2": 0.0})
+    fit = corrected_model(diagnosis.model_copy(update={"gap": gap}), [recorded(paper, "clamped")], paper).fit
+    relative = paper.encoders.joint2 == "relative"
+    expected = {"theta1": NOISE[1], "theta2": np.hypot(NOISE[1] * relative, NOISE[2])}
+    assert fit.noise_rad == pytest.approx(expected, rel=0.1)
