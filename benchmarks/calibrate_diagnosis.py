@@ -21,8 +21,7 @@ from _trial_cases import Scored
 from diagnosis import FIRST_SEED, GROUPS, campaign, trials_of
 from scipy.optimize import minimize
 
-from dpr_lab.gap.classes.calibration import CALIBRATION, Calibration
-from dpr_lab.gap.classes.posterior import odds_outside, probability_outside
+from dpr_lab.gap.classes.calibration import CALIBRATION, Calibration, odds_outside, probability_outside
 from dpr_lab.trials.score import Claim
 from dpr_lab.trials.summary import calibration_error
 

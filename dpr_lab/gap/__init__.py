@@ -18,7 +18,7 @@
 Why was cause X preferred to Y? The field `search` of a diagnosis lists all trials of the search. The trial that rejects
 Y, or that replaces Y by X, states its move and the reason.
 
-Reading order. About 9,700 words contain the rules of this choice:
+Reading order. About 8,000 words contain the rules of this choice:
 
     `hypothesis.hypothesis`      the cost, by which sets are compared
     `hypothesis.thresholds`      the numbers in the rules
@@ -31,8 +31,8 @@ Reading order. About 9,700 words contain the rules of this choice:
     `which.replacements`
     `classes.posterior`          the probabilities of X and Y, if both remain
 
-About 7,700 words contain the stages: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`, `which.select`,
-`corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 66,400 words. Each has the
+About 6,700 words contain the stages: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`, `which.select`,
+`corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 68,100 words. Each has the
 computations of one decision, and can be read when it is changed. Two of them belong to no single stage: `damage`
 (disturbances, and rods moved by a hand, which the fit of the bare model removes) and `films` (corrections of films).
 

@@ -1,7 +1,4 @@
-"""Fit of the bare model to screened runs.
-
-The segments are short at first, then longer.
-"""
+"""Fit of the bare model to screened runs, in short segments at first, then in longer ones."""
 
 from dataclasses import replace
 
@@ -26,10 +23,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.setup import only_inner
 
 LESS_NOISE = 0.8
-"""Maximum ratio of a more likely noise of measured torques to the previous noise.
-
-The tested variances differ by factors of two, so that one step is a ratio of 0.71.
-"""
+"""Maximum ratio of a more likely noise of measured torques to the previous one; tested noises have steps of 0.71."""
 
 
 def nominal_ratios(rig: Rig) -> Array:
@@ -38,10 +32,9 @@ def nominal_ratios(rig: Rig) -> Array:
 
 
 def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Problem, Hypothesis]:
-    """Fit the ratios robustly in short first segments, then in segments of the working length.
+    """Fit the ratios robustly in short first segments, then in segments of the working length (`SegmentLengths`).
 
-    `dpr_lab.gap.screen.recordings.SegmentLengths` defines both lengths. Isolated outliers are excluded
-    after the first step, because at a low rate they are visible only in the residual of a model.
+    Between the two, isolated outliers are excluded: at a low rate they are visible only in the residual of a model.
 
     Args:
         recordings: the runs
@@ -99,11 +92,7 @@ def _refuse_unfollowed(recordings: Recordings, problem: Problem, bare: Fit) -> N
 
 
 def with_likeliest_noise(recordings: Recordings, problem: Problem, model: Hypothesis) -> Recordings | None:
-    """Return the recordings with a smaller noise of their measured torques.
-
-    The result is None if this noise is not more likely. The likelihood of a noise is computed from the residuals of a
-    fitted model.
-    """
+    """Return the recordings with a smaller noise of their measured torques, if the residuals make it more likely."""
     before = np.minimum(most_noise(problem), recordings.torque_noise_Nm)
     if problem.disturbance is None or not before.any():
         return None
@@ -114,7 +103,7 @@ def with_likeliest_noise(recordings: Recordings, problem: Problem, model: Hypoth
 
 
 def _in_working_segments(recordings: Recordings, short: Problem, estimate: Estimate) -> tuple[Problem, Hypothesis]:
-    """Fit the bare model to segments of the working length, starting from a fit of shorter segments."""
+    """Fit the bare model to segments of the working length."""
     longer, initial = recordings.cut(recordings.working_length)
     start = estimate.changed(initial=carried(short.segments, estimate.initial, longer.segments, initial))
     fitted = fit(longer, start, free_parameters(start, (), longer), iterations=20)

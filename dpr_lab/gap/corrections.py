@@ -4,8 +4,6 @@ noise of torques    smaller than estimated from the recorded torques, or zero
 earlier torques     torques that act before their rows, which looks like a negative delay
 rolling shutter     correction of the readings of a film
 moving camera       noise of a film whose picture turns slowly
-
-`CORRECTIONS` contains them in this order.
 """
 
 from collections.abc import Callable
@@ -16,9 +14,8 @@ import numpy as np
 from dpr_lab.effects import param_index
 from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.gap.bare_model import with_likeliest_noise
-from dpr_lab.gap.films import explains_more, likeliest_camera, likeliest_shutter
+from dpr_lab.gap.films import likeliest_camera, likeliest_shutter, shutter_explains_more
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refutes_torque_noise
-from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.state import Fitted, ScreenedRuns
 from dpr_lab.gap.which.search import SearchState
 
@@ -30,8 +27,8 @@ class RowRules:
     earlier: float = 1.0
     """Maximum time by which known torques act before their rows, as a share of the interval between rows.
 
-    The share is one half for samples of a continuous signal. It is smaller if the drive updates its torque several
-    times per row, and larger if the last update was long before the row.
+    The share is one half for samples of a continuous signal, smaller for several updates per row, and larger if the
+    last update was long before the row.
     """
     slack: float = 0.1
     """Uncertainty of the share `earlier`. A torque that acts even earlier was logged too late."""
@@ -48,96 +45,80 @@ class ForwardSelected:
     search: SearchState
 
 
-@dataclass(frozen=True, slots=True)
-class Correction:
-    """Correction of a property of the recordings that proves wrong in a search."""
-
-    correct: Callable[[Fitted, Hypothesis], ScreenedRuns | None]
-    """Function of the fitted recordings and the selected set: the corrected recordings; None if none are needed."""
-    better: Callable[[ForwardSelected, ForwardSelected], bool] = lambda before, after: True
-    """Function of the previous and the corrected state: whether the search of the corrected recordings is used."""
-    most: int = 1
-    """Maximum number of times that the correction is applied."""
-
-
-def corrected(preliminary: ForwardSelected, search: Callable[[ScreenedRuns], ForwardSelected]) -> ForwardSelected:
+def corrected(state: ForwardSelected, search: Callable[[ScreenedRuns], ForwardSelected]) -> ForwardSelected:
     """Apply each correction that a search implies, and repeat the search.
 
     Args:
-        preliminary: result of the first search
+        state: result of the first search
         search: function that fits the bare model to recordings and selects effects
     """
-    for correction in CORRECTIONS:
-        for _ in range(correction.most):
-            changed = correction.correct(preliminary.fitted, preliminary.search.current)
-            if changed is None:
-                break
+    for _ in range(2):
+        if changed := with_other_noise(state.fitted, state.search.current):
+            state = search(changed)
+    for correct, is_better in (
+        (_with_earlier_torques, _no_worse),
+        (_with_shutter, _shutter_explains_more),
+        (_with_camera, _camera_explains_more),
+    ):
+        if changed := correct(state.fitted, state.search.current):
             again = search(changed)
-            preliminary = again if correction.better(preliminary, again) else preliminary
-    return preliminary
+            state = again if is_better(state, again) else state
+    return state
 
 
 def with_other_noise(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
-    """Return the state with less or no noise of known torques, if a model requires the change."""
-    if refutes_torque_noise(fitted.problem, model):
+    """Return the state with less or no noise of known torques, if a model requires this."""
+    if refutes_torque_noise(fitted.problem, model):  # known torques count as exact
         return replace(fitted, recordings=replace(fitted.recordings, exact_torques=True))
     recordings = with_likeliest_noise(fitted.recordings, fitted.problem, model)
     return recordings and replace(fitted, recordings=recordings)
 
 
-def _earlier_torques(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
-    share = _earlier_share(fitted.recordings, model)
-    if not share:
-        return None
-    return _with_changed_recordings(fitted, lambda runs: runs.with_earlier_torques(share))
-
-
-def _with_changed_recordings(fitted: Fitted, change: Callable[[Recordings], Recordings]) -> Fitted:
-    return replace(fitted, recordings=change(fitted.recordings), held_out=change(fitted.held_out))
-
-
-def _earlier_share(recordings: Recordings, model: Hypothesis) -> float:
-    """Return how early known torques act, as a share of the interval between rows.
-
-    The share is 0 if each torque is held constant until the next row.
-    """
+def _with_earlier_torques(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
+    """Return the state with earlier torques if the fitted delay is negative and at most the interval between rows."""
+    recordings = fitted.recordings
     if INPUT_DELAY.name not in model.effects or recordings.torques_earlier:
-        return 0.0
+        return None
     early = -float(model.estimate.params[param_index(INPUT_DELAY.name, "delay_s")])
     intervals = [float(np.median(np.diff(r.setup.torques.t))) for r in recordings.records if r.setup.torques]
     share = early / max(intervals, default=np.inf)
-    return min(share, ROWS.earlier) if 0.0 < share <= ROWS.earlier + ROWS.slack else 0.0
+    if not 0.0 < share <= ROWS.earlier + ROWS.slack:
+        return None
+    recordings, held_out = (
+        runs.with_earlier_torques(min(share, ROWS.earlier)) for runs in (recordings, fitted.held_out)
+    )
+    return replace(fitted, recordings=recordings, held_out=held_out)
 
 
 def _no_worse(before: ForwardSelected, after: ForwardSelected) -> bool:
-    """Return whether early torques fit as well as torques that are held and delayed.
-
-    Early torques act before their rows. Differences within the noise are ignored.
-    """
+    """Return whether earlier torques fit as well, within the noise, as torques that are held and delayed."""
     held, earlier = before.search.current, after.search.current
     return earlier.cost < held.cost + held.chance
 
 
-def _shutter(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
-    """Return the recordings with the shutter that explains most of the bare model's residual.
+def _with_shutter(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
+    """Return the recordings with the shutter that explains the bare model's residual.
 
-    The result is None if no shutter explains enough. The selected set is not used, because one of its effects may
-    imitate a part of the delay of the shutter.
+    Effects of the selected set may imitate a part of the delay of the shutter, so the set is not used.
     """
     shutter = likeliest_shutter(fitted.recordings, fitted.problem, fitted.bare)
     return shutter and replace(fitted, recordings=fitted.recordings.with_shutter(shutter))
 
 
-def _camera(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
+def _shutter_explains_more(before: ForwardSelected, after: ForwardSelected) -> bool:
+    return shutter_explains_more(before.search.current, after.search.current)
+
+
+def _with_camera(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
     angle_rad = likeliest_camera(fitted.recordings, fitted.problem, model)
-    return _with_changed_recordings(fitted, lambda runs: runs.with_camera(angle_rad)) if angle_rad else None
+    recordings, held_out = (runs.with_camera(angle_rad) for runs in (fitted.recordings, fitted.held_out))
+    return replace(fitted, recordings=recordings, held_out=held_out) if angle_rad else None
 
 
 def _camera_explains_more(before: ForwardSelected, after: ForwardSelected) -> bool:
     """Return whether a moving camera makes the readings more likely than a fixed one.
 
-    The result is false if the two searches used different numbers of readings, because their likelihoods are then not
-    comparable.
+    Likelihoods of different numbers of readings are not comparable.
     """
     if before.fitted.problem.evidence != after.fitted.problem.evidence:
         return False
@@ -147,11 +128,3 @@ def _camera_explains_more(before: ForwardSelected, after: ForwardSelected) -> bo
         for state in (before, after)
     )
     return fixed_cost - moving_cost > moving.chance
-
-
-CORRECTIONS = (
-    Correction(with_other_noise, most=2),
-    Correction(_earlier_torques, _no_worse),
-    Correction(_shutter, lambda before, after: explains_more(before.search.current, after.search.current)),
-    Correction(_camera, _camera_explains_more),
-)

@@ -1,4 +1,4 @@
-"""Diagnosis in stages: screening, bare model, location, selection, classes, transfer, advice, evidence."""
+"""Diagnosis in stages (`STAGES`)."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -27,7 +27,7 @@ from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.time_scale import with_time_scale
 from dpr_lab.gap.state import Event, Fitted, Request, ScreenedRuns, Selected, Transferred
-from dpr_lab.gap.transfer.free_run import free_runs, free_swings
+from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.gap.transfer.gap_size import gap
 from dpr_lab.gap.transfer.out_of_sample import held_out_prediction
 from dpr_lab.gap.transfer.repeatability import gap_budget
@@ -102,7 +102,7 @@ def diagnose(
 
 
 def _begin(request: Request, stage: str) -> None:
-    """Report that a stage of the diagnosis starts."""
+    """Report the start of a stage."""
     request.on_progress(StageBegan(STAGES.index(stage) + 1, len(STAGES), stage))
 
 
@@ -127,10 +127,7 @@ def _screened(request: Request) -> ScreenedRuns:
 
 
 def _fitted(screened: ScreenedRuns) -> Fitted:
-    """Fit the bare model, and locate its residual.
-
-    The held-out runs receive the ratios, the noise and the rolling shutter of the fitted runs.
-    """
+    """Fit the bare model, apply its noise and shutter also to the held-out runs, and locate its residual."""
     request = screened.request
     _begin(request, "bare model")
     recordings, problem, bare = fit_bare_model(screened.recordings, request.start)
@@ -153,7 +150,7 @@ def _fitted(screened: ScreenedRuns) -> Fitted:
 
 
 def _forward_selected(screened: ScreenedRuns) -> ForwardSelected:
-    """Fit the bare model to the recordings, and select effects forward."""
+    """Fit the bare model, and select effects forward."""
     fitted = _fitted(screened)
     request, prediction = fitted.request, fitted.held_out_prediction
     _begin(request, "which")
@@ -173,8 +170,7 @@ def _forward_selected(screened: ScreenedRuns) -> ForwardSelected:
 def _selected(preliminary: ForwardSelected) -> Selected:
     """Refine the selected set, and compute the class of each of its effects.
 
-    Other corrections of the recordings precede this stage, because the refinement takes most of the time. Only the
-    noise of known torques is corrected once more, for the refined set.
+    The refinement takes most of the time. Afterwards, only the noise of known torques is corrected once more.
     """
     selection = refined(preliminary.search)
     if changed := with_other_noise(preliminary.fitted, selection.chosen):
@@ -193,15 +189,15 @@ def _selected(preliminary: ForwardSelected) -> Selected:
 
 
 def _transferred(selected: Selected) -> Transferred:
-    """Test the selected set on held-out data, and compute the size of the gap and the covariance."""
+    """Test the selected set, and compute the size of the gap and the covariance."""
     fitted, selection = selected.fitted, selected.selection
     rig, recordings, problem, chosen = fitted.request.rig, fitted.recordings, fitted.problem, selection.chosen
     _begin(fitted.request, "transfer")
     everything = recordings.only([*recordings.records, *fitted.held_out.records])
-    swings = {
-        name: free_swings(free_runs(everything, model.estimate), model) for name, model in selection.models.items()
+    freely = {
+        name: free_runs(everything, model.estimate, free=model.fit.free) for name, model in selection.models.items()
     }
-    transferred = transfer(selected, swings)
+    transferred = transfer(selected, freely)
     described = description(recordings.records, rig, problem, selection, transferred)
     if not described.withholds:
         refuse_rising(problem, chosen)
@@ -213,11 +209,11 @@ def _transferred(selected: Selected) -> Transferred:
         posteriors=judged(
             transferred, selected.posteriors, forced=described.forced, remainder=not chosen.at_noise_floor
         ),
-        free_swings=swings,
+        free_runs=freely,
         transfer=transferred,
         description=described,
         remainder=remainder,
-        gap=gap(selected, transferred, swings, budget, remainder),
+        gap=gap(selected, transferred, freely, budget, remainder),
         # the covariance of values at a bound is zero; the second moments contain their one-sided uncertainty
         covariance=covariance(problem, chosen, rig, remainder) + second_moments(problem, chosen.fit, chosen.inflation),
     )

@@ -63,7 +63,7 @@ def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesi
     return shutter if gain > least else None
 
 
-def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
+def shutter_explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
     """Return whether a rolling shutter correction improves the fit of a model."""
     if len(without.fit.linear.chi2_by_segment) != len(corrected.fit.linear.chi2_by_segment):
         return False

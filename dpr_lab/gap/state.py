@@ -1,12 +1,10 @@
 """State of a diagnosis: frozen records, one for each stage.
 
-    ScreenedRuns    request, recordings, held-out recordings
-    Fitted          + segments, bare model, residual maps
-    ForwardSelected Fitted, and the state of the search after forward selection (module `corrections`)
-    Selected        selected set of effects for the fitted recordings, classes with their probabilities
-    Transferred     + performance on held-out recordings, size of the gap, covariance
-
-A function that accepts `ScreenedRuns` or `Selected` also accepts the record that extends it.
+ScreenedRuns     request, recordings, held-out recordings
+Fitted           extends ScreenedRuns by segments, bare model, residual maps
+ForwardSelected  Fitted, and the state of the search after forward selection (module `corrections`)
+Selected         Fitted, selected set of effects, classes with their probabilities
+Transferred      extends Selected by performance on held-out recordings, size of the gap, covariance
 """
 
 from __future__ import annotations
@@ -24,7 +22,7 @@ from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.gap_size import Gap, Where
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.transfer.free_run import FreeSwings
+from dpr_lab.gap.transfer.free_run import FreeRuns
 from dpr_lab.gap.transfer.out_of_sample import OutOfSample
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy
@@ -61,9 +59,9 @@ class ScreenedRuns:
     request: Request
     recordings: Recordings
     held_out: Recordings
-    """Recordings that no fit uses; may be empty."""
+    """Recordings that no fit uses."""
     cut: str
-    """Sentence on the pieces of a long record; empty if the record was not divided."""
+    """Sentence on the pieces of a divided record, or empty."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,45 +69,40 @@ class Fitted(ScreenedRuns):
     """State after the fit of the bare model, without disturbed intervals and outliers."""
 
     problem: Problem
-    """Segments of the fitted runs."""
     bare: Hypothesis
     held_out_prediction: OutOfSample | None
-    """Prediction of the held-out recordings by any model; None if there are no held-out recordings."""
+    """Prediction of the held-out recordings by any model; None if there are none."""
     residual_maps: tuple[Where, ...]
-    """Residual maps of the locations at which the gap may arise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Selected:
-    """State with the selected set of effects, and with the class of each effect.
-
-    A class contains effects that are indistinguishable in these recordings, with their probabilities.
-    """
+    """State with the selected set of effects, and with the class of each effect."""
 
     fitted: Fitted
-    """Recordings and their bare model, which the selection may have replaced by a better fit."""
+    """Recordings and their bare model; the selection may have found a better fit of it."""
     selection: Selection
     posteriors: tuple[EffectPosterior, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transferred(Selected):
-    """State with the results of the selected set on held-out data, and the uncertainty of the set."""
+    """State with the results and the uncertainty of the selected set."""
 
-    free_swings: Mapping[str, FreeSwings]
-    """Free runs along all recordings, by model: `before` and `after` the correction."""
+    free_runs: Mapping[str, FreeRuns]
+    """Free runs along all recordings, `before` and `after` the correction."""
     transfer: Transfer
     description: Description
-    """Result of the test whether a wrong description of the recordings explains the gap."""
+    """Whether a wrong description of the recordings explains the gap."""
     remainder: Discrepancy | None
-    """Discrepancy term of the selected set; None if only noise remains."""
+    """Discrepancy term; None if only noise remains."""
     gap: Gap
     covariance: Array
-    """(free, free) covariance of the fitted values of the selected set."""
+    """(free, free) covariance of the fitted values."""
 
     @property
     def intervals(self) -> dict[tuple[str, str], float]:
-        """Half width of the 90 % interval of each fitted value, by effect and parameter."""
+        """Half width of the 90 % interval of each value, by effect and parameter."""
         reach = NORMAL_Q90 * np.sqrt(np.diag(self.covariance))
         free = self.selection.chosen.fit.free
         return {(parameter.effect, parameter.name): float(r) for parameter, r in zip(free, reach, strict=True)}

@@ -8,7 +8,7 @@ import pytest
 
 from dpr_lab.effects import effect_params
 from dpr_lab.gap.classes import posterior
-from dpr_lab.gap.classes.calibration import CALIBRATION
+from dpr_lab.gap.classes.calibration import CALIBRATION, probability_outside
 from dpr_lab.gap.classes.posterior import (
     Alternative,
     _added_cost,
@@ -21,7 +21,6 @@ from dpr_lab.gap.classes.posterior import (
     outside,
     prior_odds,
     probabilities,
-    probability_outside,
 )
 
 NAME, INFLATION = "coulomb_joint2", 5.0

@@ -14,7 +14,7 @@ from dpr_lab.gap.evidence.validation import validation
 from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.hypothesis.score_test import score_test
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.transfer.free_run import free_runs, free_swings
+from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.report.gap.figures import save_gap_figures
 from dpr_lab.report.gap.html import write_gap_report
 from dpr_lab.report.gap.sections import SECTIONS
@@ -42,7 +42,7 @@ def test_error_stays_within_its_uncertainty_until_something_is_missing(looked_at
     for effects, within in (({}, True), (DRY, False)):
         recordings, problem, model = looked_at(effects)
         models = {"before": model, "after": model}
-        freely = {name: free_swings(free_runs(recordings, at.estimate), at) for name, at in models.items()}
+        freely = {name: free_runs(recordings, at.estimate, free=at.fit.free) for name, at in models.items()}
         budget, curves = validation(recordings, problem, models, freely)
 
         assert (budget.error_after_rad < 2 * budget.u_after_rad) is within, budget

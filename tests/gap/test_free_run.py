@@ -14,7 +14,7 @@ from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.screen.input import refuse_wrong_input
 from dpr_lab.gap.screen.record import Record, record
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.transfer.free_run import expected_errors, free_runs, free_swings
+from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from tests.arm_engine import drawn_plant, recorded, rig_of
@@ -86,8 +86,8 @@ def test_the_expected_error_is_that_of_the_noise_of_the_first_readings(paper: Ri
     squares = []
     for seed in range(20):
         recordings = Recordings((swing(paper, 20.0, seed),), paper)
-        runs = free_runs(recordings, true_model(paper))
-        expected = expected_errors(free_swings(runs, model), 1.0)["x"]
+        runs = free_runs(recordings, true_model(paper), free=model.fit.free)
+        expected = runs.expected_errors(1.0)["x"]
         squares.append([runs.errors["x"].rms_rad ** 2 - NOISE**2, expected.rms_rad**2])
     observed, predicted = np.mean(squares, axis=0)
     assert predicted > 0.5 * NOISE**2

@@ -9,9 +9,9 @@ from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.damage.disturbances import shows
 from dpr_lab.gap.damage.jumps import Jump, _Changes, outstanding
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.result.finding import SensorFinding
 from dpr_lab.gap.screen.record import Record, record
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.screen.sensor_faults import Finding
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from tests.background_rigs import record as recorded
@@ -28,7 +28,7 @@ def cleaned(rig: Rig, runs: list[Run]) -> tuple[Record, ...]:
     return fit_bare_model(Recordings(tuple(record(run, rig) for run in runs), rig), nominal_ratios(rig))[0].records
 
 
-def damage(one: Record) -> list[Finding]:
+def damage(one: Record) -> list[SensorFinding]:
     """The findings of local damage."""
     return [finding for finding in one.screened.findings if finding.name in DAMAGE]
 

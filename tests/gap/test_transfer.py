@@ -24,7 +24,8 @@ from dpr_lab.gap.screen.sensor_faults import screen
 from dpr_lab.gap.transfer.free_run import FreeRunError
 from dpr_lab.gap.transfer.out_of_sample import block_starts, reduction
 from dpr_lab.gap.transfer.outcome import Transfer, WorseFreeRun
-from dpr_lab.gap.transfer.transfer import _blocks, _helps, _signed_rank, judged, worse_free_run
+from dpr_lab.gap.transfer.transfer import _blocks, _helps, _signed_rank, judged
+from dpr_lab.gap.transfer.worse_free_run import worse_free_run
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.shown import percent

@@ -1,5 +1,6 @@
-"""Calibration of the conversion of costs to probabilities."""
+"""Calibration of the conversion of costs to probabilities, and the probability of a cause outside the library."""
 
+import math
 from dataclasses import dataclass
 
 
@@ -62,3 +63,40 @@ class Calibration:
 
 
 CALIBRATION = Calibration()
+
+
+def probability_outside(odds: float, calibration: Calibration = CALIBRATION) -> float:
+    """Return the probability of a cause outside the library from its odds."""
+    return max(odds / (1 + odds), calibration.outside_when_closed)
+
+
+def odds_outside(
+    unexplained: float,
+    remainder: float,
+    unique: float = math.inf,
+    own_share: float = 1.0,
+    calibration: Calibration = CALIBRATION,
+) -> float:
+    """Return the odds of a cause outside the library.
+
+        (unexplained / half)^steepness * m + imitates * unexplained / unique * m / far + (compensates / own)^2,
+        m = min(remainder / noise, far)
+
+    1. First term: if a law is missing from the library, a fixed share of its gap remains; the share does not depend on
+       the ratio of gap and noise. The small causes of every rig leave a remainder of about the noise, for any size of
+       the gap, unless the noise is much smaller than these causes.
+    2. Second term: an effect that explains no more than the remainder may imitate a part of the unknown cause.
+    3. Third term: a smaller effect may compensate for the inexact form of a large one.
+
+    Args:
+        unexplained: share of the excess that is not explained
+        remainder: rms of the unexplained residual, in units of the noise; zero if only noise remains
+        unique: share of the excess that only the effect explains; infinite for the gap as a whole
+        own_share: fraction of `unique` that no other form of the other effects explains; 1 for a dominant effect
+        calibration: calibration of the probabilities
+    """
+    size = min(remainder, calibration.far)
+    of_gap = (unexplained / calibration.half_unexplained) ** calibration.steepness * size
+    imitated = unexplained / max(unique, calibration.least_left)
+    compensated = (calibration.compensates / max(own_share, calibration.least_own)) ** 2 if own_share < 1 else 0.0
+    return float(of_gap + calibration.imitates * imitated * size / calibration.far + compensated)

@@ -1,32 +1,18 @@
 """Classes of effects that are indistinguishable in these recordings, alternatives, and their probabilities.
 
-The signature of an effect is its change of the readings, with ratios and initial states projected out. Two effects form
-one class if their signatures have a cosine of at least 0.999 and if they predict the recordings equally well: no
-algorithm can distinguish them with these recordings. Within a class, the probability is divided according to the prior
-of each member's fitted size (`dpr_lab.effects.plausibility`). For example, a clock error of 3 % is impossible for a
-crystal, but a length error of 6 % is possible.
+The signature of an effect is its change of the readings, with ratios and initial states projected out. Effects form one
+class if their signatures have a cosine of at least 0.999 and they fit equally well. Within a class, the probability is
+divided according to the prior of each fitted size (`dpr_lab.effects.plausibility`): a clock error of 3 % is impossible
+for a crystal, a length error of 6 % is possible.
 
-A richer form of a member counts as the member under two conditions: all its additional amplitudes are excluded at their
-minimum detectable sizes, and together they improve the fit by less than their penalty. Both forms then differ by less
-than these sizes, and further recordings would not change their odds.
+A richer form counts as the member that it contains if its additional amplitudes are excluded at their minimum
+detectable sizes, and together improve the fit by less than their penalty.
 
 The probability of a class is the softmax of the predictive costs of the selected set, of the fitted sets in which
-another effect replaces the named one, and of the selected set without it. The softmax is multiplied by the probability
-that the cause is in the library, and later by the factors of the validation (`dpr_lab.gap.transfer.transfer.judged`).
-No other set counts as more probable than the selected set, because the search would have selected a significantly
-better set. The odds of a cause outside the library are
-
-    (unexplained / half)^steepness * m + imitates * unexplained / unique * m / far + (compensates / own)^2,
-    m = min(remainder / noise, far)
-
-with the share `unexplained` of the excess, the share `unique` that only this effect explains, and `own`, the fraction
-of `unique` that other functional forms of the other effects cannot explain.
-
-1. First term: if a law is missing from the library, a fixed share of its gap remains; the share does not depend on the
-   ratio of gap and noise. The small causes of every rig leave a remainder of about the noise, for any size of the gap,
-   unless the noise is much smaller than these causes.
-2. Second term: an effect that explains no more than the remainder may imitate a part of the unknown cause.
-3. Third term: a smaller effect may compensate for the inexact form of a large one.
+another effect replaces the named one, and of the set without it. The softmax is multiplied by the probability that the
+cause is in the library (`outside`), and later by the factors of the validation
+(`dpr_lab.gap.transfer.transfer.judged`). No other set is more probable than the selected one: the search would have
+selected a significantly better set.
 """
 
 import math
@@ -37,7 +23,7 @@ import numpy as np
 
 from dpr_lab.effects import EFFECTS, effect_params, param_index, plausibility
 from dpr_lab.effects.effect import Effect
-from dpr_lab.gap.classes.calibration import CALIBRATION, Calibration
+from dpr_lab.gap.classes.calibration import CALIBRATION, odds_outside, probability_outside
 from dpr_lab.gap.hypothesis.detectable import comparable_size, linear_exclusions
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.imitation import follows_decay
@@ -52,12 +38,9 @@ class Alternative:
 
     name: str
     cosine: float
-    """Cosine between the signatures of the alternative and of the named effect.
-
-    It is the part of the named effect that the alternative can imitate.
-    """
+    """Cosine between the signatures: the part of the named effect that the alternative can imitate."""
     cost: float
-    """Predictive cost of the set in which this effect replaces the named one."""
+    """Predictive cost of the set with the alternative."""
     probability: float = 0.0
 
 
@@ -71,24 +54,19 @@ class EffectPosterior:
     alternatives: tuple[Alternative, ...]
     probability: float
     forms: tuple[str, ...] = ()
-    """Richer forms of the members whose additional amplitudes are excluded; they count as the simpler form."""
+    """Richer forms that count as the member that they contain."""
     odds: tuple[float, ...] = ()
-    """Share of each member in the probability, by the prior of its fitted size."""
+    """Share of each member in the probability."""
     outside: float = 0.0
     """Probability that a cause outside the library replaces the effect."""
 
 
 def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
-    """Compute the class, the alternatives and the probability of one named effect.
-
-    Args:
-        selection: the selected set and all fitted sets
-        name: the effect
-    """
+    """Compute the class, the alternatives and the probability of one named effect."""
     replacements, chosen = _Replacements(selection, name), selection.chosen
     named_score = replacements.test.of(name)
     others = {score.effect.name: score for score in replacements.test.ranking if score is not named_score}
-    if named_score is None:  # without a score of the named effect, no signature can be compared with that of the effect
+    if named_score is None:  # no signature can be compared
         plausibilities, forms, alternatives = dict[str, float](), (), list[Alternative]()
     else:
         plausibilities, forms = _class_members(replacements, named_score, others)
@@ -136,18 +114,14 @@ class _Replacements:
         return self.selection.without[self.name].key | {other}
 
     def with_other(self, other: str) -> Hypothesis | None:
-        """Return the set in which another effect replaces the named effect, or None if it was not fitted."""
+        """Return the set with another effect in place of the named effect, or None if it was not fitted."""
         return self.selection.fitted.get(self.key(other))
 
 
 def _class_members(
     replacements: _Replacements, named: Score, others: Mapping[str, Score]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Return the members of a class, and the richer forms that count as a member.
-
-    The members are the effects that are indistinguishable from the named one. The value of each member is the prior of
-    its size. The most plausible member comes first.
-    """
+    """Return the members of a class with the priors of their sizes, largest first, and their richer forms."""
     same = [other for other, score in others.items() if _in_one_class(replacements, named, score)]
     richer = _undetectably_richer(replacements.selection, named.effect)
     undetectable = [other for other in richer if other in others and other not in same]
@@ -165,14 +139,12 @@ def _class_members(
 def _in_one_class(replacements: _Replacements, score: Score, other: Score) -> bool:
     """Return whether an effect and the named effect have the same signature and fit equally well.
 
-    In the fit without the named effect, the remaining effects may imitate it. This hides that the two signatures are
-    equal. The signatures therefore also count as equal if the named effect absorbs the other effect in the selected
-    fit. If the other effect was not fitted, its score may then be too small for a comparison, because the score belongs
-    to the fit without the named effect. The absorption is sufficient in this case.
+    In the fit without the named effect, the remaining effects may imitate it and hide that the signatures are equal.
+    They therefore also count as equal if the named effect absorbs the other one in the selected fit. This is sufficient
+    if the other effect was not fitted.
 
-    A simpler form is also a member if the named effect improves on it by less than the unexplained remainder. The cause
-    of the remainder can then imitate the difference. A simpler form that was not fitted is no member. A richer form is
-    a member only if its additional parameters are undetectable (`_undetectably_richer`).
+    A fitted simpler form is also a member if the named effect improves on it by less than the unexplained remainder,
+    whose cause can imitate the difference. For richer forms, see `_undetectably_richer`.
     """
     selection, fitted = replacements.selection, replacements.with_other(other.effect.name)
     is_form = other.effect.name in score.effect.nested
@@ -188,7 +160,7 @@ def _in_one_class(replacements: _Replacements, score: Score, other: Score) -> bo
 
 
 def _undetectably_richer(selection: Selection, effect: Effect) -> tuple[str, ...]:
-    """Return the richer forms of an effect whose additional parameters are undetectable in the recordings."""
+    """Return the richer forms of an effect whose additional parameters are undetectable."""
     params = selection.chosen.estimate.params
     return tuple(
         form.name
@@ -202,11 +174,7 @@ def _undetectably_richer(selection: Selection, effect: Effect) -> tuple[str, ...
 
 
 def _adds_nothing(replacements: _Replacements, richer: str) -> bool:
-    """Return whether a richer form adds only amplitudes that are excluded.
-
-    Undetectable amplitudes are ignored. If the richer form was fitted, its additional amplitudes together must also
-    reduce the cost by less than their penalty.
-    """
+    """Return whether all detectable amplitudes that a richer form adds are excluded, and do not reduce the cost."""
     selection, fitted = replacements.selection, replacements.with_other(richer)
     score = selection.final_test.of(richer)
     better = fitted is not None and fitted.cost_at(selection.chosen.inflation) < selection.chosen.cost
@@ -217,10 +185,7 @@ def _adds_nothing(replacements: _Replacements, richer: str) -> bool:
 
 
 def _plausibility(replacements: _Replacements, score: Score) -> float:
-    """Return the prior weight of the size of an effect that replaces a named effect.
-
-    The size comes from a fit, or from the linear score if the effect was not fitted.
-    """
+    """Return the prior of the size of a replacing effect, from its fit or its score."""
     fitted = replacements.with_other(score.effect.name)
     if fitted is not None:
         return plausibility(fitted.estimate.params, score.effect.name)
@@ -231,11 +196,7 @@ def _plausibility(replacements: _Replacements, score: Score) -> float:
 
 
 def _alternatives(replacements: _Replacements, named: Score, others: Mapping[str, Score]) -> list[Alternative]:
-    """Return the best alternatives to the named effect, sorted by cost and name.
-
-    An alternative is an effect that replaces the named effect in a fitted set whose sizes are possible. For every set,
-    the residual of the selected set counts as noise.
-    """
+    """Return the best alternatives to the named effect: effects that replace it in a fitted set of possible sizes."""
     selection = replacements.selection
     alternatives = (
         Alternative(other, replacements.test.cosine(named, score), fitted.cost_at(selection.chosen.inflation))
@@ -250,9 +211,7 @@ def _alternatives(replacements: _Replacements, named: Score, others: Mapping[str
 def _added_cost(replacements: _Replacements, alternative: Alternative) -> float:
     """Return the additional cost of an alternative over the selected set, at least zero.
 
-    The search has compared the alternative with the selected set. An alternative that fits better is not significantly
-    better, so it is at most as probable as the named effect. The cost of a richer form of the effect is increased,
-    because such a form also fits the error of the integrator or the remainder.
+    A richer form of the named effect costs more, because it also fits the error of the integrator or the remainder.
     """
     chosen = replacements.selection.chosen
     added = max(alternative.cost - chosen.cost, 0.0)
@@ -262,23 +221,17 @@ def _added_cost(replacements: _Replacements, alternative: Alternative) -> float:
 
 
 def prior_odds(selection: Selection, model: Hypothesis) -> float:
-    """Return the prior odds of a fitted set against the selected set.
-
-    The odds are below one for a drift of friction that only follows the residual of a missing loss along one decay.
-    """
+    """Return the prior odds of a set against the selected set, below one for a drift that follows a missing loss."""
     return CALIBRATION.drifting if follows_decay(selection.bare, model, selection.chosen) else 1.0
 
 
 def outside(selection: Selection, name: str = "", *, members: Iterable[str] = ()) -> float:
-    """Return the probability that a cause outside the library explains the gap.
-
-    If `name` is given, return the probability that such a cause acts in place of this effect.
+    """Return the probability that a cause outside the library explains the gap, or acts in place of an effect.
 
     Args:
         selection: the selected set and all fitted sets
         name: the effect; empty for the gap as a whole
-        members: effects that are indistinguishable from the effect; if every rig has one of these effects, the effect
-            does not count as a compensation
+        members: indistinguishable effects; if every rig has one of them, the effect is not a compensation
     """
     remainder = 0.0 if selection.chosen.at_noise_floor else selection.chosen.residuals.noise_ratio
     unexplained = max(1 - selection.share_explained, CALIBRATION.least_left)
@@ -286,34 +239,6 @@ def outside(selection: Selection, name: str = "", *, members: Iterable[str] = ()
     if any(EFFECTS[member].universal for member in members):
         own_share = 1.0
     return probability_outside(odds_outside(unexplained, remainder, unique, own_share))
-
-
-def probability_outside(odds: float, calibration: Calibration = CALIBRATION) -> float:
-    """Return the probability of a cause outside the library from its odds."""
-    return max(odds / (1 + odds), calibration.outside_when_closed)
-
-
-def odds_outside(
-    unexplained: float,
-    remainder: float,
-    unique: float = math.inf,
-    own_share: float = 1.0,
-    calibration: Calibration = CALIBRATION,
-) -> float:
-    """Return the odds of a cause outside the library.
-
-    Args:
-        unexplained: share of the excess that is not explained
-        remainder: rms of the unexplained residual, in units of the noise; zero if only noise remains
-        unique: share of the excess that only the effect explains; infinite for the gap as a whole
-        own_share: fraction of `unique` that no other form of the other effects explains; 1 for a dominant effect
-        calibration: calibration of the probabilities
-    """
-    size = min(remainder, calibration.far)
-    of_gap = (unexplained / calibration.half_unexplained) ** calibration.steepness * size
-    imitated = unexplained / max(unique, calibration.least_left)
-    compensated = (calibration.compensates / max(own_share, calibration.least_own)) ** 2 if own_share < 1 else 0.0
-    return float(of_gap + calibration.imitates * imitated * size / calibration.far + compensated)
 
 
 def probabilities(selection: Selection, posteriors: tuple[EffectPosterior, ...], kind: str) -> Mapping[str, float]:

@@ -17,8 +17,9 @@ from dpr_lab.gap.conclusion.sentence import sentence
 from dpr_lab.gap.conclusion.verdict import listed_causes, verdict
 from dpr_lab.gap.hypothesis.detectable import visible
 from dpr_lab.gap.result.checks import AdvisedCheck
-from dpr_lab.gap.result.diagnosis import Diagnosis, SensorFinding
+from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Evidence
+from dpr_lab.gap.result.finding import SensorFinding
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.state import Transferred
 from dpr_lab.gap.where.locate import where_sentence
@@ -123,8 +124,8 @@ def _sensor_findings(state: Transferred) -> list[SensorFinding]:
             for joint in effect.joints:
                 hidden[joint] = max(hidden[joint], effect.hides_step(values[name]))
     return [
-        SensorFinding(name=f.name, run=f.run, axis=f.axis, at_s=f.at_s, evidence=f.evidence, count=f.count)
+        finding
         for record in (*state.fitted.recordings.records, *state.fitted.held_out.records)
-        for f in record.screened.findings
-        if f.step is None or f.axis not in ALL_AXES or abs(f.step) > hidden[ALL_AXES.index(f.axis)]
+        for finding in record.screened.findings
+        if finding.step is None or finding.axis is None or abs(finding.step) > hidden[ALL_AXES.index(finding.axis)]
     ]

@@ -19,47 +19,37 @@ class VerdictRules:
     """Limits of the verdicts; they were set on blind trials whose library lacks the cause."""
 
     partly_share: float = 0.5
-    """Minimum share of the excess chi-square that effects must explain; below it the verdict is "unexplained"."""
+    """Share of the excess chi-square below which the verdict is "unexplained"."""
     sure: float = 0.6
     """Minimum probability of the most probable class of a set that is named."""
     rather: float = 0.5
-    """Probability below which an effect is omitted from the sentence of the verdict.
-
-    If no other effect is more probable, the sentence names the effect with its probability.
-    """
+    """Probability below which the sentence omits an effect, unless no other effect is more probable."""
     outside: float = 10.0
-    """Maximum ratio of the probability of a cause outside the library to the probability of an effect.
-
-    If the ratio is larger for every effect, the verdict is "unexplained".
-    """
+    """Ratio of the probabilities of an outside cause and an effect above which, for all effects, none explains."""
     closes: float = 0.5
-    """Minimum share of the gap that a set must close on held-out recordings to be the cause.
+    """Minimum share of the gap that a cause closes on held-out recordings.
 
-    If the interval from the quarters of one release extends below the minimum, the sentence asks for a second release.
+    If the interval from the quarters of one release extends below it, the sentence asks for a second release.
     """
     narrow: float = 0.02
     """Width of the interval of the closed share below which the sentence states the share with one decimal."""
     nearly_all: float = 0.999
-    """Lower limit of the interval of the closed share above which the sentence states only this limit, and not "100
-    %"."""
+    """Lower limit of the interval above which the sentence states this limit, and not "100 %"."""
     gap_from: float = 0.5
-    """Minimum ratio of a remainder to the noise for which the remainder is a gap that no effect explains."""
+    """Minimum ratio of a gap to the noise, if no effect explains it."""
     held_out_gap: float = 1.0
-    """Minimum size of a gap that only the held-out recordings show, relative to the noise."""
+    """The same for a gap that only the held-out recordings show."""
     visible: float = 0.5
-    """Minimum share of the effects that must be detectable at their typical size for the verdict "no gap".
+    """Minimum share of the effects that are detectable at their typical size for the verdict "no gap".
 
     Three releases of 4 s at 1 kHz reach 0.99; one release of 1 s at 30 Hz reaches 0.4.
     """
     candidates: int = 3
-    """Maximum number of candidates in the sentence of an inconclusive verdict; the result contains all of them."""
+    """Maximum number of candidates in the sentence of an inconclusive verdict."""
     enough_s: float = 6.0
-    """Duration of the releases that an inconclusive verdict recommends, s.
-
-    Three such releases decide the causes of most simulated rigs (decision 74).
-    """
+    """Duration of a recommended release, s; three decide the causes of most simulated rigs (decision 74)."""
     noise: float = 6.0
-    """Maximum residual of a named set that counts as complete, in standard deviations."""
+    """Maximum residual of a named set, in standard deviations."""
 
 
 VERDICT = VerdictRules()
@@ -72,12 +62,9 @@ DetailedVerdict = Verdict | Literal["too_short"]
 def verdict(state: Transferred, visible_counts: tuple[int, int], budget: Budget) -> DetailedVerdict:
     """Choose the verdict of a diagnosis.
 
-    If there are several releases, the verdict depends on the reduction of the gap in held-out recordings.
-
     Args:
         state: the selected set, its probabilities and its performance on held-out recordings
-        visible_counts: number of effects that are detectable at their typical size, and number of those detectable at
-            any size
+        visible_counts: numbers of effects that are detectable at their typical size, and at any size
         budget: errors of the free runs, and their uncertainties
     """
     if state.description.withholds:
@@ -91,10 +78,9 @@ def verdict(state: Transferred, visible_counts: tuple[int, int], budget: Budget)
 
 
 def _too_short_to_decide(state: Transferred) -> bool:
-    """Return whether the only release is too short to decide between its causes.
+    """Return whether the only release is too short for the signed-rank test, and no cause is probable.
 
-    This is the case if the release is too short for the signed-rank test of the effects, and no effect reaches a
-    probability of one half. A set that contains only effects of every rig of this kind counts as decided.
+    A set of effects that every rig of this kind has counts as decided.
     """
     causes = listed_causes(state.posteriors)
     if not (state.transfer.too_short and causes) or set(state.selection.chosen.effects) <= state.selection.expected:
@@ -119,10 +105,7 @@ def _verdict(state: Transferred) -> Verdict:
 
 
 def _passes_all_tests(transferred: Transfer) -> bool:
-    """Return whether sizes, free runs and other recordings are all consistent with the effects.
-
-    Other recordings without a gap do not contradict them.
-    """
+    """Return whether sizes, free runs and other recordings do not contradict the effects."""
     if transferred.worse_free_run or transferred.oversized:
         return False
     tested = transferred.tested and transferred.basis != "one release"
@@ -143,9 +126,8 @@ def only_held_out_gap(chosen: Hypothesis, transferred: Transfer) -> bool:
 def shows_reduction(transferred: Transfer) -> bool:
     """Return whether held-out data show that the gap closes.
 
-    If the gap is far below the noise, the noise in the excess limits the share. It is then sufficient that the interval
-    of the share reaches the minimum. If the noise hides the whole gap, there is no share. The tests of the effects then
-    decide alone.
+    If the gap is far below the noise, it is sufficient that the interval of the share reaches the minimum. If the noise
+    hides the whole gap, the tests of the effects decide alone.
     """
     closed = transferred.closed
     if transferred.gap_ratio == 0.0:
@@ -165,7 +147,7 @@ def fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) ->
 
 
 def held_out_gap_invisible(transferred: Transfer) -> bool:
-    """Return whether held-out data show no gap, so that they neither confirm nor refute the effects."""
+    """Return whether held-out data show no gap, and neither confirm nor refute the effects."""
     return transferred.closed.value <= 0 and transferred.closed.interval90[1] >= VERDICT.closes
 
 
@@ -175,10 +157,9 @@ def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterio
 
 
 def causes_named(state: Transferred) -> Sequence[EffectPosterior]:
-    """Return the causes that the verdict sentence names.
+    """Return the causes that the verdict sentence names, which carry over to held-out data.
 
-    These effects carry over to held-out data and are not merely expected. Less probable effects are named only if no
-    other effect is named. The table of the causes also lists these effects and the small effects.
+    Small, expected and less probable effects are named only if there are no others. The table of causes lists them too.
     """
     carrying = [cause for cause in state.posteriors if cause.name not in state.transfer.withdrawn]
     unexpected = [cause for cause in carrying if cause.name not in state.selection.expected]
@@ -189,9 +170,7 @@ def causes_named(state: Transferred) -> Sequence[EffectPosterior]:
 
 
 def small_effects(bare: Hypothesis, path: Sequence[tuple[str, Hypothesis]]) -> frozenset[str]:
-    """Return the small effects of a set.
-
-    The small effects together explain less than `THRESHOLDS.small` of the gap in addition to the larger effects.
+    """Return the effects that together add less than `THRESHOLDS.small` of the gap to the larger effects.
 
     Args:
         bare: the bare model

@@ -23,9 +23,10 @@ from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.gap.damage.hand import fitted_starts, without_hand
 from dpr_lab.gap.damage.jumps import JUMP, Jump, jumps_of_segments, outstanding
 from dpr_lab.gap.hypothesis.steps import shows_step
+from dpr_lab.gap.result.finding import SensorFinding
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
-from dpr_lab.gap.screen.sensor_faults import AXES, Finding
+from dpr_lab.gap.screen.sensor_faults import AXES
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,28 +242,28 @@ def _with_missed_counts(record: Record, part: LeftOut) -> Record:
     return replace(record, breaks=breaks, screened=replace(record.screened, breaks=tuple(steps)))
 
 
-def _finding(record: Record, part: LeftOut) -> Finding:
+def _finding(record: Record, part: LeftOut) -> SensorFinding:
     first, name = part.jumps[0], record.run.name
     if not part.of_reading and np.isinf(part.since):
         evidence = f"until {part.until:.2g} s the rods do not swing freely: a hand or a latch still acts; excluded"
-        return Finding("disturbance", name, None, float(record.t[0]), evidence)
+        return SensorFinding("disturbance", name, None, float(record.t[0]), evidence)
     if not part.of_reading and len(part.jumps) == 1:
         speeds = " and ".join(f"{change:+.2g}" for change in dict.fromkeys(first.size))
         evidence = (
             f"a kick changes the speed of the rods by {speeds} rad/s: {DISTURBANCE.kick_s:g} s around it are excluded"
         )
-        return Finding("disturbance", name, None, first.at, evidence)
+        return SensorFinding("disturbance", name, None, first.at, evidence)
     if not part.of_reading:
         evidence = f"until {part.until:.3g} s the rods do not swing freely: a hand pushes or holds them; excluded"
-        return Finding("disturbance", name, None, part.since, evidence)
+        return SensorFinding("disturbance", name, None, part.since, evidence)
     steps = [jump for jump in part.jumps if jump.joint is not None]
     step = steps[0]
     shifted = f"the reading steps by {1e3 * step.size[0]:+.3g} mrad"
     if part.of_counts:
-        return Finding(MISSED_COUNTS.name, name, AXES[step.joint or 0], step.at, shifted, step=step.size[0])
+        return SensorFinding(MISSED_COUNTS.name, name, AXES[step.joint or 0], step.at, shifted, step=step.size[0])
     if len(steps) > 1 and np.isfinite([part.since, part.until]).all():
         evidence = f"{shifted} and returns at {steps[-1].at:.3g} s: the readings in between are excluded"
     else:
         rest = "later" if np.isinf(part.until) else "earlier"
         evidence = f"{shifted} and stays: the tracker or the encoder slipped; the {rest} readings are excluded"
-    return Finding("reading_step", name, AXES[step.joint or 0], step.at, evidence, step=step.size[0])
+    return SensorFinding("reading_step", name, AXES[step.joint or 0], step.at, evidence, step=step.size[0])

@@ -16,10 +16,10 @@ from dpr_lab.fitting.cut import MIN_SAMPLES
 from dpr_lab.fitting.estimate import SCALE, Estimate, whole_of
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.result.finding import SensorFinding
 from dpr_lab.gap.screen.differences import spread
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
-from dpr_lab.gap.screen.sensor_faults import Finding
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Recor
         evidence = "until {:.2g} s the rods do not swing freely: a hand or a latch still acts; excluded"
     if until is None:
         return record
-    finding = Finding("disturbance", record.run.name, None, float(record.t[0]), evidence.format(until))
+    finding = SensorFinding("disturbance", record.run.name, None, float(record.t[0]), evidence.format(until))
     return record.left_out(float(record.t[0]), until).with_findings([finding])
 
 

@@ -36,7 +36,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import UncertaintySource
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.transfer.free_run import FreeSwings
+from dpr_lab.gap.transfer.free_run import FreeRuns
 from dpr_lab.rig import MASSES, Rig
 
 
@@ -69,7 +69,7 @@ class _Source:
     name: str
     kind: Kind
     how: str
-    variance: Callable[[FreeSwings], list[Array]]
+    variance: Callable[[FreeRuns], list[Array]]
     """Function that returns the (n, 2) variance of the predicted readings of each recording, rad^2."""
     left: float = 1.0
     """Factor by which the recordings reduce the given standard uncertainty of the source."""
@@ -109,16 +109,16 @@ class _Refit:
         remaining = fit.linear.projected(whitened[:, :, None])[:, :, 0] + fit.linear.A @ step
         return cls(change, step, float((1 + np.sum(remaining**2) / model.inflation) ** -0.5))
 
-    def variance(self, swings: FreeSwings, factor: float) -> list[Array]:
+    def variance(self, runs: FreeRuns, factor: float) -> list[Array]:
         """Return the (n, 2) squared change, rad^2, of each free run after the refit.
 
         Args:
-            swings: the free runs
+            runs: the free runs
             factor: factor on the total change
         """
         return [
             (factor * swing.settled((change + swing.by_values @ self.step)[:, :, None])[:, :, 0]) ** 2
-            for swing, change in zip(swings.each, swings.otherwise(self.change), strict=True)
+            for swing, change in zip(runs.swings, runs.otherwise(self.change), strict=True)
         ]
 
 
@@ -157,11 +157,10 @@ def _inputs(problem: Problem, recordings: Recordings) -> Iterator[_Source]:
         return
     most_Nm = (0.0, 0.0) if recordings.exact_torques else recordings.torque_noise_Nm
 
-    def variance(swings: FreeSwings) -> list[Array]:
-        runs = swings.runs
+    def variance(runs: FreeRuns) -> list[Array]:
         noise = disturbance(runs.problem, runs.start, most_Nm=most_Nm)
         if noise is None:
-            return [np.zeros_like(swing.predicted) for swing in swings.each]
+            return [np.zeros_like(swing.predicted) for swing in runs.swings]
         covariances = [np.cumsum(noise.walk[rows], axis=0) for rows in runs.rows]
         return [
             np.einsum("nij,njk,nik->ni", noise.out[rows], P, noise.out[rows])
@@ -179,12 +178,12 @@ def _noise(model: Hypothesis) -> Iterator[_Source]:
     level, noise = model.residuals.level, model.residuals.independent_noise
     spread = considered(model.fit, noise)
 
-    def of_values(swings: FreeSwings) -> list[Array]:
-        moves = [swing.settled(swing.by_values) for swing in swings.each]
+    def of_values(runs: FreeRuns) -> list[Array]:
+        moves = [swing.settled(swing.by_values) for swing in runs.swings]
         return [np.einsum("nij,jk,nik->ni", D, spread, D) for D in moves]
 
-    def of_readings(swings: FreeSwings) -> list[Array]:
-        weights = [swing.weight for swing in swings.each]
+    def of_readings(runs: FreeRuns) -> list[Array]:
+        weights = [swing.weight for swing in runs.swings]
         return [np.where(weight > 0, level / np.maximum(weight, 1e-140) ** 2, 0.0) for weight in weights]
 
     fitted = "noise of the readings to which ratios and effects are fitted"
@@ -193,7 +192,7 @@ def _noise(model: Hypothesis) -> Iterator[_Source]:
         "initial state",
         "input",
         "noise of the readings to which the initial state is fitted",
-        lambda swings: [noise * swing.start_variance() for swing in swings.each],
+        lambda runs: [noise * swing.start_variance() for swing in runs.swings],
     )
     yield _Source("readings", "data", "noise of the compared readings", of_readings)
 
@@ -218,10 +217,10 @@ def _changed(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[t
             yield name, f"{1e3 * weighed:.2g} g, from the rig file", changed
 
 
-def mean_squares(parts: Sequence[_Source], swings: FreeSwings, compared: Sequence[Flags]) -> Array:
-    """Return the (sources, swings) mean variance of the readings due to each source, rad^2."""
+def mean_squares(parts: Sequence[_Source], runs: FreeRuns, compared: Sequence[Flags]) -> Array:
+    """Return the (sources, runs) mean variance of the readings due to each source, rad^2."""
     by_source = [
-        [values[samples] for values, samples in zip(source.variance(swings), compared, strict=True)] for source in parts
+        [values[samples] for values, samples in zip(source.variance(runs), compared, strict=True)] for source in parts
     ]
     return np.array([[float(values.mean()) if len(values) else 0.0 for values in row] for row in by_source])
 

@@ -16,7 +16,7 @@ from dpr_lab.version import __version__
 def evidence(state: Transferred) -> Evidence:
     """Compute the evidence of a diagnosis."""
     recordings, problem, selection = state.fitted.recordings, state.fitted.problem, state.selection
-    budget, curves = validation(recordings, problem, selection.models, state.free_swings)
+    budget, curves = validation(recordings, problem, selection.models, state.free_runs)
     rig = recordings.rig
     return Evidence(
         version=__version__,

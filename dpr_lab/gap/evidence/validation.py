@@ -23,7 +23,7 @@ from dpr_lab.gap.evidence.budget import mean_squares, sources, uncertainty_sourc
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import Budget, Curves, RunBudget
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.transfer.free_run import FREE_RUN, FreeSwing, FreeSwings, growth_rate, horizon
+from dpr_lab.gap.transfer.free_run import FREE_RUN, FreeRuns, FreeSwing, growth_rate, horizon
 from dpr_lab.rig_tables import INPUT_UNITS
 
 
@@ -66,7 +66,7 @@ class _Compared:
 
 
 def validation(
-    recordings: Recordings, problem: Problem, models: Mapping[str, Hypothesis], swings: Mapping[str, FreeSwings]
+    recordings: Recordings, problem: Problem, models: Mapping[str, Hypothesis], freely: Mapping[str, FreeRuns]
 ) -> tuple[Budget, list[Curves]]:
     """Return the validation budget and curves from free runs before and after correction.
 
@@ -74,15 +74,15 @@ def validation(
         recordings: the fitted runs
         problem: segments of the fitted runs
         models: models before and after correction
-        swings: free runs of all recordings by model, the fitted ones first
+        freely: free runs of all recordings by model, the fitted ones first
     """
-    by_run = zip(*(of_model.each for of_model in swings.values()), strict=True)
-    pairs = [dict(zip(swings, of_models, strict=True)) for of_models in by_run]
+    by_run = zip(*(runs.swings for runs in freely.values()), strict=True)
+    pairs = [dict(zip(freely, of_models, strict=True)) for of_models in by_run]
     compared = [_Compared(pair, horizon(pair["after"])) for pair in pairs]
     samples = [run.samples for run in compared]
     parts = {name: sources(problem, model, recordings) for name, model in models.items()}
-    variances = {name: mean_squares(parts[name], swings[name], samples) for name in models}
-    errors = {name: _mean_errors(swings[name], samples) for name in models}
+    variances = {name: mean_squares(parts[name], freely[name], samples) for name in models}
+    errors = {name: _mean_errors(freely[name], samples) for name in models}
     counts = np.array([of_run.sum() for of_run in samples], dtype=np.float64)
     share = counts / max(counts.sum(), 1.0)
     runs = [
@@ -111,9 +111,9 @@ def validation(
     return budget, [_curves(recordings, run.swings, of_run) for run, of_run in zip(compared, runs, strict=True)]
 
 
-def _mean_errors(swings: FreeSwings, samples: Sequence[Flags]) -> Array:
+def _mean_errors(runs: FreeRuns, samples: Sequence[Flags]) -> Array:
     """Return the (runs,) mean squared error of the compared readings, rad^2; zero without such readings."""
-    errors = [(swing.predicted - swing.measured)[of_run] for swing, of_run in zip(swings.each, samples, strict=True)]
+    errors = [(swing.predicted - swing.measured)[of_run] for swing, of_run in zip(runs.swings, samples, strict=True)]
     return np.array([np.mean(of_run**2) if len(of_run) else 0.0 for of_run in errors])
 
 

@@ -1,4 +1,4 @@
-"""Hypothesis: a set of effects fitted with ratios and initial states, and its residual."""
+"""Hypothesis: a set of effects fitted with ratios and initial states, and its cost."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -24,13 +24,9 @@ class Penalty:
     parameter: float = 9.0
     """Penalty of one parameter: the logarithm of about 1e4 samples (BIC)."""
     curve: int = 3
-    """Minimum number of amplitudes of an effect that counts as a curve.
-
-    A curve can imitate a sum of other effects on a small arc.
-    """
+    """Minimum number of amplitudes of a curve, which can imitate a sum of other effects on a small arc."""
     ordinary: float = 0.1
-    """Maximum size of a curve without an additional penalty, relative to the limits of its amplitudes: a typical
-    eccentricity."""
+    """Maximum size s0 of a curve without an additional penalty: a typical eccentricity."""
 
 
 PENALTY = Penalty()
@@ -44,42 +40,34 @@ class Hypothesis:
     fit: Fit
     residuals: ResidualStatistics
     predictive_loss: float
-    """Sum of the losses in the prediction of each run from the other runs, in units of chi2. If there is a single run,
-    its quarters are predicted."""
+    """Loss of predicting each run, or each quarter of a single run, from the others, in units of chi2."""
     curves: Mapping[str, float]
-    """Size s of each curve in the set, by effect: the rms of its amplitudes relative to their limits."""
+    """Size s of each curve in the set: the rms of its amplitudes relative to their limits."""
     harmonic_vibrations: frozenset[str] = frozenset()
-    """Vibrations in the set whose frequency is a multiple of the frequency of the swing."""
+    """Vibrations in the set at a multiple of the swing's frequency."""
     decay_drifts: frozenset[str] = frozenset()
-    """Friction drifts in the set, if the recordings are one decay, in which amplitude and time are inseparable."""
+    """Friction drifts in the set, if the recordings are one decay: amplitude and time are inseparable."""
 
     @property
     def cost(self) -> float:
-        """Cost of the set: predictive loss plus penalty of the parameters.
-
-        The penalty is multiplied by the variance inflation.
-        """
+        """Criterion: predictive loss plus variance inflation times penalty."""
         return self.cost_at(self.inflation)
 
     def cost_at(self, inflation: float) -> float:
-        """Return the cost of the set at the variance inflation of a different set.
-
-        The residual of this other set then counts as noise.
-        """
+        """Return the cost at the variance inflation of another set, whose residual then counts as noise."""
         return self.predictive_loss + inflation * self.penalty
 
     @property
     def parameters(self) -> int:
-        """Number of parameters that the penalty counts: free parameters and scanned shapes."""
+        """Number of free parameters and scanned shapes."""
         return len(self.fit.free) + sum(len(EFFECTS[name].shapes) for name in self.effects)
 
     @property
     def penalty(self) -> float:
         """Penalty of the parameters, in chi2 of independent readings.
 
-        A curve of n amplitudes that exceeds the ordinary size s0 has the additional penalty 2 n ln(s / s0), because a
-        prior of unknown common scale has the density s^-n. The penalty applies to curves that imitate other effects by
-        amplitudes that cancel each other.
+        A curve of n amplitudes and size s > s0 has the additional penalty 2 n ln(s / s0), because a prior of unknown
+        common scale has the density s^-n. Large amplitudes that cancel each other imitate other effects.
         """
         penalty = PENALTY.parameter * self.parameters
         for name, size in self.curves.items():
@@ -93,7 +81,7 @@ class Hypothesis:
 
     @property
     def inflation(self) -> float:
-        """Variance inflation of the residuals, n / n_eff: chi2 of one independent reading."""
+        """Variance inflation n / n_eff: chi2 of one independent reading."""
         return self.residuals.inflation
 
     @property
@@ -103,7 +91,7 @@ class Hypothesis:
 
     @property
     def bounded_excess(self) -> float:
-        """Excess chi-square, with the random variation of the noise as lower limit."""
+        """Excess chi-square, at least the random variation of the noise."""
         return max(self.residuals.excess, THRESHOLDS.noise_floor * self.residuals.uncertainty)
 
     @property
@@ -113,7 +101,7 @@ class Hypothesis:
 
     @property
     def far_from_noise(self) -> bool:
-        """Whether the residual is so large that linear scores are only approximate."""
+        """Whether linear scores are only approximate, because the residual is large."""
         return self.residuals.chi2 > THRESHOLDS.far * self.residuals.dof
 
     @property
@@ -123,7 +111,7 @@ class Hypothesis:
 
 
 def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothesis:
-    """Create the hypothesis of a fit: compute its residual statistics and its cost."""
+    """Compute the residual statistics and the cost of a fit."""
     residuals = residual_statistics(problem, fitted)
     names, loss = tuple(effects), predictive_loss(fitted, folds(problem), residuals.inflation)
     curves = [name for name in names if len(EFFECTS[name].amplitudes) >= PENALTY.curve]
@@ -134,26 +122,25 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
     return Hypothesis(names, fitted, residuals, loss, sizes, harmonic_vibrations, drifts)
 
 
+def explains(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis, share: float) -> bool:
+    """Return whether one set reduces the excess by at least a share of the reduction by another set."""
+    excess = bare.bounded_excess
+    return excess - simple.bounded_excess >= share * (excess - rich.bounded_excess)
+
+
 def refutes_torque_noise(problem: Problem, model: Hypothesis) -> bool:
     """Return whether the residual far exceeds the noise of readings and known torques."""
     return problem.disturbance is not None and model.far_from_noise
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
-    """Return whether b is identifiable.
-
-    This requires a known mass or torque, or friction that depends on a joint force.
-    """
+    """Return whether b is identifiable, by a known mass or torque or by load-dependent friction."""
     weighs = problem.masses_weighed and any(EFFECTS[name].stage == "load" for name in effects)
     return weighs or any(setup.weighs for setup in problem.segments.setups)
 
 
 def free_parameters(estimate: Estimate, effects: Sequence[str], problem: Problem) -> tuple[FreeParameter, ...]:
-    """Return the free parameters of a set of effects.
-
-    The free parameters are the ratios, b if it is identifiable, uncertain constants of the rig, and the parameters of
-    the effects.
-    """
+    """Return the ratios, b if it is identifiable, and the parameters of a set and of uncertain constants."""
     names = dict.fromkeys((*problem.always, *effects))
     visible = visible_ratios(problem.segments.setups, scale_visible(effects, problem))
     limits = problem.limits

@@ -1,12 +1,11 @@
 """Score test: predicted reduction of chi2 by each effect of the library.
 
-Let e be the whitened residual, A the Jacobian of the fitted parameters, and C the Jacobian of a candidate. The initial
-states are projected out of all three. The predicted reduction of chi2 is the reduction that the solution of a bounded
-least-squares problem attains:
+Let e be the whitened residual, A the Jacobian of the fitted parameters, and C the Jacobian of a candidate, with the
+initial states projected out. The predicted reduction is that of the bounded least-squares problem
 
     min | e - A dp - C a |^2,    friction and other one-signed amplitudes non-negative.
 
-No swing is integrated again, and the solution is the initial value of the candidate's nonlinear fit.
+No swing is integrated again. The solution is the initial value of the candidate's nonlinear fit.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -33,15 +32,15 @@ class Score:
     effect: Effect
     shape: Shape
     gain: float
-    """Predicted reduction of chi2 by the effect in this shape."""
+    """Predicted reduction of chi2."""
     columns: tuple[int, ...]
-    """Columns of the effect's amplitudes in the test; absorbed amplitudes are excluded, unless all are absorbed."""
+    """Columns of the amplitudes in the test, without absorbed ones unless all are absorbed."""
     free: tuple[FreeParameter, ...]
-    """Free parameters of the fit, followed by the amplitudes of the effect."""
+    """Parameters of the fit, then amplitudes of the effect."""
     amplitudes: Array
-    """(columns,) amplitudes by the linear solution."""
+    """(columns,) amplitudes of the linear solution."""
     absorbed: Mapping[str, str] = field(default_factory=dict)
-    """Amplitudes that are indistinguishable from a parameter of the fit, with the name of this parameter."""
+    """Amplitudes that are indistinguishable from a parameter, with the name of this parameter."""
 
     @property
     def named_amplitudes(self) -> dict[str, float]:
@@ -52,63 +51,57 @@ class Score:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoreTest:
-    """Score test of a fit: its linearisation, the columns of the library, and all scores."""
+    """Score test of a fit."""
 
     fit: Fit
     linear: Linearisation
     free: tuple[FreeParameter, ...]
-    """Parameters of all columns: first the parameters of the fit, then the parameters of the candidates."""
+    """Parameters of all columns: those of the fit, then those of the candidates."""
     space: ColumnSpace
     prior: RigPrior
     """Prior of all columns of the test."""
     ranking: tuple[Score, ...] = ()
-    """Scores of all effects, best first; an effect with several shapes has the score of its best shape."""
+    """Scores of all effects in their best shapes, best first."""
     shaped: Mapping[str, tuple[Score, ...]] = field(default_factory=dict)
-    """Scores of all shapes of each effect, the best shape first."""
+    """Scores of all shapes of each effect, best first."""
     tested: frozenset[str] = frozenset()
-    """Names of the tested effects; an effect that the recordings cannot show has no score."""
+    """Names of the tested effects; those that the recordings cannot show have no score."""
 
     @property
     def fitted_columns(self) -> tuple[int, ...]:
-        """Columns of the parameters that the fit estimates."""
+        """Columns of the fitted parameters."""
         return tuple(range(len(self.fit.free)))
 
     def of(self, effect: str) -> Score | None:
-        """Return the best score of one effect, or None if the effect was not tested."""
+        """Return the best score of one effect, or None."""
         return self.shaped[effect][0] if effect in self.shaped else None
 
     def absorbs(self, effect: Effect, by: Effect) -> bool:
-        """Return whether the effect `effect` is indistinguishable from the fitted effect `by`.
-
-        Both effects have a single amplitude.
-        """
+        """Return whether an effect of one amplitude is indistinguishable from the fitted effect `by`."""
         score = self.of(effect.name)
         if score is None or len(effect.parameters) > 1:
             return False
         return [parameter.name for parameter in by.parameters] == list(score.absorbed.values())
 
     def prior_of(self, columns: Sequence[int]) -> RigPrior:
-        """Return the prior of the given columns, which must include all columns of the fit."""
+        """Return the prior of columns that include all columns of the fit."""
         rows = columns if len(self.prior.A) else ()  # no prior without a rig file
         free = tuple(self.free[i] for i in columns)
         return replace(self.prior, free=free, A=self.prior.A[np.ix_(rows, columns)], e=self.prior.e[list(rows)])
 
     def projected(self, columns: Sequence[int]) -> ColumnSpace:
-        """Return the column space of candidates after the fitted parameters are projected out."""
+        """Return the space of columns with the fitted parameters projected out."""
         return self.space.given(list(self.fitted_columns), list(columns))
 
     def cosine(self, target: Score, other: Score) -> float:
-        """Return the cosine between the signature of `target` and the nearest signature of `other`.
-
-        The fitted parameters are projected out of both signatures.
-        """
+        """Return the cosine between the signature of `target` and the nearest signature of `other`."""
         count = len(target.columns)
         direction = target.amplitudes if target.amplitudes.any() else self.space.scale[list(target.columns)]
         space = self.projected((*target.columns, *other.columns))
         return space.cosine(direction, slice(0, count), slice(count, None))
 
     def indistinguishable(self, first: Score, second: Score) -> bool:
-        """Return whether each of two effects can imitate the other in these recordings."""
+        """Return whether each of two effects can imitate the other."""
         return min(self.cosine(first, second), self.cosine(second, first)) > THRESHOLDS.indistinguishable
 
 
@@ -146,7 +139,7 @@ def score_test(problem: Problem, fitted: Fit, library: Iterable[Effect], recorde
 
 
 def _score(test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ...]) -> Score:
-    """Score one shape of an effect by its amplitudes that no other parameter absorbs."""
+    """Score one shape of an effect by its amplitudes that are not absorbed."""
     fitted = test.fitted_columns
     prior = test.prior_of([*fitted, *columns])
     hidden = prior.absorbed(test.space.chosen([*fitted, *columns]))[len(fitted) :]
@@ -160,7 +153,7 @@ def _score(test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ..
 
 
 def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
-    """Return the parameter whose signature is nearest to that of a candidate's amplitude."""
+    """Return the parameter whose signature is nearest to that of an amplitude."""
     before = [*test.fitted_columns, *columns[:index]]
     nearest = before[int(np.argmax(np.abs(test.space.H[before, columns[index]])))] if before else None
     visible = nearest is not None and abs(test.space.H[nearest, columns[index]]) > 0.0
@@ -168,12 +161,10 @@ def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
 
 
 def _bounded_solution(test: ScoreTest, columns: Sequence[int]) -> tuple[float, Array]:
-    """Solve for the fitted parameters and some amplitudes within their bounds; the prior is included.
-
-    Fitted parameters that earlier parameters absorb have the step zero.
+    """Solve for the fitted parameters and some amplitudes within their bounds, with the prior.
 
     Returns:
-        the reduction of chi2, and the (fitted + columns,) step
+        the reduction of chi2, and the (fitted + columns,) step, which is zero for absorbed parameters
     """
     rows = [*test.fitted_columns, *columns]
     prior, space = test.prior_of(rows), test.space.chosen(rows)
@@ -184,8 +175,5 @@ def _bounded_solution(test: ScoreTest, columns: Sequence[int]) -> tuple[float, A
 
 
 def joint_gain(test: ScoreTest, scores: Iterable[Score]) -> float:
-    """Predict the reduction of chi2 by several effects together.
-
-    The shape parameters of each effect are those of its score.
-    """
+    """Predict the reduction of chi2 by several effects together, each in the shape of its score."""
     return _bounded_solution(test, [column for score in scores for column in score.columns])[0]

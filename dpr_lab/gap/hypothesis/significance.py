@@ -3,19 +3,16 @@
 import numpy as np
 
 from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON
-from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, explains
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 
 
 def promising_gain(model: Hypothesis) -> float:
     """Return the smallest predicted reduction of chi2 for which an effect is fitted.
 
-    A fit may reduce chi2 by `GAUSS_NEWTON.exceeded` times the predicted reduction. The result is therefore the largest
-    reduction by chance, divided by this factor.
-
-    A missing effect inflates the residuals of all readings. With few readings, even the only cause of the excess cannot
-    reduce chi2 significantly relative to inflated residuals. A significant reduction is not necessary, because
-    the residuals are small once the cause is in the model. `THRESHOLDS.promising` then limits the predicted reduction.
+    It is the largest reduction by chance, divided by the factor `GAUSS_NEWTON.exceeded` by which a fit may exceed its
+    prediction. With few readings, even the only cause of the excess is insignificant relative to the residuals that it
+    inflates. `THRESHOLDS.promising` then limits the predicted reduction.
     """
     residuals = model.residuals
     inflation = min(residuals.inflation, max(1.0, residuals.chi2 / residuals.dof))
@@ -26,30 +23,22 @@ def promising_gain(model: Hypothesis) -> float:
 def indifference(
     bare: Hypothesis, model: Hypothesis, *, independent: float = THRESHOLDS.chance, share: float = THRESHOLDS.integrator
 ) -> float:
-    """Return the difference of cost below which two sets count as equally good.
-
-    Chance or the steps of the integrator can cause such a difference.
-    """
+    """Return the difference of cost that chance or the steps of the integrator can cause."""
     return max(independent * model.inflation, share * (bare.residuals.chi2 - model.residuals.chi2))
 
 
 def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
     """Return the minimum significant reduction of cost from one set to a larger one.
 
-    The limit depends on what remains without and with the additional effect. Here i is the inflation of the larger set,
-    and r is the reduction of chi2 from the bare model to the larger set:
+    With the inflation i of the larger set and its reduction r of the bare model's chi2, the limit is
 
         no other effect                        `chance` i
         only noise remains without the effect  max(`chance_at_floor` i, `integrator` r)
         only noise remains with the effect     max(`chance` i, `integrator_at_floor` r)
-        a residual remains with the effect     max(`chance` i, `integrator` r)
+        a residual remains with the effect     max(`chance` i, `integrator` r), at most `segment_scatter`
 
-    While a residual remains with the effect, a reduction is also significant that is consistent among the segments
-    (`segment_scatter`).
-
-    An effect that follows the noise of a tracker leaves residuals that are less correlated. The penalty of all
-    parameters then decreases with the inflation of these residuals. If only noise remains without the effect, this
-    decrease is not evidence. Both sets are then compared at the inflation of the larger one.
+    An effect that follows the noise of a tracker reduces the inflation, and with it the penalty of all parameters. If
+    only noise remains without the effect, this is not evidence: both sets are compared at the inflation of the larger.
     """
     if not before.effects:
         limit = after.chance
@@ -65,11 +54,10 @@ def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> flo
 
 
 def segment_scatter(before: Hypothesis, after: Hypothesis, standard_errors: float = THRESHOLDS.consistent) -> float:
-    """Return the reduction of chi2 that can occur by chance.
+    """Return the reduction of chi2 that can occur by chance, from its scatter between segments.
 
-    It is estimated from the scatter between segments. The result is inf if the segments are too few. The residual due
-    to small unknown effects is smooth along a segment. If this residual counted as noise of every reading, a cause that
-    improves every segment would not be significant. Segments are therefore the independent units.
+    Segments are the independent units, because the residual of small unknown effects is smooth along a segment. The
+    result is inf if there are too few.
 
     Args:
         before: set of larger chi2
@@ -83,10 +71,7 @@ def segment_scatter(before: Hypothesis, after: Hypothesis, standard_errors: floa
 
 
 def accepted(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
-    """Return whether an effect explains more than chance and inexact forms can explain.
-
-    An inexact form leaves a residual. If only noise remains, a significant reduction is therefore sufficient.
-    """
+    """Return whether an effect explains more than chance and, while a residual remains, than inexact forms."""
     if before.cost - after.cost < significance(bare, before, after):
         return False
     return before.at_noise_floor or after.at_noise_floor or after.bounded_excess < most_excess(bare, before)
@@ -99,11 +84,11 @@ def most_excess(bare: Hypothesis, before: Hypothesis) -> float:
 
 
 def need(described: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:
-    """Return the ratio of the evidence for the additional effect to the required evidence.
+    """Return the ratio of the evidence for an effect to the required evidence.
 
     Above the noise floor, the evidence is the factor by which the excess increases without the effect. The required
-    factor is `excess_factor` for a large effect, and for an effect that improves every segment. It is
-    `necessary_factor_if_small` for a small effect, and `necessary_factor` for any other effect.
+    factor is `excess_factor` for an effect that is large or improves every segment, `necessary_factor_if_small` for a
+    small effect, and `necessary_factor` for any other effect.
 
     Args:
         described: model whose excess is the whole gap (`FittedSets.described`)
@@ -123,21 +108,15 @@ def need(described: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float
 
 
 def explains_as_much(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> bool:
-    """Return whether a smaller set explains about as much as a richer set.
+    """Return whether a smaller set explains nearly as much as a richer set, at no significantly higher cost.
 
-    The smaller set must explain nearly all that the richer set explains. Its criterion, which contains the penalty of
-    the parameters, must not be significantly higher. While a residual remains, the difference is compared with its
-    scatter between segments. Neither set is then the exact model, so the noise of a reading is not the relevant scale
-    of the difference.
+    While a residual remains, neither set is the exact model. The difference is then compared with its scatter between
+    segments, and not with the noise of a reading.
 
     Source: Vuong (1989), Likelihood ratio tests for model selection and non-nested hypotheses, Econometrica 57,
     307-333.
     """
-    if len(simple.fit.free) >= len(rich.fit.free):
-        return False
-    if bare.bounded_excess - simple.bounded_excess < THRESHOLDS.nearly_all * (
-        bare.bounded_excess - rich.bounded_excess
-    ):
+    if len(simple.fit.free) >= len(rich.fit.free) or not explains(bare, simple, rich, THRESHOLDS.nearly_all):
         return False
     margin = indifference(bare, rich)
     if not rich.at_noise_floor and np.isfinite(by_chance := segment_scatter(simple, rich, THRESHOLDS.beyond_chance)):
@@ -148,19 +127,14 @@ def explains_as_much(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> 
 def form_indifference(bare: Hypothesis, model: Hypothesis) -> float:
     """Return the largest increase of cost at which a simpler form replaces a richer one.
 
-    While a residual remains, a richer form may merely compensate for the residual. At the noise floor, a richer form
-    may follow the error of the integrator.
+    The richer form may follow the residual or, at the noise floor, the error of the integrator.
     """
     share = THRESHOLDS.integrator if model.at_noise_floor else THRESHOLDS.richer_form_share
     return indifference(bare, model, share=share)
 
 
 def adds_less_than_remains(richer: Hypothesis, simpler: Hypothesis | None) -> bool:
-    """Return whether a richer form leaves more excess than it removes.
-
-    The excess is compared with that of the simpler form. The result is false if no simpler form is fitted, or if the
-    richer form reaches the noise floor.
-    """
+    """Return whether a richer form above the noise floor removes less excess of a fitted simpler form than remains."""
     if simpler is None or richer.at_noise_floor:
         return False
     return simpler.bounded_excess - richer.bounded_excess < richer.bounded_excess

@@ -16,6 +16,7 @@ from dpr_lab.gap.result import RECORD
 from dpr_lab.gap.result.causes import NamedEffect, NamedFamily, RivalEffect
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
 from dpr_lab.gap.result.evidence import Evidence
+from dpr_lab.gap.result.finding import SensorFinding
 from dpr_lab.gap.result.gap_size import Gap, Where
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.gap.result.saved import Interval, Number, Saved
@@ -34,23 +35,6 @@ UNCERTAIN = "Nothing above the noise floor remains, but the causes are uncertain
 
 ONLY_FREE_RUN = "show no gap, but a free run does"
 """Part of the verdict if a fitted ratio absorbs the gap in segments."""
-
-
-class SensorFinding(Saved):
-    """A sensor fault that was detected without a model."""
-
-    name: str
-    """Kind of the sensor fault."""
-    run: str
-    """Name of the run."""
-    axis: str | None
-    """Encoder with the fault: `joint1`, `joint2` or `joint0`; None for all encoders."""
-    at_s: Number | None
-    """Instant of the fault, s since the release; None for the whole run."""
-    evidence: str
-    """Description of the evidence."""
-    count: int = 1
-    """Number of faults of this kind; `at_s` is the instant of the first one."""
 
 
 class Diagnosis(Shown, Saved):

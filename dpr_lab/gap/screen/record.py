@@ -20,7 +20,8 @@ from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.noise import NOISE, noise_floor, rest_correlation
 from dpr_lab.fitting.cut import MIN_SAMPLES, cut
-from dpr_lab.gap.screen.sensor_faults import ALL_AXES, SCREEN, Finding, Screened, jitter_of, screen, with_arm
+from dpr_lab.gap.result.finding import SensorFinding
+from dpr_lab.gap.screen.sensor_faults import ALL_AXES, SCREEN, Screened, jitter_of, screen, with_arm
 from dpr_lab.gap.screen.shutter import RollingShutter
 from dpr_lab.identification.moving_arm.setup import setup_of
 from dpr_lab.rig import Rig
@@ -147,7 +148,7 @@ class Record:
     def with_finding(self, name: str, evidence: str) -> "Record":
         """Add a fault of the whole run; it replaces a fault of the same name."""
         others = [finding for finding in self.screened.findings if finding.name != name]
-        finding = Finding(name, self.run.name, None, None, evidence)
+        finding = SensorFinding(name, self.run.name, None, None, evidence)
         return replace(self, screened=replace(self.screened, findings=(*others, finding)))
 
     def without(self, t: Array, off: Flags) -> "Record":
@@ -159,7 +160,7 @@ class Record:
         """
         evidence = "an outlier: the model fits all other readings"
         findings = [
-            Finding("outlier", self.run.name, ALL_AXES[axis], float(t[i]), evidence)
+            SensorFinding("outlier", self.run.name, ALL_AXES[axis], float(t[i]), evidence)
             for i, axis in np.argwhere(off).tolist()
         ]
         return self.only(~np.isin(self.t, t[off.any(axis=1)])).with_findings(findings)
@@ -172,7 +173,7 @@ class Record:
             self.only(~inside), breaks=np.sort(np.append(self.breaks, edges)), kicks=np.append(self.kicks, edges)
         )
 
-    def with_findings(self, findings: Iterable[Finding]) -> "Record":
+    def with_findings(self, findings: Iterable[SensorFinding]) -> "Record":
         """Return the record with additional findings."""
         return replace(self, screened=replace(self.screened, findings=(*self.screened.findings, *findings)))
 

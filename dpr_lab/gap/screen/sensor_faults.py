@@ -23,6 +23,7 @@ import numpy as np
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.estimation.noise import arm_noise, noise_floor, rest_correlation, same_rounding
+from dpr_lab.gap.result.finding import SensorFinding
 from dpr_lab.gap.screen.differences import noise_by_speed, stride_ratio
 from dpr_lab.gap.screen.implausible import repeated, too_fast
 from dpr_lab.gap.screen.instants import even_instants, periodic_delay
@@ -83,22 +84,6 @@ SCREEN = ScreenSettings()
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
-    """One fault of a sensor."""
-
-    name: str
-    run: str
-    axis: str | None
-    at_s: float | None
-    """Instant of the fault, s since the release; None for a property of the whole run."""
-    evidence: str
-    step: float | None = None
-    """Size of the step of a reading, rad; None for other faults."""
-    count: int = 1
-    """Number of faults of this kind; `at_s` is the instant of the first one."""
-
-
-@dataclass(frozen=True, slots=True)
 class Screened:
     """A swing, with its sensor faults."""
 
@@ -124,7 +109,7 @@ class Screened:
     """(n, 2) number of readings with the same rounding error: 1 unless readings stay within one step."""
     on_grid: Flags
     """(2,) whether readings are on the grid of the encoder's counts. Counts can be missed only in this case."""
-    findings: tuple[Finding, ...]
+    findings: tuple[SensorFinding, ...]
 
 
 def screen(run: Run, rig: Rig) -> Screened:
@@ -161,7 +146,7 @@ def screen(run: Run, rig: Rig) -> Screened:
             ("repeated_sample", t[stale[:, axis]], "the reading is constant while the rod moves"),
             ("outlier", t[outliers], "one reading deviates from the polynomial through its neighbours"),
         ):
-            findings += _events(Finding(kind, run.name, name, None, evidence), instant.tolist())
+            findings += _events(SensorFinding(kind, run.name, name, None, evidence), instant.tolist())
         steps = steps if on_grid[axis] and period <= slowest else []
         breaks += [(float(t[i]), axis) for i, _ in steps]
         findings += _steps(run.name, name, t, steps, abs(rig.radians_per_count[1 + axis]))
@@ -189,7 +174,9 @@ def with_arm(screened: Screened, rig: Rig) -> Screened:
     outliers, _ = local_faults(screened.t, theta0, keep, (noise, screened.jitter_s), 1.0 / screened.run.rate_hz)
     keep[outliers] = False
     evidence = "one reading deviates from the polynomial through its neighbours"
-    findings = [Finding("outlier", screened.run.name, ALL_AXES[2], float(screened.t[i]), evidence) for i in outliers]
+    findings = [
+        SensorFinding("outlier", screened.run.name, ALL_AXES[2], float(screened.t[i]), evidence) for i in outliers
+    ]
     return replace(
         screened,
         joints=np.column_stack([screened.joints, theta0]),
@@ -203,7 +190,7 @@ def with_arm(screened: Screened, rig: Rig) -> Screened:
     )
 
 
-def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
+def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[SensorFinding]]:
     """Replace jittering stamps by even times; return the run and the finding."""
     if (even := even_instants(run.t, _read_joints(run, rig))) is None:
         return run, []
@@ -213,20 +200,20 @@ def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
         f"the time stamps deviate by {1e3 * rms:.2g} ms rms from a uniform clock; the readings fit uniform instants"
         " better"
     )
-    return replace(run, t=even), [Finding("stamp_jitter", run.name, None, None, evidence)]
+    return replace(run, t=even), [SensorFinding("stamp_jitter", run.name, None, None, evidence)]
 
 
-def _queued(run: Run, rig: Rig) -> tuple[Flags, list[Finding]]:
+def _queued(run: Run, rig: Rig) -> tuple[Flags, list[SensorFinding]]:
     """Detect readings that waited in a queue; return their (n,) mask and the finding."""
     swing, waited = run.t >= 0.0, np.zeros(len(run.t), dtype=np.bool_)
     queue = queued_rows(run.t[swing], _read_joints(run, rig)[swing])
     if queue is None:
         return waited, []
     waited[swing] = queue.rows
-    return waited, [Finding("queued_rows", run.name, None, float(run.t[waited][0]), queue.evidence)]
+    return waited, [SensorFinding("queued_rows", run.name, None, float(run.t[waited][0]), queue.evidence)]
 
 
-def _late(run: Run, t: Array, joints: Array) -> tuple[Flags, list[Finding]]:
+def _late(run: Run, t: Array, joints: Array) -> tuple[Flags, list[SensorFinding]]:
     """Detect periodically late or repeated readings; return their (n,) mask and the findings."""
     read = joints[:, :1] if run.setup.alone else joints
     delay, repeated = periodic_delay(t, read), np.append(False, (read[1:] == read[:-1]).all(axis=1))
@@ -248,7 +235,7 @@ def _late(run: Run, t: Array, joints: Array) -> tuple[Flags, list[Finding]]:
         size, side = abs(delay.delay_s), "after" if delay.delay_s > 0 else "before"
         precision = f"{1e3 * size:.3g} +- {1e3 * delay.std_s:.1g} ms"
         evidence = f"one reading in {delay.cycle} is taken {precision} {side} its stamp"
-    finding = Finding(name, run.name, None, float(t[late][0]), f"{evidence}; these readings are excluded")
+    finding = SensorFinding(name, run.name, None, float(t[late][0]), f"{evidence}; these readings are excluded")
     if share > SCREEN.repeating or name == "periodic_delay":
         return late, [finding]
     others, findings = _late(run, t[~late], joints[~late])  # repeated readings can hide a delay
@@ -273,20 +260,20 @@ def _without_joint2(screened: Screened) -> Screened:
     )
 
 
-def _steps(run: str, axis: str, t: Array, steps: Sequence[tuple[int, float]], count: float) -> list[Finding]:
+def _steps(run: str, axis: str, t: Array, steps: Sequence[tuple[int, float]], count: float) -> list[SensorFinding]:
     """Create a finding for each step; `count` is the size of a count, rad."""
     sizes = [(float(t[i]), size, f"the reading steps by {size / count:+.1f} counts") for i, size in steps]
-    return [Finding(MISSED_COUNTS.name, run, axis, at_s, evidence, step=size) for at_s, size, evidence in sizes]
+    return [SensorFinding(MISSED_COUNTS.name, run, axis, at_s, evidence, step=size) for at_s, size, evidence in sizes]
 
 
-def _events(finding: Finding, instants: list[float]) -> list[Finding]:
+def _events(finding: SensorFinding, instants: list[float]) -> list[SensorFinding]:
     """Create a finding for each instant, or a single one for many instants."""
     if len(instants) > SCREEN.shown:
         return [replace(finding, at_s=instants[0], count=len(instants))]
     return [replace(finding, at_s=s) for s in instants]
 
 
-def _gaps(name: str, t: Array, period: float) -> list[Finding]:
+def _gaps(name: str, t: Array, period: float) -> list[SensorFinding]:
     spacing, behind, near = np.diff(t), t - period * np.arange(len(t)), SCREEN.gap_near
     missing = np.rint(spacing / period) - 1
     wide = np.flatnonzero(spacing > SCREEN.gap_periods * period)
@@ -298,10 +285,10 @@ def _gaps(name: str, t: Array, period: float) -> list[Finding]:
     evidence = (
         f"{missing[wide].sum():.0f} of {len(t)} samples missing; the longest gap is {1e3 * spacing[wide].max():.3g} ms"
     )
-    return [Finding("gap", name, None, float(t[wide[0]]), evidence, count=len(wide))]
+    return [SensorFinding("gap", name, None, float(t[wide[0]]), evidence, count=len(wide))]
 
 
-def _levels(run: Run, rig: Rig, std: Array, dithered: Flags) -> list[Finding]:
+def _levels(run: Run, rig: Rig, std: Array, dithered: Flags) -> list[SensorFinding]:
     if run.counts is None:
         return []
     nominal = np.sqrt(rig.encoders.noise_counts**2 + 1 / 12)
@@ -310,14 +297,14 @@ def _levels(run: Run, rig: Rig, std: Array, dithered: Flags) -> list[Finding]:
     for axis, name in enumerate(AXES):
         if not dithered[axis]:
             evidence = "the counts are constant at rest: the noise before rounding is below a fifth of a count"
-            findings.append(Finding("undithered_quantisation", run.name, name, None, evidence))
+            findings.append(SensorFinding("undithered_quantisation", run.name, name, None, evidence))
         elif not 1 / SCREEN.noise_ratio < counts[axis] / nominal < SCREEN.noise_ratio:
             evidence = f"{counts[axis]:.2f} counts rms, the rig file gives {nominal:.2f} with rounding"
-            findings.append(Finding("noise_level", run.name, name, None, evidence))
+            findings.append(SensorFinding("noise_level", run.name, name, None, evidence))
     return findings
 
 
-def jitter_of(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, list[Finding]]:
+def jitter_of(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, list[SensorFinding]]:
     """Estimate the timing error, s, from noise that increases with speed, with its finding."""
     jitter, significance = noise_by_speed(t, joints, std, 1.0 / run.rate_hz)
     if significance < SCREEN.significance:
@@ -325,10 +312,10 @@ def jitter_of(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, lis
     evidence = (
         f"noise increases with speed, as errors of the sampling instants of {1e3 * jitter:.2g} ms rms would cause"
     )
-    return jitter, [Finding("jitter", run.name, None, None, evidence)]
+    return jitter, [SensorFinding("jitter", run.name, None, None, evidence)]
 
 
-def _colour(run: Run, rig: Rig, joints: Array, floor: Array) -> tuple[Array, list[Finding]]:
+def _colour(run: Run, rig: Rig, joints: Array, floor: Array) -> tuple[Array, list[SensorFinding]]:
     """Compare the noise at wide and narrow spacings; return a (2,) factor and findings.
 
     The factor is the noise at wide spacings divided by that at narrow spacings. Without a significant difference, the
@@ -343,7 +330,7 @@ def _colour(run: Run, rig: Rig, joints: Array, floor: Array) -> tuple[Array, lis
             evidence = "the lengths of the rods in neighbouring frames have correlated errors (correlation {:.2f})"
         shared = rest_correlation(run, rig).tolist()
         return factor, [
-            Finding("non_white_noise", run.name, name, None, evidence.format(alike))
+            SensorFinding("non_white_noise", run.name, name, None, evidence.format(alike))
             for name, alike in zip(AXES, shared, strict=True)
             if alike
         ]
@@ -352,5 +339,5 @@ def _colour(run: Run, rig: Rig, joints: Array, floor: Array) -> tuple[Array, lis
         if ratio > SCREEN.noise_ratio:
             factor[axis] = ratio
             evidence = f"every third sample has {ratio:.2g} times the noise of neighbours: filtered before recording"
-            findings.append(Finding("non_white_noise", run.name, name, None, evidence))
+            findings.append(SensorFinding("non_white_noise", run.name, name, None, evidence))
     return factor, findings

@@ -19,11 +19,10 @@ import numpy as np
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects import without_events
 from dpr_lab.fitting.cut import MIN_SAMPLES, cut
-from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.estimate import Estimate, FreeParameter
 from dpr_lab.fitting.gauss_newton import descend
 from dpr_lab.fitting.linearise import slow_starts
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.setup import Setup
@@ -74,109 +73,9 @@ class FreeRunError:
         return FreeRunError(self.t[self.t <= end_s], self.squares[self.t <= end_s])
 
 
-@dataclass(frozen=True)
-class FreeRuns:
-    """Free runs of one model along a set of recordings."""
-
-    records: tuple[Record, ...]
-    """Recordings, each from its first segment that can be simulated. Earlier readings before a gap may be too few."""
-    problem: Problem
-    """Problem with the compared readings, one segment for each recording."""
-    start: Estimate
-    """Estimate with an initial state, and optionally encoder zeros, for each recording."""
-
-    @cached_property
-    def predicted(self) -> Array:
-        """(samples, 2) predicted readings, rad."""
-        return self.problem.predict(self.start)
-
-    @property
-    def rows(self) -> list[slice]:
-        """Slices of the samples, one for each recording."""
-        return [slice(i, j) for i, j in pairwise(self.problem.segments.offsets)]
-
-    @property
-    def errors(self) -> dict[str, FreeRunError]:
-        """Errors by run, after the readings that determine the initial state.
-
-        Shorter runs are omitted.
-        """
-        error, t = self.problem.measured - self.predicted, self.problem.t
-        by_run = {}
-        for record, samples in zip(self.records, self.rows, strict=True):
-            since_start, read = t[samples] - t[samples.start], self.problem.read[samples].any(axis=0)
-            compared = since_start >= FREE_RUN.settle_s
-            if compared.any():
-                squares = np.mean(error[samples][compared][:, read] ** 2, axis=1)
-                by_run[record.run.name] = FreeRunError(since_start[compared], squares)
-        return by_run
-
-    @property
-    def errors_rad(self) -> dict[str, float]:
-        """Rms error by run, rad, without runs that cannot be simulated to their end."""
-        rms = {name: error.rms_rad for name, error in self.errors.items()}
-        return {name: value for name, value in rms.items() if np.isfinite(value)}
-
-
-def free_runs(recordings: Recordings, estimate: Estimate, length_s: float = FREE_RUN.length_s) -> FreeRuns:
-    """Simulate a model freely along each recording.
-
-    Args:
-        recordings: the recordings; at least `MIN_SAMPLES` readings of each determine its initial state
-        estimate: ratios and effects for the simulation
-        length_s: length of the comparison from the first reading, s
-    """
-    items = tuple(
-        record.only(slice(cut(record.t, np.inf, record.breaks)[0].start, None)) for record in recordings.records
-    )
-    own_starts = [_own_start(recordings, record, estimate) for record in items]
-    compared = []
-    for record in items:
-        until = min(record.t[0] + length_s, *record.kicks[record.kicks > record.t[0]], np.inf)
-        within = record.t <= until
-        within[:MIN_SAMPLES] = True
-        compared.append(replace(record.only(within), breaks=np.zeros(0)))
-    # nothing is fitted here, so the noise has no influence
-    problem, initial = replace(recordings, ratios=None).only(compared).cut(np.inf)
-    for state, start in zip(initial, own_starts, strict=True):
-        state[: start.initial.shape[1]] = start.initial[0]  # a clamped arm keeps its angle
-    zeros = np.concatenate([start.zeros for start in own_starts])
-    return FreeRuns(items, problem, estimate.changed(initial=initial, zeros=zeros))
-
-
-def _own_start(recordings: Recordings, record: Record, estimate: Estimate) -> Estimate:
-    """Fit the initial state of one recording to its first readings.
-
-    The result is the estimate for this recording alone.
-    """
-    estimate = estimate.changed(params=without_events(estimate.params))
-    head = record.t - record.t[0] < FREE_RUN.settle_s
-    head[:MIN_SAMPLES] = True
-    short = record.only(head)
-    problem, initial = recordings.only([short]).cut(max(FREE_RUN.settle_s, float(np.ptp(short.t))))
-    zeros = own_zeros(recordings.only([record]), estimate, FREE_RUN.iterations)
-    fixed = replace(problem, rezeroed=False)
-    return descend(fixed, estimate.changed(initial=initial, zeros=zeros), (), iterations=FREE_RUN.iterations).estimate
-
-
-def own_zeros(recordings: Recordings, estimate: Estimate, iterations: int) -> Array:
-    """Fit (runs, 2) encoder zeros to whole runs if they are set before each run.
-
-    Otherwise the result is an array of shape (0, 2).
-    """
-    if not recordings.rig.encoders.rezeroed:
-        return np.zeros((0, 2))
-    problem, initial = recordings.cut(recordings.working_length)
-    start = estimate.changed(initial=initial, zeros=np.zeros((0, 2)))
-    return descend(problem, start, (), iterations=iterations).estimate.zeros
-
-
 @dataclass(frozen=True, slots=True)
 class FreeSwing:
-    """Free run of a model along a recording.
-
-    It contains the sensitivities to the initial state and to the fitted values.
-    """
+    """Free run of a model along a recording, with its sensitivities."""
 
     record: Record
     t: Array
@@ -229,54 +128,137 @@ def _inverse(normal: Array) -> Array:
     return scale[:, None] * np.linalg.pinv(normal * np.outer(scale, scale), hermitian=True) * scale
 
 
-@dataclass(frozen=True, slots=True)
-class FreeSwings:
-    """Free runs of one model for all recordings."""
+@dataclass(frozen=True)
+class FreeRuns:
+    """Free runs of one model along a set of recordings."""
 
-    runs: FreeRuns
-    each: tuple[FreeSwing, ...]
+    records: tuple[Record, ...]
+    """Recordings, each from its first segment that can be simulated. Earlier readings before a gap may be too few."""
+    problem: Problem
+    """Problem with the compared readings, one segment for each recording."""
+    start: Estimate
+    """Estimate with an initial state, and optionally encoder zeros, for each recording."""
+    free: tuple[FreeParameter, ...] = ()
+    """Fitted values, with respect to which the sensitivities are computed."""
+
+    @cached_property
+    def predicted(self) -> Array:
+        """(samples, 2) predicted readings, rad."""
+        return self.problem.predict(self.start)
+
+    @property
+    def rows(self) -> list[slice]:
+        """Slices of the samples, one for each recording."""
+        return [slice(i, j) for i, j in pairwise(self.problem.segments.offsets)]
+
+    @property
+    def errors(self) -> dict[str, FreeRunError]:
+        """Errors by run, after the readings that determine the initial state, without shorter runs."""
+        error, t = self.problem.measured - self.predicted, self.problem.t
+        by_run = {}
+        for record, samples in zip(self.records, self.rows, strict=True):
+            since_start, read = t[samples] - t[samples.start], self.problem.read[samples].any(axis=0)
+            compared = since_start >= FREE_RUN.settle_s
+            if compared.any():
+                squares = np.mean(error[samples][compared][:, read] ** 2, axis=1)
+                by_run[record.run.name] = FreeRunError(since_start[compared], squares)
+        return by_run
+
+    @property
+    def errors_rad(self) -> dict[str, float]:
+        """Rms error by run, rad, without runs that cannot be simulated to their end."""
+        rms = {name: error.rms_rad for name, error in self.errors.items()}
+        return {name: value for name, value in rms.items() if np.isfinite(value)}
+
+    @cached_property
+    def swings(self) -> list[FreeSwing]:
+        """Free run of each recording, with its sensitivities to the fitted values and to the initial state."""
+        free, problem = self.free, self.problem
+        t, states = problem.t, problem.segments.states
+        # the derivatives with respect to encoder zeros are zero, because the zeros of these runs are treated as known
+        slopes = np.zeros((len(t), problem.axes, len(free) + states))
+        moves = [i for i, parameter in enumerate(free) if parameter.block != "zeros"]
+        of_values = problem.slopes(self.start, [free[i] for i in moves])
+        slopes[:, :, [*moves, *range(len(free), len(free) + states)]] = of_values
+        slopes = np.nan_to_num(slopes)
+        parts = (problem.measured, problem.weight, self.predicted, slopes[:, :, :-states], slopes[:, :, -states:])
+        return [
+            FreeSwing(record, t[rows] - t[rows.start], *(values[rows] for values in parts), setup)
+            for record, setup, rows in zip(self.records, problem.segments.setups, self.rows, strict=True)
+        ]
+
+    def expected_errors(self, noise: float) -> dict[str, FreeRunError]:
+        """Return the errors, as in `errors`, that the noise of the first readings causes.
+
+        `noise` is a factor on the variance of a reading, for the level and the correlation of the noise.
+        """
+        expected = {}
+        for swing in self.swings:
+            read, after = swing.weight.any(axis=0), ~swing.head
+            if after.any():
+                squares = noise * np.mean(swing.start_variance()[after][:, read], axis=1)
+                expected[swing.record.run.name] = FreeRunError(swing.t[after], squares)
+        return expected
 
     def otherwise(self, change: Callable[[Problem], Problem]) -> list[Array]:
         """Simulate a changed problem; return the (n, 2) change of each run's readings."""
-        change_of_all = np.nan_to_num(change(self.runs.problem).predict(self.runs.start) - self.runs.predicted)
-        return [change_of_all[rows] for rows in self.runs.rows]
+        change_of_all = np.nan_to_num(change(self.problem).predict(self.start) - self.predicted)
+        return [change_of_all[rows] for rows in self.rows]
 
 
-def free_swings(runs: FreeRuns, model: Hypothesis) -> FreeSwings:
-    """Compute free runs of a model and their sensitivity to all uncertain quantities."""
-    free, problem = model.fit.free, runs.problem
-    states = problem.segments.states
-    # the derivatives with respect to encoder zeros are zero, because the zeros of these runs are treated as known
-    slopes = np.zeros((len(problem.t), problem.axes, len(free) + states))
-    moves = [i for i, parameter in enumerate(free) if parameter.block != "zeros"]
-    slopes[:, :, [*moves, *range(len(free), len(free) + states)]] = problem.slopes(runs.start, [free[i] for i in moves])
-    slopes, t = np.nan_to_num(slopes), problem.t
-    parts = (t, problem.measured, problem.weight, runs.predicted, slopes[:, :, :-states], slopes[:, :, -states:])
-    predictions = []
-    for recording, setup, rows in zip(runs.records, problem.segments.setups, runs.rows, strict=True):
-        since_start, measured, weight, predicted, by_values, by_start = (values[rows] for values in parts)
-        predictions.append(
-            FreeSwing(recording, since_start - since_start[0], measured, weight, predicted, by_values, by_start, setup)
-        )
-    return FreeSwings(runs, tuple(predictions))
-
-
-def expected_errors(swings: FreeSwings, noise: float) -> dict[str, FreeRunError]:
-    """Return the mean squared error of each run due to noise of its first readings.
-
-    The result has the form of `FreeRuns.errors`.
+def free_runs(
+    recordings: Recordings,
+    estimate: Estimate,
+    length_s: float = FREE_RUN.length_s,
+    free: tuple[FreeParameter, ...] = (),
+) -> FreeRuns:
+    """Simulate a model freely along each recording.
 
     Args:
-        swings: the free runs
-        noise: factor on the variance of a reading, for the level and the correlation of the noise
+        recordings: the recordings; at least `MIN_SAMPLES` readings of each determine its initial state
+        estimate: ratios and effects for the simulation
+        length_s: length of the comparison from the first reading, s
+        free: fitted values with respect to which sensitivities are computed
     """
-    expected = {}
-    for swing in swings.each:
-        read, after = swing.weight.any(axis=0), ~swing.head
-        if after.any():
-            squares = noise * np.mean(swing.start_variance()[after][:, read], axis=1)
-            expected[swing.record.run.name] = FreeRunError(swing.t[after], squares)
-    return expected
+    cuts = (cut(record.t, np.inf, record.breaks)[0] for record in recordings.records)
+    records = tuple(record.only(slice(part.start, None)) for record, part in zip(recordings.records, cuts, strict=True))
+    starts = [_own_start(recordings, record, estimate) for record in records]
+    compared = []
+    for record in records:
+        until = min(record.t[0] + length_s, *record.kicks[record.kicks > record.t[0]], np.inf)
+        within = record.t <= until
+        within[:MIN_SAMPLES] = True
+        compared.append(replace(record.only(within), breaks=np.zeros(0)))
+    # nothing is fitted here, so the noise has no influence
+    problem, initial = replace(recordings, ratios=None).only(compared).cut(np.inf)
+    for state, start in zip(initial, starts, strict=True):
+        state[: start.initial.shape[1]] = start.initial[0]  # a clamped arm keeps its angle
+    zeros = np.concatenate([start.zeros for start in starts])
+    return FreeRuns(records, problem, estimate.changed(initial=initial, zeros=zeros), free)
+
+
+def _own_start(recordings: Recordings, record: Record, estimate: Estimate) -> Estimate:
+    """Return the estimate for one recording alone, with the initial state fitted to its first readings."""
+    estimate = estimate.changed(params=without_events(estimate.params))
+    head = record.t - record.t[0] < FREE_RUN.settle_s
+    head[:MIN_SAMPLES] = True
+    short = record.only(head)
+    problem, initial = recordings.only([short]).cut(max(FREE_RUN.settle_s, float(np.ptp(short.t))))
+    zeros = own_zeros(recordings.only([record]), estimate, FREE_RUN.iterations)
+    fixed = replace(problem, rezeroed=False)
+    return descend(fixed, estimate.changed(initial=initial, zeros=zeros), (), iterations=FREE_RUN.iterations).estimate
+
+
+def own_zeros(recordings: Recordings, estimate: Estimate, iterations: int) -> Array:
+    """Fit (runs, 2) encoder zeros to whole runs if they are set before each run.
+
+    Otherwise the result is an array of shape (0, 2).
+    """
+    if not recordings.rig.encoders.rezeroed:
+        return np.zeros((0, 2))
+    problem, initial = recordings.cut(recordings.working_length)
+    start = estimate.changed(initial=initial, zeros=np.zeros((0, 2)))
+    return descend(problem, start, (), iterations=iterations).estimate.zeros
 
 
 def horizon(swing: FreeSwing) -> float | None:

@@ -16,7 +16,7 @@ from dpr_lab.gap.result.gap_size import ClosedShare, Gap
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.state import Selected
-from dpr_lab.gap.transfer.free_run import FreeSwings
+from dpr_lab.gap.transfer.free_run import FreeRuns
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy
 
@@ -31,7 +31,7 @@ TWO_DIGITS = GaussNewton(converged=1e-3, converged_frozen=1e-4)
 def gap(
     state: Selected,
     transferred: Transfer,
-    swings: Mapping[str, FreeSwings],
+    freely: Mapping[str, FreeRuns],
     budget: GapBudget,
     remainder: Discrepancy | None,
 ) -> Gap:
@@ -40,13 +40,13 @@ def gap(
     Args:
         state: the state with the selected set of effects
         transferred: performance of the selected set on held-out recordings
-        swings: free runs of the models before and after the correction along all recordings, held-out ones included
+        freely: free runs of the models before and after the correction along all recordings, held-out ones included
         budget: reproducible and other shares of the gap
         remainder: discrepancy term of the selected set; None if only noise remains
     """
     problem, selection = state.fitted.problem, state.selection
     bare, chosen = selection.bare, selection.chosen
-    errors = {name: of_model.runs.errors_rad for name, of_model in swings.items()}
+    errors = {name: runs.errors_rad for name, runs in freely.items()}
     return Gap(
         floor_rad=floor_rad(problem),
         before_rad=gap_rad(problem, bare),

@@ -55,23 +55,6 @@ class TransferSettings:
     """
     oversized: float = 0.1
     """Factor on the probability of an effect with an impossible size; another cause is then more probable."""
-    worse: float = 1.1
-    """Maximum factor by which the named effects may increase the error of free runs.
-
-    An increase that the noise of the first readings explains is allowed in addition.
-    """
-    unpredictable: float = 2.0
-    """Maximum increase of the error of free runs that counts as chance.
-
-    The unit is the standard deviation due to the noise of the first readings.
-    """
-    followed_rad: float = 0.3
-    """Maximum rms error of a free run of the bare model, from its beginning, up to which free runs are compared, rad.
-
-    Beyond this error, chaos dominates.
-    """
-    followed_s: float = 0.6
-    """Minimum time of the comparison of free runs, s after the beginning of the recording."""
     wildest: float = 1e12
     """Maximum chi2 of a segment; also the value for a segment that cannot be simulated."""
 
@@ -81,10 +64,7 @@ TRANSFER = TransferSettings()
 
 @dataclass(frozen=True, slots=True)
 class WorseFreeRun:
-    """Errors of free runs before and after correction, if the named effects increase the errors.
-
-    The errors are computed up to the time that the bare model can follow.
-    """
+    """Errors of free runs that the named effects increase, up to the time that the bare model can follow."""
 
     before_rad: float
     """Error of the bare model: geometric mean over the runs of the rms error, rad."""

@@ -1,6 +1,7 @@
 """Test the named effects on held-out recordings: each must improve their prediction.
 
-The selected set and the set without one effect are fitted to the same runs and compared on each held-out run. Let
+The selected set and the set without one effect are fitted to the same runs and compared on each held-out run or, if
+there are none, on each fitted run or quarter of the only run that is left out in turn. Let
 
     d_s = chi2_s(without) - chi2_s(with)
 
@@ -11,21 +12,17 @@ for each segment s, with neighbouring segments grouped. An effect carries over t
 2. d is significantly negative in no run.
 3. The share of the gap that the effect closes is not significantly below half of that in the fitted recordings.
 
-An effect that fails this test explains only the fitted recordings. Effects that worsen the free runs are not confirmed;
-held-out runs are used for this test if there are any. If there is only one release, its quarters are held out in turn.
-An effect that fails the test on quarters is not withdrawn, but is not certain.
+An effect that fails explains only the fitted recordings and is withdrawn, but quarters of one release only make it
+uncertain. No effect is certain if all together increase the gap or worsen the free runs (`worse_free_run`), if one
+recording alone has a remainder (`lone_recording`), or if there are too few segments for a test.
 
-No effect is certain if all effects together increase the gap of the data that were not fitted, or if one recording
-alone has a remainder (`dpr_lab.gap.transfer.lone_recording`). If there are fewer segments than quarters, no held-out
-test is possible. No effect is then refuted, and no effect is certain.
-
-The sum alone has little power if the reduction is largest in a few segments, because its scatter is then as large as
-the sum. The signed ranks detect a reduction in all segments.
+The scatter of the sum is large if a few segments have the largest reduction. The signed ranks detect a reduction in all
+segments.
 
 Source: Wilcoxon (1945), Individual comparisons by ranking methods, Biometrics Bulletin 1, 80-83.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,55 +36,58 @@ from dpr_lab.gap.result.diagnosis import Basis
 from dpr_lab.gap.result.evidence import Closing
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Fitted, Selected
-from dpr_lab.gap.transfer.free_run import FreeRunError, FreeSwings, expected_errors
+from dpr_lab.gap.transfer.free_run import FreeRuns
 from dpr_lab.gap.transfer.lone_recording import lone_recording
 from dpr_lab.gap.transfer.out_of_sample import OutOfSample, block_starts, left_out_prediction, reduction, share
-from dpr_lab.gap.transfer.outcome import TRANSFER, Transfer, WorseFreeRun
+from dpr_lab.gap.transfer.outcome import TRANSFER, Transfer
+from dpr_lab.gap.transfer.worse_free_run import worse_free_run
 from dpr_lab.gap.which.selected import Selection
 
 Rows = slice | Flags
 """Selection of segments."""
 
 
-def transfer(state: Selected, swings: Mapping[str, FreeSwings]) -> Transfer:
+def transfer(state: Selected, freely: Mapping[str, FreeRuns]) -> Transfer:
     """Test the selected effects on held-out recordings, or by leave-one-run-out cross-validation.
 
-    Args:
-        state: state with the selected set of effects
-        swings: free runs of the models before and after correction along all recordings
+    `freely` contains the free runs along all recordings, `before` and `after` the correction.
     """
     recordings, problem, selection = state.fitted.recordings, state.fitted.problem, state.selection
     held_out, rng = state.fitted.held_out_prediction, np.random.default_rng(state.fitted.request.seed)
     test = _Test(held_out or left_out_prediction(recordings, problem), selection.chosen.residuals, rng)
     tested = held_out is not None or len(test.data.dof) >= FOLDS.quarters
-    before, after = test.above_noise(selection.bare), test.above_noise(selection.chosen)
-    of_set = np.stack([before, after])
-    of_effects = {
-        name: np.stack([test.above_noise(model), after]) for name, model in selection.without_substitute.items()
-    }
+    chosen = selection.chosen
+    of_set = test.excess(selection.bare, chosen)
+    of_effects = {name: test.excess(model, chosen) for name, model in selection.without_substitute.items()}
     by_run = test.by_run(of_set)
     by_effect_and_run = {name: test.by_run(pair) for name, pair in of_effects.items()}
-    of_fitted_runs = by_run
+    left_out = by_run
     if held_out:
-        of_fitted_runs = replace(test, data=left_out_prediction(recordings, problem)).of_set(selection)
+        others = replace(test, data=left_out_prediction(recordings, problem))
+        left_out = others.by_run(others.excess(selection.bare, chosen))
     closed = test.reduction(of_set)
     failed = tuple(_failed(test, selection, of_effects, closed)) if tested else ()
-    basis = _basis(state.fitted)
-    one_release = basis == "one release"
+    basis, noise = _basis(state.fitted), selection.bare.residuals.independent_noise
+    one_release, errors = basis == "one release", {name: runs.errors for name, runs in freely.items()}
     return Transfer(
         basis=basis,
         tested=tested,
         closed=closed,
-        gap_ratio=float(np.sqrt(max(before.sum(), 0.0) / max(test.noise.sum(), 1.0))),
-        closing=tuple(_closing(test, selection, of_set)),
-        left_out=of_fitted_runs,
+        gap_ratio=float(np.sqrt(max(of_set[0].sum(), 0.0) / max(test.noise.sum(), 1.0))),
+        closing=tuple(_closing(test, selection)),
+        left_out=left_out,
         held_out=by_run if held_out else {},
         effects=by_effect_and_run,
         withdrawn=() if one_release else failed,
         unproven=failed if one_release else (),
         oversized=selection.oversized,
-        worse_free_run=_worse_free_run(state, swings),
-        lone=lone_recording(problem, selection.chosen, [record.run.name for record in recordings.records]),
+        worse_free_run=worse_free_run(
+            errors["before"],
+            errors["after"],
+            freely["before"].expected_errors(noise),
+            held_out.names if held_out else errors["before"],
+        ),
+        lone=lone_recording(problem, chosen, [record.run.name for record in recordings.records]),
         too_short=one_release and test.groups < TRANSFER.least_groups,
     )
 
@@ -102,12 +102,10 @@ def _basis(fitted: Fitted) -> Basis:
 def judged(
     outcome: Transfer, posteriors: Sequence[EffectPosterior], *, forced: bool, remainder: bool
 ) -> tuple[EffectPosterior, ...]:
-    """Return the effects with their final probabilities.
+    """Return the effects with their probabilities after the tests.
 
-    The probability of an effect that fails a test is reduced.
-
-    The quarters of a single release are few and differ in amplitude. An effect that fails the test on quarters, or
-    that cannot be tested, is still probable if it leaves only noise (decision 96).
+    The quarters of a single release are few and differ in amplitude. An effect that fails their test, or that cannot be
+    tested, is still probable if it leaves only noise (decision 96).
 
     Args:
         outcome: results on held-out recordings
@@ -130,13 +128,16 @@ def judged(
 
 @dataclass(frozen=True, slots=True)
 class _Test:
-    """Test on data that were not fitted: excess chi2, and closed share of the gap."""
+    """Test on data that were not fitted.
+
+    A pair is the (2, segments) chi2 above the noise, of the models without and with some effects.
+    """
 
     data: OutOfSample
     residuals: ResidualStatistics
     """Residuals of the selected set, which contain the level of the noise."""
     rng: np.random.Generator
-    """Random generator of the bootstrap."""
+    """Random numbers of the bootstrap."""
 
     @property
     def noise(self) -> Array:
@@ -152,33 +153,21 @@ class _Test:
         """Return the (segments,) chi2 of a model above the noise."""
         return np.minimum(np.nan_to_num(self.data.chi2(model), nan=np.inf), TRANSFER.wildest) - self.noise
 
-    def reduction(self, pair: Array, rows: Rows = slice(None)) -> Interval:
-        """Return the share of the gap that closes in some segments.
+    def excess(self, without: Hypothesis, chosen: Hypothesis) -> Array:
+        """Return the pair of two models."""
+        return np.stack([self.above_noise(without), self.above_noise(chosen)])
 
-        Args:
-            pair: (2, segments) excess chi2 without and with the effects
-            rows: the segments
-        """
+    def reduction(self, pair: Array, rows: Rows = slice(None)) -> Interval:
+        """Return the share of the gap that closes in some segments."""
         uncertainty = float(np.sqrt(self.residuals.independent_noise * self.noise[rows].sum()))
         return reduction(pair[:, rows], uncertainty, self.rng, self.data.block, self.data.run[rows])
 
     def by_run(self, pair: Array) -> dict[str, Interval]:
-        """Return the closed share of the gap of each run.
-
-        Args:
-            pair: (2, segments) excess chi2 without and with the effects
-        """
+        """Return the share of the gap that closes in each run."""
         return {name: self.reduction(pair, rows) for name, rows in self.data.runs}
 
-    def of_set(self, selection: Selection) -> dict[str, Interval]:
-        """Return the share of the gap that the selected set closes in each run."""
-        return self.by_run(np.stack([self.above_noise(model) for model in (selection.bare, selection.chosen)]))
-
     def carries_over(self, pair: Array, least: float) -> bool:
-        """Return whether an effect improves the prediction and closes enough of the gap.
-
-        The closed share of the gap must be at least `least` if it is measurable.
-        """
+        """Return whether an effect improves the prediction and closes the share `least` of a measurable gap."""
         helps = _helps(self.data, pair + self.noise)
         if not helps or pair[0].sum() < TRANSFER.gap_from * self.noise.sum():
             return helps
@@ -186,14 +175,7 @@ class _Test:
 
 
 def _failed(test: _Test, selection: Selection, pairs: Mapping[str, Array], closed: Interval) -> Iterator[str]:
-    """Yield the effects that do not carry over.
-
-    Args:
-        test: data that were not fitted
-        selection: the selected set of effects
-        pairs: (2, segments) excess chi2 without and with each effect
-        closed: share of the gap that all effects together close
-    """
+    """Yield the effects that do not carry over, from their pairs and the share that all effects together close."""
     least_kept = TRANSFER.kept * (_of_fitted(closed, selection) if closed.value >= TRANSFER.comparable else 1.0)
     for name, smaller in selection.without_substitute.items():
         if not test.carries_over(pairs[name], least_kept * _share_of_fitted(smaller, selection.chosen)):
@@ -201,12 +183,7 @@ def _failed(test: _Test, selection: Selection, pairs: Mapping[str, Array], close
 
 
 def _helps(test: OutOfSample, chi2: Array) -> bool:
-    """Return whether an effect significantly reduces chi2 in total and increases it in no run.
-
-    Args:
-        test: data that were not fitted
-        chi2: (2, segments) chi2 without and with the effect
-    """
+    """Return whether an effect significantly reduces (2, segments) chi2 in total and increases it in no run."""
     reductions = chi2[0] - chi2[1]
     blocks = _blocks(test, reductions)
     total, tolerance = _sum(blocks)
@@ -230,9 +207,9 @@ def _sum(blocks: Array) -> tuple[float, float]:
 
 
 def _signed_rank(blocks: Array) -> float:
-    """Return Wilcoxon's signed-rank sum over groups of segments, divided by its standard error.
+    """Return Wilcoxon's signed-rank sum over groups with a difference, divided by its standard error.
 
-    Groups without a difference are omitted, and equal differences have the mean of their ranks.
+    Equal differences have the mean of their ranks.
     """
     blocks = blocks[blocks != 0.0]
     if not len(blocks):
@@ -253,59 +230,9 @@ def _share_of_fitted(smaller: Hypothesis, chosen: Hypothesis) -> float:
     return share(np.array([[smaller.residuals.excess], [chosen.residuals.excess]]))
 
 
-def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[Closing]:
-    """Yield the remaining gap and closed share of each set up to the selected one.
-
-    `ends` contains the chi2 above the noise of these two sets.
-    """
-    between = [test.above_noise(model) for _, model in selection.path[:-1]]
-    remaining = [ends[0], *between, *([ends[1]] if selection.path else [])]
-    for name, above in zip(["", *(name for name, _ in selection.path)], remaining, strict=True):
-        rms = test.data.noise_rad * np.sqrt(max(float(above.sum()), 0.0) / test.data.dof.sum())
-        yield Closing(effect=name, left_rad=float(rms), closed=share(np.stack([ends[0], above])))
-
-
-def _worse_free_run(state: Selected, swings: Mapping[str, FreeSwings]) -> WorseFreeRun | None:
-    """Compare the free runs along the held-out recordings or, if there are none, along the fitted recordings."""
-    before, after = (swings[name].runs.errors for name in ("before", "after"))
-    noise = expected_errors(swings["before"], state.selection.bare.residuals.independent_noise)
-    held_out = state.fitted.held_out_prediction
-    return worse_free_run(before, after, noise, held_out.names if held_out else before)
-
-
-def worse_free_run(
-    before: Mapping[str, FreeRunError],
-    after: Mapping[str, FreeRunError],
-    noise: Mapping[str, FreeRunError],
-    compared: Collection[str],
-) -> WorseFreeRun | None:
-    """Return the free-run errors before and after correction if they increase, otherwise None.
-
-    Segments and free runs must agree: an effect that closes the gap of segments but worsens the free run is not
-    confirmed. Each run is compared up to the time at which chaos dominates the error of the bare model. An increase
-    that the noise of the first readings explains does not count. The errors are geometric means over the runs, which
-    compare the ratios of the errors. The most chaotic run, whose error is by far the largest, therefore does not decide
-    alone.
-
-    Source: Fleming & Wallace (1986), How not to lie with statistics, Communications of the ACM 29, 218-221.
-
-    Args:
-        before: error of the free run of the bare model, by run
-        after: error of the free run with the effects, by run; half a turn where it cannot be simulated
-        noise: part of `before` that is expected from the noise of the first readings
-        compared: names of the runs
-    """
-    squares, ends = [], []
-    for name in compared:
-        end = before[name].followed_s(TRANSFER.followed_rad) if name in before else 0.0
-        if end >= TRANSFER.followed_s:
-            errors = [runs[name].until(end).squares for runs in (before, after, noise)]
-            squares.append([float(np.mean(np.where(np.isfinite(of), of, np.pi**2))) for of in errors])
-            ends.append(end)
-    if not ends:
-        return None
-    logs = np.log(np.maximum(squares, np.finfo(np.float64).tiny))
-    of_before, of_after, of_noise = np.exp(np.mean(logs, axis=0)).tolist()
-    if of_after <= TRANSFER.worse**2 * of_before + TRANSFER.unpredictable**2 * of_noise:
-        return None
-    return WorseFreeRun(of_before**0.5, of_after**0.5, max(ends))
+def _closing(test: _Test, selection: Selection) -> Iterator[Closing]:
+    """Yield the remaining gap and closed share of each set up to the selected one."""
+    for name, model in [("", selection.bare), *selection.path]:
+        pair = test.excess(selection.bare, model)
+        rms = test.data.noise_rad * np.sqrt(max(float(pair[1].sum()), 0.0) / test.data.dof.sum())
+        yield Closing(effect=name, left_rad=float(rms), closed=share(pair))

@@ -23,30 +23,28 @@ class Beam:
     """Width of the forward search: numbers of fitted candidates and of extended sets."""
 
     fitted: int = 4
-    """Number of candidates of a score test that are fitted near the noise."""
+    """Number of candidates that are fitted near the noise."""
     fitted_when_far: int = 6
-    """Number of candidates that are fitted far from the noise, where linear scores are unreliable."""
+    """The same far from the noise, where linear scores are unreliable."""
     sets: int = 2
     """Number of sets that are extended to the next larger size."""
     worse: float = 4.0
-    """Maximum ratio of the excess of a set to the excess of the best set for which the set is extended."""
+    """Maximum ratio of the excess of an extended set to that of the best set."""
     exceeded: float = GAUSS_NEWTON.exceeded
     """Largest expected ratio of a fitted to the predicted reduction, far from the noise."""
     as_promising: float = 0.5
-    """Minimum predicted reduction of a further candidate, relative to that of a candidate that leaves only noise."""
+    """Minimum predicted reduction of a further candidate, relative to one that leaves only noise."""
     same_gain: float = 1e-3
-    """Relative difference of predicted reductions within which only one of several similar effects is fitted."""
+    """Relative difference of predicted reductions within which only one of similar effects is fitted."""
 
 
 BEAM = Beam()
 
 
 def forward_selection(max_effects: int, *, to_floor: bool = False) -> Move:
-    """Create the move that adds effects one at a time.
+    """Create the move that adds effects one at a time, if `to_floor` only until noise remains.
 
-    Args:
-        max_effects: maximum number of effects
-        to_floor: whether to stop as soon as only noise remains (longer segments show the remaining effects)
+    Longer segments then show the remaining effects.
     """
     return Move(
         "add",
@@ -60,10 +58,10 @@ def forward_selection(max_effects: int, *, to_floor: bool = False) -> Move:
 def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor: bool) -> Iterator[Proposal]:
     """Yield the best set of each size.
 
-    Far from the noise, the search continues after one effect that does not reduce the excess, because two effects of
-    similar size may reduce it only together. The search ends as soon as it refutes the noise of known torques, because
-    it is then repeated without this noise (`dpr_lab.gap.corrections`). With `to_floor`, one effect is fitted before
-    this test, because a linear test predicts the reduction by a backlash poorly.
+    Far from the noise, the search continues after one rejected effect, because two effects may reduce the excess only
+    together. It ends when it refutes the noise of known torques, because it is then repeated without this noise
+    (`dpr_lab.gap.corrections`). With `to_floor`, one effect is fitted before this test, because a linear test predicts
+    the reduction by a backlash poorly.
     """
     best, front, last_rejected = start, [start], False
     for remaining in range(max_effects - len(sets.unexpected(start)), 0, -1):
@@ -99,11 +97,7 @@ def _next_level(
 
 
 def no_effects_reach_noise(sets: FittedSets, model: Hypothesis) -> bool:
-    """Return whether no effect can reduce the residual to the noise of readings and torques.
-
-    As far as the effects are linear, all candidates of the score test together reduce chi2 at least as much as any few
-    of them.
-    """
+    """Return whether all candidates together, if linear, leave more than the noise of readings and torques."""
     if not refutes_torque_noise(sets.problem, model):
         return False
     test = sets.test(model)
@@ -121,8 +115,8 @@ def _with_one_more(
 ) -> dict[frozenset[str], Hypothesis]:
     """Extend a set by one promising effect at a time; return the extended level.
 
-    Once only noise remains, only equally promising effects are fitted. Far from the noise, a candidate is not fitted if
-    even twice its predicted reduction would leave its set too poor to be extended or accepted (`_deciding_excess`).
+    Once only noise remains, only equally promising effects are fitted. Far from the noise, a candidate is skipped if
+    even `BEAM.exceeded` times its predicted reduction leaves too much excess (`_deciding_excess`).
 
     Args:
         sets: the fitted sets
@@ -146,10 +140,7 @@ def _with_one_more(
 
 
 def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
-    """Return the scores of the most promising effects and of their simpler forms.
-
-    Of a group of nearly indistinguishable effects, only one is returned.
-    """
+    """Return the most promising effects, one of each nearly equal group, and their simpler forms."""
     least = promising_gain(model)
     promising = [score for score in test.ranking if score.gain > least and not set(score.effect.nested) & model.key]
     picked: list[Score] = []
@@ -164,7 +155,7 @@ def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
 
 
 def _nearly_equal(score: Score, other: Score) -> bool:
-    """Return whether two effects with similar signatures predict the same reduction."""
+    """Return whether two similar effects predict the same reduction."""
     same_gain = abs(score.gain - other.gain) <= BEAM.same_gain * max(score.gain, other.gain)
     return same_gain and len(score.columns) == len(other.columns) and other.effect.name in score.effect.twins
 
@@ -181,14 +172,11 @@ def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothe
 
 
 def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
-    """Add the two losses of one joint that hide each other and together explain most.
+    """Add the two losses of one joint that hide each other and together explain more than any single effect.
 
-    If there are no such losses, the result is None.
-
-    If the model contains viscous friction, Coulomb friction and air drag change a decay in opposite ways. Their loss
-    per swing increases with the powers 1 and 3 of the amplitude, that of viscous friction with the power 2. Each of
-    them alone then explains little, or has the wrong sign. Both are fitted if together they are predicted to explain
-    more than any single effect.
+    The loss per swing increases with the amplitude to the power 1 for Coulomb friction, 2 for viscous friction, which
+    the model contains, and 3 for air drag. Coulomb friction and drag therefore change a decay in opposite ways, and
+    each alone explains little or has the wrong sign. The result is None without such a pair.
     """
     test = sets.test(model)
     best_scores = (test.shaped[name][0] for name in sorted(test.shaped))
@@ -211,20 +199,13 @@ def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
 
 
 def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) -> list[Hypothesis]:
-    """Sort sets by the criterion, with doubtful sets last.
-
-    A set is doubtful if it contains an impossible size, or an effect that adds too little.
-
-    Three kinds of effects add too little: a curve that follows the remainder, a vibration at a multiple of the swing's
-    frequency if another effect explains most of the same reduction, and a drift of friction along one decay if another
-    effect explains nearly all of it.
-    """
+    """Sort sets by the criterion, with doubtful sets last."""
     models = list(models)
     return sorted(models, key=lambda model: (*_doubts(sets, best, models, model), model.cost))
 
 
 def _doubts(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], model: Hypothesis) -> tuple[bool, bool]:
-    """Return whether a set has an impossible size, and whether an effect adds too little."""
+    """Return whether a set has an impossible size, and whether it contains an effect that only imitates others."""
     little = follows_remainder(sets.bare, model, best) or any(
         follows_swing(sets.bare, model, other) or follows_decay(sets.bare, model, other) for other in models
     )
@@ -232,10 +213,7 @@ def _doubts(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], mo
 
 
 def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
-    """Return the next best sets whose excess is close to that of the best.
-
-    Other functional forms of the best set are left out.
-    """
+    """Return the next best sets, close in excess to the best, that are not other forms of it."""
     separate = [model for model in others if not _are_forms(sets, model, best)]
     return [model for model in separate[: BEAM.sets - 1] if model.bounded_excess < BEAM.worse * best.bounded_excess]
 

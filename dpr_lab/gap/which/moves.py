@@ -1,12 +1,4 @@
-"""Order of the moves of the search, and moves that neither remove nor replace effects.
-
-A move consists of a generator of proposed sets and a rule that accepts or rejects them. Moves that remove effects are
-in `removals`, moves that replace effects in `replacements`.
-
-The criterion is the held-out chi-square plus the penalty of the parameters (`Hypothesis.cost`).
-`dpr_lab.gap.hypothesis.significance` defines the reduction that is significant, and the increase of the excess from
-which an effect is necessary.
-"""
+"""Order of the moves of the search, and moves that neither remove nor replace effects."""
 
 from collections.abc import Iterator
 
@@ -22,10 +14,7 @@ from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 
 def _with_known_effects(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the bare model plus the significant known effects of the rig.
-
-    The effects are added in order of size.
-    """
+    """Propose the bare model plus the known effects of the rig, the largest first."""
     model = sets.bare
     while score := sets.best_known(model):
         model = sets.with_one(model, score)
@@ -66,10 +55,9 @@ def _fitted_to_the_end(sets: FittedSets, current: Hypothesis, proposal: Proposal
 CONVERGE = Move("converge", "the fit is continued to its minimum", _converged, _fitted_to_the_end)
 
 REFINE = (SMALLEST_ADEQUATE, DROP, SIMPLER_FORM, SEVERAL_CAUSES, DROP, OWN_SHARE, CONVERGE)
-"""Moves after forward selection, in order.
+"""Moves after forward selection, in order; a replacement can make another effect unnecessary, so DROP occurs twice.
 
-DROP occurs twice: a simpler form, or several effects in place of a curve, can make another effect unnecessary. The last
-move of the search is `removals.HELD_OUT`, which `select` applies after the revisions.
+The last move of the search is `removals.HELD_OUT`, which `select` applies after the revisions.
 """
 
 SHORT = (SMALLEST_ADEQUATE, DROP, SIMPLER_FORM)

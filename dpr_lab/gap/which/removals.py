@@ -1,4 +1,4 @@
-"""Moves that remove effects which are unnecessary, do not transfer, or only compensate."""
+"""Moves that remove effects which are unnecessary, only compensate, or do not transfer."""
 
 from collections.abc import Iterator
 
@@ -14,11 +14,10 @@ from dpr_lab.shown import percent
 
 
 def _smaller_adequate(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the smallest fitted set that explains nearly as much as the current set.
+    """Propose the smallest fitted set, on any branch, that explains nearly as much as the current set.
 
-    The smallest set may lie on another branch of the search. It must contain the known effects of the rig that the
-    current set contains. It must not contain a size that is typical of another cause, unless the current set contains
-    it too. An impossible size is allowed, because later moves can reduce it to a possible size.
+    It keeps the known effects of the rig, and adds no size that is typical of another cause. An impossible size is
+    allowed, because later moves can make it possible.
     """
     smaller_sets = [
         model
@@ -33,10 +32,7 @@ def _smaller_adequate(sets: FittedSets, current: Hypothesis) -> Iterator[Proposa
 
 
 def _explains_nearly_as_much(sets: FittedSets, model: Hypothesis, current: Hypothesis) -> bool:
-    """Return whether a smaller set is as likely as the current set and lacks no large effect.
-
-    If the current set leaves only noise, so must the smaller set.
-    """
+    """Return whether a smaller set is as likely as the current set and lacks no large effect."""
     lost = model.bounded_excess - current.bounded_excess
     if lost >= THRESHOLDS.large * sets.described(current).bounded_excess:
         return False
@@ -57,10 +53,7 @@ SMALLEST_ADEQUATE = Move(
 
 
 def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the set without its least necessary effect.
-
-    A single effect is judged by its share of the whole gap.
-    """
+    """Propose the set without its least necessary effect."""
     if len(current.effects) < 2:
         return
     removable = [name for name in sets.unexpected(current) if sets.as_possible(sets.without(current, name), current)]
@@ -90,12 +83,11 @@ DROP = Move(
 
 
 def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets without the effect that has the smallest own contribution, while a residual remains.
+    """Propose the set without the effect that has the smallest own share, while a residual remains.
 
-    The own contribution of an effect is the part of its reduction that no other form of the remaining effects explains.
-
-    A free function can replace an effect with few amplitudes, whether or not this effect is the cause. If the set
-    without an effect of more amplitudes explains as much, it is therefore proposed first.
+    The own share is the part of its reduction that no other form of the remaining effects explains. A free function
+    can replace an effect with few amplitudes even if this is the cause. If the set without an effect of more amplitudes
+    explains as much, it is therefore proposed first.
     """
     if current.at_noise_floor or len(current.effects) < 2:
         return
@@ -116,8 +108,8 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
 def _without_possible_compensations(sets: FittedSets, current: Hypothesis) -> dict[str, Hypothesis]:
     """Return the sets without one effect, for each effect that may only compensate for another effect's form.
 
-    Two kinds of effects are kept: those that every rig has, and those without which the excess is far above the excess
-    of the best fitted set. All effects are kept if a removal would lead the search to a curve that explains less.
+    Effects that every rig has are kept, and effects without which the excess is far above that of the best fitted set.
+    All are kept if a removal would lead the search to a curve that explains less.
     """
     closest = min(model.bounded_excess for model in sets.fits.values())
     limit = min(THRESHOLDS.necessary_factor_if_small * closest, THRESHOLDS.open_share * sets.bare.bounded_excess)
@@ -133,10 +125,9 @@ def _without_possible_compensations(sets: FittedSets, current: Hypothesis) -> di
 
 
 def _removal_leads_to_curve(sets: FittedSets, current: Hypothesis) -> bool:
-    """Return whether the search would replace any smaller set by a curve that is worse than the current set.
+    """Return whether the best possible smaller set costs more and has more parameters: it contains a curve.
 
-    The search would choose the best possible set with fewer effects than the current set. If this set has a higher cost
-    and more free parameters than the current set, it contains a curve. All smaller sets must be fitted first.
+    The search would choose this set after a removal. All smaller sets must be fitted first.
     """
     others = (
         model for model in sets.fits.values() if len(model.effects) < len(current.effects) and sets.possible(model)
@@ -163,10 +154,7 @@ OWN_SHARE = Move(
 
 
 def _without_misleading(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the set without misleading effects, and sets with their replacements.
-
-    A replacement must predict held-out runs better.
-    """
+    """Propose the set without misleading effects or, if it predicts held-out runs better, with replacements."""
     smaller = sets.predictive(current)
     if smaller is current or sets.held_out_chi2 is None:
         return

@@ -15,10 +15,7 @@ from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 
 def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    """Accept a replacement that explains as much as the set, within the indifference margin.
-
-    Above the noise floor a richer form may compensate for an effect outside the set. It must then explain more.
-    """
+    """Accept a replacement that explains as much as the set, within the margin for forms."""
     model, margin = proposal.model, form_indifference(sets.bare, current)
     alike = (
         model.at_noise_floor
@@ -40,11 +37,10 @@ SIMPLER_FORM = Move(
 
 
 def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets in which effects with one amplitude replace a curve.
+    """Propose sets in which effects with one amplitude, and in total fewer parameters, replace a curve.
 
-    On a small arc, a curve of many parameters imitates a tilt, friction and drag together, and is selected first. The
-    best effects are added one at a time, while the set has fewer parameters than the current one. An effect of one
-    amplitude may have a shape, which is a further parameter.
+    On a small arc, a curve imitates a tilt, friction and drag together, and is selected first. A shape is a further
+    parameter of an effect.
     """
     for curve in sets.unexpected(current):
         if curve not in current.curves:
@@ -86,10 +82,7 @@ SEVERAL_CAUSES = Move(
 
 
 def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Fit the alternatives to each effect, then propose the best fitted set.
-
-    This set has at most as many effects as the current one.
-    """
+    """Fit the alternatives to each effect, and propose the best set of at most the current size."""
     fits = fit_alternatives(sets, sets.predictive(current))
     known = current.key & sets.expected
     others = [
@@ -124,7 +117,7 @@ BETTER_ALTERNATIVE = Move(
 
 
 def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets in which an indistinguishable effect of more plausible size replaces one."""
+    """Propose sets in which an indistinguishable effect replaces one, with the ratio of plausibilities."""
     chosen = sets.predictive(current)
     margin = indifference(sets.bare, chosen)
     for name in sets.unexpected(chosen):
@@ -158,9 +151,9 @@ MORE_PLAUSIBLE = Move(
 def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[str], Hypothesis]:
     """Fit the sets in which an alternative replaces an effect, and return all fitted sets.
 
-    Alternatives are effects that the linear scores can hardly distinguish from the effect, or rank above it. If an
-    indistinguishable effect fits worse, its fit ended in a local minimum and is repeated from the selected solution.
-    While a residual remains, the simpler forms of each effect are also fitted.
+    Alternatives are indistinguishable by the linear scores, or have the largest scores, or are simpler forms while a
+    residual remains. If an indistinguishable effect fits worse, its fit ended in a local minimum and is repeated from
+    the selected solution.
     """
     if not chosen.at_noise_floor:
         for simpler in simpler_forms(sets, chosen):
@@ -179,10 +172,7 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
 
 
 def _indistinguishable(test: ScoreTest, name: str) -> Iterator[Score]:
-    """Yield the scores of effects with the same signature as the effect `name`.
-
-    Other forms of this effect are left out.
-    """
+    """Yield the scores of effects, other than forms of `name`, that have the same signature."""
     if (current_score := test.of(name)) is None:
         return
     for score in test.ranking:

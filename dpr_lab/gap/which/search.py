@@ -1,8 +1,4 @@
-"""Execution of the moves of the search, in order.
-
-Each move proposes sets of effects, and accepts or rejects them. A move works on a copy of the fitted sets and returns a
-new state, so that the states before it do not change.
-"""
+"""Moves of the search: each proposes sets of effects, accepts or rejects them, and returns a new state."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -17,17 +13,17 @@ from dpr_lab.gap.which.fitted_sets import FittedSets
 
 
 class Proposal(NamedTuple):
-    """A set that a move proposes as replacement of the current set."""
+    """A set that may replace the current set."""
 
     model: Hypothesis
     value: float = float("nan")
-    """Quantity by which the move selected the set; nan if this quantity is the criterion."""
+    """Quantity by which the move selected the set; nan for the criterion."""
     trials: tuple[SearchStep, ...] = ()
-    """Trials of a nested search that resulted in the proposed set."""
+    """Trials of a nested search for the set."""
 
 
 class Decision(NamedTuple):
-    """Decision whether a proposal is accepted, with the reason."""
+    """Whether a proposal is accepted, and the reason."""
 
     accepted: bool
     reason: str
@@ -39,25 +35,23 @@ class Move:
 
     name: str
     purpose: str
-    """Purpose of the move in one sentence."""
     propose: Callable[[FittedSets, Hypothesis], Iterable[Proposal]]
-    """Function that returns the sets to compare with the current one, in order."""
+    """Function that returns the sets to try in place of the current one, in order."""
     accept: Callable[[FittedSets, Hypothesis, Proposal], Decision]
     """Function that decides whether a proposed set replaces the current one."""
     then: Literal["stop", "repeat", "go on"] = "stop"
-    """Action after an acceptance: stop, propose again from the accepted set, or continue with the same proposals."""
+    """Action after an acceptance: stop, propose again from the new set, or continue with the same proposals."""
 
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """Immutable state of the search; a move returns a new state."""
+    """Immutable state of the search."""
 
     current: Hypothesis
-    """Current set of effects, the best one so far."""
     sets: FittedSets
-    """All sets that were fitted so far, including the bare model, with their score tests."""
+    """All fitted sets with their score tests; each move works on a copy."""
     max_effects: int
-    """Maximum number of effects in a set, not counting the effects that every rig of this kind has."""
+    """Maximum number of effects, not counting those that every rig of this kind has."""
     trace: tuple[SearchStep, ...] = ()
     """All trials so far, in order."""
 
@@ -78,27 +72,20 @@ class SearchState:
 
 
 def _caveat(model: Hypothesis) -> str:
-    """Return a note about a set whose fit did not reach the linear prediction.
-
-    The criterion of the set contains this prediction. For other sets the text is empty.
-    """
+    """Return a note if the fit of a set did not reach the linear prediction that its criterion contains."""
     stuck = model.fit.stop is StopReason.NO_DESCENT
     return "; its fit may have ended above the minimum that the criterion assumes" if stuck else ""
 
 
 def apply_moves(moves: Sequence[Move], state: SearchState) -> SearchState:
-    """Apply moves in order, each to the state that the previous move returned."""
+    """Apply moves in order."""
     for move in moves:
         state = apply_move(move, state)
     return state
 
 
 def apply_move(move: Move, state: SearchState) -> SearchState:
-    """Apply one move, and return the state after it.
-
-    Two kinds of proposals are never accepted: a set with a curve that follows only small unknown causes, and a larger
-    set with more than the maximum number of effects.
-    """
+    """Apply one move, unless the accepted set is refused (`_refusal`)."""
     sets = state.sets.copied()
     while True:
         before = state.current
@@ -114,10 +101,7 @@ def apply_move(move: Move, state: SearchState) -> SearchState:
 
 
 def _refusal(state: SearchState, model: Hypothesis) -> str:
-    """Return the reason why no move may replace the current set by a given set.
-
-    The text is empty if there is no such reason.
-    """
+    """Return the reason, if any, why no move may replace the current set by a given set."""
     sets = state.sets
     if follows_remainder(sets.bare, model, state.current):
         return "the additional effect only fits the remainder of small unknown causes"

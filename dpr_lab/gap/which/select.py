@@ -1,11 +1,7 @@
-"""Selection of up to `max_effects` effects: forward selection, then the moves that refine the set.
+"""Selection of effects: forward selection, then the moves that refine the set.
 
-Forward selection alone is greedy and selects the first plausible effect. Therefore two sets are extended in parallel,
-and the moves of `moves` remove, replace and validate effects afterwards. `search` runs the moves. Each move
-returns a new state with the fitted sets, the selected set and the trials.
-
-If the gap is far above the noise, short segments are searched first, because the influence of an effect is closer to
-linear in them. If the bare model turns out to be fitted to a local minimum, the search is repeated from a better fit.
+Forward selection alone is greedy. Therefore two sets are extended in parallel, and the moves of `moves` remove, replace
+and validate effects afterwards.
 """
 
 from collections.abc import Iterator, Mapping
@@ -34,9 +30,9 @@ MOST_REVISIONS = 3
 def forward(sets: FittedSets, max_effects: int = 4) -> SearchState:
     """Return the state of the search after forward selection of at most `max_effects` effects.
 
-    Far from the noise, short segments are searched first. If they refute the noise of known torques, the search ends:
-    it is repeated without this noise (`dpr_lab.gap.corrections`). Full segments have fewer free initial states, so
-    their residual is not smaller.
+    Far from the noise, short segments are searched first, in which effects are more linear. If they refute the noise of
+    known torques, the search ends: it is repeated without this noise (`dpr_lab.gap.corrections`). Full segments have
+    fewer free initial states, so they refute it too.
     """
     start = SearchState(sets.bare, sets, max_effects)
     if not sets.bare.far_from_noise:
@@ -50,7 +46,7 @@ def forward(sets: FittedSets, max_effects: int = 4) -> SearchState:
 
 
 def refined(state: SearchState) -> Selection:
-    """Refine the result of forward selection to the set that explains the gap."""
+    """Refine the result of forward selection; repeat the search if the bare model was in a local minimum."""
     selection = _one_search(state)
     bare = _better_bare_model(state.sets.problem, selection)
     if bare is None:
@@ -59,10 +55,9 @@ def refined(state: SearchState) -> Selection:
 
 
 def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | None:
-    """Return a better fit of the bare model if its first fit was a local minimum.
+    """Return the bare model fitted from the selected set, if its first fit was a local minimum, or None.
 
-    Otherwise the result is None. The better fit starts from the result of the selected set. An effect that merely leads
-    the fit out of such a minimum is not a cause.
+    An effect that merely leads the fit out of such a minimum is not a cause.
     """
     chosen, first = selection.chosen, selection.bare
     if not chosen.effects or not first.far_from_noise:
@@ -86,10 +81,7 @@ def _one_search(state: SearchState) -> Selection:
 
 
 def short_segments(short: SearchState) -> Move:
-    """Create the move that starts from the set selected with short segments.
-
-    This set is refined with short segments, and then fitted to full segments.
-    """
+    """Create the move that refines the set of short segments, and fits it to full segments."""
 
     def propose(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
         state = apply_moves(SHORT, short)
@@ -111,10 +103,7 @@ def _predicts_whole_segments(sets: FittedSets, current: Hypothesis, proposal: Pr
 
 
 def _revised(state: SearchState) -> SearchState:
-    """Return the state after the first successful revision.
-
-    A revision is successful if it is accepted and still better after the moves that follow it.
-    """
+    """Return the state after the first revision that is accepted and still better after the moves that follow it."""
     for revision, moves in REVISIONS:
         after = apply_move(revision, state)
         if after.current is state.current:
@@ -154,10 +143,7 @@ def _selection(state: SearchState, misleading: tuple[str, ...]) -> Selection:
 
 
 def _own_shares(sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypothesis]) -> dict[str, float]:
-    """Return the own shares of secondary effects.
-
-    The only effect of a set and effects that every rig has are omitted.
-    """
+    """Return the own shares of secondary effects, without an only effect and effects that every rig has."""
     limit = chosen.bounded_excess + THRESHOLDS.secondary * sets.bare.residuals.excess
     shares: dict[str, float] = {}
     for name, smaller in without.items():

@@ -1,7 +1,8 @@
 """Create the table of sensor faults that were detected before the fit."""
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.gap.result.diagnosis import Diagnosis, SensorFinding
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.finding import SensorFinding
 from dpr_lab.report.digits import NONE
 from dpr_lab.report.gap.tables import run_words
 from dpr_lab.report.pages.page import page_table

@@ -1,0 +1,29 @@
+"""Sensor faults of the recordings."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import ConfigDict, Field
+from pydantic.json_schema import SkipJsonSchema
+
+
+@dataclass(frozen=True, slots=True)
+class SensorFinding:
+    """A sensor fault that was detected without a model."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    name: str
+    """Kind of the sensor fault."""
+    run: str
+    """Name of the run."""
+    axis: str | None
+    """Encoder with the fault: `joint1`, `joint2` or `joint0`; None for all encoders."""
+    at_s: Annotated[float, Field(allow_inf_nan=False)] | None
+    """Instant of the fault, s since the release; None for the whole run."""
+    evidence: str
+    """Description of the evidence."""
+    count: int = 1
+    """Number of faults of this kind; `at_s` is the instant of the first one."""
+    step: Annotated[SkipJsonSchema[float | None], Field(exclude=True)] = None
+    """Size of the step of a reading, rad; None for other faults. It is not saved."""
