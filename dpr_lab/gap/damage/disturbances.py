@@ -243,27 +243,26 @@ def _with_missed_counts(record: Record, part: LeftOut) -> Record:
 
 
 def _finding(record: Record, part: LeftOut) -> SensorFinding:
-    first, name = part.jumps[0], record.run.name
-    if not part.of_reading and np.isinf(part.since):
-        evidence = f"until {part.until:.2g} s the rods do not swing freely: a hand or a latch still acts; excluded"
-        return SensorFinding("disturbance", name, None, float(record.t[0]), evidence)
-    if not part.of_reading and len(part.jumps) == 1:
-        speeds = " and ".join(f"{change:+.2g}" for change in dict.fromkeys(first.size))
-        evidence = (
-            f"a kick changes the speed of the rods by {speeds} rad/s: {DISTURBANCE.kick_s:g} s around it are excluded"
-        )
-        return SensorFinding("disturbance", name, None, first.at, evidence)
+    first, run = part.jumps[0], record.run.name
     if not part.of_reading:
-        evidence = f"until {part.until:.3g} s the rods do not swing freely: a hand pushes or holds them; excluded"
-        return SensorFinding("disturbance", name, None, part.since, evidence)
+        at_s = part.since
+        evidence = "until {:.3g} s the rods do not swing freely: a hand pushes or holds them; excluded"
+        if np.isinf(part.since):
+            at_s = float(record.t[0])
+            evidence = "until {:.2g} s the rods do not swing freely: a hand or a latch still acts; excluded"
+        elif len(part.jumps) == 1:
+            speeds = " and ".join(f"{change:+.2g}" for change in dict.fromkeys(first.size))
+            around = f"{DISTURBANCE.kick_s:g} s around it are excluded"
+            at_s, evidence = first.at, f"a kick changes the speed of the rods by {speeds} rad/s: {around}"
+        return SensorFinding("disturbance", run, None, at_s, evidence.format(part.until))
     steps = [jump for jump in part.jumps if jump.joint is not None]
-    step = steps[0]
-    shifted = f"the reading steps by {1e3 * step.size[0]:+.3g} mrad"
+    step, name = steps[0], "reading_step"
+    evidence = f"the reading steps by {1e3 * step.size[0]:+.3g} mrad"
     if part.of_counts:
-        return SensorFinding(MISSED_COUNTS.name, name, AXES[step.joint or 0], step.at, shifted, step=step.size[0])
-    if len(steps) > 1 and np.isfinite([part.since, part.until]).all():
-        evidence = f"{shifted} and returns at {steps[-1].at:.3g} s: the readings in between are excluded"
+        name = MISSED_COUNTS.name
+    elif len(steps) > 1 and np.isfinite([part.since, part.until]).all():
+        evidence += f" and returns at {steps[-1].at:.3g} s: the readings in between are excluded"
     else:
         rest = "later" if np.isinf(part.until) else "earlier"
-        evidence = f"{shifted} and stays: the tracker or the encoder slipped; the {rest} readings are excluded"
-    return SensorFinding("reading_step", name, AXES[step.joint or 0], step.at, evidence, step=step.size[0])
+        evidence += f" and stays: the tracker or the encoder slipped; the {rest} readings are excluded"
+    return SensorFinding(name, run, AXES[step.joint or 0], step.at, evidence, step=step.size[0])

@@ -5,7 +5,6 @@ A fit starts from a fitted set or from the solution of a score test.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -39,8 +38,6 @@ class Refits:
 
 REFITS = Refits()
 PRELIMINARY = GaussNewton(preliminary=REFITS.preliminary)
-
-preliminary_fit = partial(fit, settings=PRELIMINARY)
 
 
 def beating(model: Hypothesis) -> GaussNewton:

@@ -183,7 +183,7 @@ class FreeRuns:
         slopes = np.nan_to_num(slopes)
         parts = (problem.measured, problem.weight, self.predicted, slopes[:, :, :-states], slopes[:, :, -states:])
         return [
-            FreeSwing(record, t[rows] - t[rows.start], *(values[rows] for values in parts), setup)
+            FreeSwing(record, t[rows] - t[rows.start], *(values[rows] for values in parts), setup=setup)
             for record, setup, rows in zip(self.records, problem.segments.setups, self.rows, strict=True)
         ]
 

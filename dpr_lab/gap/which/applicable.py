@@ -1,6 +1,6 @@
 """Effects of the library that can act in some recordings."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.effect import Effect
@@ -23,21 +23,18 @@ def applicable(library: Mapping[str, Effect], problem: Problem, *, of_points: bo
     arm_driven = any(known.on_arm is not None for known in torques)
     arm_moves = problem.segments.arm_moves
     gain_fitted = DRIVE_GAIN.name in problem.always or any(known.scaled for known in torques)
-    rules: list[tuple[bool, Callable[[Effect], bool]]] = [
-        (arm_moves, lambda effect: effect.presumes_still_arm or effect.stage == "arm"),
-        (not arm_moves, lambda effect: effect.of_arm),
-        (any(setup.arm for setup in setups), lambda effect: effect.stage == "arm"),
-        (all(setup.alone for setup in setups), lambda effect: effect.joints == (1,)),
-        (of_points, lambda effect: effect.corrects == "counts_per_rev"),
-        (gain_fitted, lambda effect: effect.name == TORQUE_SCALE_JOINT0.name),
-        (not rods_driven, lambda effect: effect.stage == "drive"),
-        (not arm_driven, lambda effect: effect.stage == "drive0"),
-        (not (rods_driven or arm_driven), lambda effect: effect.stage == "input"),
-    ]  # property of the recordings, and effects that cannot act in such recordings
-    excludes = [excluded for holds, excluded in rules if holds]
-    free = {*problem.always, FREE_ARM.name, DRIVE_GAIN.name}
-    return {
-        name: effect
-        for name, effect in library.items()
-        if name not in free and not any(excluded(effect) for excluded in excludes)
-    }
+    alone = all(setup.alone for setup in setups)
+    free = {*problem.always, FREE_ARM.name, DRIVE_GAIN.name, *([TORQUE_SCALE_JOINT0.name] if gain_fitted else [])}
+    stages = {
+        "arm": not (arm_moves or any(setup.arm for setup in setups)),
+        "drive": rods_driven,
+        "drive0": arm_driven,
+        "input": rods_driven or arm_driven,
+    }  # stages whose effects act only in some recordings
+
+    def acts(effect: Effect) -> bool:
+        of_other_arm = effect.presumes_still_arm if arm_moves else effect.of_arm
+        absent = (alone and effect.joints == (1,)) or (of_points and effect.corrects == "counts_per_rev")
+        return stages.get(effect.stage, True) and not (of_other_arm or absent)
+
+    return {name: effect for name, effect in library.items() if name not in free and acts(effect)}

@@ -11,7 +11,7 @@ from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.robust import without_outstanding
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
-from dpr_lab.gap.hypothesis.refits import PRELIMINARY, beating, preliminary_fit, refit, refit_without, shaped
+from dpr_lab.gap.hypothesis.refits import PRELIMINARY, beating, refit, refit_without, shaped
 from dpr_lab.gap.hypothesis.score_test import Score
 from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.fitted_sets import FittedSets
@@ -31,7 +31,7 @@ def _escaped(sets: FittedSets, model: Hypothesis) -> Hypothesis:
     if not model.at_noise_floor and model.effects and not sets.is_short:
         short = sets.on_short()
         start = model.estimate.changed(initial=short.bare.estimate.initial)
-        near = preliminary_fit(short.problem, start, model.fit.free, iterations=EFFORT.rough)
+        near = fit(short.problem, start, model.fit.free, iterations=EFFORT.rough, settings=PRELIMINARY)
         long = _lengthened(sets, near, model.estimate.initial, iterations=EFFORT.fine)
         model = _better(sets, without_outstanding(sets.problem, long, settings=beating(model)), model)
     return model
@@ -51,7 +51,7 @@ def _lengthened(sets: FittedSets, near: Fit, initial: Array, iterations: int) ->
     short = sets.on_short().problem.segments
     initial_states = carried(short, near.estimate.initial, sets.problem.segments, initial)
     start = near.estimate.changed(initial=initial_states)
-    return preliminary_fit(sets.problem, start, near.free, iterations=iterations)
+    return fit(sets.problem, start, near.free, iterations=iterations, settings=PRELIMINARY)
 
 
 def _in_best_order(sets: FittedSets, model: Hypothesis) -> Hypothesis:
