@@ -52,7 +52,7 @@ def corrected(state: ForwardSelected, search: Callable[[ScreenedRuns], ForwardSe
         state: result of the first search
         search: function that fits the bare model to recordings and selects effects
     """
-    for _ in range(2):
+    for _ in range(2):  # the noise may be smaller at first, and then zero
         if changed := with_other_noise(state.fitted, state.search.current):
             state = search(changed)
     for correct, is_better in (

@@ -23,7 +23,7 @@ JCGM 100:2008 (GUM), 4.3.7 for limits without a distribution.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal, Self
+from typing import Literal
 
 import numpy as np
 
@@ -63,138 +63,86 @@ Kind = Literal["numerical", "input", "data"]
 
 
 @dataclass(frozen=True, slots=True)
-class _Source:
-    """One contribution to the uncertainty of a prediction."""
+class Source:
+    """One contribution to the uncertainty of the predicted readings."""
 
     name: str
     kind: Kind
     how: str
-    variance: Callable[[FreeRuns], list[Array]]
-    """Function that returns the (n, 2) variance of the predicted readings of each recording, rad^2."""
+    variance: list[Array]
+    """(n, 2) variance of the predicted readings of each recording, rad^2."""
     left: float = 1.0
     """Factor by which the recordings reduce the given standard uncertainty of the source."""
 
 
-def sources(problem: Problem, model: Hypothesis, recordings: Recordings) -> list[_Source]:
-    """Return all sources of the uncertainty of a prediction."""
-    return [
-        _integrator(problem, model),
-        *_constants(problem, model, recordings.rig),
-        *_inputs(problem, recordings),
-        *_noise(model),
+def sources(problem: Problem, model: Hypothesis, recordings: Recordings, runs: FreeRuns) -> Iterator[Source]:
+    """Yield all sources of the uncertainty of the free runs of a model.
+
+    They are the integrator, constants of the rig, inputs, and the noise of the readings. The noise acts on the fitted
+    values, on the initial state, and on the comparison itself.
+    """
+    rig, swings, level, noise = recordings.rig, runs.swings, model.residuals.level, model.residuals.independent_noise
+    how = "half the step of the Runge-Kutta method, with refitted values"
+    changes, _ = _changes(problem, model, runs, _halved)
+    yield Source("integrator", "numerical", how, [(ASSUMED.richardson * change) ** 2 for change in changes])
+    for name, how, constants in _changed(problem.model.constants, rig, problem.always):
+        changes, left = _changes(problem, model, runs, partial(_with_constants, constants=constants))
+        yield Source(name, "input", how, [(left * change) ** 2 for change in changes], left)
+    if not all(setup.free and setup.inner is None for setup in problem.segments.setups):
+        how = "noise of measured torques, and of the readings of a prescribed joint"
+        yield Source("inputs", "input", how, _by_inputs(recordings, runs))
+    how, spread = "noise of the readings to which ratios and effects are fitted", considered(model.fit, noise)
+    moves = (swing.settled(swing.by_values) for swing in swings)
+    yield Source("fitted values", "input", how, [np.einsum("nij,jk,nik->ni", D, spread, D) for D in moves])
+    how = "noise of the readings to which the initial state is fitted"
+    yield Source("initial state", "input", how, [noise * swing.start_variance() for swing in swings])
+    weights = (swing.weight for swing in swings)
+    of_readings = [np.where(weight > 0, level / np.maximum(weight, 1e-140) ** 2, 0.0) for weight in weights]
+    yield Source("readings", "data", "noise of the compared readings", of_readings)
+
+
+def _changes(
+    problem: Problem, model: Hypothesis, runs: FreeRuns, change: Callable[[Problem], Problem]
+) -> tuple[list[Array], float]:
+    """Change the problem, refit the model to first order, and return the changes of the free runs.
+
+    Args:
+        problem: segments of the fit
+        model: the model that is refitted to unchanged readings
+        runs: free runs of the model
+        change: change of an input by one standard uncertainty, or of the integrator
+
+    Returns:
+        (n, 2) change of the readings of each free run, rad, and the factor (1 + |c'|^2 / f)^-1/2
+    """
+    fit = model.fit
+    other = change(problem).predict(fit.estimate)
+    whitened = problem.whitened(np.nan_to_num(other - problem.predict(fit.estimate)))
+    step = shifted(fit, whitened)
+    remaining = fit.linear.projected(whitened[:, :, None])[:, :, 0] + fit.linear.A @ step
+    changes = [
+        swing.settled((direct + swing.by_values @ step)[:, :, None])[:, :, 0]
+        for swing, direct in zip(runs.swings, runs.otherwise(change), strict=True)
     ]
-
-
-Change = Callable[[Problem], Problem]
-"""Change of an input by one standard uncertainty, or of the integrator, in the problem of the fit or of free runs."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Refit:
-    """First-order refit of the model after a change of the predicted readings."""
-
-    change: Change
-    step: Array
-    """(free,) change of the fitted values."""
-    reduction: float
-    """Factor (1 + |c'|^2 / f)^-1/2 by which the recordings reduce the standard uncertainty of the change."""
-
-    @classmethod
-    def of(cls, problem: Problem, model: Hypothesis, change: Change) -> Self:
-        """Refit the model to the same readings after a change of the problem, in linear approximation."""
-        fit = model.fit
-        other = change(problem).predict(fit.estimate)
-        whitened = problem.whitened(np.nan_to_num(other - problem.predict(fit.estimate)))
-        step = shifted(fit, whitened)
-        remaining = fit.linear.projected(whitened[:, :, None])[:, :, 0] + fit.linear.A @ step
-        return cls(change, step, float((1 + np.sum(remaining**2) / model.inflation) ** -0.5))
-
-    def variance(self, runs: FreeRuns, factor: float) -> list[Array]:
-        """Return the (n, 2) squared change, rad^2, of each free run after the refit.
-
-        Args:
-            runs: the free runs
-            factor: factor on the total change
-        """
-        return [
-            (factor * swing.settled((change + swing.by_values @ self.step)[:, :, None])[:, :, 0]) ** 2
-            for swing, change in zip(runs.swings, runs.otherwise(self.change), strict=True)
-        ]
-
-
-def _integrator(problem: Problem, model: Hypothesis) -> _Source:
-    """Return the contribution of the integrator, from a prediction with half the step."""
-    refit = _Refit.of(problem, model, _halved)
-    return _Source(
-        "integrator",
-        "numerical",
-        "half the step of the Runge-Kutta method, with refitted values",
-        partial(refit.variance, factor=ASSUMED.richardson),
-    )
+    return changes, float((1 + np.sum(remaining**2) / model.inflation) ** -0.5)
 
 
 def _halved(problem: Problem) -> Problem:
     return replace(problem, segments=replace(problem.segments, step=problem.segments.step / 2))
 
 
-def _constants(problem: Problem, model: Hypothesis, rig: Rig) -> Iterator[_Source]:
-    """Yield the contribution of each length, weighed mass, and gravity.
-
-    Each value is changed by one standard uncertainty.
-    """
-    for name, description, constants in _changed(problem.model.constants, rig, problem.always):
-        refit = _Refit.of(problem, model, partial(_with_constants, constants=constants))
-        yield _Source(name, "input", description, partial(refit.variance, factor=refit.reduction), refit.reduction)
-
-
 def _with_constants(problem: Problem, constants: RigConstants) -> Problem:
     return replace(problem, model=problem.model.with_constants(constants))
 
 
-def _inputs(problem: Problem, recordings: Recordings) -> Iterator[_Source]:
-    """Yield the contribution of the noise of measured torques and prescribed motions, as process noise."""
-    if all(setup.free and setup.inner is None for setup in problem.segments.setups):
-        return
+def _by_inputs(recordings: Recordings, runs: FreeRuns) -> list[Array]:
+    """Return the (n, 2) variance by noise of measured torques and prescribed motions, as process noise."""
     most_Nm = (0.0, 0.0) if recordings.exact_torques else recordings.torque_noise_Nm
-
-    def variance(runs: FreeRuns) -> list[Array]:
-        noise = disturbance(runs.problem, runs.start, most_Nm=most_Nm)
-        if noise is None:
-            return [np.zeros_like(swing.predicted) for swing in runs.swings]
-        covariances = [np.cumsum(noise.walk[rows], axis=0) for rows in runs.rows]
-        return [
-            np.einsum("nij,njk,nik->ni", noise.out[rows], P, noise.out[rows])
-            for rows, P in zip(runs.rows, covariances, strict=True)
-        ]
-
-    yield _Source("inputs", "input", "noise of measured torques, and of the readings of a prescribed joint", variance)
-
-
-def _noise(model: Hypothesis) -> Iterator[_Source]:
-    """Yield the contributions of the noise of the readings.
-
-    The noise acts on the fitted values, on the initial state, and on the comparison itself.
-    """
-    level, noise = model.residuals.level, model.residuals.independent_noise
-    spread = considered(model.fit, noise)
-
-    def of_values(runs: FreeRuns) -> list[Array]:
-        moves = [swing.settled(swing.by_values) for swing in runs.swings]
-        return [np.einsum("nij,jk,nik->ni", D, spread, D) for D in moves]
-
-    def of_readings(runs: FreeRuns) -> list[Array]:
-        weights = [swing.weight for swing in runs.swings]
-        return [np.where(weight > 0, level / np.maximum(weight, 1e-140) ** 2, 0.0) for weight in weights]
-
-    fitted = "noise of the readings to which ratios and effects are fitted"
-    yield _Source("fitted values", "input", fitted, of_values)
-    yield _Source(
-        "initial state",
-        "input",
-        "noise of the readings to which the initial state is fitted",
-        lambda runs: [noise * swing.start_variance() for swing in runs.swings],
-    )
-    yield _Source("readings", "data", "noise of the compared readings", of_readings)
+    noise = disturbance(runs.problem, runs.start, most_Nm=most_Nm)
+    if noise is None:
+        return [np.zeros_like(swing.predicted) for swing in runs.swings]
+    outs = ((noise.out[rows], np.cumsum(noise.walk[rows], axis=0)) for rows in runs.rows)
+    return [np.einsum("nij,njk,nik->ni", out, P, out) for out, P in outs]
 
 
 def _changed(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tuple[str, str, RigConstants]]:
@@ -217,16 +165,14 @@ def _changed(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[t
             yield name, f"{1e3 * weighed:.2g} g, from the rig file", changed
 
 
-def mean_squares(parts: Sequence[_Source], runs: FreeRuns, compared: Sequence[Flags]) -> Array:
-    """Return the (sources, runs) mean variance of the readings due to each source, rad^2."""
-    by_source = [
-        [values[samples] for values, samples in zip(source.variance(runs), compared, strict=True)] for source in parts
-    ]
+def mean_squares(parts: Sequence[Source], compared: Sequence[Flags]) -> Array:
+    """Return the (sources, runs) mean variance of the compared readings due to each source, rad^2."""
+    by_source = [[values[samples] for values, samples in zip(part.variance, compared, strict=True)] for part in parts]
     return np.array([[float(values.mean()) if len(values) else 0.0 for values in row] for row in by_source])
 
 
 def uncertainty_sources(
-    by_model: Mapping[str, Sequence[_Source]], pooled: Mapping[str, Array]
+    by_model: Mapping[str, Sequence[Source]], pooled: Mapping[str, Array]
 ) -> list[UncertaintySource]:
     """Return the rows of the uncertainty budget.
 

@@ -40,31 +40,6 @@ class CurveSettings:
 CURVE = CurveSettings()
 
 
-@dataclass(frozen=True, slots=True)
-class _Compared:
-    """Free runs of the models along one recording, compared up to the predictability horizon."""
-
-    swings: Mapping[str, FreeSwing]
-    """Free run by model: `before` and `after` correction."""
-    horizon_s: float | None
-    """Predictability horizon, s; None if the free run ends before it."""
-
-    @property
-    def until_s(self) -> float:
-        """End of the comparison, s after the first reading."""
-        return FREE_RUN.length_s if self.horizon_s is None else self.horizon_s
-
-    @property
-    def samples(self) -> Flags:
-        """(n, 2) mask of the compared readings.
-
-        The compared readings lie after the initial state and before the horizon, and both models simulate them.
-        """
-        after = self.swings["after"]
-        followed = np.all([np.isfinite(swing.predicted) for swing in self.swings.values()], axis=0)
-        return after.compared & (after.t <= self.until_s)[:, None] & followed
-
-
 def validation(
     recordings: Recordings, problem: Problem, models: Mapping[str, Hypothesis], freely: Mapping[str, FreeRuns]
 ) -> tuple[Budget, list[Curves]]:
@@ -78,27 +53,28 @@ def validation(
     """
     by_run = zip(*(runs.swings for runs in freely.values()), strict=True)
     pairs = [dict(zip(freely, of_models, strict=True)) for of_models in by_run]
-    compared = [_Compared(pair, horizon(pair["after"])) for pair in pairs]
-    samples = [run.samples for run in compared]
-    parts = {name: sources(problem, model, recordings) for name, model in models.items()}
-    variances = {name: mean_squares(parts[name], freely[name], samples) for name in models}
+    ends = [horizon(pair["after"]) for pair in pairs]
+    untils = [FREE_RUN.length_s if end is None else end for end in ends]
+    samples = [_compared(pair, until_s) for pair, until_s in zip(pairs, untils, strict=True)]
+    parts = {name: list(sources(problem, model, recordings, freely[name])) for name, model in models.items()}
+    variances = {name: mean_squares(parts[name], samples) for name in models}
     errors = {name: _mean_errors(freely[name], samples) for name in models}
     counts = np.array([of_run.sum() for of_run in samples], dtype=np.float64)
     share = counts / max(counts.sum(), 1.0)
     runs = [
         RunBudget(
-            run=run.swings["after"].record.run.name,
+            run=pair["after"].record.run.name,
             held_out=i >= len(recordings.records),
-            until_s=run.until_s,
-            reaches_horizon=run.horizon_s is not None,
-            growth_per_s=growth_rate(run.swings["after"], run.until_s),
+            until_s=untils[i],
+            reaches_horizon=ends[i] is not None,
+            growth_per_s=growth_rate(pair["after"], untils[i]),
             **_rms(
                 error={name: errors[name][i] for name in models},
                 u={name: variances[name][:, i].sum() for name in models},
             ),
-            **_areas(run.swings, samples[i]),
+            **_areas(pair, samples[i]),
         )
-        for i, run in enumerate(compared)
+        for i, pair in enumerate(pairs)
     ]
     pooled = {name: variances[name] @ share for name in models}
     budget = Budget(
@@ -108,7 +84,13 @@ def validation(
         ),
         runs=runs,
     )
-    return budget, [_curves(recordings, run.swings, of_run) for run, of_run in zip(compared, runs, strict=True)]
+    return budget, [_curves(recordings, pair, run) for pair, run in zip(pairs, runs, strict=True)]
+
+
+def _compared(pair: Mapping[str, FreeSwing], until_s: float) -> Flags:
+    """Return the (n, 2) mask of the compared readings, which both models simulate."""
+    after, followed = pair["after"], np.all([np.isfinite(swing.predicted) for swing in pair.values()], axis=0)
+    return after.compared & (after.t <= until_s)[:, None] & followed
 
 
 def _mean_errors(runs: FreeRuns, samples: Sequence[Flags]) -> Array:
