@@ -82,20 +82,20 @@ def sources(problem: Problem, model: Hypothesis, recordings: Recordings, runs: F
     values, on the initial state, and on the comparison itself.
     """
     rig, swings, level, noise = recordings.rig, runs.swings, model.residuals.level, model.residuals.independent_noise
-    how = "half the step of the Runge-Kutta method, with refitted values"
+    origin = "half the step of the Runge-Kutta method, with refitted values"
     changes, _ = _changes(problem, model, runs, _halved)
-    yield Source("integrator", "numerical", how, [(ASSUMED.richardson * change) ** 2 for change in changes])
-    for name, how, constants in _changed(problem.model.constants, rig, problem.always):
+    yield Source("integrator", "numerical", origin, [(ASSUMED.richardson * change) ** 2 for change in changes])
+    for name, origin, constants in _changed(problem.model.constants, rig, problem.always):
         changes, left = _changes(problem, model, runs, partial(_with_constants, constants=constants))
-        yield Source(name, "input", how, [(left * change) ** 2 for change in changes], left)
+        yield Source(name, "input", origin, [(left * change) ** 2 for change in changes], left)
     if not all(setup.free and setup.inner is None for setup in problem.segments.setups):
-        how = "noise of measured torques, and of the readings of a prescribed joint"
-        yield Source("inputs", "input", how, _by_inputs(recordings, runs))
-    how, spread = "noise of the readings to which ratios and effects are fitted", considered(model.fit, noise)
+        origin = "noise of measured torques, and of the readings of a prescribed joint"
+        yield Source("inputs", "input", origin, _by_inputs(recordings, runs))
+    origin, spread = "noise of the readings to which ratios and effects are fitted", considered(model.fit, noise)
     moves = (swing.settled(swing.by_values) for swing in swings)
-    yield Source("fitted values", "input", how, [np.einsum("nij,jk,nik->ni", D, spread, D) for D in moves])
-    how = "noise of the readings to which the initial state is fitted"
-    yield Source("initial state", "input", how, [noise * swing.start_variance() for swing in swings])
+    yield Source("fitted values", "input", origin, [np.einsum("nij,jk,nik->ni", D, spread, D) for D in moves])
+    origin = "noise of the readings to which the initial state is fitted"
+    yield Source("initial state", "input", origin, [noise * swing.start_variance() for swing in swings])
     weights = (swing.weight for swing in swings)
     of_readings = [np.where(weight > 0, level / np.maximum(weight, 1e-140) ** 2, 0.0) for weight in weights]
     yield Source("readings", "data", "noise of the compared readings", of_readings)
