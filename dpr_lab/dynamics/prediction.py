@@ -22,6 +22,7 @@ from dpr_lab.dynamics.lanes.readings import predict_tracks
 from dpr_lab.dynamics.lanes.starts import PAD, segment_start
 from dpr_lab.dynamics.lanes.stepping import advance
 from dpr_lab.dynamics.lanes.tracks import tracks_of
+from dpr_lab.dynamics.lanes.workspace import FEW_LANES, LANES
 from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.effects import SIZE
@@ -123,8 +124,9 @@ def predict_with_internal(
         tracks = tracks._replace(required=tracks.required._replace(prescribed=every_block))
     rig = RigConstants(*map(float, constants))
     arrays = _arrays(segments, rig)
-    buffers = allocate(arrays, n, 3 if arm else 2)
-    predict_tracks(advance(), tracks, arrays, candidates, rig, buffers)
+    lanes = FEW_LANES if chained.all() and len(tracks.candidate) <= FEW_LANES else LANES
+    buffers = allocate(arrays, n, 3 if arm else 2, lanes)
+    predict_tracks(advance(lanes), tracks, arrays, candidates, rig, buffers)
     return buffers.angles, buffers.initial_internal
 
 

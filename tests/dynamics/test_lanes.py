@@ -118,6 +118,17 @@ def test_a_candidate_has_the_same_bits_in_any_company():
         )
 
 
+def test_a_set_with_internal_states_has_the_same_bits_in_few_lanes():
+    params = np.array([typical("coulomb_joint1", name) for name in REMEMBERING])
+    of_two_runs = segments(TIMES[:5], SEGMENTS.run[:5], SETUPS[:2])
+    bases, initial = np.repeat(BASE[None], len(params), 0), np.repeat(INITIAL[None, :5], len(params), 0)
+    together = predict_batch(bases, params, CONSTANTS, of_two_runs, initial, arm=True)
+    for i in range(len(params)):
+        one = slice(i, i + 1)
+        alone = predict_batch(bases[one], params[one], CONSTANTS, of_two_runs, initial[one], arm=True)
+        np.testing.assert_array_equal(alone[0], together[i])
+
+
 def test_a_failed_candidate_spoils_none_that_comes_after_it_in_its_lane():
     params = np.array([typical("coulomb_joint1")] * (3 * LANES))
     bases = np.repeat(BASE[None], len(params), 0)

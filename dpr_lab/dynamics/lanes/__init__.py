@@ -1,4 +1,4 @@
-"""Simultaneous Runge-Kutta integration of sixteen tracks in vector lanes.
+"""Simultaneous Runge-Kutta integration of tracks in vector lanes.
 
 A track is one candidate on some segments.
 """

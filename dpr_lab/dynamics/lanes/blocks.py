@@ -8,7 +8,7 @@ import numpy as np
 from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.dynamics.lanes.driving import Drive
 from dpr_lab.dynamics.lanes.samples import LaneSamples
-from dpr_lab.dynamics.lanes.workspace import LANES, LaneWorkspace, lane_workspace
+from dpr_lab.dynamics.lanes.workspace import LaneWorkspace, lane_workspace
 from dpr_lab.effects.effect_kernels import AT_RELEASE
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.effects.stages import Requirements
@@ -75,24 +75,24 @@ class Buffers(NamedTuple):
     w: LaneWorkspace
     """The workspace of the lanes."""
     after: Array
-    """(LANES, internal) internal states at the end of the previous segment."""
+    """(lanes, internal) internal states at the end of the previous segment."""
     run: Integers
-    """(LANES,) run of the current segment."""
+    """(lanes,) run of the current segment."""
     knot: Integers
-    """(2, LANES) intervals of the last look-up of the known torques: of the rod joints, and of the arm."""
+    """(2, lanes) intervals of the last look-up of the known torques: of the rod joints, and of the arm."""
     samples: LaneSamples
 
 
-def allocate(segments: SegmentArrays, candidates: int, columns: int) -> Buffers:
+def allocate(segments: SegmentArrays, candidates: int, columns: int, lanes: int) -> Buffers:
     """Return the outputs and buffers for a number of candidates.
 
     `columns` is the number of columns of the readings.
     """
-    longest, indices = int(np.diff(segments.offsets).max()), partial(np.zeros, LANES, dtype=np.int64)
+    longest, indices = int(np.diff(segments.offsets).max()), partial(np.zeros, lanes, dtype=np.int64)
     angles = np.zeros((candidates, len(segments.t), columns))
     samples = LaneSamples(
-        t1=np.zeros((LANES, longest)),
-        t2=np.zeros((LANES, longest)),
+        t1=np.zeros((lanes, longest)),
+        t2=np.zeros((lanes, longest)),
         out=angles.reshape(-1),
         columns=columns,
         first=indices(),
@@ -103,9 +103,9 @@ def allocate(segments: SegmentArrays, candidates: int, columns: int) -> Buffers:
     return Buffers(
         angles,
         initial_internal=np.zeros((candidates, len(segments.run), len(AT_RELEASE))),
-        w=lane_workspace(),
-        after=np.zeros((LANES, len(AT_RELEASE))),
+        w=lane_workspace(lanes),
+        after=np.zeros((lanes, len(AT_RELEASE))),
         run=indices(),
-        knot=np.zeros((2, LANES), dtype=np.int64),
+        knot=np.zeros((2, lanes), dtype=np.int64),
         samples=samples,
     )

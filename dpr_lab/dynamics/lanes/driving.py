@@ -15,7 +15,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array, Integers
 from dpr_lab.dynamics.arm import levers
-from dpr_lab.dynamics.lanes.workspace import LANES, LaneWorkspace
+from dpr_lab.dynamics.lanes.workspace import LaneWorkspace
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.kernels import subroutine
 from dpr_lab.setup import Setup
@@ -109,11 +109,11 @@ def _next_step(w: LaneWorkspace, k: int) -> tuple[float, float]:
 def set_torques(w: LaneWorkspace, drive: Drive, run: Integers, knot: Integers) -> None:
     """Set the mean known torques over the next step of each lane.
 
-    `knot` (2, LANES) contains the intervals that were used last. Neighbouring lanes often take the same step of the
+    `knot` (2, lanes) contains the intervals that were used last. Neighbouring lanes often take the same step of the
     same run and therefore have the same torques.
     """
     rods, arm, before, start, stop = drive.rods, drive.arm, -1, 0.0, 0.0
-    for k in range(LANES):
+    for k in range(len(w.t)):
         last_start, last_stop = start, stop
         start, stop = _next_step(w, k)
         start, stop = start - w.late[k], stop - w.late[k]
@@ -157,7 +157,7 @@ def _arm_speed(knots: Knots, first: int, last: int, t: float) -> float:
 def prescribe_arm(w: LaneWorkspace, drive: Drive, run: Integers) -> None:
     """Set the mean acceleration and mean squared speed of the arm over the next step."""
     knots = drive.prescribed
-    for k in range(LANES):
+    for k in range(len(w.t)):
         first, last = int(knots.first[run[k]]), int(knots.first[run[k] + 1]) - 1
         if last < first:
             continue
@@ -170,7 +170,7 @@ def prescribe_arm(w: LaneWorkspace, drive: Drive, run: Integers) -> None:
 @subroutine
 def add_prescribed(w: LaneWorkspace, rig: RigConstants) -> None:
     """Add the torques due to a prescribed arm motion to the torques of a Runge-Kutta stage."""
-    for k in range(LANES):
+    for k in range(len(w.t)):
         sin1, cos1, sin2, cos2 = w.sin1[k], w.cos1[k], w.sin2[k], w.cos2[k]
         squared, pull = w.squared[k], w.prescribed[k] * rig.L0 / rig.g
         lever1, lever2 = levers(sin1, cos1, sin2, cos2, w.a[k], w.b[k], w.d[k])

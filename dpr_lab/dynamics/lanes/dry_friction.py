@@ -25,7 +25,6 @@ from dpr_lab.dynamics.dry_friction import direction_of, held, pushes, slides, sl
 from dpr_lab.dynamics.events import EVENTS, JointMotion, Three, correction, first_event, of_joints, stopped
 from dpr_lab.dynamics.lanes.effects import add_dry_limit0, add_dry_limits
 from dpr_lab.dynamics.lanes.workspace import (
-    LANES,
     LaneWorkspace,
     Row,
     arm_at,
@@ -43,7 +42,7 @@ from dpr_lab.kernels import inlined, subroutine
 @subroutine
 def begin_dry(w: LaneWorkspace, required: Requirements) -> bool:
     """Set length and joint directions of the next step; return whether a joint rests."""
-    for k in range(LANES):
+    for k in range(len(w.t)):
         fresh = w.t[k] >= w.until[k]
         w.until[k] = w.t[k] + w.step[k] if fresh else w.until[k]
         w.events[k] = 0.0 if fresh else w.events[k]
@@ -51,13 +50,13 @@ def begin_dry(w: LaneWorkspace, required: Requirements) -> bool:
         w.h[k] = ahead if ahead > 0.0 else w.until[k] - w.t[k]
         w.ahead[k] = 0.0
     count = 0
-    for k in range(LANES if required.dry1 else 0):
+    for k in range(len(w.t) if required.dry1 else 0):
         w.direction1[k] = direction_of(w.omega1[k])
         count += w.direction1[k] == 0.0
-    for k in range(LANES if required.dry2 else 0):
+    for k in range(len(w.t) if required.dry2 else 0):
         w.direction2[k] = direction_of(w.omega2[k] - w.omega1[k])
         count += w.direction2[k] == 0.0
-    for k in range(LANES if required.dry0 else 0):
+    for k in range(len(w.t) if required.dry0 else 0):
         w.direction0[k] = direction_of(w.omega0[k])
         count += w.direction0[k] == 0.0
     return count > 0
@@ -70,10 +69,10 @@ def accelerate_held(w: LaneWorkspace, rig: RigConstants, arm: bool) -> None:
     The torques that hold these joints are also set.
     """
     if not arm:
-        for k in range(LANES):
+        for k in range(len(w.t)):
             _hold(w, k, reduced_rods(motion_at(w, k), base_at(w, k), terms_at(w, k), HELD_ARM, CLAMPED, 0.0))
         return
-    for k in range(LANES):
+    for k in range(len(w.t)):
         motion, base, model = motion_at(w, k), base_at(w, k), arm_at(w, k, rig)
         _hold(w, k, reduced_rods(motion, base, terms_at(w, k), model, _mode(w, k, True), w.torque0[k]))
         w.push0[k] = push_on_arm(motion, base, model, w.torque0[k], (w.alpha1[k], w.alpha2[k]))
@@ -101,11 +100,11 @@ def find_margin0(w: LaneWorkspace, active: Flags, margin0: Row) -> bool:
 
     Return whether a margin is negative.
     """
-    for k in range(LANES):
+    for k in range(len(w.t)):
         w.limit0[k] = 0.0
     add_dry_limit0(w, active)
     count = 0
-    for k in range(LANES):
+    for k in range(len(w.t)):
         rest = w.direction0[k] == 0.0
         left = max(w.limit0[k], 0.0) - abs(w.push0[k]) if rest else math.inf
         margin0[k] = left
@@ -119,11 +118,11 @@ def find_margins(w: LaneWorkspace, active: Flags, margin1: Row, margin2: Row) ->
 
     Return whether a margin is negative.
     """
-    for k in range(LANES):
+    for k in range(len(w.t)):
         w.limit1[k], w.limit2[k] = 0.0, 0.0
     add_dry_limits(w, active)
     count = 0
-    for k in range(LANES):
+    for k in range(len(w.t)):
         rest1, rest2 = w.direction1[k] == 0.0, w.direction2[k] == 0.0
         left1 = max(w.limit1[k], 0.0) - abs(w.push1[k]) if rest1 else math.inf
         left2 = max(w.limit2[k], 0.0) - abs(w.push2[k]) if rest2 else math.inf
@@ -140,16 +139,16 @@ def let_go(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Require
     """
     arm = required.arm
     for side in (1.0, -1.0):
-        for k in range(LANES):
+        for k in range(len(w.t)):
             w.forward1[k], w.forward2[k] = max(w.limit1[k], 0.0), max(w.limit2[k], 0.0)
             w.push1[k], w.push2[k], w.limit1[k], w.limit2[k] = side, side, 0.0, 0.0
         add_dry_limits(w, active)
         if required.dry0:
-            for k in range(LANES):
+            for k in range(len(w.t)):
                 w.forward0[k] = max(w.limit0[k], 0.0)
                 w.push0[k], w.limit0[k] = side, 0.0
             add_dry_limit0(w, active)
-    for k in range(LANES):
+    for k in range(len(w.t)):
         exceeded = w.first1[k] < 0.0 or w.first2[k] < 0.0 or (required.dry0 and w.first0[k] < 0.0)
         if exceeded and w.events[k] < EVENTS.most:
             directions = w.direction1[k], w.direction2[k]
@@ -171,7 +170,7 @@ def let_go(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Require
 def settle(w: LaneWorkspace, required: Requirements, resting: bool) -> None:
     """Accept a step, or undo it if a joint stops or starts to slide."""
     count = 0
-    for k in range(LANES):
+    for k in range(len(w.t)):
         omega1, omega2 = w.omega1[k], w.omega2[k]
         turns = (w.direction1[k] * omega1 < 0.0) | (w.direction2[k] * (omega2 - omega1) < 0.0)
         yields = resting & ((w.last1[k] < 0.0) | (w.last2[k] < 0.0))
@@ -182,7 +181,7 @@ def settle(w: LaneWorkspace, required: Requirements, resting: bool) -> None:
         count += turns | yields | cut
         w.t[k] = w.t[k] if cut else w.until[k]
     if count > 0:
-        for k in range(LANES):
+        for k in range(len(w.t)):
             if w.cut[k] > 0.0:
                 _end_cut(w, k)
             else:

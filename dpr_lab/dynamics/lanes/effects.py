@@ -9,7 +9,6 @@ from typing import Any
 
 from dpr_lab.arrays import Flags
 from dpr_lab.dynamics.lanes.workspace import (
-    LANES,
     LaneWorkspace,
     base_at,
     constants_at,
@@ -63,7 +62,7 @@ def lane_stage(stage: str) -> Any:
     arguments = "w, constants, active" if "constants" in STAGES[stage].quantities else "w, active"
     lines = [f"def {stage}_lanes({arguments}):"]
     for contribution in calls:
-        lines += [f"    {contribution.guard()}", f"        for k in range({LANES}):"]
+        lines += [f"    {contribution.guard()}", "        for k in range(len(w.t)):"]
         lines += [f"            {statement}" for statement in contribution.statements(stage, _NOTATION)]
     return compiled([*lines, "    return"], _NAMES | {c.name: c.kernel for c in calls})
 

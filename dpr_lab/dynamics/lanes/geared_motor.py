@@ -17,14 +17,14 @@ common speed. The loops over lanes have the form described in `stepping`.
 from dpr_lab.arrays import Flags
 from dpr_lab.dynamics.lanes.effects import follow_motor
 from dpr_lab.dynamics.lanes.interpolation import angle0, speed0
-from dpr_lab.dynamics.lanes.workspace import LANES, LaneWorkspace, waits
+from dpr_lab.dynamics.lanes.workspace import LaneWorkspace, waits
 from dpr_lab.kernels import subroutine
 
 
 @subroutine
 def begin_gear(w: LaneWorkspace) -> None:
     """Set inertia and friction of the arm for the step; store the state of the motor."""
-    for k in range(LANES):
+    for k in range(len(w.t)):
         w.old_hold0[k], w.old_motor_speed0[k], w.old_loose0[k] = w.hold0[k], w.motor_speed0[k], w.loose0[k]
         w.inertia[k] = w.geared_inertia[k] - w.loose0[k] * w.motor_inertia0[k]
         w.friction[k] = (1.0 - w.loose0[k]) * w.geared_friction[k]
@@ -50,7 +50,7 @@ def transmit(w: LaneWorkspace) -> None:
 
     The torque includes the impulse that the gear has not yet transmitted.
     """
-    for k in range(LANES):
+    for k in range(len(w.t)):
         w.motor_torque0[k] = w.torque0[k]
         w.torque0[k] = (1.0 - w.old_loose0[k]) * w.motor_torque0[k] + w.fed0[k]
 
@@ -58,13 +58,13 @@ def transmit(w: LaneWorkspace) -> None:
 @subroutine
 def follow(w: LaneWorkspace, active: Flags, until: float) -> None:
     """Advance each motor to the fraction `share` of the step, unless `share` exceeds `until`."""
-    for k in range(LANES):
+    for k in range(len(w.t)):
         u = w.share[k] if w.share[k] <= until else w.followed0[k]
         w.angle0[k], w.speed0[k] = angle0(w, k, u), speed0(w, k, u)
         w.elapsed0[k] = (u - w.followed0[k]) * w.h[k]
         w.followed0[k] = u
     follow_motor(w, active)
-    for k in range(LANES):
+    for k in range(len(w.t)):
         bonded = w.bonded0[k] > 0.0
         w.hold0[k] = w.old_hold0[k] + (w.angle0[k] - w.old_theta0[k]) if bonded else w.hold0[k]
         w.motor_speed0[k] = w.speed0[k] if bonded else w.motor_speed0[k]
@@ -77,7 +77,7 @@ def balance_gear(w: LaneWorkspace) -> None:
 
     Before the release, the motor moves with the arm.
     """
-    for k in range(LANES):
+    for k in range(len(w.t)):
         h, geared = w.h[k], 1.0 - w.old_loose0[k]
         first_speed = w.old_motor_speed0[k] - geared * w.old_omega0[k]
         turn = w.hold0[k] - w.old_hold0[k] - geared * (w.theta0[k] - w.old_theta0[k])

@@ -19,7 +19,7 @@ from dpr_lab.dynamics.lanes.samples import (
 )
 from dpr_lab.dynamics.lanes.starts import begin_segment, load_track, params_row, reads_apart, reset_internal
 from dpr_lab.dynamics.lanes.tracks import Tracks, required_in
-from dpr_lab.dynamics.lanes.workspace import LANES, LaneWorkspace
+from dpr_lab.dynamics.lanes.workspace import LaneWorkspace
 from dpr_lab.effects.effect_kernels import ARM, LAG0, LAG1, LAG2, STEPPED, arm_encoder_error, encoder_errors
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.effects.stages import Requirements
@@ -71,7 +71,7 @@ def _load_block(first: int, last: int, tracks: Tracks, block: LaneBlock, buffers
     Spare lanes are loaded with the last track.
     """
     rounds = 0
-    for k in range(LANES):
+    for k in range(len(buffers.w.t)):
         track = min(first + k, last - 1)
         rounds = max(rounds, tracks.last[track] - tracks.first[track])
         run = block.segments.run[tracks.first[track]]
@@ -84,7 +84,7 @@ def _load_block(first: int, last: int, tracks: Tracks, block: LaneBlock, buffers
 def _begin_round(first: int, last: int, turn: int, tracks: Tracks, block: LaneBlock, buffers: Buffers) -> None:
     """Start segment number `turn` of each track; a lane without such a segment is idle."""
     w = buffers.w
-    for k in range(LANES):
+    for k in range(len(w.t)):
         buffers.samples.size[k], w.due1[k], w.due2[k] = 0, np.inf, np.inf
         if first + k < last and tracks.first[first + k] + turn < tracks.last[first + k]:
             piece = _piece(tracks, first + k, turn)
@@ -127,7 +127,7 @@ def _read(block: LaneBlock, advance: Any, buffers: Buffers) -> None:
 def _any_held(w: LaneWorkspace) -> bool:
     """Return whether the next step of any lane starts before the release."""
     count = 0
-    for k in range(LANES):
+    for k in range(len(w.t)):
         count += not w.t[k] > -0.5 * w.step[k]
     return count > 0
 
@@ -135,7 +135,7 @@ def _any_held(w: LaneWorkspace) -> bool:
 @subroutine
 def _any_due(w: LaneWorkspace) -> bool:
     count = 0
-    for k in range(LANES):
+    for k in range(len(w.t)):
         count += (w.due1[k] < np.inf) | (w.due2[k] < np.inf)
     return count > 0
 
@@ -154,13 +154,13 @@ def _hand_over(
     """
     if not shares(w, w.handed, 1.0):
         return
-    for k in range(LANES):
+    for k in range(len(w.t)):
         turn1 = w.theta1[k] - w.old_theta1[k]
         turn2 = w.theta2[k] - w.old_theta2[k] - turn1
         w.displacement0[k] = w.share[k] * (w.theta0[k] - w.old_theta0[k])
         w.displacement1[k], w.displacement2[k] = w.share[k] * turn1, w.share[k] * turn2
     displaced(w, active)
-    for k in range(LANES):
+    for k in range(len(w.t)):
         u = w.share[k]
         if u <= 1.0:
             if u > 0.0:

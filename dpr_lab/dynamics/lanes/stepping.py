@@ -1,12 +1,12 @@
 """Runge-Kutta steps in vector lanes, with the physics of `dpr_lab.dynamics.step`.
 
 Theory of operation. A track is one candidate along one segment. `LANES` tracks whose candidates have the same active
-effects are integrated together in one flat workspace, with a row of LANES numbers for each quantity (`workspace`). Each
-part of a step is a loop over the lanes that the compiler converts to vector instructions. These loops contain no
-branches or calls; tanh, exp and sincos are therefore polynomials (`dpr_lab.effects.elementary`). Each effect is a
-separate loop, which is skipped if the effect is off (`effects`). Such a loop reads the motion of the stage from the
-workspace and adds to five rows of terms. Loops that only some effects need (the arm, joint forces, internal states) are
-skipped in the same way.
+effects are integrated together in one workspace, with a row of numbers for each quantity (`workspace`). Each part of a
+step is a loop over the lanes that the compiler converts to vector instructions. These loops contain no branches or
+calls; tanh, exp and sincos are therefore polynomials (`dpr_lab.effects.elementary`). Each effect is a separate loop,
+which is skipped if the effect is off (`effects`). Such a loop reads the motion of the stage from the workspace and adds
+to five rows of terms. Loops that only some effects need (the arm, joint forces, internal states) are skipped in the
+same way.
 
 Each lane has its own time and its own step. Sums are not reassociated and lanes are independent, so the result of a
 candidate is bit-identical in any block and for any number of threads.
@@ -35,7 +35,6 @@ from dpr_lab.dynamics.lanes.effects import (
 )
 from dpr_lab.dynamics.lanes.geared_motor import begin_gear, transmit
 from dpr_lab.dynamics.lanes.workspace import (
-    LANES,
     LaneWorkspace,
     arm_at,
     base_at,
@@ -58,13 +57,13 @@ _AT_RELEASE = tuple(AT_RELEASE[list(STEPPED)])
 
 
 @cache
-def advance() -> Any:
-    """Return the compiled function `_advance`, a Runge-Kutta step of all lanes.
+def advance(lanes: int) -> Any:
+    """Return the compiled function `_advance`, a Runge-Kutta step of a number of lanes.
 
     The function is passed to kernels as an argument and is compiled separately from them.
     """
     required, active = Requirements(*[False] * len(Requirements._fields)), np.zeros(1, dtype=np.bool_)
-    return behind_pointer(_advance, lane_workspace(), UNKNOWN, active, required, False)
+    return behind_pointer(_advance, lane_workspace(lanes), UNKNOWN, active, required, False)
 
 
 def _advance(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requirements, held: bool) -> None:
@@ -122,7 +121,7 @@ def _advance(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requi
 @subroutine
 def _begin(w: LaneWorkspace) -> None:
     """Copy the state of each lane to the rows for the start of the step."""
-    for k in range(LANES):
+    for k in range(len(w.t)):
         w.old_t[k] = w.t[k]
         w.old_theta1[k], w.old_theta2[k] = w.theta1[k], w.theta2[k]
         w.old_omega1[k], w.old_omega2[k] = w.omega1[k], w.omega2[k]
@@ -130,7 +129,7 @@ def _begin(w: LaneWorkspace) -> None:
 
 @subroutine
 def _begin_arm(w: LaneWorkspace) -> None:
-    for k in range(LANES):
+    for k in range(len(w.t)):
         w.old_theta0[k], w.old_omega0[k] = w.theta0[k], w.omega0[k]
 
 
@@ -140,7 +139,7 @@ def _place(w: LaneWorkspace, share: float) -> None:
 
     The state follows from the speeds and accelerations of the previous stage; at the first stage, `share` is zero.
     """
-    for k in range(LANES):
+    for k in range(len(w.t)):
         ahead = share * w.h[k]
         p1, p2 = w.stage_omega1[k], w.stage_omega2[k]
         theta1, theta2 = w.theta1[k] + ahead * p1, w.theta2[k] + ahead * p2
@@ -155,7 +154,7 @@ def _place(w: LaneWorkspace, share: float) -> None:
 
 @subroutine
 def _place_arm(w: LaneWorkspace, share: float) -> None:
-    for k in range(LANES):
+    for k in range(len(w.t)):
         ahead = share * w.h[k]
         w.displacement0[k] = ahead * w.stage_omega0[k]
         w.stage_theta0[k] = w.theta0[k] + w.displacement0[k]
@@ -183,7 +182,7 @@ def _accelerate(
             _add_arm(w, rig, active, required)
             _accelerate_bare_rods(w, rig)
             return
-    for k in range(LANES):
+    for k in range(len(w.t)):
         w.term_a[k], w.term_b[k], w.term_coupling[k] = 0.0, 0.0, 0.0
         w.torque1[k], w.torque2[k] = w.drive1[k], w.drive2[k]
     if required.torque:
@@ -207,7 +206,7 @@ def _add_arm(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requi
 
     The torques of the same effects on the rods are also computed.
     """
-    for k in range(LANES):
+    for k in range(len(w.t)):
         w.torque0[k] = w.drive0[k]
     if required.drive0:
         add_arm_drives(w, active)
@@ -221,14 +220,14 @@ def _add_arm(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requi
 
 @subroutine
 def _accelerate_bare(w: LaneWorkspace) -> None:
-    for k in range(LANES):
+    for k in range(len(w.t)):
         _, w.alpha1[k], w.alpha2[k] = arm_accelerations(motion_at(w, k), base_at(w, k), NOTHING, HELD_ARM, CLAMPED, 0.0)
 
 
 @subroutine
 def _accelerate_bare_rods(w: LaneWorkspace, rig: RigConstants) -> None:
     """Compute the accelerations with a moving arm and without effects on the rods."""
-    for k in range(LANES):
+    for k in range(len(w.t)):
         w.alpha0[k], w.alpha1[k], w.alpha2[k] = arm_accelerations(
             motion_at(w, k), base_at(w, k), NOTHING, arm_at(w, k, rig), FREE, w.torque0[k]
         )
@@ -239,17 +238,17 @@ def _accelerate_all(w: LaneWorkspace, rig: RigConstants, arm: bool, held: bool, 
     if resting:
         accelerate_held(w, rig, arm)
     elif not arm:
-        for k in range(LANES):
+        for k in range(len(w.t)):
             _, w.alpha1[k], w.alpha2[k] = arm_accelerations(
                 motion_at(w, k), base_at(w, k), terms_at(w, k), HELD_ARM, CLAMPED, 0.0
             )
     elif not held:
-        for k in range(LANES):
+        for k in range(len(w.t)):
             w.alpha0[k], w.alpha1[k], w.alpha2[k] = arm_accelerations(
                 motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), FREE, w.torque0[k]
             )
     else:
-        for k in range(LANES):
+        for k in range(len(w.t)):
             mode = CLAMPED if waits(w, k) else FREE
             w.alpha0[k], w.alpha1[k], w.alpha2[k] = arm_accelerations(
                 motion_at(w, k), base_at(w, k), terms_at(w, k), arm_at(w, k, rig), mode, w.torque0[k]
@@ -258,14 +257,14 @@ def _accelerate_all(w: LaneWorkspace, rig: RigConstants, arm: bool, held: bool, 
 
 @subroutine
 def _find_forces(w: LaneWorkspace, rig: RigConstants) -> None:
-    for k in range(LANES):
+    for k in range(len(w.t)):
         alphas = w.alpha0[k], w.alpha1[k], w.alpha2[k]
         w.force1[k], w.force2[k] = joint_forces(motion_at(w, k), alphas, base_at(w, k), constants_at(w, k, rig))
 
 
 @subroutine
 def _accumulate(w: LaneWorkspace, weight: float, more: bool) -> None:
-    for k in range(LANES):
+    for k in range(len(w.t)):
         w.turn1[k] = (w.turn1[k] if more else 0.0) + weight * w.stage_omega1[k]
         w.turn2[k] = (w.turn2[k] if more else 0.0) + weight * w.stage_omega2[k]
         w.sum1[k] = (w.sum1[k] if more else 0.0) + weight * w.alpha1[k]
@@ -274,7 +273,7 @@ def _accumulate(w: LaneWorkspace, weight: float, more: bool) -> None:
 
 @subroutine
 def _accumulate_arm(w: LaneWorkspace, weight: float, more: bool) -> None:
-    for k in range(LANES):
+    for k in range(len(w.t)):
         w.turn0[k] = (w.turn0[k] if more else 0.0) + weight * w.stage_omega0[k]
         w.sum0[k] = (w.sum0[k] if more else 0.0) + weight * w.alpha0[k]
 
@@ -282,7 +281,7 @@ def _accumulate_arm(w: LaneWorkspace, weight: float, more: bool) -> None:
 @subroutine
 def _finish(w: LaneWorkspace) -> None:
     """Set the state at the end of the step, and the joint displacements."""
-    for k in range(LANES):
+    for k in range(len(w.t)):
         h, sixth = w.h[k], w.h[k] / 6.0
         turn1, turn2 = w.turn1[k], w.turn2[k]
         w.t[k] += h
@@ -295,7 +294,7 @@ def _finish(w: LaneWorkspace) -> None:
 
 @subroutine
 def _finish_arm(w: LaneWorkspace) -> None:
-    for k in range(LANES):
+    for k in range(len(w.t)):
         sixth = w.h[k] / 6.0
         w.displacement0[k] = sixth * w.turn0[k]
         w.theta0[k] += w.displacement0[k]
@@ -312,7 +311,7 @@ def _move_internal(w: LaneWorkspace, active: Flags) -> None:
 @subroutine
 def _reset_held(w: LaneWorkspace) -> None:
     """Set the internal states before the release to the states of a rig at rest."""
-    for k in range(LANES):
+    for k in range(len(w.t)):
         if waits(w, k):
             for i, at_release in enumerate(_AT_RELEASE):
                 w.internal[i, k] = at_release

@@ -1,10 +1,11 @@
-"""Workspace of the lanes: one record with a row of `LANES` numbers for each quantity.
+"""Workspace of the lanes: one record with a row of numbers for each quantity.
 
 Rows are fields of the record, so the compiler knows that they do not overlap and converts a loop over the lanes to
 vector instructions. Kernels read lane k of a row as `w.theta1[k]`.
 """
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,16 +14,21 @@ from dpr_lab.arrays import Array
 from dpr_lab.effects import SIZE
 from dpr_lab.effects.effect_kernels import STEPPED
 from dpr_lab.effects.quantities import ArmModel, BaseParameters, Joint, Motion, RigConstants, Terms
-from dpr_lab.kernels import inlined, subroutine
+from dpr_lab.kernels import inlined
 
 LANES = 16
 """Number of lanes; two registers of eight doubles hide the latency of a division with few spare lanes."""
 
+FEW_LANES = 2
+"""Number of lanes for sets with internal states on at most two runs.
+
+The other lanes would be spare. A step takes about half the time."""
+
 Row = Array
-"""(LANES,) one quantity in all lanes."""
+"""(lanes,) one quantity in all lanes."""
 
 Rows = Array
-"""(count, LANES) one row for each internal state that moves with a joint, or for each parameter of the effects."""
+"""(count, lanes) one row for each internal state that moves with a joint, or for each parameter of the effects."""
 
 
 class LaneWorkspace:
@@ -176,25 +182,26 @@ class LaneWorkspace:
 _COUNT = {"old_internal": len(STEPPED), "moved": len(STEPPED), "internal": len(STEPPED), "params": SIZE}
 """Number of rows of those fields that have several rows."""
 
-_RECORD = np.dtype(
-    [
-        (name, np.float64, (_COUNT[name], LANES) if name in _COUNT else (LANES,))
-        for name in LaneWorkspace.__annotations__
-    ]
-)
+
+@cache
+def _record(lanes: int) -> Any:
+    """Return the data type of a workspace."""
+    names = LaneWorkspace.__annotations__
+    fields = [(name, np.float64, (_COUNT[name], lanes) if name in _COUNT else (lanes,)) for name in names]
+    return np.dtype((np.record, fields))
 
 
-def lane_workspace() -> LaneWorkspace:
+def lane_workspace(lanes: int = LANES) -> LaneWorkspace:
     """Create a workspace of zeros, which fits in the first-level cache."""
-    record: Any = np.zeros(1, _RECORD).view(np.recarray)[0]
+    record: Any = np.zeros(1, _record(lanes))[0]
     return record
 
 
-@subroutine
+@inlined
 def copy_rows(source: Rows, target: Rows) -> None:
     """Copy the rows of `source` to `target`."""
     for i in range(len(source)):
-        for k in range(LANES):
+        for k in range(source.shape[1]):
             target[i, k] = source[i, k]
 
 
