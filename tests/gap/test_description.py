@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from scipy.integrate import solve_ivp
 from dpr_lab.effects import EFFECTS, effect_params, plausibility
 from dpr_lab.errors import RunError
 from dpr_lab.gap.classes.posterior import EffectPosterior
+from dpr_lab.gap.conclusion import description as description_module
 from dpr_lab.gap.conclusion.description import unbalanced
 from dpr_lab.gap.conclusion.sentence import _in_noise
 from dpr_lab.gap.conclusion.verdict import listed_causes
@@ -304,3 +306,18 @@ def test_the_motion_of_a_prescribed_arm_supplies_energy(tmp_path: Path) -> None:
     arm = ArmMotion(run.t, np.sin(run.t), np.cos(run.t))
     assert unbalanced([run], rig).forced
     assert not unbalanced([replace(run, arm=arm)], rig).forced
+
+
+def test_the_angles_of_a_film_have_no_other_scale(monkeypatch, paper: Rig):
+    monkeypatch.setattr(description_module, "other_scale", lambda *_: "An angle scale of 0.5")
+    chosen = SimpleNamespace(effects=(), at_noise_floor=True)
+    bare = SimpleNamespace(residuals=SimpleNamespace(chi2=1.0, dof=1))
+    made = SimpleNamespace(chosen=chosen, bare=bare)
+    transferred = SimpleNamespace(withdrawn=(), oversized=())
+
+    def hint(film_noise: float | None) -> str:
+        record = SimpleNamespace(run=SimpleNamespace(film_noise=film_noise, arm_mode="clamped", arm=None))
+        return description_module.description([record], paper, None, made, transferred).hint
+
+    assert hint(None) == "An angle scale of 0.5"
+    assert hint(0.002) == ""

@@ -1,6 +1,7 @@
 """Tables in many forms give the same run; a table that cannot be interpreted is refused with the place."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -381,3 +382,14 @@ def test_rods_that_point_upwards_most_of_the_time_are_asked_about_where_too_litt
     asked = "both rods point upwards most of the time: if the table's zero is hanging, import it with --zero hanging"
     assert asked in import_csv(file, paper).notes
     assert asked not in import_csv(file, paper, ImportOptions(zero="hanging")).notes
+
+
+@pytest.mark.parametrize("first", ["#Creator: logger\n", "\ufeff# a logger\n#\n"])
+def test_a_comment_of_units_below_the_commented_names_is_no_header(tmp_path, first):
+    rows = [f"{t:.12g}\t{a:.12g}\t{b:.12g}" for t, a, b in zip(T, THETA1, THETA2, strict=True)]
+    names = "#Time A\ttheta1\ttheta2\n#[s]\t[rad]\t[rad]\n"
+    (tmp_path / "a.txt").write_text(first + names + "\n".join(rows), encoding="utf-8")
+    assert_the_swing(read(tmp_path / "a.txt", columns={"t": "Time A (s)"}))
+    (tmp_path / "b.txt").write_text(first + names.replace("[rad]", "[au]") + "\n".join(rows), encoding="utf-8")
+    with pytest.raises(RunError, match=re.escape("the table has: Time A (s), theta1 (au), theta2 (au)")):
+        read(tmp_path / "b.txt", columns={"t": "Time"})

@@ -73,7 +73,8 @@ def description(
         selection: the selected set of effects
         transferred: results of the set on held-out recordings
     """
-    if hint := _wrong_gravity(rig, selection) or other_scale(problem, selection, rig):
+    of_points = all(record.run.film_noise is not None for record in records)  # a direction has no scale
+    if hint := _wrong_gravity(rig, selection) or (not of_points and other_scale(problem, selection, rig)):
         return Description(hint, True)
     if hint := _delay_within_row(problem, selection):
         return Description(hint, selection.chosen.effects == (INPUT_DELAY.name,))

@@ -39,7 +39,8 @@ from dpr_lab.storage.tables.time_stamps import runs
 # The order matters: in a table with another delimiter, a comma is the decimal sign.
 DELIMITERS = ("|", ";", "\t", ",")
 LIMITS = TableLimits()
-ONLY_UNIT = re.compile(rf"\W*({UNIT_WORDS})\W*", re.I)
+ONLY_UNIT = re.compile(rf"\W*({UNIT_WORDS})\W*|\s*(\[[^]]*\]|\([^)]*\))\s*", re.I)
+_UNIT_CELL = re.compile(rf"({ONLY_UNIT.pattern})?", re.I).fullmatch
 _DECIMAL = re.compile(r"[+-]?\d+\.\d+(e[+-]?\d+)?", re.I)
 _FORMS = (
     ": a table is read from rows of numbers with commas, semicolons, tabs, bars (|) or blanks between them, or from"
@@ -303,17 +304,19 @@ class _Columns:
 def _names(early: list[list[str]], comments: Sequence[str], delimiter: str | None, width: int) -> list[str]:
     """Find the names of the columns.
 
-    The names are in the rows above the numbers or in the last comment; otherwise, the names are column numbers.
+    The names are in the rows above the numbers or in a comment; otherwise, the names are column numbers.
     """
     if not early:
-        return _commented_header(comments, delimiter, width)
+        early = [comment.split(delimiter) for comment in comments[-2:]]
+        if not early or len(early[0]) != width or not all(map(_UNIT_CELL, early[-1])):  # units may follow the names
+            return _commented_header(comments, delimiter, width)
     # A row with a single field is a title, or a header with another delimiter.
     wide = [row for row in early if len(row) == width and any(map(str.strip, row[1:]))]
     wide = wide or _otherwise_separated(early, delimiter, width)
     # Names of groups may precede the names of columns, and units may follow them.
     names = max(wide or early[-1:], key=lambda row: sum(bool(cell.strip()) for cell in row))
     below = wide[wide.index(names) + 1 :] if names in wide else []
-    units = next((row for row in below if any(row) and all(not cell or ONLY_UNIT.fullmatch(cell) for cell in row)), ())
+    units = next((row for row in below if any(row) and all(map(_UNIT_CELL, row))), ())
     return [*map(_with_unit, names, units)] if units else names
 
 
