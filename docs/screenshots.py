@@ -1,9 +1,9 @@
-"""Pictures of the bench screen for the documentation, taken from the real app at work with a simulated rig.
+"""Screenshots for the documentation, taken from the running app with a simulated rig.
 
     python docs/screenshots.py [--out docs/img] [--sizes 80x24 120x40 200x60] [--themes dpr-dark dpr-light dpr-contrast]
 
-Writes tui-STEP-SIZE-THEME.svg for each of the seven steps at each size in each theme; takes some minutes, since
-everything shown is really recorded, identified and diagnosed.
+Writes tui-STEP-SIZE-THEME.svg for each of the seven steps at each size in each theme. This takes some minutes, because
+the app records, identifies and diagnoses the rig.
 """
 
 import argparse
@@ -30,13 +30,13 @@ RIG = "sim://?plant=dry&seed=1"
 PATIENCE_S = 1800.0
 MID_SWING_S = 3.0
 RECORD_S = 30.0
-"""Long enough for a picture of each size while the rods swing."""
+"""Duration of a recording, s: sufficient for a screenshot of each size while the rods swing."""
 SETTLING_S = 1.0
-"""After a new size or theme, until everything is drawn."""
+"""Waiting time after a new size or theme, s."""
 RELEASES = 3
-"""Tell effects apart."""
+"""Number of releases, from which effects can be distinguished."""
 WORKING = ("4", "5", "6", "7")
-"""Keys of the steps that are started by `s` and take their time."""
+"""Keys of the steps with a long computation, which `s` starts."""
 
 
 async def until(pilot: Pilot[None], condition: Callable[[], object]) -> None:
@@ -44,17 +44,17 @@ async def until(pilot: Pilot[None], condition: Callable[[], object]) -> None:
     deadline = time.monotonic() + PATIENCE_S
     while not condition():
         if time.monotonic() > deadline:
-            raise TimeoutError("a step did not get there")
+            raise TimeoutError("a step did not reach the condition in time")
         await pilot.pause(0.1)
 
 
 class Watched:
-    """The sight of a screen that this script watches: it has no terminal that could confirm what it drew."""
+    """Confirmation of frames without a terminal."""
 
     multiplexer = ""
 
     async def seen(self, patience_s: float) -> float:
-        """At once."""
+        """Return a round trip time of zero at once, s."""
         return 0.0
 
 

@@ -17,7 +17,7 @@ MAGNETS = tuple(
     Effect(
         name=f"magnet_joint{j}",
         words=f"magnetic damper, joint {j}",
-        equation="tau = -c omega exp((cos q - 1) / w^2), q the angle of the joint from hanging",
+        equation="tau = -c omega exp((cos q - 1) / w^2), with q the angle of the joint from hanging",
         parameters=(
             EffectParameter("damping_Nms", "N m s/rad", 2e-3, "positive"),
             shape("width_rad", "rad", 0.3, (0.15, 0.3, 0.6), continuous=True),
