@@ -24,6 +24,7 @@ from dpr_lab.errors import RunError, unknown_name
 from dpr_lab.gap.advice.advise import kind_of
 from dpr_lab.gap.advice.check_kind import CheckAnswer, Result, expected_bits, log_mean
 from dpr_lab.gap.advice.measurement import CHECK
+from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.result.causes import NamedEffect, RivalEffect
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
 from dpr_lab.gap.result.diagnosis import Diagnosis, Verdict
@@ -104,7 +105,7 @@ def hypotheses(diagnosis: Diagnosis, about: str) -> dict[str, float]:
     if (done := _last(diagnosis, about)) and NONE_OF_THEM in done.after:
         return dict(done.after)
     probabilities = candidates(diagnosis, about)
-    outside = max(1.0 - sum(probabilities.values()), CHECK.outside)
+    outside = max(1.0 - sum(probabilities.values()), CALIBRATION.outside_when_closed)
     total = sum(probabilities.values()) + outside
     return {name: p / total for name, p in (*probabilities.items(), (NONE_OF_THEM, outside))}
 

@@ -45,6 +45,12 @@ Terms of all modules:
     excess            chi2 above the noise; `bounded_excess` is at least the random variation of the noise
     inflation         variance inflation n / n_eff: chi2 that corresponds to one independent reading
     curve             an effect of three or more amplitudes, which can imitate a sum of other effects
+    form              an effect that contains a simpler one (`Effect.nested`) as a special case is a richer form of it
+    expected, known   effects that the rig file implies, for example of a geared motor; all others are `unexpected`
+    universal         effects that every rig has, for example a zero error of an encoder
+    own share         part of an effect's reduction of chi2 that no other form of the other effects explains
+    possible          a set whose sizes and gravity torque a rig can have
+    sets              all fitted sets (`which.fitted_sets.FittedSets`), with functions that fit further ones
     held out          not fitted: `Request.held_out` contains the runs, `Fitted.held_out` the screened runs
 
 docs/how-the-diagnosis-decides.md explains the decisions; docs/theory.md, sections 5 and 7 to 10, contains the

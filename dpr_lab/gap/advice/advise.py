@@ -18,6 +18,7 @@ from dpr_lab.gap.advice.check_kind import CheckKind, NextStep, OpenQuestion
 from dpr_lab.gap.advice.expected_recordings import expected_recordings
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.checks import AdvisedCheck
 from dpr_lab.gap.screen.recordings import Recordings
 
@@ -28,10 +29,6 @@ CHECK_KINDS: dict[str, CheckKind] = {
     ),
 }
 """Kinds of checks by their names, in the order in which they are proposed."""
-
-
-WORTH_A_CHECK = 0.05
-"""Minimum probability of an alternative for which a check is recommended."""
 
 
 def kind_of(check: AdvisedCheck) -> CheckKind:
@@ -77,5 +74,5 @@ def _open_causes(posteriors: Sequence[EffectPosterior]) -> Iterator[tuple[str, d
             shares = zip(effect.members, effect.odds, strict=True)
             yield effect.name, {name: effect.probability * share for name, share in shares}, True
         for other in effect.alternatives:
-            if other.probability >= WORTH_A_CHECK:
+            if other.probability >= PROBABLE:
                 yield effect.name, {effect.name: effect.probability, other.name: other.probability}, False

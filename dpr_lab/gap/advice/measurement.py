@@ -58,11 +58,6 @@ class CheckSettings:
 
     Nothing is known about such a cause, so both cases have the probability one half (principle of indifference).
     """
-    outside: float = 0.02
-    """Minimum prior probability of a cause outside the candidates.
-
-    The value is `Calibration.outside_when_closed`, from blind trials whose library lacked the cause.
-    """
     questioned: float = 3.0
     """Distance to every prediction beyond which a value is questioned, in standard deviations.
 
@@ -190,7 +185,7 @@ def magnitude(values: Array, covariance: Array) -> Interval | None:
         value = float(np.linalg.norm(values))
         slope = values / (value or 1.0)
         reach = float(np.sqrt(slope @ covariance @ slope))
-    return Interval(value=value, interval90=(value - reach, value + reach)) if value else None
+    return Interval.about(value, reach) if value else None
 
 
 def has(name: str, measured: str, amplitude: str) -> bool:

@@ -104,8 +104,8 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
     best = min(fitted.values(), key=lambda candidate: candidate.cost)
     if not np.isfinite(best.cost):
         raise RunError(f"no candidate of check {check.id} can be fitted to these runs: record the release again")
-    scale = 2 * best.inflation * CALIBRATION.temperature
-    worse = {name: (candidate.cost - best.cost) / scale for name, candidate in fitted.items()}
+    unit = CALIBRATION.unit(best.inflation)
+    worse = {name: (candidate.cost - best.cost) / unit for name, candidate in fitted.items()}
     # the density of a candidate that cannot be simulated is practically zero; its logarithm must be finite
     densities = {name: -float(np.nan_to_num(difference, posinf=1e6)) for name, difference in worse.items()}
     # indistinguishable members have the same likelihood as the named effect

@@ -61,6 +61,10 @@ class Calibration:
     least_left: float = 1e-6
     """Lower limit of the remaining share of the excess; the error of the integrator is never exactly zero."""
 
+    def unit(self, inflation: float) -> float:
+        """Return the difference of cost at which the probability decreases by the factor e."""
+        return 2 * inflation * self.temperature
+
 
 CALIBRATION = Calibration()
 

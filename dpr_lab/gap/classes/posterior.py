@@ -76,7 +76,7 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
     costs = [_added_cost(replacements, alternative) for alternative in alternatives]
     without = selection.without_substitute[name].cost_at(chosen.inflation)
     added_cost = np.array([0.0, *costs, max(without - chosen.cost, 0.0)])
-    scaled = -added_cost / (2 * chosen.inflation * CALIBRATION.temperature)
+    scaled = -added_cost / CALIBRATION.unit(chosen.inflation)
     weights = np.exp(np.clip(scaled, -CALIBRATION.negligible, CALIBRATION.negligible))
     replaced = (selection.fitted[replacements.key(alternative.name)] for alternative in alternatives)
     weights[1:-1] *= [prior_odds(selection, model) for model in replaced]

@@ -56,9 +56,9 @@ def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
         if model is not chosen and _may_be_true(selection, model)
     }
     models = {**others, chosen.key: chosen}
-    span = 2 * chosen.inflation * CALIBRATION.temperature
+    unit = CALIBRATION.unit(chosen.inflation)
     weights = {
-        key: prior_odds(selection, model) * float(np.exp(-_worse(model, chosen) / span))
+        key: prior_odds(selection, model) * float(np.exp(-_worse(model, chosen) / unit))
         for key, model in models.items()
     }
     ranked = sorted(models, key=lambda key: (-weights[key], key != chosen.key))

@@ -31,7 +31,7 @@ def ratios(state: Transferred) -> dict[str, Interval]:
     positive = (prior_variance > 0.0) | np.isin(np.arange(len(RATIOS)), FRICTION)
     floors = np.where(positive, 0.0, -np.inf).tolist()
     return {
-        name: Interval(value=value, interval90=(max(value - reach, floor), value + reach))
+        name: Interval.about(value, reach, floor)
         for name, value, reach, floor in zip(RATIOS, values, reaches, floors, strict=True)
     }
 
@@ -53,7 +53,7 @@ def determined(state: Transferred) -> tuple[dict[str, Interval], Array]:
             name, value, per = ratio
             error = state.intervals[parameter.effect, parameter.name] / per
             floor = 0.0 if parameter.lower == 0.0 else -np.inf
-            parameter_of[name] = Interval(value=value, interval90=(max(value - error, floor), value + error))
+            parameter_of[name] = Interval.about(value, error, floor)
             places.append(place)
             divisors.append(per)
     return parameter_of, state.covariance[np.ix_(places, places)] / np.outer(divisors, divisors)

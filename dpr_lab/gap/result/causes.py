@@ -6,7 +6,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.result.saved import Interval, Number, Saved
 
 PROBABLE = 0.05
-"""Minimum probability with which an effect is listed as a cause."""
+"""Minimum probability of an effect that is listed as a cause, and of an alternative that a check should exclude."""
 
 
 class EffectSize(Interval):

@@ -1,5 +1,6 @@
 """Base types of saved results: frozen records, finite numbers, intervals."""
 
+import math
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -21,3 +22,8 @@ class Interval(Saved):
     """Value of the number, SI."""
     interval90: tuple[Number, Number]
     """Limits of the 90 % interval, SI."""
+
+    @classmethod
+    def about(cls, value: float, reach: float, floor: float = -math.inf) -> "Interval":
+        """Return the interval of half width `reach`, without values below `floor`."""
+        return Interval(value=value, interval90=(max(value - reach, floor), value + reach))

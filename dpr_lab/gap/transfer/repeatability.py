@@ -42,6 +42,7 @@ from dpr_lab.gap.result.gap_budget import GapBudget, VaryingParameter
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.transfer.out_of_sample import block
 from dpr_lab.gap.where.discrepancy import DISCREPANCY, discrepancy_columns
+from dpr_lab.gap.where.locate import SIGNIFICANT
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.setup import only_inner
 
@@ -54,8 +55,6 @@ class RepeatabilityRules:
     """Minimum number of segments of each recording; fewer segments show no scatter."""
     varying: int = 3
     """Maximum number of varying parameters. A larger number would fit any residual."""
-    gap_from: float = 3.0
-    """Minimum residual that counts as a gap to divide, in standard deviations."""
     beyond_chance: float = 2.0
     """Minimum improvement of the prediction by free torques, in standard errors of a sum over segments."""
     iterations: int = 8
@@ -89,7 +88,7 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     residuals = residual_statistics(problem, after)
     noise = residuals.level * float(problem.evidence_by_segment[followed].sum())
     total = float(left_out_chi2(before, fold)[followed].sum())
-    if residual_statistics(problem, before).z < REPEATABILITY.gap_from or not followed.any() or total <= noise:
+    if residual_statistics(problem, before).z < SIGNIFICANT or not followed.any() or total <= noise:
         return budget_of(
             [total] * 4, noise, names, (), "There is no gap above the noise whose repeatability could be computed."
         )
@@ -120,11 +119,23 @@ def _shown(
     names, alone = [record.run.name for record in everything.records], only_inner(problem.segments.setups)
     shown = []
     for varied in varying:
-        parameter = after.free[after.inside[varied.column]]
+        parameter, quarters = after.free[after.inside[varied.column]], range(1, len(varied.own) + 1)
         of_rods = parameter.block == "ratios"
         ratio = ratio_of(parameter, after.estimate, everything.rig, alone=alone) if of_rods else None
         name, common, per = ratio or (parameter.name, parameter.read(after.estimate), 1.0)
-        shown.append(varied.shown(parameter.effect, name, common, PRIOR * parameter.size / per, names))
+        unit = PRIOR * parameter.size / per
+        spread, error = np.std(varied.own, ddof=1), np.sqrt(np.mean(varied.std**2))
+        labels = names if len(names) > 1 else [f"{names[0]}, quarter {quarter}" for quarter in quarters]
+        shown.append(
+            VaryingParameter(
+                effect=parameter.effect,
+                name=name,
+                values=dict(zip(labels, (common + unit * varied.own).tolist(), strict=True)),
+                std=float(unit * error),
+                spread=float(unit * np.sqrt(max(spread**2 - error**2, 0.0))),
+                sigmas=float(np.sqrt(varied.scatter / (len(varied.own) - 1))),
+            )
+        )
     return shown
 
 
@@ -185,23 +196,6 @@ class _Varying:
     """Q: reduction of chi2 by separate values for the recordings, divided by the variance inflation."""
     chance: float
     """Reduction of chi2 that is expected from a fit of noise alone."""
-
-    def shown(self, effect: str, name: str, common: float, unit: float, names: Sequence[str]) -> VaryingParameter:
-        """Convert to a saved record with the public name.
-
-        `common` is the common value, and `unit` is the unit of the column in SI units. Quarters of a single recording
-        are numbered.
-        """
-        spread, error = np.std(self.own, ddof=1), np.sqrt(np.mean(self.std**2))
-        labels = names if len(names) > 1 else [f"{names[0]}, quarter {i + 1}" for i in range(len(self.own))]
-        return VaryingParameter(
-            effect=effect,
-            name=name,
-            values=dict(zip(labels, (common + unit * self.own).tolist(), strict=True)),
-            std=float(unit * error),
-            spread=float(unit * np.sqrt(max(spread**2 - error**2, 0.0))),
-            sigmas=float(np.sqrt(self.scatter / (len(self.own) - 1))),
-        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ MAPS: Maps = (*DISCREPANCY.kinds, ("error", "speed"))
 """Kinds of the maps, each with the coordinate on which the torque, the friction or the error depends."""
 
 SIGNIFICANT = 3.0
-"""Minimum residual that counts as a gap to locate, in standard deviations."""
+"""Minimum residual that counts as a gap to locate or to divide, in standard deviations."""
 
 
 def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:
@@ -87,7 +87,7 @@ def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, free: Free
         site=site,
         coordinate=free.coordinate,
         share=share,
-        sentence=_sentence(site, free.kind, free.coordinate, share, free.knots, values, std),
+        sentence=_sentence(site, free, share, values, std),
         knots=free.knots.tolist(),
         values=np.nan_to_num(values).tolist(),
         std=np.nan_to_num(std).tolist(),
@@ -95,18 +95,17 @@ def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, free: Free
     )
 
 
-def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array, values: Array, std: Array) -> str:
+def _sentence(site: str, free: FreeFunctions, share: float, values: Array, std: Array) -> str:
     """Return a sentence that describes a residual map."""
-    cause = {"torque": f"A torque in {site}", "friction": f"Friction of {site}", "error": f"An error of {site}"}[kind]
-    parts = [f"{cause} that depends on {coordinate}"]
-    if coordinate == "speed":
-        parts.append(_speed_shape(knots, values, std))
-    elif coordinate == "angle":
-        parts.append("once per turn or slower" if _smooth(values) else "several times per turn")
-    elif coordinate == "time":
-        drift = values[-3:].mean() - values[:3].mean()
-        parts.append("increasing with time" if drift > 0 else "decreasing with time")
-    return f"{', '.join(parts)}, could explain {percent(share)} of the excess."
+    cause = {"torque": "A torque in", "friction": "Friction of", "error": "An error of"}[free.kind]
+    match free.coordinate:
+        case "speed":
+            shape = _speed_shape(free.knots, values, std)
+        case "angle":
+            shape = "once per turn or slower" if _smooth(values) else "several times per turn"
+        case "time":
+            shape = f"{'increasing' if values[-3:].mean() > values[:3].mean() else 'decreasing'} with time"
+    return f"{cause} {site} that depends on {free.coordinate}, {shape}, could explain {percent(share)} of the excess."
 
 
 def _speed_shape(knots: Array, values: Array, std: Array) -> str:
