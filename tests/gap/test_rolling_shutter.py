@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from dpr_lab.acceptance.free_run import free_run_errors
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.films import explains_more, likeliest_shutter
+from dpr_lab.gap.films import likeliest_shutter, shutter_explains_more
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
 from dpr_lab.gap.result.diagnosis import Diagnosis, load_diagnosis
@@ -126,5 +126,5 @@ def test_a_correction_after_which_other_readings_are_left_out_is_not_kept() -> N
         return Hypothesis((), cast(Any, fit), residuals, float(chi2.sum()), {})
 
     before, after = np.full(6, 1000.0), np.full(6, 50.0)
-    assert explains_more(fitted(before), fitted(after))
-    assert not explains_more(fitted(before), fitted(after[:5]))
+    assert shutter_explains_more(fitted(before), fitted(after))
+    assert not shutter_explains_more(fitted(before), fitted(after[:5]))
