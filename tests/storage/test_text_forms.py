@@ -101,6 +101,14 @@ def test_a_fall_without_names_is_read(tmp_path, one):
     np.testing.assert_allclose(run.theta[:, 1], 0.1 * np.cosh(3 * T[:60]), atol=1e-5)
 
 
+@pytest.mark.parametrize(("names", "asks"), [("", True), ("t,bend\n", False)])
+def test_a_column_without_a_name_may_be_a_distance(tmp_path, one, names, asks):
+    (tmp_path / "a.csv").write_text(names + lines("{t:.2f},{angle:.4f}\n"))
+    notes = preview(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).notes
+    assert any("interpreted as theta1" in note for note in notes)
+    assert any("If it is a distance" in note for note in notes) == asks
+
+
 def test_coordinates_next_to_an_angle_are_no_cart(tmp_path, one):
     text = "Time(s),X,Y,Angle(deg)\n" + lines("{t:.2f},{angle:.0f},{angle:.1f},{angle:.4f}\n")
     (tmp_path / "a.csv").write_text(text)

@@ -217,6 +217,8 @@ def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tu
         if len(alone) != 1:
             alone = _only_varying(table, given)
             reason = "because no other column that varies can be an angle"
+            if any(map(str.isdecimal, alone)):
+                reason += ". If it is a distance or a voltage, export the angle, or the x and y of the point"
             notes = (*notes, *(f"interpreted as theta1: {name}, {reason}" for name in alone))
         given |= dict(zip(("theta1",), alone, strict=False))
     values = (*table.values, np.zeros(len(table.lines)))
