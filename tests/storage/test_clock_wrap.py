@@ -80,6 +80,14 @@ def test_times_that_fall_by_no_counter_still_run_backwards(tmp_path: Path, paper
         import_csv(file, paper, ImportOptions(time_wrap=1.0))
 
 
+@pytest.mark.parametrize(("wrong", "line"), [(0, "delete line 2$"), (-1, f"delete line {len(T) + 1}$")])
+def test_a_wrong_time_in_the_first_or_last_row_is_no_counter(tmp_path: Path, paper, wrong: int, line: str) -> None:
+    times = T.copy()
+    times[wrong] = 6.5 if wrong == 0 else 0.1
+    with pytest.raises(RunError, match=rf"next to the (start|end) of the table.*: {line}"):
+        import_csv(table(tmp_path / "a.csv", times, "t", "g"), paper, ImportOptions())
+
+
 def test_a_wrap_keeps_missing_times_and_counts_each_fall() -> None:
     times = np.array([8.0, 9.5, np.nan, 1.0, 5.0, 9.0, 0.5])
     np.testing.assert_array_equal(unwrapped_times(times, 10.0, "t"), [8, 9.5, np.nan, 11, 15, 19, 20.5])

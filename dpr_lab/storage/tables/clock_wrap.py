@@ -22,6 +22,10 @@ class CounterSettings:
     slack: float = 0.01
     """Maximum difference between the decrease at a wrap and the width of the counter, relative to the width. The
     difference is up to one interval between rows."""
+    edge_rows: int = 3
+    """Maximum number of rows before or after a decrease that are probably wrong instead of another recording."""
+    edge_share: float = 10.0
+    """Minimum number of rows of the table for each of them."""
 
 
 SETTINGS = CounterSettings()
@@ -77,6 +81,15 @@ def check_forwards(table: Table, t: Array, options: ImportOptions) -> None:
             raise RunError(
                 f"{place}: the time column contains values near {np.median(t[known]) / unit:g}, which are probably the"
                 " durations of the rows, not times: state the rate of the rows (--rate-hz) instead"
+            )
+        edge = min(int(backwards[0]) + 1, len(known) - 1 - int(backwards[0]))
+        if len(backwards) == 1 and edge <= SETTINGS.edge_rows and len(known) > SETTINGS.edge_share * edge:
+            start = backwards[0] + 1 == edge
+            wrong = known[:edge] if start else known[-edge:]
+            named = _line(table, int(wrong[0])) + (f" to {table.lines[wrong[-1]]}" if edge > 1 else "")
+            raise RunError(
+                f"{place}: time decreases by {t[before] - t[row]:g} s next to the {'start' if start else 'end'} of the"
+                f" table. Rows there probably have a wrong time, or belong to another recording: delete {named}"
             )
         period = t[before] - t[row] + np.median(np.diff(t[known]))
         value = f" {period / unit:.6g}" if np.ptp(t[known]) < period else ""

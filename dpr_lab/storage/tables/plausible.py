@@ -54,6 +54,9 @@ class Plausible:
     back: float = 1.5
     """Maximum number of turns of a single rod between two turning points. If angles exceed this number, they cannot be
     in radians."""
+    falls: float = -0.5
+    """Maximum correlation of squared speed and height of a rod that falls from the upright pose. It is near -1 for a
+    free rod whose zero is correct, and near 1 if hanging and upright are exchanged."""
     whole: float = 1e-6
     """Maximum difference from integers for which the steps of an angle count as integers."""
     typical_rows: int = 20_000
@@ -264,7 +267,7 @@ def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool
     """Return notes about impossible motion, or rods that mostly point upwards.
 
     A single rod without a drive turns back only below the upright pose. Its motion between turning points is therefore
-    less than one turn.
+    less than one turn. A rod that falls from the upright pose points upwards for a long time, but is slow there.
 
     Args:
         t: (n,) s
@@ -275,7 +278,9 @@ def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool
     """
     rows = np.linspace(0, len(t) - 2, min(len(t) - 1, PLAUSIBLE.typical_rows)).astype(np.intp)
     steps, moved = t[rows + 1] - t[rows], np.abs(theta[rows + 1, 1:] - theta[rows, 1:])
-    above = upright & (np.median(np.cos(theta[rows, 1:]), axis=0) > 0)
+    heights = np.cos(theta[rows, 1:])
+    above = upright & (np.median(heights, axis=0) > 0)
+    falls = rods == 1 and _correlation((moved[:, 0] / steps) ** 2, heights[:, 0]) < PLAUSIBLE.falls
     speed = float(np.quantile(moved.max(axis=1) / steps, 0.1))
     turns, points = ("the rod turns", "the rod points") if rods == 1 else ("the rods turn", "both rods point")
     counted = in_radians and bool((np.abs(moved[:, :rods] - np.round(moved[:, :rods])) < PLAUSIBLE.whole).all())
@@ -293,7 +298,13 @@ def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool
         " angles in degrees (--unit deg)?"
     ]
     impossible = fast if speed > PLAUSIBLE.speed else far if turned > PLAUSIBLE.back * 2 * np.pi else []
-    return impossible + (inverted if above.all() else [])
+    return impossible + (inverted if above.all() and not falls else [])
+
+
+def _correlation(a: Array, b: Array) -> float:
+    """Return the correlation of two samples (n,); 0 if one of them is constant."""
+    spread = float(a.std() * b.std())
+    return float(np.mean((a - a.mean()) * (b - b.mean()))) / spread if spread > 0 else 0.0
 
 
 def _between_turning_points(angle: Array) -> float:
