@@ -46,6 +46,8 @@ class Plausible:
     """Maximum number of consecutive rows that count as outliers because the angle jumps away and back."""
     window_slack: float = 0.2
     """Maximum excess of the range of wrapped angles over one turn, rad."""
+    widths: tuple[float, ...] = (2.0**16, 2.0**32)
+    """Periods of unsigned integers in which a logger may store a signed counter."""
     gap_steps: float = 1.5
     """Minimum step between two rows that is reported as a gap, in median steps."""
     speed: float = 100.0
@@ -135,12 +137,18 @@ def unwrapped(angles: Array) -> Array:
 
 
 def without_wraps(column: Array, options: ImportOptions) -> Array:
-    """Unwrap a column at the period that the options state; missing values are kept."""
-    if options.wrap is None:
+    """Unwrap a column at the period that the options state; missing values are kept.
+
+    If the period is the width of an integer, large first values are those of a signed counter below zero. This matters
+    if the width is no whole number of turns.
+    """
+    known = np.isfinite(column)
+    if options.wrap is None or not known.any():
         return column
-    known, turned = np.isfinite(column), column.copy()
+    turned = column.copy()
     turned[known] = np.unwrap(column[known], period=options.wrap)
-    return turned
+    negative = options.wrap in PLAUSIBLE.widths and column[known].min() >= 0 and column[known][0] >= options.wrap / 2
+    return turned - options.wrap * negative
 
 
 def turn_of_hanging(angle: Array) -> float:
