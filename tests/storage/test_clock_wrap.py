@@ -10,7 +10,7 @@ from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.clock_wrap import unwrapped_times, wrap_behind
 from dpr_lab.storage.tables.columns import find_columns
 from dpr_lab.storage.tables.options import ImportOptions
-from dpr_lab.storage.tables.table import read_table
+from dpr_lab.storage.tables.table import bare, read_table
 
 T = np.arange(0, 4, 0.005)
 THETA = np.pi + 0.4 * np.cos(2 * np.pi * 0.8 * T[:, None] + [0, 0.3])
@@ -108,3 +108,9 @@ def test_columns_that_say_counts_are_counts(names: tuple[str, str], tmp_path: Pa
     (tmp_path / "a.csv").write_text(f"t,{','.join(names)}\n" + "".join(f"{k / 10},{k},{k}\n" for k in range(5)))
     columns = find_columns(read_table(tmp_path / "a.csv"), {}, ImportOptions())
     assert (columns.unit, columns.names["theta1"], columns.names["theta2"]) == ("counts", *names)
+
+
+def test_a_type_in_a_header_is_no_part_of_the_name() -> None:
+    assert bare("Time (uint32)[1]") == "time"
+    assert bare("theta (float64)") == "theta"
+    assert bare("x (int)") == "xint"

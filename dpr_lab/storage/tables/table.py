@@ -395,5 +395,9 @@ def own_name(name: str) -> str:
 
 
 def bare(name: str) -> str:
-    """Return a column name without its group and separators, in lower case and with plain digits."""
-    return re.sub(r"[\W_]+", "", normalize("NFKC", own_name(name).replace("º", "")).lower())
+    """Return a column name without group, type and separators, in lower case and with plain digits.
+
+    An example of a name with a type is `Time (uint32)[1]` of MARTe2.
+    """
+    untyped = re.sub(r"\s*\(u?(int|float)\d+\)(\[1\])?$", "", own_name(name).replace("º", ""))
+    return re.sub(r"[\W_]+", "", normalize("NFKC", untyped).lower())
