@@ -98,28 +98,6 @@ def test_a_question_about_one_rod_mentions_one_rod(one: Rig, tmp_path: Path) -> 
     assert any(note.startswith("the rod points upwards most of the time") for note in notes)
 
 
-NAMED = {"t": "t", "theta1": "theta1"}
-
-
-def test_a_signed_counter_stored_without_sign_keeps_its_zero(one: Rig, tmp_path: Path) -> None:
-    counts = np.round(700 * np.sin(7 * T) - 1)
-    file = table(tmp_path, "t,theta1", T, counts % 2**16)
-    run = import_csv(file, one, ImportOptions(zero="hanging", unit="counts", wrap=2.0**16, columns=NAMED))
-    turn = 2 * np.pi / one.encoders.counts_per_rev[1]
-    np.testing.assert_allclose(run.theta[:, 1] - np.pi, counts[-len(run.t) :] * turn, atol=1e-9)
-
-
-@pytest.mark.parametrize(("zero", "asks"), [("upright", False), ("hanging", True)])
-def test_a_rod_that_lingers_upright_before_it_falls_needs_no_other_zero(
-    one: Rig, tmp_path: Path, zero: str, asks: bool
-) -> None:
-    t = np.arange(0.0, 2.2, 0.01)
-    fall = 4 * np.arctan(np.exp(5.5 * (t - 1.6)))  # separatrix of a rod with 5.5 rad/s
-    angle = fall if zero == "upright" else 2.5 * np.sin(5 * t) ** 3
-    notes = import_csv(table(tmp_path, "t,theta1", t, angle), one, ImportOptions(keep_rest=True)).notes
-    assert any("points upwards most of the time" in note for note in notes) is asks
-
-
 @pytest.mark.parametrize("mounting", [{"mounted": "inner"}, {"elbow": "clamped"}], ids=str)
 def test_a_table_in_which_both_rods_swing_contradicts_one(paper: Rig, tmp_path: Path, mounting: dict[str, str]) -> None:
     file = table(tmp_path, "t,theta1,theta2", T, SWING, np.cos(9 * T))

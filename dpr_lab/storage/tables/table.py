@@ -395,9 +395,6 @@ def own_name(name: str) -> str:
 
 
 def bare(name: str) -> str:
-    """Return a column name without group, type and separators, in lower case and with plain digits.
-
-    An example of a name with a type is `Time (uint32)[1]` of MARTe2.
-    """
+    """Return a column name without group, type (`Time (uint32)[1]`) or separators, in lower case with plain digits."""
     untyped = re.sub(r"\s*\(u?(int|float)\d+\)(\[1\])?$", "", own_name(name).replace("º", ""))
     return re.sub(r"[\W_]+", "", normalize("NFKC", untyped).lower())
