@@ -295,7 +295,7 @@ def test_a_motor_that_is_not_described_changes_the_energy_of_the_rod(
     run = bench_rigs.table(tmp_path, "swing", rig, {"t_s": t, "theta1_rad": angle})
     result = unbalanced([run], rig)
     assert result.forced == forced
-    assert ("friction and known torques do not explain" in result.hint) == forced
+    assert ("Friction and known torques do not explain" in result.hint) == forced
 
 
 def test_the_motion_of_a_prescribed_arm_supplies_energy(tmp_path: Path) -> None:

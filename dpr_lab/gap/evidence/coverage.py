@@ -32,11 +32,10 @@ def coverage(fitted: Recordings, held_out: Recordings) -> dict[str, Occupancy]:
 
     Rods that never swung freely are omitted.
     """
-    joints = fitted.rig.encoders.joint_angles
-    spent = [[_spent(record, joints.to_rods) for record in part.records] for part in (fitted, held_out)]
+    to_rods = fitted.rig.encoders.joint_angles.to_rods
     occupancy: dict[str, Occupancy] = {}
     for rod in RODS:
-        of_rod = [list(_of(rod, part)) for part in spent]
+        of_rod = [list(_motion(rod, part.records, to_rods)) for part in (fitted, held_out)]
         fastest = max((float(np.abs(speed).max(initial=0.0)) for part in of_rod for _, speed, _ in part), default=0.0)
         if fastest > 0.0:
             edges = (np.linspace(0, 2 * np.pi, MAP.angles + 1), fastest * np.linspace(-1, 1, MAP.speeds + 1))
@@ -50,30 +49,19 @@ def coverage(fitted: Recordings, held_out: Recordings) -> dict[str, Occupancy]:
     return occupancy
 
 
-Spent = tuple[str, Array, Array, Array]
-"""Mounting of a run, and the motion of its rods.
-
-The arrays are (n, 2) angles, rad, (n, 2) speeds, rad/s, and (n,) durations, s.
-"""
-
-
-def _spent(record: Record, to_rods: Callable[[Array], Array]) -> Spent:
-    theta = to_rods(record.joints[:, :2])
-    near = without_gap(record.run, record.t)
-    step = np.diff(record.t)[near]
-    speed = (np.diff(theta, axis=0) / np.diff(record.t)[:, None])[near]
-    return record.setup.mounting, (0.5 * (theta[1:] + theta[:-1]))[near], speed, step
-
-
-def _of(rod: str, spent: Sequence[Spent]) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield angles, speeds and durations of a rod for each recording in which it swung.
+def _motion(
+    rod: str, records: Sequence[Record], to_rods: Callable[[Array], Array]
+) -> Iterator[tuple[Array, Array, Array]]:
+    """Yield angles, rad, speeds, rad/s, and durations, s, of a rod for each recording in which it swung.
 
     If only one rod is mounted, its values are in the first column of a recording.
     """
-    for mounting, theta, speed, step in spent:
+    for record in records:
+        mounting = record.setup.mounting
         if mounting in (rod, "both", "clamped"):
-            column = 0 if mounting == rod else RODS.index(rod)
-            yield theta[:, column], speed[:, column], step
+            theta = to_rods(record.joints[:, :2])[:, 0 if mounting == rod else RODS.index(rod)]
+            near, step = without_gap(record.run, record.t), np.diff(record.t)
+            yield (0.5 * (theta[1:] + theta[:-1]))[near], (np.diff(theta) / step)[near], step[near]
 
 
 def _seconds(spent: Sequence[tuple[Array, Array, Array]], edges: tuple[Array, Array]) -> Array:

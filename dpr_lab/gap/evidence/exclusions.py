@@ -31,7 +31,7 @@ from dpr_lab.effects import param_index
 from dpr_lab.effects.effect import Effect
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import Estimate
-from dpr_lab.fitting.linearise import linearise
+from dpr_lab.fitting.linearise import Linearisation, linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import RIDGE, ColumnSpace, SmallSets
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
@@ -126,13 +126,13 @@ class AllShapes:
     @cached_property
     def _whole(self) -> "_Swings":
         """Swings of the whole recordings."""
-        return _Swings.of(self.problem, self.model.estimate, FittedColumns.of(self.model.fit.linear))
+        return _Swings.of(self.problem, self.model.estimate, self.model.fit.linear)
 
     @cached_property
     def _beginnings(self) -> "_Swings":
         """Swings at the beginning of the recordings, in which frequencies are tested."""
         problem, estimate = _beginning(self.problem, self.model.estimate)
-        return _Swings.of(problem, estimate, FittedColumns.of(linearise(problem, estimate, self.model.fit.free)))
+        return _Swings.of(problem, estimate, linearise(problem, estimate, self.model.fit.free))
 
 
 def joint_intervals(given: ColumnSpace, inflation: float) -> list[tuple[float, float]] | None:
@@ -203,9 +203,9 @@ class _Swings:
     fitted: FittedColumns
 
     @classmethod
-    def of(cls, problem: Problem, estimate: Estimate, fitted: FittedColumns) -> "_Swings":
+    def of(cls, problem: Problem, estimate: Estimate, linear: Linearisation) -> "_Swings":
         """Create the swings at the estimate of the linearised problem."""
-        return cls(problem, trajectory(problem, estimate, spacing=TRAJECTORY.coarse_s), fitted)
+        return cls(problem, trajectory(problem, estimate, spacing=TRAJECTORY.coarse_s), FittedColumns.of(linear))
 
     def sets(self, effect: Effect, values: Array) -> Iterator[SmallSets]:
         """Yield the columns of the amplitudes for blocks of several shapes.
