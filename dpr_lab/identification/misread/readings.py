@@ -145,8 +145,8 @@ _ONE_SIGN = _of_two_rods(
 )
 
 _AGAINST_ARM = Misreading(
-    "the rods turn in the opposite direction to the arm (import with --scale theta0=-1, or correct direction in"
-    " [encoders])",
+    "the rods turn in the opposite direction to the arm (import with --scale theta0=-1, or the opposite sign of a"
+    " stated scale, or correct direction in [encoders])",
     lambda run: None if run.arm is None else replace(run, theta=run.theta * [1.0, -1.0, -1.0], counts=None),
 )
 
