@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from math import log
 
 import numpy as np
 
@@ -10,6 +12,7 @@ from dpr_lab.estimation.arm_motion import FEWEST, arm_motion
 from dpr_lab.estimation.noise import ORDER, difference_std
 from dpr_lab.identification.misread.balance import energy_zeros
 from dpr_lab.identification.misread.local_motion import shows_a_period
+from dpr_lab.identification.misread.moving_arm_balance import ARM_BALANCE, arm_balance
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -58,6 +61,8 @@ class ZeroSettings:
 
     least_deg: float = 5.0
     """Smallest error of a zero that is tested, degrees. Smaller errors are fitted as an encoder offset."""
+    arm_factor: float = 1.1
+    """Smallest factor on the angle of a prescribed arm that is tested."""
     alike_deg: float = 2.0
     """Maximum difference between the zeros of two runs that count as equal, degrees."""
 
@@ -71,6 +76,28 @@ def readings(rig: Rig) -> tuple[Misreading, ...]:
         replace(reading, read=_of_encoders(reading)) for reading in (_AGAINST_ARM, _ONE_SIGN, *_ANGLES, *_scaled(rig))
     )
     return (*_OF_POINTS_TOO, *of_encoders, *_TIMES, *_TORQUES, _arm(rig))
+
+
+def arm_scales(runs: Sequence[Run], rig: Rig) -> Iterator[Misreading]:
+    """Find interpretations with another scale of a prescribed arm by the torque balance of the last rod."""
+    for run in runs:
+        balance = arm_balance(run.t, run.theta, rig) if run.arm is not None else None
+        if balance is None or not balance.residual < ARM_BALANCE.broken or balance.gravity <= 0.0:
+            continue
+        factor = float(f"{balance.coupled:.3g}")
+        if factor != 0.0 and abs(log(abs(factor))) > log(ZEROS.arm_factor):
+            yield Misreading(
+                f"the arm turns by {factor:g} times its reading (multiply --scale theta0 by this factor, or correct"
+                " counts_per_rev and direction of the arm), or L0 in the rig file has this error",
+                partial(_with_arm_times, factor),
+            )
+
+
+def _with_arm_times(factor: float, run: Run) -> Run | None:
+    if run.arm is None:
+        return None
+    theta = run.theta * [factor, 1.0, 1.0]
+    return replace(run, theta=theta, arm=arm_motion(run.t, theta[:, 0], run.name), counts=None)
 
 
 def other_zeros(runs: Sequence[Run], rig: Rig) -> Iterator[Misreading]:

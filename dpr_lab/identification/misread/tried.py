@@ -12,7 +12,7 @@ from dpr_lab.estimation.noise import noise_floor
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, alone_share, unknown_ratios
 from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON, GaussNewton
 from dpr_lab.identification.misread.energy import ENERGY, energy_remedy, energy_rise
-from dpr_lab.identification.misread.readings import Misreading, listed_causes, other_zeros, readings
+from dpr_lab.identification.misread.readings import Misreading, arm_scales, listed_causes, other_zeros, readings
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
 from dpr_lab.identification.ratio_fit import RatioFit, first_fit, short_fit
 from dpr_lab.rig import Rig
@@ -186,7 +186,8 @@ def better_readings(
         limit: reduced chi-square below which an interpretation explains the runs
     """
     good: list[tuple[Misreading, RatioFit]] = []
-    for tried in (readings(rig), other_zeros(runs, rig)):  # a free zero can also explain these mistakes
+    # a free zero can also explain these mistakes
+    for tried in ((*arm_scales(runs, rig), *readings(rig)), other_zeros(runs, rig)):
         good = good or list(_explaining(tried, runs, rig, chi2_per_dof, limit))
     good = sorted(good, key=lambda pair: pair[1].chi2_per_dof)
     return [pair for pair in good if pair[1].chi2_per_dof < SETTINGS.better * good[0][1].chi2_per_dof]
