@@ -8,20 +8,22 @@ every rig of this kind are omitted if they are neither significant nor named.
 """
 
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.dynamics.base import ALONE, RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90, noise_floor
 from dpr_lab.estimation.usable_runs import refuse_other_rigs
 from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.ensemble.sampled import signed
 from dpr_lab.exports.moving_arm.corrected import corrected_arm_model, has_moving_arm
-from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS, alone_share, visible_ratios
+from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, UNKNOWN_RATIOS, alone_share, visible_ratios
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.posterior import PosteriorComponent
+from dpr_lab.gap.result.saved import Interval
 from dpr_lab.identification.model import (
     Covariance,
     EstimatedValue,
@@ -34,8 +36,10 @@ from dpr_lab.identification.model import (
 )
 from dpr_lab.identification.preprocess import rms_noise
 from dpr_lab.identification.prior_update import posterior_of
+from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+from dpr_lab.setup import Setup, only_inner
 from dpr_lab.version import __version__
 
 AXES = {"joint1": "theta1", "joint2": "theta2"}
@@ -67,28 +71,16 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
     See `corrected_model` for the arguments.
     """
     unknown, effects = significant_values(diagnosis)
-    values = unknown[: len(RATIOS)]
     covariance = np.array(diagnosis.ratio_covariance)
+    alone = {name: diagnosis.determined[name] for name in ALONE if diagnosis.fitted and name in diagnosis.determined}
+    values = rod_values(
+        unknown, covariance, diagnosis.all_ratios, diagnosis.scale, [run.setup for run in runs], rig, alone
+    )
     std = np.sqrt(np.diag(covariance))
-    alone, visible = bool(diagnosis.fitted), visible_ratios(run.setup for run in runs)
-    determined = [i for i in visible if i < len(RATIOS)]
-    posterior = posterior_of(unknown, rig, determined, covariance[np.ix_(determined, determined)], alone=alone)
-    scale = diagnosis.scale or posterior.scale(float(unknown[SCALE]))
-    scale = scale.as_inertia("b", float(unknown[SCALE]) / scale.b)
-    ratios = {
-        name: EstimatedValue(value=value, std=float(s), interval90=interval.interval90)
-        for (name, interval), value, s in zip(diagnosis.all_ratios.items(), values.tolist(), std, strict=True)
-    }
-    nine, absolute = posterior.parameters(scale, ratios)
     return Model(
+        **values,
         rig=RigFacts.of(rig),
-        ratios=_alone(diagnosis, [*ratios.values()], rig) if alone else ratios,
-        fitted=[*ratios.values()] if alone else [],
-        covariance=Covariance(order=list(RATIOS), matrix=covariance.tolist()),
-        cramer_rao_std={} if alone else dict(zip(RATIOS, std.tolist(), strict=True)),
-        parameters=nine,
-        base=absolute,
-        scale=scale.as_inertia("a", alone_share(unknown)) if alone else scale,
+        cramer_rao_std={} if diagnosis.fitted else dict(zip(RATIOS, std.tolist(), strict=True)),
         fit=_fit_summary(diagnosis, rms_noise(noise_floor(run, rig) for run in runs)),
         search=SearchRecord(
             algorithm="diagnosis",
@@ -126,14 +118,53 @@ def _fit_summary(diagnosis: Diagnosis, noise: Array) -> FitSummary:
     )
 
 
-def _alone(diagnosis: Diagnosis, five: Sequence[EstimatedValue], rig: Rig) -> dict[str, EstimatedValue]:
-    """Return e1/a and c1/a of the inner rod alone, with the intervals of the diagnosis."""
-    alone = ratios_alone(five, diagnosis.p_over_b or 0.0, rig.g / rig.L1)
-    ends = {name: diagnosis.determined[name].interval90 for name in alone if name in diagnosis.determined}
-    return {
-        name: estimate.model_copy(update={"interval90": ends.get(name, estimate.interval90)})
-        for name, estimate in alone.items()
+def rod_values(
+    unknown: Array,
+    covariance: Array,
+    intervals: Mapping[str, Interval],
+    scale: Scale | None,
+    setups: Sequence[Setup],
+    rig: Rig,
+    alone: Mapping[str, Interval] | None = None,
+) -> dict[str, Any]:
+    """Return the values of a model with their intervals: `ratios`, `covariance`, `parameters`, `base` and `scale`.
+
+    Args:
+        unknown: (7,) ratios, b and p/b
+        covariance: (5, 5) covariance of the ratios
+        intervals: the five ratios with their 90 % intervals, which are moved to the values in `unknown`
+        scale: assumed inertia a or b; None: from the rig file
+        setups: setup of each run
+        rig: measured values and bounds
+        alone: intervals of e1/a and c1/a
+    """
+    single, visible = only_inner(setups), [i for i in visible_ratios(setups) if i < len(RATIOS)]
+    posterior = posterior_of(unknown, rig, visible, covariance[np.ix_(visible, visible)], alone=single)
+    scale = scale or posterior.scale(float(unknown[SCALE]))
+    scale = scale.as_inertia("b", float(unknown[SCALE]) / scale.b)
+    ratios = {
+        name: _estimated(intervals[name], value, float(std))
+        for name, value, std in zip(RATIOS, unknown.tolist(), np.sqrt(np.diag(covariance)), strict=False)
     }
+    nine, base = posterior.parameters(scale, ratios)
+    shown = ratios_alone([*ratios.values()], float(unknown[ON_ELBOW]), rig.g / rig.L1) if single else ratios
+    shown |= {
+        name: _estimated(interval, shown[name].value, shown[name].std) for name, interval in (alone or {}).items()
+    }
+    return {
+        "ratios": shown,
+        "fitted": [*ratios.values()] if single else [],
+        "covariance": Covariance(order=list(RATIOS), matrix=covariance.tolist()),
+        "parameters": nine,
+        "base": base,
+        "scale": scale.as_inertia("a", alone_share(unknown)) if single else scale,
+    }
+
+
+def _estimated(interval: Interval, value: float, std: float) -> EstimatedValue:
+    """Return a value with the interval of another value, moved by the difference; an end at zero stays."""
+    low, high = (end and end + value - interval.value for end in interval.interval90)
+    return EstimatedValue(value=value, std=std, interval90=(low, high))
 
 
 def significant_values(diagnosis: Diagnosis) -> tuple[Array, dict[str, dict[str, float]]]:

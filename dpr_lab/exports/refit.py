@@ -11,22 +11,24 @@ from itertools import combinations
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.dynamics.base import ALONE, RATIOS
 from dpr_lab.effects import EFFECTS, effect_params, named_params
 from dpr_lab.effects.effect import Effect
 from dpr_lab.exports import FORMATS
 from dpr_lab.exports.bodies import AnyModel, Effects, in_words, words_of
+from dpr_lab.exports.corrected import rod_values
 from dpr_lab.exports.module_parts import known_effects
-from dpr_lab.exports.moving_arm.corrected import with_engine_values
+from dpr_lab.exports.moving_arm.corrected import with_engine_values, with_intervals
 from dpr_lab.fitting.estimate import Estimate
-from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.bare_model import fit_bare_model
-from dpr_lab.gap.hypothesis.hypothesis import free_parameters
+from dpr_lab.gap.conclusion.ratios import determined, ratio_covariance, ratios
+from dpr_lab.gap.conclusion.uncertainty import whole_covariance
+from dpr_lab.gap.hypothesis.hypothesis import free_parameters, hypothesis
 from dpr_lab.gap.screen.pieces import in_pieces
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.engine import OF_ARM, engine_values
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
@@ -58,7 +60,8 @@ def fitted_for(formats: Sequence[str], model: AnyModel, runs: Sequence[Run], rig
     for name, lost in losses.items():
         if lost not in refitted:
             effects = _without(model, lost, FORMATS[name].words)
-            refitted[lost] = _with(model, _best_fit(problem, effects, _starts(bare, model, rig), bare.initial), rig)
+            best = _best_fit(problem, effects, _starts(bare.estimate, model, rig), bare.estimate.initial)
+            refitted[lost] = _with(model, problem, best, rig)
     return {name: refitted[lost] for name, lost in losses.items()}
 
 
@@ -81,7 +84,8 @@ def fitted_in_words(model: AnyModel, words: frozenset[str], runs: Sequence[Run],
         return model
     problem, bare = _bare_fit(model, runs, rig)
     effects = _without(model, lost, words)
-    return _with(model, _best_fit(problem, effects, _starts(bare, model, rig), bare.initial), rig)
+    best = _best_fit(problem, effects, _starts(bare.estimate, model, rig), bare.estimate.initial)
+    return _with(model, problem, best, rig)
 
 
 def unchanged(model: AnyModel, written: AnyModel) -> set[str]:
@@ -107,8 +111,8 @@ def _starts(bare: Estimate, model: AnyModel, rig: Rig) -> list[tuple[Array, Arra
     return [(bare.ratios, bare.params), (unknown, effect_params(named_params(params, among=OF_ARM)))]
 
 
-def _best_fit(problem: Problem, effects: Effects, starts: Sequence[tuple[Array, Array]], initial: Array) -> Estimate:
-    """Fit from several initial values, and return the best estimate.
+def _best_fit(problem: Problem, effects: Effects, starts: Sequence[tuple[Array, Array]], initial: Array) -> Fit:
+    """Fit from several initial values, and return the best fit.
 
     A poor initial value can lead to a local minimum.
     """
@@ -122,7 +126,7 @@ def _best_fit(problem: Problem, effects: Effects, starts: Sequence[tuple[Array, 
             if parameter.name in effects.get(parameter.effect, {parameter.name})
         ]
         fits.append(fit(problem, estimate, free, iterations=20))
-    return min(fits, key=lambda candidate: candidate.chi2).estimate
+    return min(fits, key=lambda candidate: candidate.chi2)
 
 
 def bare_model(model: AnyModel, runs: Sequence[Run], rig: Rig) -> AnyModel:
@@ -130,7 +134,7 @@ def bare_model(model: AnyModel, runs: Sequence[Run], rig: Rig) -> AnyModel:
 
     See `fitted_for` for arguments and errors.
     """
-    return _with(model, _bare_fit(model, runs, rig)[1], rig)
+    return _with(model, *_bare_fit(model, runs, rig), rig)
 
 
 def moving(model: AnyModel) -> list[str]:
@@ -143,12 +147,12 @@ def moving_losses(name: str, model: AnyModel, rig: Rig) -> frozenset[str]:
     return frozenset(FORMATS[name].lost(model, rig)) & frozenset(moving(model))
 
 
-def _bare_fit(model: AnyModel, runs: Sequence[Run], rig: Rig) -> tuple[Problem, Estimate]:
+def _bare_fit(model: AnyModel, runs: Sequence[Run], rig: Rig) -> tuple[Problem, Fit]:
     fitted, *_ = in_pieces(runs, [])
     recordings = Recordings(tuple(record(run, rig) for run in fitted), rig)
     unknown = engine_values(model, rig)[0] if isinstance(model, MovingArmModel) else model.unknowns
     _, problem, bare = fit_bare_model(recordings, unknown)
-    return problem, bare.fit.estimate
+    return problem, bare.fit
 
 
 def _without(model: AnyModel, lost: frozenset[str], words: frozenset[str]) -> dict[str, dict[str, float]]:
@@ -197,13 +201,24 @@ def _typical(effect: Effect) -> dict[str, float]:
     return {p.name: p.default if p.role == "shape" else p.typical for p in effect.parameters}
 
 
-def _with(model: AnyModel, estimate: Estimate, rig: Rig) -> AnyModel:
-    """Replace the ratios and effects of a model by the values of an estimate."""
+def _with(model: AnyModel, problem: Problem, refitted: Fit, rig: Rig) -> AnyModel:
+    """Replace the ratios and effects of a model by the values of a fit, with their intervals."""
+    estimate = refitted.estimate
+    effects = named_params(estimate.params)
+    hypothesis_of_fit = hypothesis(problem, [name for name in effects if name not in OF_ARM], refitted)
+    covariance = whole_covariance(problem, hypothesis_of_fit, rig)
+    shown, of_shown = determined(problem, refitted, covariance, rig)
     if isinstance(model, MovingArmModel):
-        return with_engine_values(model, estimate.ratios, estimate.params, rig)
-    return _with_rods(model, estimate)
-
-
-def _with_rods(model: Model, estimate: Estimate) -> Model:
-    refitted = model.with_ratios(estimate.ratios[: len(RATIOS)].tolist()).with_base(estimate.base.tolist())
-    return refitted.model_copy(update={"effects": named_params(estimate.params)})
+        changed = with_engine_values(model, estimate.ratios, estimate.params, rig)
+        return with_intervals(changed, shown, of_shown)
+    intervals = ratios(problem, hypothesis_of_fit, covariance, rig)
+    values = rod_values(
+        estimate.ratios,
+        ratio_covariance(refitted, covariance),
+        intervals,
+        model.scale,
+        problem.segments.setups,
+        rig,
+        {name: shown[name] for name in ALONE if name in shown},
+    )
+    return model.model_copy(update=values | {"effects": effects})

@@ -16,7 +16,7 @@ from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.classes.posterior import effect_posterior
 from dpr_lab.gap.conclusion.conclusion import conclude
 from dpr_lab.gap.conclusion.description import description
-from dpr_lab.gap.conclusion.uncertainty import covariance, second_moments
+from dpr_lab.gap.conclusion.uncertainty import whole_covariance
 from dpr_lab.gap.corrections import ForwardSelected, corrected, with_other_noise
 from dpr_lab.gap.damage.disturbances import without_disturbances
 from dpr_lab.gap.evidence.evidence import evidence
@@ -214,6 +214,5 @@ def _transferred(selected: Selected) -> Transferred:
         description=described,
         remainder=remainder,
         gap=gap(selected, transferred, freely, budget, remainder),
-        # the covariance of values at a bound is zero; the second moments contain their one-sided uncertainty
-        covariance=covariance(problem, chosen, rig, remainder) + second_moments(problem, chosen.fit, chosen.inflation),
+        covariance=whole_covariance(problem, chosen, rig, remainder),
     )

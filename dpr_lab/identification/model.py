@@ -271,8 +271,8 @@ class Model(FittedModel):
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     def with_ratios(self, values: Sequence[float]) -> "Model":
-        """Return a copy with different fitted ratios (5,) and unchanged uncertainties."""
-        five = [r.model_copy(update={"value": v}) for r, v in zip(self.all_ratios.values(), values, strict=True)]
+        """Return a copy with given ratios (5,), which are not estimates and have no uncertainty."""
+        five = [EstimatedValue(value=value, std=0.0, interval90=(value, value)) for value in values]
         if not self.fitted:
             return self.model_copy(update={"ratios": dict(zip(RATIOS, five, strict=True))})
         alone = ratios_alone(five, self.p_over_b or 0.0, self.rig.g / self.rig.L1)

@@ -5,11 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.dynamics.segments import segments
+from dpr_lab.dynamics.sensitivity import swings
 from dpr_lab.effects import effect_params
 from dpr_lab.exports.into import WORDS
-from dpr_lab.exports.refit import fitted_in_words, unchanged
+from dpr_lab.exports.refit import bare_model, fitted_in_words, unchanged
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
-from dpr_lab.rig import load_rig
+from dpr_lab.identification.model import Model
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.run import Run
 from dpr_lab.workflows.rig_from import rig_from_model
 from tests.exports.models import base_of
 from tests.exports.test_export_command import whole_model
@@ -44,3 +49,33 @@ def test_a_spring_with_a_cubic_term_becomes_a_linear_one(
         assert stiffness == pytest.approx(0.08, rel=0.02)
     else:
         assert fitted is model
+
+
+def test_the_intervals_of_a_refitted_model_belong_to_its_values(paper: Rig) -> None:
+    """The given model has other ratios, which are wrong by 5 %, with narrow intervals."""
+    true = unknown_ratios(base_of(paper))
+    truth = dict(zip(RATIOS, true.tolist(), strict=False))
+    t = np.arange(800) / 400.0
+    layout = segments([t] * 2, run=[0, 1], step=2.5e-3)
+    starts = np.array([[1.0, 0.4, 0.0, 0.0], [-0.8, 0.9, 0.0, 0.0]])
+    swung = swings(true[:5], paper.L1, paper.g, layout, starts)[:, :2]
+    theta = np.insert(swung + 1e-3 * np.random.default_rng(3).standard_normal(swung.shape), 0, 0.0, axis=1)
+    runs = [
+        Run(f"swing {k}", t, angles, None, None, paper.name, paper.sha256, 400.0)
+        for k, angles in enumerate(np.split(theta, 2))
+    ]
+    given = whole_model(paper, Estimate.of(1.05 * true, effect_params({}), np.zeros((1, 4))))
+    given = given.model_copy(update={"effects": {"coulomb_joint1": {"torque_Nm": 1e-3}}})
+    refitted = bare_model(given, runs, paper)
+    assert isinstance(refitted, Model)
+    for name, ratio in refitted.ratios.items():
+        low, high = ratio.interval90
+        assert low <= ratio.value <= high
+        assert (high - low) / 2 == pytest.approx(1.645 * ratio.std, rel=0.01)
+        assert abs(ratio.value - truth[name]) < 4 * ratio.std
+        assert ratio.std < 0.1 * ratio.value
+    for value in (*refitted.parameters.values(), *refitted.base.values()):
+        assert value.interval90 is not None
+        assert value.interval90[0] <= value.value <= value.interval90[1]
+    a_over_b = refitted.base["a"].value / refitted.base["b"].value
+    assert a_over_b == pytest.approx(refitted.ratios["a/b"].value, rel=1e-3)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from types import SimpleNamespace as Fake
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -135,14 +135,13 @@ def test_a_ratio_and_its_covariance_are_divided_by_the_same_inertia(monkeypatch:
     of = {"a/b": ("a/b", 3.0, 2.0), "c1/b": ("c1/b", 0.1, 4.0)}
     monkeypatch.setattr(ratios, "ratio_of", lambda parameter, *_, **__: of.get(parameter.name))
     monkeypatch.setattr(ratios, "only_inner", lambda _: False)
-    fitted = Fake(problem=Fake(segments=Fake(setups=())), recordings=Fake(rig=None))
-    state: Any = Fake(
-        fitted=fitted,
-        selection=Fake(chosen=Fake(fit=Fake(free=free, estimate=None))),
-        intervals={("", "a/b"): 1.0, ("", "c1/b"): 0.8},
-        covariance=np.array([[4.0, 1.0, 8.0], [1.0, 1.0, 1.0], [8.0, 1.0, 16.0]]),
+    problem, fit, rig = (
+        Fake(segments=Fake(setups=())),
+        Fake(free=free, estimate=None),
+        Fake(),
     )
-    values, covariance = determined(state)
-    assert values["a/b"].interval90 == (2.5, 3.5)
-    assert values["c1/b"].interval90 == (0.0, pytest.approx(0.3))
+    of_fit = np.array([[4.0, 1.0, 8.0], [1.0, 1.0, 1.0], [8.0, 1.0, 16.0]])
+    values, covariance = determined(cast(Any, problem), cast(Any, fit), of_fit, cast(Any, rig))
+    assert values["a/b"].interval90 == pytest.approx((3.0 - 1.645, 3.0 + 1.645), rel=1e-3)
+    assert values["c1/b"].interval90 == (0.0, pytest.approx(0.1 + 1.645, rel=1e-3))
     assert covariance == pytest.approx(np.array([[1.0, 1.0], [1.0, 1.0]]))

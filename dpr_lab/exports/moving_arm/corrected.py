@@ -98,6 +98,29 @@ def with_engine_values(model: MovingArmModel, unknown: Array, params: Array, rig
     return changed.model_copy(update={"effects": _named(named_params(params))})
 
 
+def with_intervals(model: MovingArmModel, determined: Mapping[str, Interval], covariance: Array) -> MovingArmModel:
+    """Replace the ratios and absolute values of a model by those of a new fit.
+
+    Args:
+        model: a model with the `SWING_PARAMETERS` of this fit
+        determined: the ratios with their intervals
+        covariance: (n, n) covariance of these ratios
+    """
+    assumed = model.absolute[model.scale]
+    low, high = assumed.interval90
+    scale = Scale(
+        b=assumed.value,
+        interval90=(max(low, 1e-3 * assumed.value), high),
+        fixed_by="bound" if assumed.fixed_by == "bound" else "data",
+        inertia=model.scale,
+    )
+    estimates = {name: _estimated(interval) for name, interval in determined.items()}
+    ratios = _with_values(estimates, model.swing, model.input, model.scale)
+    absolute = _absolute(ratios, scale, model.input) | {model.scale: assumed}
+    update = {"covariance": covariance.tolist(), "unknowns": list(ratios), "absolute": absolute, "undetermined": {}}
+    return model.model_copy(update={"ratios": ratios, **update})
+
+
 def with_swing(model: MovingArmModel, swing: Sequence[float], inertia: float) -> MovingArmModel:
     """Replace the `SWING_PARAMETERS` and the scale of a model.
 

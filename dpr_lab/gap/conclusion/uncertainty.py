@@ -69,6 +69,11 @@ def covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrep
     return considered(model.fit, model.inflation, changes)
 
 
+def whole_covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrepancy | None = None) -> Array:
+    """Return the (free, free) covariance of the fitted values with the second moments of values at a bound."""
+    return covariance(problem, model, rig, remainder) + second_moments(problem, model.fit, model.inflation)
+
+
 def by_unseen_ratios(problem: Problem, model: Hypothesis, rig: Rig) -> Array:
     """Return the (5,) variance of the ratios due to the undetermined ratios.
 
