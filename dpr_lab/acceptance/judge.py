@@ -50,6 +50,9 @@ NOT_OF_SPEED = tuple(
 Answer = Literal["pass", "fail", "not decidable"]
 Range = tuple[float, float]
 
+WITHIN = "the limit lies within the interval"
+"""Reason for which further releases may decide a limit."""
+
 
 @dataclass(frozen=True, slots=True)
 class JudgedLimit:
@@ -204,7 +207,7 @@ def _judged(
     reason: str,
 ) -> JudgedLimit:
     if not reason and answer == "not decidable":
-        reason = "the limit lies within the interval: record more releases"
+        reason = f"{WITHIN}: record more releases"
     return JudgedLimit(quantity, unit, *bounds, interval, "not decidable" if reason else answer, reason)
 
 

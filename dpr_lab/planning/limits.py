@@ -42,13 +42,16 @@ from dpr_lab.configs import read_config
 from dpr_lab.errors import ConfigError
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.planning.release import ArmState
-from dpr_lab.rig import Rig, refuse_impossible_arm
+from dpr_lab.rig import MASSES, PARAMETERS, Rig, refuse_impossible_arm
 from dpr_lab.rig_tables import AddedMass, Positive, RigTable
 
 StartAngle = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Range = tuple[StartAngle, StartAngle]
 Both = tuple[Positive, Positive]
 Minutes = Annotated[float, Field(ge=0, le=1e4, strict=True)]
+
+HEAVIEST = 10.0
+"""Largest added mass relative to the nominal mass of the rods; a larger number was probably given in grams."""
 
 
 class ReachablePoses(RigTable):
@@ -215,12 +218,18 @@ def refuse_impossible_plan(path: Path, limits: PlanLimits, rig: Rig) -> None:
     Raises:
         ConfigError: a limit does not fit the rig, or the limits permit no release; the message names the limit.
     """
+    of_rods = float(rig.nominal[[PARAMETERS.index(name) for name in MASSES]].sum())
     for number, mass in enumerate(limits.masses, 1):
         longest = rig.L1 if mass.rod == "inner" else rig.L2
         if longest is not None and mass.position > longest:
             raise ConfigError(
                 f"{path}: masses, entry {number}, position = {mass.position:g}: the {mass.rod} rod of rig {rig.name} is"
                 f" {longest:g} m long"
+            )
+        if mass.mass > HEAVIEST * of_rods:
+            raise ConfigError(
+                f"{path}: masses, entry {number}, mass = {mass.mass:g}: masses are in kg, and the rods of rig"
+                f" {rig.name} have {of_rods:.2g} kg"
             )
     _refuse_impossible_arms(path, limits, rig)
     if limits.rods.mounted is not None and not {"both", rig.rods.mounted} & {*limits.rods.mounted}:

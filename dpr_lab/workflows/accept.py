@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.shown import counted
 from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.diagnose import ACCEPTANCE, DiagnoseRequest, diagnose, diagnosis_folder, save_results
 from dpr_lab.workflows.events import OnEvent, ignore
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from dpr_lab.acceptance.judge import Acceptance
     from dpr_lab.acceptance.limits import Limits
     from dpr_lab.gap.result.diagnosis import Diagnosis
-    from dpr_lab.planning.limits import PlanLimits
+    from dpr_lab.planning.result import Plan
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
 
@@ -55,6 +56,7 @@ def accept(
     """
     from dpr_lab.acceptance.limits import load_limits
     from dpr_lab.planning.limits import PlanLimits, refuse_impossible_plan
+    from dpr_lab.planning.plan import plan
     from dpr_lab.rig import load_rig
 
     rig = load_rig(request.rig)
@@ -68,7 +70,9 @@ def accept(
     else:
         diagnosis = read_diagnosis(diagnosis_file, runs)
         _refuse_other_rig(diagnosis_file, diagnosis, rig)
-    acceptance = _with_recordings(judged(diagnosis, wanted, runs, rig), wanted, diagnosis, runs, rig)
+    acceptance = judged(diagnosis, wanted, runs, rig)
+    if acceptance.answer == "not decidable":
+        acceptance = with_recordings(acceptance, plan(rig, runs, diagnosis, limits=wanted))
     files = _save(acceptance, diagnosis, runs, rig, request.out, on_event) if request.out else {}
     return AcceptResult(acceptance, files)
 
@@ -100,19 +104,25 @@ def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig:
     return judge(diagnosis, limits, free_run_errors(runs, rig, diagnosis, horizon) if horizon else {})
 
 
-def _with_recordings(
-    acceptance: "Acceptance", wanted: "PlanLimits", diagnosis: "Diagnosis", runs: "Sequence[Run]", rig: "Rig"
-) -> "Acceptance":
-    """Add the planned releases that are expected to show whether the remaining limits are met."""
-    from dpr_lab.planning.plan import plan
+def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
+    """Add the planned releases if they are expected to decide a limit.
 
-    if acceptance.answer != "not decidable":
-        return acceptance
-    open_ones = {limit.quantity for limit in acceptance.limits if limit.answer == "not decidable"}
-    planned = plan(rig, runs, diagnosis, limits=wanted)
-    decides = tuple(release.quantity for release in planned.limits if release.decides and release.quantity in open_ones)
-    texts = tuple(release.text for release in planned.releases) if decides else ()
-    return replace(acceptance, recordings=texts, would_decide=decides)
+    The reason of a limit that they would not decide states this.
+    """
+    from dpr_lab.acceptance.judge import WITHIN
+
+    decides = {forecast.quantity: forecast.decides for forecast in planned.limits}
+    hopeless = f"{WITHIN}, and {counted(len(planned.releases), 'further release')} would probably not decide it"
+    limits = tuple(
+        replace(limit, reason=hopeless)
+        if limit.reason.startswith(WITHIN) and not decides.get(limit.quantity, True)
+        else limit
+        for limit in acceptance.limits
+    )
+    open_ones = [limit.quantity for limit in limits if limit.answer == "not decidable"]
+    decided = tuple(quantity for quantity in open_ones if decides.get(quantity))
+    texts = tuple(release.text for release in planned.releases) if decided else ()
+    return replace(acceptance, limits=limits, recordings=texts, would_decide=decided)
 
 
 def _save(

@@ -28,6 +28,7 @@ from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.report.gap.acceptance import limit_table
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
+from dpr_lab.workflows.accept import with_recordings
 from tests.a_diagnosis import made
 
 TORQUE_NM = 1.5e-3
@@ -379,3 +380,14 @@ def test_accept_takes_the_limits_file_of_a_plan(tmp_path: Path) -> None:
     path.write_text("[effects.coulomb_joint2]\ntorque_Nm = 0.005\n")
     with pytest.raises(ConfigError, match=r"torque_Nm = 0\.005: must be a table of keys and values"):
         load_limits(path, PlanLimits)
+
+
+def test_a_limit_that_no_planned_release_decides_states_it_instead_of_advising_more_releases() -> None:
+    reason = "the limit lies within the interval: record more releases"
+    limits = [JudgedLimit(name, "N m", -1.0, 1.0, (0.0, 2.0), "not decidable", reason) for name in ("far", "near")]
+    forecasts = [SimpleNamespace(quantity="far", decides=False), SimpleNamespace(quantity="near", decides=True)]
+    plan: Any = SimpleNamespace(limits=forecasts, releases=[SimpleNamespace(text="P1"), SimpleNamespace(text="P2")])
+    acceptance = with_recordings(Acceptance("not decidable", "", tuple(limits)), plan)
+    far, near = acceptance.limits
+    assert far.reason == "the limit lies within the interval, and 2 further releases would probably not decide it"
+    assert (near.reason, acceptance.would_decide, acceptance.recordings) == (reason, ("near",), ("P1", "P2"))

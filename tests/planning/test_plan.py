@@ -325,6 +325,10 @@ def test_a_plan_after_runs_lists_the_undecided_causes(two_runs: list[Run], two_f
         ("[recording]\nshortest_s = 9.0\nlongest_s = 5.0", "shortest_s = 9 is above longest_s = 5: give"),
         ('[rods]\nmounted = ["inner"]', "does not contain both"),
         ('[[masses]]\nrod = "outer"\nmass = 0.1\nposition = 0.9', "is 0.4 m long"),
+        (
+            '[[masses]]\nrod = "outer"\nmass = 100\nposition = 0.2',
+            "mass = 100: masses are in kg, and the rods of rig paper",
+        ),
         ("[drive]\ntorque_Nm = [0.1]", "drive.torque_Nm, entry 2"),
         ("[drive]\ntorque_Nm = [0.1, -0.1]", "drive.torque_Nm, entry 2 = -0.1"),
         ('[effects.coulomb_jont2]\ntorque_Nm = {max = 1.0, unit = "N m"}', "coulomb_joint2"),
