@@ -23,11 +23,10 @@ from dpr_lab.fitting.estimate import UNKNOWN_RATIOS
 from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
-from dpr_lab.planning.acting import Acting
 from dpr_lab.planning.candidates import minutes, mounted_now, mountings, spread_poses
 from dpr_lab.planning.forecast import FORECAST
 from dpr_lab.planning.information import informed
-from dpr_lab.planning.knowledge import RATIO_COLUMNS, Knowledge, known_before
+from dpr_lab.planning.knowledge import RATIO_COLUMNS, Acting, Knowledge, known_before
 from dpr_lab.planning.limits import AllowedRods, PlanLimits, RecordingTimes
 from dpr_lab.planning.plan import plan
 from dpr_lab.planning.release import CandidateRelease, MountedParts

@@ -132,10 +132,7 @@ class Look:
 
 def given_steps(known: Knowledge, releases: Sequence[CandidateRelease]) -> list[SequenceStep]:
     """Sequence that consists of given releases."""
-    return [
-        SequenceStep(one.release, one.information / known.inflation, 1.0, 0.0)
-        for one in informed(releases, known.model)
-    ]
+    return [SequenceStep(one.release, one.information, 1.0, 0.0) for one in informed(releases, known.model)]
 
 
 def looks_at(subject: Subject, releases: Sequence[CandidateRelease]) -> list[Look]:

@@ -1,13 +1,12 @@
 """Candidate releases: evenly spread start poses, neighbouring poses, all permitted mountings."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.gap.screen.pieces import PIECES
-from dpr_lab.planning.acting import allowed_rods, arm_states
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.release import CandidateRelease, MountedParts
 from dpr_lab.rig import Rig
@@ -81,9 +80,8 @@ def near(
         count: maximum number of releases
         rng: source of randomness
     """
-    theta = np.array([release.theta1, release.theta2]) + width * rng.standard_normal((4 * count, 2))
-    theta = theta[limits.poses.reachable(theta)][:count] % (2 * np.pi)
-    return [replace(release, theta1=a, theta2=b) for a, b in theta.tolist()]
+    theta = [release.theta1, release.theta2] + width * rng.standard_normal((4 * count, 2))
+    return release.moved(theta[limits.poses.reachable(theta)][:count] % (2 * np.pi))
 
 
 def placements(release: CandidateRelease, std: float, count: int, rng: np.random.Generator) -> list[CandidateRelease]:
@@ -95,13 +93,7 @@ def placements(release: CandidateRelease, std: float, count: int, rng: np.random
         count: number of copies
         rng: source of randomness
     """
-    errors = std * rng.standard_normal((count, 2))
-    return [replace(release, theta1=release.theta1 + a, theta2=release.theta2 + b) for a, b in errors.tolist()]
-
-
-def bent(release: CandidateRelease) -> CandidateRelease:
-    """Set the angle of an absent rod to the angle of the mounted rod."""
-    return replace(release, theta2=release.theta1) if release.setup.alone else release
+    return release.moved([release.theta1, release.theta2] + std * rng.standard_normal((count, 2)))
 
 
 def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> float:
@@ -109,25 +101,22 @@ def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> floa
 
     The fraction is 1 if no release in `made` is similar.
     """
-    alike = [
-        np.exp(-0.5 * (_apart(release, other) / SEARCH.alike_rad) ** 2)
-        for other in made
-        if (other.mounted, other.arm, other.signal) == (release.mounted, release.arm, release.signal)
-    ]
-    return 1.0 - SEARCH.repeated * float(max(alike, default=0.0))
+    same = [other for other in made if _kind(other) == _kind(release)]
+    turns = [(release.start - other.start + np.pi)[:2] % (2 * np.pi) - np.pi for other in same]  # modulo full turns
+    apart = min((float(np.hypot(*turn)) for turn in turns), default=np.inf)
+    return 1.0 - SEARCH.repeated * float(np.exp(-0.5 * (apart / SEARCH.alike_rad) ** 2))
 
 
-def _apart(first: CandidateRelease, second: CandidateRelease) -> float:
-    """Return the distance between two start poses, rad; full turns do not count."""
-    return float(np.hypot(*((first.start - second.start + np.pi) % (2 * np.pi) - np.pi)[:2]))
+def _kind(release: CandidateRelease) -> tuple[MountedParts, str, str]:
+    return release.mounted, release.arm, release.signal
 
 
 def mountings(rig: Rig, limits: PlanLimits) -> Iterator[MountedParts]:
     """Yield the permitted mountings for free swings; the current mounting comes first."""
     masses: Sequence[AddedMass | None] = [rig.added_mass, None, *limits.masses]
-    arms = dict.fromkeys(state == "held" for state in arm_states(rig, limits) if state != "driven")
+    arms = dict.fromkeys(state == "held" for state in limits.arm_states(rig) if state != "driven")
     for held in arms:
-        for mounting in allowed_rods(rig, limits):
+        for mounting in limits.allowed_rods(rig):
             for mass in dict.fromkeys(masses):
                 absent = {"inner": "outer", "outer": "inner"}.get(mounting)
                 if (mass is None or mass.rod != absent) and (held or mounting in ("both", "inner")):
@@ -151,15 +140,10 @@ def longest_s(limits: PlanLimits, alone: bool) -> float:
 
 def minutes(release: CandidateRelease, before: MountedParts, limits: PlanLimits) -> float:
     """Return the time of a release, minutes, with the change from the mounting `before`."""
-    cost = limits.minutes.place + release.duration_s / 60
-    if release.added != before.added:
-        cost += limits.minutes.mass
-    if release.mounted.arm_held != before.arm_held:
-        cost += limits.minutes.arm
-    if release.mounting != before.mounting:
-        elbow = {release.mounting, before.mounting} == {"both", "clamped"}
-        cost += limits.minutes.clamp if elbow else limits.minutes.mount
-    return cost
+    steps, elbow = limits.minutes, {release.mounting, before.mounting} == {"both", "clamped"}
+    cost = steps.place + release.duration_s / 60 + steps.mass * (release.added != before.added)
+    cost += steps.arm * (release.mounted.arm_held != before.arm_held)
+    return cost + (steps.clamp if elbow else steps.mount) * (release.mounting != before.mounting)
 
 
 def cheapest_minutes(rig: Rig, limits: PlanLimits) -> float:
@@ -167,6 +151,6 @@ def cheapest_minutes(rig: Rig, limits: PlanLimits) -> float:
     now, shortest = mounted_now(rig), limits.recording.shortest_s
     return min(
         minutes(CandidateRelease(0.0, 0.0, shortest, mounting, now.added, arm=arm), now, limits)
-        for mounting in allowed_rods(rig, limits)
-        for arm in arm_states(rig, limits)
+        for mounting in limits.allowed_rods(rig)
+        for arm in limits.arm_states(rig)
     )

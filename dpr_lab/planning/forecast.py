@@ -180,7 +180,7 @@ def decision_probability(
     pairs: Sequence[OpenPairs],
     gained: Sequence[Array],
     releases: int = 1,
-    inseparable: Sequence[Flags] | None = None,
+    inseparable: Sequence[Flags] = (),
     failed: int = 0,
     confirmed: float = FORECAST.confirmed,
 ) -> float:
@@ -191,15 +191,14 @@ def decision_probability(
         gained: (n, n) d^2 that the releases add, for each named effect
         releases: number of these releases
         inseparable: (n, n) pairs of causes that no release separates, for each named effect; such causes count as one
-            cause; None: every pair is separable
+            cause; empty: every pair is separable
         failed: number of recorded releases that did not decide the causes as expected
         confirmed: fraction of the releases that decide the causes as expected
     """
     weight = FORECAST.weight + failed + np.arange(releases)
     probability = 1.0 - np.prod(1.0 - confirmed * FORECAST.weight / weight)
-    if inseparable is None:
-        inseparable = [np.eye(len(pair.names), dtype=np.bool_) for pair in pairs]
-    for pair, d2, alike in zip(pairs, gained, inseparable, strict=True):
+    alone = [np.eye(len(pair.names), dtype=np.bool_) for pair in pairs]
+    for pair, d2, alike in zip(pairs, gained, inseparable or alone, strict=True):
         probability *= (1.0 - pair.outside) * _decided(pair.probabilities, d2, alike)
     return float(probability)
 
@@ -214,14 +213,11 @@ def _decided(p: Array, d2: Array, alike: Flags) -> float:
 
     normal = ndtri(Sobol(len(p), rng=np.random.default_rng(0)).random(FORECAST.draws) % 1.0)
     normal = np.clip(normal, -6.0, 6.0)
-    total = 0.0
-    for truth in range(len(p)):
-        loss = 0.5 * d2[truth] + np.sqrt(d2[truth]) * normal
-        loss[:, truth] = 0.0
-        weight = p * np.exp(-np.clip(loss, -500, 500))
-        best = (weight @ alike).max(axis=1) / weight.sum(axis=1)
-        total += p[truth] * float(np.mean(best >= SURE))
-    return total / max(float(p.sum()), 1e-12)
+    loss = 0.5 * d2[:, None] + np.sqrt(d2)[:, None] * normal
+    weight = p * np.exp(-np.clip(loss, -500, 500))
+    weight[range(len(p)), :, range(len(p))] = p[:, None]  # the true cause itself
+    best = (weight @ alike).max(axis=2) / weight.sum(axis=2)
+    return float(p @ np.mean(best >= SURE, axis=1)) / max(float(p.sum()), 1e-12)
 
 
 def settled_probabilities(paths: Sequence[Sequence[OpenAmplitudes]]) -> list[float]:

@@ -4,7 +4,9 @@ A release is simulated with the current estimate. The simulated swing is cut int
 fit. Let A_s be the whitened Jacobian of segment s with respect to ratios and amplitudes. The initial state of the
 segment is projected out of A_s. The information is
 
-    H = sum over segments of A_s^T A_s.
+    H = sum over segments of A_s^T A_s / f,
+
+where f is the variance inflation of a reading in the recorded runs.
 
 Let Phi(t) be the sensitivity of the angles to the start pose, and s the standard deviation of a manually placed pose.
 The predictability horizon of the planned swing is the time at which s |Phi(t)| exceeds a limit. Beyond this horizon the
@@ -20,7 +22,7 @@ from itertools import groupby
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.dynamics.prediction import PAD, predict, predict_batch
+from dpr_lab.dynamics.prediction import PAD, predict
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.fitting.estimate import Estimate, FreeParameter
 from dpr_lab.fitting.linearise import linearise
@@ -66,6 +68,8 @@ class PresentModel:
     """(3,) noise of the readings of joints 1, 2 and 0: standard deviation of a mean over one second, rad sqrt(s)."""
     placement_rad: float
     """Standard deviation of a manually placed start pose, rad."""
+    inflation: float = 1.0
+    """Variance inflation of a reading, in recorded and planned runs."""
     rezeroed: bool = False
     """Whether the encoders are zeroed before each recording; each recording then has its own zero errors."""
 
@@ -100,7 +104,7 @@ def informed(
                 covered, zeros = (columns[:count].reshape(-1, columns.shape[2]) for columns in (A, Z))
                 if model.rezeroed:
                     covered = covered - zeros @ np.linalg.lstsq(zeros, covered, rcond=1e-9)[0]
-                rated.append(Informed(replace(release, duration_s=duration), covered.T @ covered))
+                rated.append(Informed(replace(release, duration_s=duration), covered.T @ covered / model.inflation))
     return rated
 
 
@@ -132,7 +136,18 @@ def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> 
     theta = np.concatenate([before, read_joints], axis=1)
     omega = np.gradient(theta, 1 / SWING.path_hz, axis=1)
     omega[:, 0] = 0.0
-    return np.concatenate([theta[:, :, :2], omega[:, :, :2], theta[:, :, 2:], omega[:, :, 2:]], axis=2)
+    return np.concatenate([theta, omega], axis=2)[:, :, [0, 1, 2, 3] if axes == 2 else [0, 1, 3, 4, 2, 5]]
+
+
+def joint_motion(release: CandidateRelease, model: PresentModel) -> Array:
+    """Simulate a release; return its (n, 2, 3) angles and speeds of joints 0, 1 and 2, rad and rad/s.
+
+    The angle of joint 1 is that of the inner rod. Joint 2 of a single rod does not move.
+    """
+    states = simulated_states([release], model)[0]
+    motion = np.pad(states, ((0, 0), (0, 6 - states.shape[1])))[:, [[4, 0, 1], [5, 2, 3]]]
+    motion[:, :, 2] = (motion[:, :, 2] - motion[:, :, 1]) * (not release.setup.alone)
+    return motion
 
 
 def reached_speeds(releases: Sequence[CandidateRelease], model: PresentModel) -> dict[str, float]:
@@ -140,14 +155,9 @@ def reached_speeds(releases: Sequence[CandidateRelease], model: PresentModel) ->
 
     A joint may reach the two directions in different releases. The keys are `joint0`, `joint1` and `joint2`.
     """
-    forwards, backwards = np.zeros(3), np.zeros(3)
-    for release in releases:
-        states = simulated_states([release], model)[0]
-        omega = states[:, 2:4]
-        arm = states[:, 5] if states.shape[1] > 4 else np.zeros(len(states))
-        speeds = np.stack([arm, omega[:, 0], (omega[:, 1] - omega[:, 0]) * (not release.setup.alone)], axis=1)
-        forwards, backwards = np.maximum(forwards, speeds.max(axis=0)), np.maximum(backwards, -speeds.min(axis=0))
-    return dict(zip(("joint0", "joint1", "joint2"), np.minimum(forwards, backwards).tolist(), strict=True))
+    speeds = np.concatenate([np.zeros((1, 3)), *(joint_motion(release, model)[:, 1] for release in releases)])
+    reached = np.minimum(speeds.max(axis=0), -speeds.min(axis=0))
+    return dict(zip(("joint0", "joint1", "joint2"), reached.tolist(), strict=True))
 
 
 def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Problem, Array]:
@@ -165,8 +175,10 @@ def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Pr
     states = path[:, np.arange(count) * length * stride].reshape(-1, path.shape[2])
     run = np.repeat(np.arange(len(batch)), count)
     cut = segments(instants * len(batch), run, [release.setup for release in batch], SWING.step_s)
-    weight = _weight(batch, model, count * length)
-    return Problem(cut, np.zeros((len(cut.t), weight.shape[1])), weight, model.rods), states
+    axes = 2 if batch[0].mounted.arm_held else 3
+    read = np.array([[1.0, float(not release.setup.alone), 1.0][:axes] for release in batch])  # joints with a rod
+    weight = np.repeat(read / (model.noise[:axes] * np.sqrt(rate)), count * length, axis=0)
+    return Problem(cut, np.zeros((len(cut.t), axes)), weight, model.rods), states
 
 
 def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Array, Array]:
@@ -186,24 +198,15 @@ def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Arr
     return A, Z
 
 
-def _weight(batch: Sequence[CandidateRelease], model: PresentModel, samples: int) -> Array:
-    """Return (samples, 2) inverse standard deviations of the readings.
-
-    The value is zero for a joint without a rod. If the arm moves, there are 3 columns.
-    """
-    axes = 2 if batch[0].mounted.arm_held else 3
-    read = np.array([[1.0, float(not release.setup.alone), 1.0][:axes] for release in batch])
-    return np.repeat(read / (model.noise[:axes] * np.sqrt(SWING.rate_hz)), samples, axis=0)
-
-
 def horizon_s(release: CandidateRelease, model: PresentModel) -> float:
     """Return the predictability horizon of a release, s; at most its duration."""
     t = np.arange(1, round(release.duration_s * SWING.horizon_hz) + 1) / SWING.horizon_hz
-    swing = segments([t], [0], [release.setup], SWING.step_s)
-    starts = np.tile(release.start, (3, 1, 1))
-    starts[[1, 2], 0, [0, 1]] += SWING.nudge_rad
-    bases, params = np.tile(model.estimate.whole, (3, 1)), np.tile(model.estimate.params, (3, 1))
-    angles = predict_batch(bases, params, model.rods.constants, swing, starts, arm=swing.arm_moves)
-    by_pose = (angles[1:] - angles[0]) / SWING.nudge_rad
+    swings = segments([t] * 3, range(3), [release.setup] * 3, SWING.step_s)
+    starts = np.tile(release.start, (3, 1))
+    starts[[1, 2], [0, 1]] += SWING.nudge_rad
+    now = model.estimate
+    angles = predict(now.whole, now.params, model.rods.constants, swings, starts, arm=swings.arm_moves)
+    first, *nudged = angles.reshape(3, len(t), -1)
+    by_pose = (np.array(nudged) - first) / SWING.nudge_rad
     spread = model.placement_rad * np.sqrt(np.sum(by_pose**2, axis=0)).max(axis=1)
     return min(t[~(spread < SWING.lost_rad)].tolist(), default=release.duration_s)

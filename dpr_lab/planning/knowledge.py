@@ -20,11 +20,13 @@ from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.effects.torque_scale import TORQUE_SCALE_JOINT0
 from dpr_lab.fitting.estimate import (
     ON_ELBOW,
+    SCALE,
     UNKNOWN_RATIOS,
     Estimate,
     FreeParameter,
     effect_parameters,
     ratio_parameters,
+    visible_ratios,
 )
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.prior import STRENGTH, Prior, prior_of
@@ -35,26 +37,69 @@ from dpr_lab.gap.screen.record import RATE_HZ, record
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.identification.moving_arm.unknowns import arm_start
-from dpr_lab.planning.acting import GRAVITY_ONLY, Acting
 from dpr_lab.planning.information import PresentModel, informed
+from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.release import ArmState, CandidateRelease
 from dpr_lab.planning.stopping import Causes, causes_of
 from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import Mounting
 from dpr_lab.run import Run
+from dpr_lab.setup import Setup
 
 RATIO_COLUMNS = len(UNKNOWN_RATIOS)
 """Number of unknowns before the amplitudes of effects: the ratios, b and p/b."""
 
 
+HELD = 1e6
+"""Value of a ratio that no release determines, divided by the standard deviation of its prior."""
+
+
 @dataclass(frozen=True, slots=True)
-class HeldRatios:
-    """Narrow prior that keeps ratios at their nominal values if no release determines them."""
+class Acting:
+    """Parts of the rig that can act in the planned releases: rods, drives and arm."""
 
-    exactness: float = 1e6
-    """Value of a ratio divided by the standard deviation of its prior."""
+    rods: frozenset[Mounting] = frozenset({"both"})
+    """Permitted mountings of the rods."""
+    joint_drives: bool = False
+    """Whether the drives of joints 1 and 2 may act."""
+    arm_moves: bool = False
+    """Whether the arm may move, freely or driven by its motor."""
+    arm_motor: bool = False
+    """Whether the motor of the arm may act."""
+
+    @classmethod
+    def of(cls, rig: Rig, limits: PlanLimits) -> "Acting":
+        """Select the parts that the rig file and the limits of a plan permit."""
+        states, rods = limits.arm_states(rig), frozenset(limits.allowed_rods(rig))
+        return cls(rods, limits.drive is not None, states != ("held",), "driven" in states)
+
+    def including(self, setups: Sequence[Setup]) -> "Acting":
+        """Extend this selection by the parts that acted in the recordings."""
+        driven = [setup.torques for setup in setups if setup.torques is not None]
+        return replace(
+            self,
+            rods=self.rods.union(setup.mounting for setup in setups),
+            joint_drives=self.joint_drives or any(torques.on_joints for torques in driven),
+            arm_moves=self.arm_moves or any(setup.arm_moves for setup in setups),
+            arm_motor=self.arm_motor or any(torques.on_arm is not None for torques in driven),
+        )
+
+    @property
+    def elbow(self) -> bool:
+        """Whether joint 2 exists in at least one of the permitted mountings."""
+        return bool(self.rods - {"inner", "outer"})
+
+    @property
+    def hidden_ratios(self) -> tuple[int, ...]:
+        """Indices of ratios that no release determines, because their rod is absent."""
+        if "both" in self.rods:
+            return ()
+        visible = visible_ratios([Setup(mounting) for mounting in self.rods])
+        return tuple(i for i in range(len(UNKNOWN_RATIOS)) if i not in visible and i != SCALE)
 
 
-HELD = HeldRatios()
+GRAVITY_ONLY = Acting()
+"""Free swings of both rods with a clamped arm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +112,6 @@ class Knowledge:
     """(k, k) information of the rig file about the unknowns."""
     information: Array
     """(k, k) F, the information of the prior and the runs about the unknowns."""
-    inflation: float = 1.0
-    """Variance inflation f of a reading, in recorded and planned runs."""
     named: frozenset[str] = frozenset()
     """Names of the effects in the model."""
     always: frozenset[str] = frozenset()
@@ -107,12 +150,7 @@ def known_before(rig: Rig, acting: Acting = GRAVITY_ONLY) -> Knowledge:
         rig: the rig
         acting: parts that may act in the planned releases; they determine which effects are considered
     """
-    model = _model(rig, nominal_ratios(rig), _with_arm({}, rig, acting), _noise_of(rig), acting)
-    always = _always(rig, acting)
-    prior = _prior_information(prior_of(rig), model, always, acting.hidden_ratios)
-    return Knowledge(
-        rig, model, prior, prior, named=always, always=always, places=_places(model), hidden_ratios=acting.hidden_ratios
-    )
+    return _known(rig, acting, nominal_ratios(rig), {}, _noise_of(rig))
 
 
 def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Acting = GRAVITY_ONLY) -> Knowledge:
@@ -126,26 +164,41 @@ def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Act
     """
     recordings = Recordings(tuple(record(run, rig) for run in runs), rig)
     acting = acting.including([recorded.setup for recorded in recordings.records])
-    ratios, always = diagnosis.unknowns, _always(rig, acting)
-    params = _with_arm(diagnosis.model_effects, rig, acting)
+    ratios = diagnosis.unknowns
     if not np.isfinite(ratios[ON_ELBOW]):
         ratios[ON_ELBOW] = nominal_ratios(rig)[ON_ELBOW]
-    model = _model(rig, ratios, params, _noise_in(recordings), acting)
-    prior = _prior_information(prior_of(rig), model, always, acting.hidden_ratios)
+    known = _known(rig, acting, ratios, diagnosis.model_effects, _noise_in(recordings))
     inflation = max(1.0, diagnosis.chi2_per_dof)
+    return replace(
+        known,
+        model=replace(known.model, inflation=inflation),
+        information=known.prior + information_of_runs(recordings, known.model) / inflation,
+        causes=tuple(causes_of(diagnosis)),
+        diagnosis=diagnosis,
+        made=tuple(_made(run) for run in runs),
+    )
+
+
+def _known(
+    rig: Rig, acting: Acting, ratios: Array, effects: Mapping[str, Mapping[str, float]], noise: Array
+) -> Knowledge:
+    """Return the knowledge without runs, for a model with the given ratios and effects."""
+    model, gain = _model(rig, ratios, effects, noise, acting), acting.arm_motor and not drive_gain(rig).known
+    always = frozenset([FREE_ARM.name] * acting.arm_moves + [DRIVE_GAIN.name] * gain)
+    prior = _prior_information(prior_of(rig), model, always, acting.hidden_ratios)
+    places = dict[str, tuple[int, ...]]()
+    for i, column in enumerate(model.columns):
+        if column.effect:
+            places[column.effect] = (*places.get(column.effect, ()), i)
     return Knowledge(
         rig,
         model,
         prior,
-        prior + information_of_runs(recordings, model) / inflation,
-        inflation,
-        frozenset(diagnosis.model_effects) | always,
-        always,
-        tuple(causes_of(diagnosis)),
-        diagnosis,
-        tuple(_made(run) for run in runs),
-        _places(model),
-        acting.hidden_ratios,
+        prior,
+        named=always.union(effects),
+        always=always,
+        places=places,
+        hidden_ratios=acting.hidden_ratios,
     )
 
 
@@ -156,24 +209,13 @@ def _made(run: Run) -> CandidateRelease:
     return CandidateRelease(theta1, theta2, run.duration, run.mounting, run.added_mass, arm=arm)
 
 
-def _always(rig: Rig, acting: Acting) -> frozenset[str]:
-    """Return the effects of every model: a moving arm and an unknown gain of its drive."""
-    gain = acting.arm_motor and not drive_gain(rig).known
-    return frozenset([FREE_ARM.name] * acting.arm_moves + [DRIVE_GAIN.name] * gain)
-
-
-def _with_arm(effects: Mapping[str, Mapping[str, float]], rig: Rig, acting: Acting) -> Array:
-    """Return the (SIZE,) parameters of effects.
-
-    A moving arm without an estimate has the parameters of the rig file.
-    """
+def _model(
+    rig: Rig, ratios: Array, effects: Mapping[str, Mapping[str, float]], noise: Array, acting: Acting
+) -> PresentModel:
+    """Return the model with the given effects; a moving arm without an estimate has the parameters of the rig file."""
     inertia, viscous = arm_start(rig)
     arm = {FREE_ARM.name: {"inertia_kgm2": inertia, "viscous_Nms": viscous}} if acting.arm_moves else {}
-    return effect_params({**arm, **effects})
-
-
-def _model(rig: Rig, ratios: Array, params: Array, noise: Array, acting: Acting) -> PresentModel:
-    estimate = Estimate.of(ratios, params, np.zeros((0, 4)))
+    estimate = Estimate.of(ratios, effect_params({**arm, **effects}), np.zeros((0, 4)))
     library = [effect for effect in EFFECTS.values() if _can_act(effect, rig, acting)]
     columns = (
         *ratio_parameters(estimate, range(RATIO_COLUMNS)),
@@ -181,7 +223,7 @@ def _model(rig: Rig, ratios: Array, params: Array, noise: Array, acting: Acting)
     )
     tolerance = float(np.median([pose.tolerance for pose in rig.poses.values()] or [0.05]))
     rods = RodsWithEffects(rig_constants(rig))
-    model = PresentModel(estimate, columns, rods, noise, tolerance / 2, rig.encoders.rezeroed)
+    model = PresentModel(estimate, columns, rods, noise, tolerance / 2, rezeroed=rig.encoders.rezeroed)
     return model if acting.elbow else _of_one_rod(model, acting)
 
 
@@ -207,9 +249,8 @@ def _can_act(effect: Effect, rig: Rig, acting: Acting) -> bool:
 
     An event that occurs only once cannot act in a further release.
     """
-    if effect.event or effect.absorbed_by or (effect.of_arm and not acting.arm_moves):
-        return False
-    if effect.joints == (1,) and not acting.elbow:
+    hidden = (effect.of_arm and not acting.arm_moves) or (effect.joints == (1,) and not acting.elbow)
+    if effect.event or effect.absorbed_by or hidden:
         return False
     if not effect.driven:
         return True
@@ -237,14 +278,6 @@ def _noise_in(recordings: Recordings) -> Array:
     return np.append(np.median([sigma[:2] for sigma in levels], axis=0), np.median(of_arm))
 
 
-def _places(model: PresentModel) -> dict[str, tuple[int, ...]]:
-    places: dict[str, tuple[int, ...]] = {}
-    for i, column in enumerate(model.columns):
-        if column.effect:
-            places[column.effect] = (*places.get(column.effect, ()), i)
-    return places
-
-
 def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str], hidden: Sequence[int]) -> Array:
     """Return the (k, k) prior information about ratios, b, p/b and amplitudes.
 
@@ -258,7 +291,7 @@ def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str]
         widest = np.inf if column.effect in always else STRENGTH.zeros * column.size
         information[i, i] = 1.0 / min(prior.std(column), widest) ** 2
     for i in hidden:
-        information[i, i] += (HELD.exactness / model.columns[i].size) ** 2
+        information[i, i] += (HELD / model.columns[i].size) ** 2
     return information
 
 

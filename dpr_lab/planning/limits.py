@@ -43,7 +43,7 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.planning.release import ArmState
 from dpr_lab.rig import MASSES, PARAMETERS, Rig, refuse_impossible_arm
-from dpr_lab.rig_tables import AddedMass, Positive, RigTable
+from dpr_lab.rig_tables import AddedMass, Mounting, Positive, RigTable
 
 StartAngle = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Range = tuple[StartAngle, StartAngle]
@@ -70,11 +70,12 @@ class ReachablePoses(RigTable):
     @model_validator(mode="after")
     def _in_order(self) -> "ReachablePoses":
         for name in ("theta1_rad", "theta2_rad", "elbow_rad"):
-            ends = getattr(self, name)
-            if ends is not None and max(abs(end) for end in ends) > 4 * math.pi:  # more than two turns indicate degrees
+            if (ends := getattr(self, name)) is None:
+                continue
+            if max(map(abs, ends)) > 4 * math.pi:  # more than two turns indicate degrees
                 radians = [round(math.radians(end), 2) for end in ends]
                 raise ValueError(f"{name} = {list(ends)}: angles are in rad; as degrees these would be {radians}")
-            if ends is not None and not ends[0] < ends[1]:
+            if not ends[0] < ends[1]:
                 raise ValueError(
                     f"{name} is reversed or empty: {list(ends)}; write the smaller angle first, and add 2 pi to the"
                     " larger one if the range contains 0"
@@ -125,7 +126,16 @@ class AllowedRods(RigTable):
     """Permitted states of joint 2 with both rods; None: only the state in the rig file."""
 
 
-class DriveLimits(RigTable):
+class SignalLimits(RigTable):
+    """Rate and frequencies of the input signals of a drive."""
+
+    rate_hz: Annotated[int, Field(ge=10, le=10_000, strict=True)] = 200
+    """Rate at which the device replays an input signal, Hz."""
+    highest_hz: Positive = 5.0
+    """Highest frequency in an input signal, Hz."""
+
+
+class DriveLimits(SignalLimits):
     """Limits of the drives at joints 1 and 2."""
 
     torque_Nm: Both
@@ -134,13 +144,9 @@ class DriveLimits(RigTable):
     """Largest speed of joint 1 and joint 2, rad/s."""
     angle_rad: Both = (1e6, 1e6)
     """Largest deviation of joint 1 and joint 2 from hanging straight, rad."""
-    rate_hz: Annotated[int, Field(ge=10, le=10_000, strict=True)] = 200
-    """Rate at which the device replays an input signal, Hz."""
-    highest_hz: Positive = 5.0
-    """Highest frequency in an input signal, Hz."""
 
 
-class ArmPlan(RigTable):
+class ArmPlan(SignalLimits):
     """Permitted states of the arm in a planned release, and the limits of its motor."""
 
     modes: tuple[ArmState, ...] | None = None
@@ -151,10 +157,6 @@ class ArmPlan(RigTable):
     """Largest speed of the arm, rad/s."""
     angle_rad: Positive = 1e6
     """Largest angle of the arm from 0, rad; `limits` in the rig file also apply."""
-    rate_hz: Annotated[int, Field(ge=10, le=10_000, strict=True)] = 200
-    """Rate at which the device replays an input signal, Hz."""
-    highest_hz: Positive = 5.0
-    """Highest frequency in an input signal, Hz."""
 
     @model_validator(mode="after")
     def _some_mode(self) -> "ArmPlan":
@@ -197,6 +199,32 @@ class PlanLimits(Limits):
     """Permitted states and limits of the arm."""
     minutes: StepMinutes = StepMinutes()
     """Duration of each step of a recording."""
+
+    def arm_states(self, rig: Rig) -> tuple[ArmState, ...]:
+        """Return the states of the arm that a plan may use.
+
+        The key `modes` of the limits file defines these states. If the key is missing, the states are `held` and the
+        mode of the rig file. The state `driven` is included only if the limits file contains the largest input. A plan
+        does not choose the motion of an arm. Therefore an arm that is prescribed or driven by an acceleration is held
+        in all planned releases.
+        """
+        if self.arm.modes is not None:
+            return self.arm.modes
+        if rig.arm.mode == "free":
+            return "free", "held"
+        return ("driven", "held") if rig.arm.mode == "driven" and self.arm.input is not None else ("held",)
+
+    def allowed_rods(self, rig: Rig) -> tuple[Mounting, ...]:
+        """Return the permitted mountings of the rods, with the current one first.
+
+        If a key is missing in the limits file, its value is that of the rig file.
+        """
+        elbows = self.rods.elbow or (rig.rods.elbow,)
+        of_both: list[Mounting] = ["clamped" if elbow == "clamped" else "both" for elbow in elbows]
+        permitted = list[Mounting]()
+        for mounted in self.rods.mounted or (rig.rods.mounted,):
+            permitted.extend(of_both if mounted == "both" else (mounted,))
+        return tuple(sorted(dict.fromkeys(permitted), key=lambda mounting: mounting != rig.rods.mounting))
 
 
 def load_plan_limits(path: Path, rig: Rig) -> PlanLimits:
@@ -242,9 +270,9 @@ def refuse_impossible_plan(path: Path, limits: PlanLimits, rig: Rig) -> None:
             f"{path}: rods.elbow: does not contain {rig.rods.elbow}, the elbow of rig {rig.name}: add it, or change the"
             " rig file"
         )
-    ranges = (limits.poses.theta1_rad, limits.poses.theta2_rad)
-    grid = np.stack(np.meshgrid(*[np.linspace(*ends, 181) for ends in ranges]), axis=-1).reshape(-1, 2)
-    if not limits.poses.reachable(grid).any():
+    poses = limits.poses
+    grid = np.meshgrid(np.linspace(*poses.theta1_rad, 181), np.linspace(*poses.theta2_rad, 181))
+    if not poses.reachable(np.stack(grid, axis=-1).reshape(-1, 2)).any():
         raise ConfigError(
             f"{path}: poses: no pose is inside the limits of theta1_rad, theta2_rad and elbow_rad: widen one of them"
         )

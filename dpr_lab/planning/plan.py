@@ -10,9 +10,8 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.estimation.usable_runs import refuse_long_gaps, refuse_other_rigs
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.planning.acting import Acting
 from dpr_lab.planning.candidates import cheapest_minutes
-from dpr_lab.planning.knowledge import Knowledge, known_after, known_before
+from dpr_lab.planning.knowledge import Acting, Knowledge, known_after, known_before
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Plan
 from dpr_lab.planning.sequence import Planner
@@ -75,8 +74,12 @@ def plan(
     limits, runs = limits or PlanLimits(), as_runs(runs)
     refuse_other_rigs(runs, rig)
     refuse_long_gaps(runs)
-    if budget_min is not None:
-        _refuse_small(budget_min, limits, rig)
+    if budget_min is not None and budget_min < (least := cheapest_minutes(rig, limits)):
+        raise ConfigError(
+            f"a budget of {budget_min:.2g} min is too small: one release takes {least:.2g} min (place, release and"
+            f" record {limits.recording.shortest_s:g} s). Raise the budget, or lower recording.shortest_s or"
+            " minutes.place in the limits file"
+        )
     if runs and diagnosis is None:
         diagnosis = diagnose(runs, rig)
     started, acting = time.perf_counter(), Acting.of(rig, limits)
@@ -96,13 +99,3 @@ def usual_count(known: Knowledge, limits: PlanLimits) -> int:
     if known.diagnosis is None or not decided(known.diagnosis) or limits.effects or limits.friction or limits.ratios:
         return LENGTH.usual
     return LENGTH.optional if reservation(known.diagnosis) else 0
-
-
-def _refuse_small(budget_min: float, limits: PlanLimits, rig: Rig) -> None:
-    least = cheapest_minutes(rig, limits)
-    if budget_min < least:
-        raise ConfigError(
-            f"a budget of {budget_min:.2g} min is too small: one release takes {least:.2g} min (place, release and"
-            f" record {limits.recording.shortest_s:g} s). Raise the budget, or lower recording.shortest_s or"
-            " minutes.place in the limits file"
-        )

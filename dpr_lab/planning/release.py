@@ -1,7 +1,7 @@
 """A release that can be recorded: start pose, duration, mounting and input signal."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -42,6 +42,11 @@ class CandidateRelease:
     """Kind of the input signal: `multisine` or `chirp`; empty for a free swing."""
     arm: ArmState = "held"
     """State of the arm."""
+
+    def moved(self, theta: Array) -> "list[CandidateRelease]":
+        """Return copies with other start angles (n, 2), rad; a single rod has only the first angle."""
+        alone = self.setup.alone
+        return [replace(self, theta1=a, theta2=a if alone else b) for a, b in theta.tolist()]
 
     @property
     def mounted(self) -> MountedParts:

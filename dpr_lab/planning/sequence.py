@@ -11,7 +11,6 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.planning.candidates import (
     SEARCH,
-    bent,
     cheapest_minutes,
     longest_s,
     minutes,
@@ -92,7 +91,7 @@ class Planner:
             chosen = self._best(pool, now)
             if chosen is None:
                 return self._longer(steps, now.left)
-            pool.append(Informed(chosen.release, chosen.information * known.inflation))
+            pool.append(Informed(chosen.release, chosen.information))
             steps.append(chosen)
             now = now.after(chosen)
         return steps
@@ -105,36 +104,31 @@ class Planner:
         """
         extended = list(steps)
         for k in reversed(range(len(steps))):
-            release, cost = steps[k].release, steps[k].minutes
+            release = steps[k].release
             longest = longest_s(self.limits, alone=k == 0 and not self.objective.known.made)
             duration = min(release.duration_s + np.floor(60 * left + 1e-6), longest)
             if duration > release.duration_s and release.torques is None:
-                (informed_longer,) = self._informed([replace(release, duration_s=duration)])
-                extended[k] = replace(
-                    steps[k],
-                    release=informed_longer.release,
-                    information=informed_longer.information / self.objective.known.inflation,
-                    minutes=cost + (duration - release.duration_s) / 60,
+                (longer,) = informed([replace(release, duration_s=duration)], self.objective.known.model)
+                added_min = (duration - release.duration_s) / 60
+                extended[k] = SequenceStep(
+                    longer.release, longer.information, steps[k].minutes + added_min, steps[k].rate
                 )
-                left -= extended[k].minutes - cost
+                left -= added_min
         return extended
 
     def _pool(self, budget_min: float) -> list[Informed]:
-        times = self.limits.recording
+        known, times = self.objective.known, self.limits.recording
         duration = min(max(SEARCH.screened_s, times.shortest_s), times.longest_s)
-        cheapest = cheapest_minutes(self.objective.known.rig, self.limits)
-        if cheapest + (duration - times.shortest_s) / 60 > budget_min:
+        if cheapest_minutes(known.rig, self.limits) + (duration - times.shortest_s) / 60 > budget_min:
             duration = times.shortest_s
-        poses = spread_poses(self.limits, SEARCH.spread, self.rng).tolist()
-        parts = list(mountings(self.objective.known.rig, self.limits))
+        poses = spread_poses(self.limits, SEARCH.spread, self.rng)
+        parts = list(mountings(known.rig, self.limits))
         releases = list[CandidateRelease]()
-        for k, mounting in enumerate(parts):
+        for k, (mounting, added, held) in enumerate(parts):
             stride = 1 if k == 0 else min(len(parts), SEARCH.best)
-            releases += [_swing(a, b, duration, mounting) for a, b in poses[k % stride :: stride]]
-        return self._informed([*releases, *self.signals])
-
-    def _informed(self, releases: Sequence[CandidateRelease], durations: Sequence[float] = ()) -> list[Informed]:
-        return informed([bent(release) for release in releases], self.objective.known.model, durations)
+            swing = CandidateRelease(0.0, 0.0, duration, mounting, added, arm="held" if held else "free")
+            releases += swing.moved(poses[k % stride :: stride])
+        return informed([*releases, *self.signals], known.model)
 
     def _best(self, pool: list[Informed], now: SequenceSoFar) -> SequenceStep | None:
         """Return the best release of all candidates after refinement.
@@ -145,22 +139,27 @@ class Planner:
         if not ranked:
             return None
         for width in (SEARCH.near_rad, SEARCH.near_rad / 2):
-            free = [step for step in ranked[: SEARCH.best] if step.release.torques is None]
             tried = [
-                other for step in free for other in near(step.release, self.limits, width, SEARCH.neighbours, self.rng)
+                other
+                for step in ranked[: SEARCH.best]
+                if step.release.torques is None
+                for other in near(step.release, self.limits, width, SEARCH.neighbours, self.rng)
             ]
-            refined = self._informed(tried)
+            refined = informed(tried, self.objective.known.model)
             pool += refined
             ranked = _by_rate([*ranked, *self._ranked(refined, now)])
         return _by_rate(self._averaged(step, now) for step in ranked[: SEARCH.finalists])[0]
 
     def _ranked(self, pool: Sequence[Informed], now: SequenceSoFar) -> list[SequenceStep]:
         """Return the releases that fit into the remaining time, by decreasing value per minute."""
-        costs = [minutes(candidate.release, now.mounted, self.limits) for candidate in pool]
-        affordable = [(candidate, cost) for candidate, cost in zip(pool, costs, strict=True) if cost <= now.left]
+        affordable = [
+            (candidate, cost)
+            for candidate in pool
+            if (cost := minutes(candidate.release, now.mounted, self.limits)) <= now.left
+        ]
         if not affordable:
             return []
-        F = np.stack([candidate.information for candidate, _ in affordable]) / self.objective.known.inflation
+        F = np.stack([candidate.information for candidate, _ in affordable])
         free = np.isinf(now.left) / 60  # minutes per second of recording that do not count
         worth = self.objective.gain(now.information + F).weighed - self.objective.gain(now.information).weighed
         return _by_rate(
@@ -178,22 +177,17 @@ class Planner:
         release, times = step.release, self.limits.recording
         if release.torques is not None:
             return step
-        std = self.objective.known.model.placement_rad
+        model = self.objective.known.model
         longest = replace(release, duration_s=longest_s(self.limits, alone=not now.made))
-        shorter = {max(SEARCH.screened_s, times.shortest_s), times.shortest_s}
-        durations = [d for d in sorted(shorter) if d < longest.duration_s]
-        rated = self._informed([longest, *placements(longest, std, SEARCH.placements, self.rng)], durations)
+        durations = sorted({max(SEARCH.screened_s, times.shortest_s), times.shortest_s})
+        erring = placements(longest, model.placement_rad, SEARCH.placements, self.rng)
+        rated = informed([longest, *erring], model, durations)
         count = len(rated) // (1 + SEARCH.placements)
         averaged = [
             Informed(rated[k].release, np.mean([placed.information for placed in rated[k::count]], axis=0))
             for k in range(count)
         ]
         return next(iter(self._ranked(averaged, now)), step)
-
-
-def _swing(theta1: float, theta2: float, duration_s: float, on: MountedParts) -> CandidateRelease:
-    """Create a free swing from a start pose; `on` states the mounted parts."""
-    return CandidateRelease(theta1, theta2, duration_s, on.mounting, on.added, arm="held" if on.arm_held else "free")
 
 
 def _by_rate(steps: Iterable[SequenceStep]) -> list[SequenceStep]:

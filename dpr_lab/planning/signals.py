@@ -14,7 +14,7 @@ Source: M. R. Schroeder (1970), Synthesis of low-peak-factor signals and binary 
 Trans. Information Theory 16, 85-89.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -24,9 +24,8 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.errors import ConfigError
 from dpr_lab.identification.moving_arm.setup import drive_gain, rods_measured
-from dpr_lab.planning.acting import arm_states
-from dpr_lab.planning.information import PresentModel, simulated_states
-from dpr_lab.planning.limits import PlanLimits
+from dpr_lab.planning.information import PresentModel, joint_motion
+from dpr_lab.planning.limits import ArmPlan, DriveLimits, PlanLimits, SignalLimits
 from dpr_lab.planning.release import ArmState, CandidateRelease
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Torques
@@ -93,21 +92,31 @@ def driven_releases(model: PresentModel, limits: PlanLimits, rig: Rig) -> list[C
     The list is empty if there are no drives.
 
     Raises:
-        ConfigError: no signal of a drive respects its limits.
+        ConfigError: no signal of a drive respects its limits; the message names the table and the key of the limit.
     """
-    of_joints = _kept(_of_joints(limits, rig), model, limits, rig, "drive", "torque_Nm") if limits.drive else []
-    of_arm = "driven" in arm_states(rig, limits)
-    return [*of_joints, *(_kept(_of_arm(limits, rig), model, limits, rig, "arm", "input") if of_arm else [])]
+    drives = list[tuple[str, DriveLimits | ArmPlan, Iterator[CandidateRelease]]]()
+    if limits.drive is not None:
+        drives.append(("torque_Nm", limits.drive, _of_joints(limits, limits.drive, rig)))
+    if "driven" in limits.arm_states(rig):
+        drives.append(("input", limits.arm, _of_arm(limits, rig)))
+    releases = list[CandidateRelease]()
+    for size, drive, signals in drives:
+        kept = [driven for signal in signals if (driven := _within(signal, model, drive, rig)) is not None]
+        if not kept:
+            table, which = ("arm", size) if drive is limits.arm else ("drive", "[drive]")
+            raise ConfigError(
+                f"{table}: no signal stays within speed_rad_s and angle_rad of the limits file, even at"
+                f" {percent(SIGNALS.least)} of {size}: raise these limits, or remove {which}"
+            )
+        releases += kept
+    return releases
 
 
-def _of_joints(limits: PlanLimits, rig: Rig) -> Iterator[CandidateRelease]:
+def _of_joints(limits: PlanLimits, drive: DriveLimits, rig: Rig) -> Iterator[CandidateRelease]:
     """Yield releases with signals of the joint drives at the largest torques."""
-    drive = limits.drive
-    assert drive is not None
-    alone = rig.rods.mounting != "both"
-    t = _instants(limits, drive.rate_hz)
-    for kind, values in _shaped(t, drive.highest_hz):
-        for shares in SIGNALS.joints[:1] if alone else SIGNALS.joints:
+    both = rig.rods.mounting == "both"
+    for kind, t, values in _shaped(limits, drive):
+        for shares in SIGNALS.joints if both else SIGNALS.joints[:1]:
             torque = values[:, None] * np.array(shares) * np.array(drive.torque_Nm)
             yield _driven(Torques(t, torque, "commanded"), kind, "held", rig)
 
@@ -116,23 +125,19 @@ def _of_arm(limits: PlanLimits, rig: Rig) -> Iterator[CandidateRelease]:
     """Yield releases with signals of the arm's motor at the largest input."""
     gain, largest = drive_gain(rig), limits.arm.input
     assert largest is not None
-    t = _instants(limits, limits.arm.rate_hz)
-    for kind, values in _shaped(t, limits.arm.highest_hz):
-        torque, joints = gain.value * largest * values, np.zeros((len(t), 2))
-        scaled = gain.known and not rods_measured(rig)
-        yield _driven(Torques(t, joints, "commanded", torque, scaled), kind, "driven", rig)
+    scaled = gain.known and not rods_measured(rig)
+    for kind, t, values in _shaped(limits, limits.arm):
+        torque = gain.value * largest * values
+        yield _driven(Torques(t, np.zeros((len(t), 2)), "commanded", torque, scaled), kind, "driven", rig)
 
 
-def _instants(limits: PlanLimits, rate_hz: int) -> Array:
+def _shaped(limits: PlanLimits, drive: SignalLimits) -> Iterator[tuple[SignalKind, Array, Array]]:
+    """Yield kind, instants and values of each signal, up to a quarter of the sampling rate."""
     duration = min(max(SIGNALS.duration_s, limits.recording.shortest_s), limits.recording.longest_s)
-    return np.arange(round(duration * rate_hz)) / rate_hz
-
-
-def _shaped(t: Array, highest_hz: float) -> Iterator[tuple[SignalKind, Array]]:
-    """Yield a signal of each kind, up to a quarter of the sampling rate."""
-    highest_hz = min(highest_hz, 0.25 / t[1])
+    t = np.arange(round(duration * drive.rate_hz)) / drive.rate_hz
+    highest_hz = min(drive.highest_hz, 0.25 / t[1])
     for kind, shape in SHAPES.items():
-        yield kind, shape(t, min(SIGNALS.lowest_hz, highest_hz), highest_hz)
+        yield kind, t, shape(t, min(SIGNALS.lowest_hz, highest_hz), highest_hz)
 
 
 def _driven(torques: Torques, kind: SignalKind, arm: ArmState, rig: Rig) -> CandidateRelease:
@@ -141,55 +146,26 @@ def _driven(torques: Torques, kind: SignalKind, arm: ArmState, rig: Rig) -> Cand
     return CandidateRelease(np.pi, np.pi, duration, rig.rods.mounting, rig.added_mass, torques, kind, arm)
 
 
-def _kept(
-    signals: Iterable[CandidateRelease], model: PresentModel, limits: PlanLimits, rig: Rig, table: str, size: str
-) -> list[CandidateRelease]:
-    """Return releases whose amplitudes are reduced to the limits of speed and angle.
-
-    Raises:
-        ConfigError: no amplitude respects the limits; the message names the table and the key of the limit.
-    """
-    within_limits = [driven for signal in signals if (driven := _within(signal, model, limits, rig)) is not None]
-    if not within_limits:
-        which = size if table == "arm" else "[drive]"
-        raise ConfigError(
-            f"{table}: no signal stays within speed_rad_s and angle_rad of the limits file, even at"
-            f" {percent(SIGNALS.least)} of {size}: raise these limits, or remove {which}"
-        )
-    return within_limits
-
-
-def _within(release: CandidateRelease, model: PresentModel, limits: PlanLimits, rig: Rig) -> CandidateRelease | None:
+def _within(
+    release: CandidateRelease, model: PresentModel, drive: DriveLimits | ArmPlan, rig: Rig
+) -> CandidateRelease | None:
     """Return the release with the largest amplitude within the limits of speed and angle.
 
     The result is None if no amplitude is within the limits.
     """
-    share, torques = 1.0, release.torques
+    share, torques, of_arm = 1.0, release.torques, release.arm == "driven"
     assert torques is not None
+    moved, rest = ([0], 0.0) if of_arm else ([1, 2], np.array([[np.pi, 0.0], [0.0, 0.0]]))
+    low, high = (of_arm and rig.arm.limits) or (-np.inf, np.inf)
     while share >= SIGNALS.least:
         on_arm = None if torques.on_arm is None else share * torques.on_arm
         tried = replace(release, torques=replace(torques, joints=share * torques.joints, on_arm=on_arm))
-        if _keeps(tried, model, limits, rig):
+        angles, speeds = np.split(joint_motion(tried, model)[:, :, moved] - rest, 2, axis=1)
+        kept = (np.abs(angles) <= drive.angle_rad) & (low <= angles) & (angles <= high)
+        if (kept & (np.abs(speeds) <= drive.speed_rad_s)).all():
             return tried
         share *= SIGNALS.shrink
     return None
-
-
-def _keeps(release: CandidateRelease, model: PresentModel, limits: PlanLimits, rig: Rig) -> bool:
-    states, bend = simulated_states([release], model)[0], float(not release.setup.alone)
-    if release.arm == "driven":
-        low, high = rig.arm.limits or (-np.inf, np.inf)
-        angle, speed = states[:, 4], np.abs(states[:, 5])
-        most = limits.arm.angle_rad
-        return bool(
-            speed.max() <= limits.arm.speed_rad_s and max(low, -most) <= angle.min() and angle.max() <= min(high, most)
-        )
-    drive = limits.drive
-    assert drive is not None
-    angles = np.stack([states[:, 0] - np.pi, bend * (states[:, 1] - states[:, 0])], axis=1)
-    speeds = np.stack([states[:, 2], bend * (states[:, 3] - states[:, 2])], axis=1)
-    pairs = ((angles, drive.angle_rad), (speeds, drive.speed_rad_s))
-    return all((np.abs(values).max(axis=0) <= np.array(most)).all() for values, most in pairs)
 
 
 def arm_input(torques: Torques, rig: Rig) -> Array:
@@ -215,6 +191,5 @@ def write_signal(torques: Torques, file: Path, rig: Rig) -> None:
     if torques.on_arm is not None:
         assert rig.motor is not None
         columns, values = ("t_s", INPUTS[rig.motor.input]), arm_input(torques, rig)
-    rows = np.column_stack([torques.t, values]).tolist()
-    lines = [",".join(columns), *(",".join(f"{value:.9g}" for value in row) for row in rows)]
-    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    rows = np.column_stack([torques.t, values])
+    np.savetxt(file, rows, fmt="%.9g", delimiter=",", header=",".join(columns), comments="")

@@ -113,7 +113,7 @@ def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
             return "a second release must confirm several causes"
         if significance(diagnosis, diagnosis.effects[0]) < STOPPING.margin:
             return f"a second release must confirm {diagnosis.effects[0].name}"
-        if not no_gap and possible(diagnosis):
+        if possible(diagnosis):
             return (
                 f"a second release must test {_most_significant(diagnosis)}, which the first release does not exclude"
             )
@@ -193,6 +193,7 @@ def significance(diagnosis: Diagnosis, effect: NamedEffect) -> float:
             values = [fitted.effects[effect.name][amplitudes[fitted.free[i]]] for i in columns]
             z, correlation = np.array(values) / std, covariance / np.outer(std, std)
             return float(np.sqrt(z @ np.linalg.lstsq(correlation, z, rcond=1e-9)[0]))
-    sizes = [effect.parameters[name] for name in amplitudes.values() if name in effect.parameters]
-    stds = [(size.interval90[1] - size.interval90[0]) / (2 * NORMAL_Q90) for size in sizes]
-    return max((abs(size.value) / std for size, std in zip(sizes, stds, strict=True) if std > 0.0), default=0.0)
+    sizes = [size for name, size in effect.parameters.items() if name in amplitudes.values()]
+    intervals = [(size.value, *size.interval90) for size in sizes]
+    ratios = [2 * NORMAL_Q90 * abs(value) / (high - low) for value, low, high in intervals if high > low]
+    return max(ratios, default=0.0)

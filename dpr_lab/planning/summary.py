@@ -4,7 +4,7 @@ The plan contains the reasons for the releases, the forecast, and the causes tha
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
@@ -14,7 +14,7 @@ from dpr_lab.acceptance.judge import SURE
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
-from dpr_lab.planning.candidates import bent, placements
+from dpr_lab.planning.candidates import placements
 from dpr_lab.planning.forecast import FORECAST, decision_probability, settled_probabilities
 from dpr_lab.planning.information import horizon_s, informed
 from dpr_lab.planning.knowledge import Knowledge
@@ -23,12 +23,22 @@ from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, Pla
 from dpr_lab.planning.sequence import SequenceStep
 from dpr_lab.planning.stopping import STOPPING, decided, recorded_releases, reservation, undecided
 from dpr_lab.planning.worth.criteria import OpenAmplitudes, detectable, library_bits, ratio_std, shown_ratio_std
-from dpr_lab.planning.worth.goals import limit_forecasts
-from dpr_lab.planning.worth.objective import Objective
-from dpr_lab.planning.worth.reasons import Expected, Reason, only_ratios_sentence, reason
+from dpr_lab.planning.worth.objective import Gain, Objective, limit_forecasts
 from dpr_lab.shown import counted, listed, percent
 
 State = Literal["first", "record", "enough", "bench check"]
+
+
+@dataclass(frozen=True, slots=True)
+class Noticeable:
+    """Minimum gains of information that a reason mentions, bits."""
+
+    causes: float = 0.05
+    library: float = 0.02
+    limits: float = 0.1
+
+
+NOTICEABLE = Noticeable()
 
 
 def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanLimits, seconds: float) -> Plan:
@@ -42,7 +52,16 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     """
     known = objective.known
     after = np.cumsum([known.information, *(step.information for step in steps)], axis=0)
-    reasons = _reasons(objective, after)
+    gains, stds, first = [objective.gain(F) for F in after], [ratio_std(known, F) for F in after], len(known.made) + 1
+    reasons = [
+        reason_for(before, then, 1 < number <= STOPPING.fewest, known.diagnosis is not None)
+        for number, (before, then) in enumerate(pairwise(gains), first)
+    ]
+    shares = [1 - float(np.exp(np.log(then / before).mean())) for before, then in pairwise(stds)]
+    texts = [
+        reason or f"reduces the standard deviations of the ratios by a further {percent(share)}"
+        for reason, share in zip(reasons, shares, strict=True)
+    ]
     knowledge = [replace(known, information=F) for F in after]
     alike = [inseparable_pairs(Objective.of(then), steps) for then in knowledge] if steps else []
     stuck = [inseparable(objective, pairs) for pairs in alike] or [[]]
@@ -50,8 +69,8 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     gained = [objective.gained(F) for F in after[1:]]
     forecast = _forecast(objective, steps, gained, alike[1:]) if state == "record" else [None] * len(steps)
     releases = [
-        _planned(k, step, after[k], objective, reason.text, d2, decided)
-        for k, (step, reason, d2, decided) in enumerate(zip(steps, reasons, gained, forecast, strict=True), 1)
+        _planned(k, step, after[k], objective, text, d2, decided)
+        for k, (step, text, d2, decided) in enumerate(zip(steps, texts, gained, forecast, strict=True), 1)
     ]
     return Plan(
         state=state,
@@ -66,21 +85,6 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
         assumptions=_assumptions(known, releases),
         seconds=seconds,
     )
-
-
-def _reasons(objective: Objective, after: Array) -> list[Reason]:
-    """Return the reason for each release.
-
-    Args:
-        objective: the objective
-        after: (releases + 1, k, k) information before the first release and after each release
-    """
-    expected = [Expected(objective.gain(F), ratio_std(objective.known, F)) for F in after]
-    first = len(objective.known.made) + 1
-    return [
-        reason(before, then, 1 < number <= STOPPING.fewest, objective.known.diagnosis is not None)
-        for number, (before, then) in enumerate(pairwise(expected), first)
-    ]
 
 
 def _planned(
@@ -154,8 +158,7 @@ def _placed(known: Knowledge, step: SequenceStep, rng: np.random.Generator) -> l
     if step.release.torques is not None:
         return [step.information] * FORECAST.placements
     releases = placements(step.release, known.model.placement_rad, FORECAST.placements, rng)
-    informed_releases = informed([bent(release) for release in releases], known.model)
-    return [placed.information / known.inflation for placed in informed_releases]
+    return [placed.information for placed in informed(releases, known.model)]
 
 
 def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
@@ -191,15 +194,13 @@ def inseparable(objective: Objective, alike: Sequence[Flags]) -> list[Inseparabl
         objective: the objective
         alike: (n, n) pairs of inseparable causes, for each named effect
     """
-    stuck = []
+    stuck = list[Inseparable]()
     for pairs, of_effect in zip(objective.pairs, alike, strict=True):
         best = int(np.argmax(pairs.probabilities))
-        if pairs.probabilities[best] >= SURE:
-            continue
-        check = EFFECTS[pairs.names[best]].bench_check
-        for other in np.flatnonzero(of_effect[best]).tolist():
-            if other != best:
-                stuck.append(Inseparable(causes=(pairs.names[best], pairs.names[other]), check=check))
+        cause, others = pairs.names[best], set(np.flatnonzero(of_effect[best])) - {best}
+        if pairs.probabilities[best] < SURE:
+            check = EFFECTS[cause].bench_check
+            stuck += [Inseparable(causes=(cause, pairs.names[other]), check=check) for other in sorted(others)]
     return stuck
 
 
@@ -220,7 +221,7 @@ def plan_sentence(
     known: Knowledge,
     releases: Sequence[PlannedRelease],
     stuck: Sequence[list[Inseparable]],
-    reasons: Sequence[Reason],
+    reasons: Sequence[str],
 ) -> str:
     """Return the main sentence of a plan.
 
@@ -229,7 +230,7 @@ def plan_sentence(
         known: the current knowledge
         releases: the planned releases
         stuck: pairs of causes that no further release separates, before the first release and after each release
-        reasons: reason for each planned release
+        reasons: result of `reason_for` for each planned release
     """
     diagnosis = known.diagnosis
     if diagnosis is not None and state == "enough":
@@ -243,7 +244,7 @@ def plan_sentence(
         return "No release fits the budget."
     note = only_ratios_sentence(reasons, state == "record")
     if state == "first":
-        needed = max((k for k, reason in enumerate(reasons, 1) if not reason.only_ratios), default=len(releases))
+        needed = max((k for k, reason in enumerate(reasons, 1) if reason), default=len(releases))
         bits = releases[needed - 1].library_bits
         share = f"{percent(bits)} of" if bits < 0.995 else "nearly all"
         verb = "is" if needed == 1 else "are"
@@ -257,37 +258,91 @@ def plan_sentence(
         )
     chances = [release.decided or 0.0 for release in releases]
     number = next((k for k, chance in enumerate(chances, 1) if chance >= FORECAST.likely), len(chances))
-    more = f"{number} more release{'s' * (number > 1)}"
     advice = "Record release 1, diagnose and plan again. " if len(chances) > 1 else ""
     if diagnosis is not None:
         reason = undecided(diagnosis, _names(stuck[0]))
         advice = f"{reason[:1].upper()}{reason[1:]}. {advice}"
     together = _names(stuck[number])
     apart = f", except between {listed(together)}," if together else ""
+    more = counted(number, "more release")
     return f"{advice}With {more} the probability that the causes are decided{apart} is {chances[number - 1]:.2f}.{note}"
 
 
 def _assumptions(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[str]:
-    angle = known.model.placement_rad
-    assumptions = [
-        *_about_arm(known, releases),
+    angle, inflation, arm = known.model.placement_rad, f"{known.model.inflation:.2g}", list[str]()
+    if not known.always:
+        unused = known.rig.arm.mode == "driven" and known.rig.motor is not None
+        hint = " The plan may drive the arm if a limits file contains `input` in [arm]." if unused else ""
+        arm = [f"The arm is held.{hint}"]
+    elif any(release.arm != "held" for release in releases):
+        arm = ["The arm starts at rest at theta0 = 0 and is held until the release."]
+    inflated = (
+        f"The information of a reading is divided by the variance inflation {inflation}, because the residual of the"
+        " model exceeds the noise."
+    )
+    return [
+        *arm,
         "The model is linearised about the current estimate.",
         f"The rods are placed by hand with a standard deviation of {angle:.2g} rad (half the tolerance of the rig's"
         " poses). Beyond the horizon of a release, its information is averaged over such initial states.",
         "Effects that occurred only once, such as lost counts, are not considered.",
+        *[inflated] * (inflation != "1"),
     ]
-    if f"{known.inflation:.2g}" != "1":
-        assumptions.append(
-            f"The information of a reading is divided by the variance inflation {known.inflation:.2g}, because the"
-            " residual of the model exceeds the noise."
-        )
-    return assumptions
 
 
-def _about_arm(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[str]:
-    if not known.always:
-        unused = known.rig.arm.mode == "driven" and known.rig.motor is not None
-        hint = " The plan may drive the arm if a limits file contains `input` in [arm]." if unused else ""
-        return [f"The arm is held.{hint}"]
-    moving = [release for release in releases if release.arm != "held"]
-    return ["The arm starts at rest at theta0 = 0 and is held until the release."] if moving else []
+def reason_for(before: Gain, after: Gain, needed: bool = False, diagnosed: bool = True) -> str:
+    """Return the reason for a release: its contribution in addition to the previous releases.
+
+    The text is empty if the accuracy of the ratios is the only noticeable contribution.
+
+    Args:
+        before: expected information before the release
+        after: expected information after the release
+        needed: whether the earlier releases alone cannot decide the causes
+        diagnosed: whether there are recordings whose causes are named
+    """
+    parts = ["verifies the result of the first release with another swing"] if needed else []
+    added = {pair: bits - before.causes.get(pair, 0.0) for pair, bits in after.causes.items()}
+    if added and max(added.values()) >= NOTICEABLE.causes:
+        (first, second), bits = max(added.items(), key=lambda bits_by_pair: bits_by_pair[1])
+        parts.insert(0, f"separates {first} from {second} ({bits:.2f} bits)")
+    if after.open_effects - before.open_effects >= NOTICEABLE.causes:
+        parts.insert(0, "tests the effects that are not excluded yet")
+    if after.library - before.library >= NOTICEABLE.library:
+        parts.append(_distinguishes(float(before.library), float(after.library), diagnosed))
+    if after.limits - before.limits >= NOTICEABLE.limits:
+        parts.append("tests the limits more accurately")
+    return "; ".join(parts)
+
+
+def _distinguishes(before: float, after: float, diagnosed: bool) -> str:
+    """Return the clause that states which share of the effects a release distinguishes.
+
+    The shares before and after the release are between 0 and 1. The clause states their difference, computed from the
+    rounded shares of the table. If the first share is small, the clause states only the second one.
+    """
+    effects = "the effects that are not named so far" if diagnosed else "the effects of the library"
+    if before < NOTICEABLE.library:
+        return f"distinguishes {percent(after)} of {effects}"
+    return f"distinguishes {percent(round(after, 2) - round(before, 2))} more of {effects}"
+
+
+def only_ratios_sentence(reasons: Sequence[str], undecided: bool) -> str:
+    """Describe the releases that only improve the accuracy of the ratios.
+
+    The text is empty if there are no such releases.
+
+    Args:
+        reasons: result of `reason_for` for each release
+        undecided: whether a diagnosis left causes undecided; such a release decides them if the first release does not
+    """
+    numbers = [str(k) for k, reason in enumerate(reasons, 1) if not reason]
+    if not numbers:
+        return ""
+    several = len(numbers) > 1
+    in_a_row = len(numbers) > 2 and int(numbers[-1]) - int(numbers[0]) == len(numbers) - 1
+    which = f" Release{'s' * several} {f'{numbers[0]} to {numbers[-1]}' if in_a_row else listed(numbers)}"
+    if undecided and "1" not in numbers:
+        need = "are" if several else "is"
+        return f"{which} {need} necessary only if the causes are then still undecided."
+    return f"{which} only improve{'' if several else 's'} the accuracy of the ratios."

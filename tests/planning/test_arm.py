@@ -7,9 +7,8 @@ import pytest
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.fitting.estimate import SCALE
-from dpr_lab.planning.acting import Acting, arm_states
 from dpr_lab.planning.information import informed, simulated_states
-from dpr_lab.planning.knowledge import known_before
+from dpr_lab.planning.knowledge import Acting, known_before
 from dpr_lab.planning.limits import PlanLimits, load_plan_limits
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.signals import driven_releases
@@ -73,10 +72,10 @@ def test_a_plan_states_the_expected_error_of_the_gain_of_a_drive() -> None:
 def test_the_rig_file_and_the_limits_determine_the_modes_of_the_arm() -> None:
     driven, paper = load_rig("driven_double"), load_rig("paper")
     limits = PlanLimits.model_validate(MOVING)
-    assert arm_states(driven, PlanLimits()) == ("held",)
-    assert arm_states(driven, limits) == ("driven", "free")
-    assert arm_states(driven, PlanLimits.model_validate({"arm": {"input": 1.0}})) == ("driven", "held")
-    assert arm_states(paper, PlanLimits()) == ("held",)
+    assert PlanLimits().arm_states(driven) == ("held",)
+    assert limits.arm_states(driven) == ("driven", "free")
+    assert PlanLimits.model_validate({"arm": {"input": 1.0}}).arm_states(driven) == ("driven", "held")
+    assert PlanLimits().arm_states(paper) == ("held",)
 
 
 @pytest.mark.slow

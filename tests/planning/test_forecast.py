@@ -122,7 +122,7 @@ def test_without_a_visible_gap_only_the_simulated_score_tests_determine_the_fore
     for runs in (("P1", "P2"), ("P1", "P2", "P3", "P4")):
         after = replace(known, diagnosis=of_runs(nothing, *runs, exclusions=[latency(4.0)]))
         made += summed_up(Objective.of(after), [step], PlanLimits(), 0.0).forecast
-    tested = OpenAmplitudes.of(after, after.information + swing.information / after.inflation, excluded=True)
+    tested = OpenAmplitudes.of(after, after.information + swing.information, excluded=True)
     assert made[0] == pytest.approx(settled_probabilities([[tested]] * FORECAST.placements)[0])
     assert made[1] == made[0]
     assert summed_up(Objective.of(after), [], PlanLimits(), 0.0).forecast == []

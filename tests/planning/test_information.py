@@ -15,7 +15,7 @@ from dpr_lab.planning.knowledge import Knowledge, known_before
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.stopping import Causes
 from dpr_lab.planning.worth.criteria import OpenPairs, detectable, given
-from dpr_lab.planning.worth.goals import limit_forecasts
+from dpr_lab.planning.worth.objective import limit_forecasts
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import AddedMass, Pose
 

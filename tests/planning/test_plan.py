@@ -9,11 +9,10 @@ import pytest
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import ConfigError
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.planning.acting import Acting, allowed_rods
 from dpr_lab.planning.candidates import longest_s, mountings, novelty
 from dpr_lab.planning.forecast import FORECAST, decision_probability
 from dpr_lab.planning.information import informed, simulated_states
-from dpr_lab.planning.knowledge import known_after, known_before
+from dpr_lab.planning.knowledge import Acting, known_after, known_before
 from dpr_lab.planning.limits import PlanLimits, ReachablePoses, load_plan_limits
 from dpr_lab.planning.plan import plan
 from dpr_lab.planning.release import CandidateRelease
@@ -134,7 +133,7 @@ def test_planned_mountings_follow_the_limits_file(paper: Rig) -> None:
 def test_only_permitted_mountings_are_planned(
     paper: Rig, present: tuple[str, str], rods: dict[str, list[str]], expected: tuple[str, ...]
 ) -> None:
-    assert allowed_rods(paper.with_rods(*present), limits(rods=rods)) == expected
+    assert limits(rods=rods).allowed_rods(paper.with_rods(*present)) == expected
 
 
 def test_the_range_of_an_elbow_may_contain_the_half_turn() -> None:

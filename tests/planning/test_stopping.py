@@ -20,10 +20,16 @@ from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import PlannedRelease
 from dpr_lab.planning.sequence import Planner, SequenceStep
 from dpr_lab.planning.stopping import Causes, causes_of, decided, possible, reservation, significance, undecided
-from dpr_lab.planning.summary import inseparable, inseparable_pairs, plan_sentence, summed_up
+from dpr_lab.planning.summary import (
+    inseparable,
+    inseparable_pairs,
+    only_ratios_sentence,
+    plan_sentence,
+    reason_for,
+    summed_up,
+)
 from dpr_lab.planning.worth.criteria import open_bits
 from dpr_lab.planning.worth.objective import Gain, Objective
-from dpr_lab.planning.worth.reasons import Expected, Reason, only_ratios_sentence, reason
 from dpr_lab.report.gap.next_steps import next_steps
 from dpr_lab.report.gap.sections.exclusions import exclusion_words
 from dpr_lab.rig import Rig
@@ -235,13 +241,13 @@ def test_a_plan_forecasts_a_decision_up_to_causes_that_no_release_separates(pape
 def test_a_sentence_names_the_releases_that_may_not_be_necessary(
     only_ratios: tuple[bool, ...], undecided: bool, words: str
 ) -> None:
-    reasons = [Reason("", only) for only in only_ratios]
+    reasons = ["" if only else "tests the limits" for only in only_ratios]
     assert only_ratios_sentence(reasons, undecided).strip() == words
 
 
 def test_the_first_sentence_counts_only_the_releases_that_distinguish_effects() -> None:
     releases = [PlannedRelease.model_construct(library_bits=bits) for bits in (0.97, 0.99, 0.99)]
-    reasons = [Reason("", only) for only in (False, False, True)]
+    reasons = ["distinguishes effects", "verifies the result", ""]
     text = plan_sentence("first", Mock(diagnosis=None), releases, [[]], reasons)
     assert text.startswith("Before any recording: 2 releases are expected to distinguish 99 % of the effects")
     assert text.endswith("Release 3 only improves the accuracy of the ratios.")
@@ -251,5 +257,5 @@ def test_the_first_sentence_counts_only_the_releases_that_distinguish_effects() 
     ("shares", "words"), [((0.009, 0.987), "distinguishes 99 % of"), ((0.624, 0.676), "distinguishes 6 % more of")]
 )
 def test_a_reason_agrees_with_the_rounded_shares_of_the_table(shares: tuple[float, float], words: str) -> None:
-    before, after = (Expected(Gain({}, *np.array([0.0, share, 0.0, 0.0])), np.ones(5)) for share in shares)
-    assert words in reason(before, after).text
+    before, after = (Gain({}, *np.array([0.0, share, 0.0, 0.0])) for share in shares)
+    assert words in reason_for(before, after)

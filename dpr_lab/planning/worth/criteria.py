@@ -113,26 +113,19 @@ class OpenPairs:
     @classmethod
     def of(cls, known: Knowledge, causes: Causes) -> "OpenPairs":
         """Select the causes that are probable enough and detectable in a release."""
-        names = [name for name, p in causes.probabilities.items() if name in known.places and (p > WORTH.least)]
-        others = [i for i in known.fitted if i not in known.places.get(causes.about, ())]
+        probable = {name: p for name, p in causes.probabilities.items() if name in known.places and p > WORTH.least}
+        places = tuple(known.places[name] for name in probable)
         about = known.places.get(causes.about, ())
         target = known.amplitudes[list(about)]
+        others = tuple(i for i in known.fitted if i not in about)
         sizes, spreads = [], []
-        for name in names:
-            places = known.places[name]
-            G = given(known.information, others, list(dict.fromkeys((*places, *about))))
-            inverse = np.linalg.pinv(G[: len(places), : len(places)], rcond=1e-12, hermitian=True)
-            sizes.append(inverse @ (G[: len(places), len(places) :] @ target) if name != causes.about else target)
-            spreads.append(inverse)
-        return cls(
-            tuple(names),
-            np.array([causes.probabilities[name] for name in names]),
-            min(causes.outside + sum(p for name, p in causes.probabilities.items() if name not in names), 1.0),
-            tuple(others),
-            tuple(known.places[name] for name in names),
-            tuple(sizes),
-            tuple(spreads),
-        )
+        for of_cause in places:
+            G, n = given(known.information, others, list(dict.fromkeys((*of_cause, *about)))), len(of_cause)
+            spreads.append(np.linalg.pinv(G[:n, :n], 1e-12, hermitian=True))
+            sizes.append(target if of_cause == about else spreads[-1] @ (G[:n, n:] @ target))
+        p = np.array([*probable.values()])
+        outside = min(causes.outside + sum(causes.probabilities.values()) - float(p.sum()), 1.0)
+        return cls((*probable,), p, outside, others, places, tuple(sizes), tuple(spreads))
 
     def distances(self, F: Array) -> Array:
         """Return the (..., n, n) expected squared distances D^2 between the causes.
@@ -143,9 +136,9 @@ class OpenPairs:
         G = given(F, self.fitted, columns)
         rows = [[columns.index(i) for i in places] for places in self.places]
         moments = np.zeros((len(rows), *G.shape[-2:]))  # E[a a^T] of the amplitudes of each cause
+        squared = np.zeros((*G.shape[:-2], len(rows), len(rows)))
         for i, (places, size, spread) in enumerate(zip(rows, self.sizes, self.spreads, strict=True)):
             moments[i][np.ix_(places, places)] = np.outer(size, size) + spread
-        squared = np.zeros((*G.shape[:-2], len(rows), len(rows)))
         for nearest, places in enumerate(rows):
             inverse = np.linalg.pinv(G[..., *np.ix_(places, places)], 1e-12, hermitian=True)
             remaining = G - G[..., places] @ inverse @ G[..., places, :]
@@ -156,14 +149,11 @@ class OpenPairs:
 
 def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], Array]:
     """Compute the (...,) expected bits that distinguish the most probable cause from each other cause."""
-    best = int(np.argmax(pairs.probabilities))
-    bits = {}
-    for other in range(len(pairs.names)):
-        if other == best:
-            continue
-        pair = pairs.probabilities[[best, other]]
-        d2 = (pair[0] * gained[..., best, other] + pair[1] * gained[..., other, best]) / pair.sum()
-        bits[pairs.names[best], pairs.names[other]] = _bits(np.sqrt(d2), *pair.tolist())
+    p, best, bits = pairs.probabilities, int(np.argmax(pairs.probabilities)), dict[tuple[str, str], Array]()
+    for other, name in enumerate(pairs.names):
+        if other != best:
+            d2 = (p[best] * gained[..., best, other] + p[other] * gained[..., other, best]) / (p[best] + p[other])
+            bits[pairs.names[best], name] = _bits(np.sqrt(d2), float(p[best]), float(p[other]))
     return bits
 
 
@@ -225,8 +215,9 @@ class OpenAmplitudes:
         if diagnosis is not None and diagnosis.verdict in ("no_gap", "named"):
             exclusions = recurring(diagnosis) if excluded else not_excluded(diagnosis)
             tested = {(amplitude.effect, amplitude.parameter): amplitude for amplitude in exclusions}
-            names = [(column.effect, column.name) for column in known.model.columns]
-            places = {i: tested[name] for i, name in enumerate(names) if name in tested}
+            for i, column in enumerate(known.model.columns):
+                if test := tested.get((column.effect, column.name)):
+                    places[i] = test
         if not places:
             return cls((), np.zeros((0, 0)), np.zeros((*F.shape[:-2], 0, 0)))
         before, after = (given(information, known.fitted, [*places]) for information in (known.information, F))
@@ -253,16 +244,18 @@ def ratio_bits(known: Knowledge, F: Array) -> Array:
 
     The value is defined up to a constant.
     """
-    nuisance = [i for i in known.fitted if i >= len(RATIOS)]
-    G = given(F, nuisance, range(len(RATIOS)))
-    scale = np.array([known.model.columns[i].size for i in range(len(RATIOS))])
-    return 0.5 * np.linalg.slogdet(G * scale[:, None] * scale)[1] / np.log(2)
+    scale = np.array([column.size for column in known.model.columns[: len(RATIOS)]])
+    return 0.5 * np.linalg.slogdet(_of_ratios(known, F) * scale[:, None] * scale)[1] / np.log(2)
 
 
 def ratio_std(known: Knowledge, F: Array) -> Array:
     """Return the (5,) expected standard deviations of the ratios with the model's effects fitted."""
-    nuisance = [i for i in known.fitted if i >= len(RATIOS)]
-    return np.sqrt(np.diag(np.linalg.inv(given(F, nuisance, range(len(RATIOS))))))
+    return np.sqrt(np.diag(np.linalg.inv(_of_ratios(known, F))))
+
+
+def _of_ratios(known: Knowledge, F: Array) -> Array:
+    """Return the (..., 5, 5) information about the ratios with the other unknowns of the model fitted."""
+    return given(F, [i for i in known.fitted if i >= len(RATIOS)], range(len(RATIOS)))
 
 
 def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
@@ -302,12 +295,11 @@ def detectable(
     """
     sizes: dict[str, dict[str, float | None]] = {}
     for name in known.places if names is None else names:
-        places = known.places.get(name, ())
-        fitted = [i for i in known.fitted if i not in places]
-        remaining = np.diag(given(F, fitted, list(places)))
-        prior = np.diag(known.prior)[list(places)]
-        for place, power, before in zip(places, remaining.tolist(), prior.tolist(), strict=True):
-            column = known.model.columns[place]
-            visible = power - before > max(WORTH.seen * F[place, place], before)
-            sizes.setdefault(name, {})[column.name] = float(sigmas / np.sqrt(power - before)) if visible else None
+        places = list(known.places.get(name, ()))
+        power = np.diag(given(F, [i for i in known.fitted if i not in places], places))
+        prior = np.diag(known.prior)[places]
+        visible = power - prior > np.maximum(WORTH.seen * np.diag(F)[places], prior)
+        for i, place in enumerate(places):
+            size = float(sigmas / np.sqrt(power[i] - prior[i])) if visible[i] else None
+            sizes.setdefault(name, {})[known.model.columns[place].name] = size
     return sizes

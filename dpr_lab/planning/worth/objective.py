@@ -1,16 +1,39 @@
-"""Objective of a plan: weighted bits about causes, library, ratios and limits."""
+"""Objective of a plan: weighted bits about causes, library, ratios and limits.
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+A limit of the rig (`dpr-lab accept`) is a goal of the plan. A goal states whether the releases decide between pass and
+fail. The test of a limit uses a 90 % interval, 1.645 standard deviations on either side. Consider a quantity at half
+its limit, or in the middle of its range. On average the quantity passes if the half width of the interval is smaller
+than the distance from the limit. A friction limit also requires a recording in which the joint reaches the speed of the
+limit in both directions.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from dpr_lab.acceptance.limits import Limits
+from dpr_lab.acceptance.limits import Limits, friction_quantity
 from dpr_lab.arrays import Array
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.effects import EFFECTS
+from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.classes.calibration import CALIBRATION
+from dpr_lab.gap.evidence.joint_friction import GRID, linear_torque
+from dpr_lab.planning.information import reached_speeds
 from dpr_lab.planning.knowledge import Knowledge
-from dpr_lab.planning.worth.criteria import WORTH, OpenPairs, cause_bits, library_bits, open_bits, ratio_bits
-from dpr_lab.planning.worth.goals import goal_bits
+from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.result import LimitForecast
+from dpr_lab.planning.worth.criteria import (
+    WORTH,
+    OpenPairs,
+    cause_bits,
+    detectable,
+    given,
+    library_bits,
+    open_bits,
+    ratio_bits,
+    shown_ratio_std,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,18 +65,15 @@ class Objective:
     """For each named effect, the candidate causes that a release can show."""
     before: tuple[Array, ...]
     """(n, n) D^2 between the causes from the runs recorded so far, for each named effect."""
-    ratios: Array
-    """Bits about the ratios before the planned releases."""
-    limits: Limits = field(default_factory=Limits)
+    limits: Limits
     """Limits that the rig must satisfy."""
 
     @classmethod
     def of(cls, known: Knowledge, limits: Limits | None = None) -> "Objective":
         """Create the objective from the current knowledge and the limits of the rig."""
-        pairs = tuple(OpenPairs.of(known, causes) for causes in known.causes)
-        pairs = tuple(pair for pair in pairs if pair.names)
+        pairs = tuple(pair for causes in known.causes if (pair := OpenPairs.of(known, causes)).names)
         before = tuple(pair.distances(known.information) for pair in pairs)
-        return cls(known, pairs, before, ratio_bits(known, known.information), limits or Limits())
+        return cls(known, pairs, before, limits or Limits())
 
     def gained(self, F: Array) -> list[Array]:
         """Return the (..., n, n) squared distances d^2 added by further information.
@@ -65,12 +85,157 @@ class Objective:
 
     def bits(self, gained: list[Array]) -> dict[tuple[str, str], Array]:
         """Return the expected bits about each undecided pair, given the result of `gained`."""
-        of_each = (cause_bits(open_pair, d2) for open_pair, d2 in zip(self.pairs, gained, strict=True))
+        of_each = map(cause_bits, self.pairs, gained)
         return {pair: bits for open_pair in of_each for pair, bits in open_pair.items()}
 
     def gain(self, F: Array) -> Gain:
         """Return the bits of each part of the objective for the Fisher information F, (..., k, k)."""
-        known, ratios = self.known, ratio_bits(self.known, F) - self.ratios
-        matrices, causes = F.reshape(-1, *F.shape[-2:]), self.bits(self.gained(F))
+        known, matrices = self.known, F.reshape(-1, *F.shape[-2:])
         limits = np.reshape([goal_bits(known, matrix, self.limits) for matrix in matrices], F.shape[:-2])
-        return Gain(causes, open_bits(known, F), library_bits(known, F), ratios, limits)
+        causes = self.bits(self.gained(F))
+        return Gain(causes, open_bits(known, F), library_bits(known, F), ratio_bits(known, F), limits)
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """A limit, and the expected accuracy of the limited quantity."""
+
+    quantity: str
+    """Name of the limited quantity, as in `dpr-lab accept`."""
+    unit: str
+    """SI unit of the quantity."""
+    reach: float | None
+    """Half width of the expected 90 % interval; None if the quantity is not detectable."""
+    room: float
+    """Distance from half the limit to the limit, or from the middle of a range to its ends."""
+    single: bool = True
+    """Whether the interval of `accept` refers to one shape of an effect.
+
+    An interval over all shapes is wider than `reach`.
+    """
+
+
+def goals(known: Knowledge, F: Array, limits: Limits) -> list[Goal]:
+    """Return one goal for each limit of a file.
+
+    Args:
+        known: the current knowledge
+        F: (k, k) information about the unknowns
+        limits: limits that the rig must satisfy
+    """
+    return [*_of_effects(known, F, limits), *_of_friction(known, F, limits), *_of_ratios(known, F, limits)]
+
+
+def goal_bits(known: Knowledge, F: Array, limits: Limits) -> float:
+    """Return the information about the limits, in bits.
+
+    The result is the sum of -log2(w / d) over all limits, where w is the half width of the interval of the limited
+    quantity, and d its distance from the limit. A quotient w / d below one half counts as one half.
+    """
+    shares = [goal.reach / goal.room for goal in goals(known, F, limits) if goal.reach is not None]
+    return float(np.sum(-np.log2(np.maximum(shares, 0.5)))) if shares else 0.0
+
+
+def limit_forecasts(
+    known: Knowledge, F: Array, limits: Limits, releases: Sequence[CandidateRelease] = ()
+) -> list[LimitForecast]:
+    """Forecast which limits the releases will show to be met or violated.
+
+    Args:
+        known: the current knowledge
+        F: (k, k) information after the releases
+        limits: limits that the rig must satisfy
+        releases: the releases; a friction limit also requires that the joint reaches the speed of the limit in one of
+            them or in an earlier recording
+    """
+    slow = _too_slow(known, limits, releases)
+    return [
+        LimitForecast(
+            quantity=goal.quantity,
+            unit=goal.unit,
+            reach=goal.reach,
+            reached_rad_per_s=slow.get(goal.quantity),
+            decides=goal.quantity not in slow and goal.single and goal.reach is not None and goal.reach < goal.room,
+        )
+        for goal in goals(known, F, limits)
+    ]
+
+
+def _too_slow(known: Knowledge, limits: Limits, releases: Sequence[CandidateRelease]) -> dict[str, float]:
+    """Return the friction limits whose speed the joint does not reach.
+
+    The value of each limit is the speed that the joint reaches, rad/s.
+    """
+    if not limits.friction:
+        return {}
+    planned, evidence = reached_speeds(releases, known.model), known.diagnosis.evidence if known.diagnosis else None
+    slow: dict[str, float] = {}
+    for joint, limit in limits.friction.items():
+        recorded = evidence.friction[joint].speed_rad_per_s[-1] if evidence and joint in evidence.friction else 0.0
+        if (reached := max(recorded, planned[joint])) < limit.speed_rad_s:
+            slow[friction_quantity(joint, limit)] = reached
+    return slow
+
+
+def _of_effects(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
+    sizes = detectable(known, F, NORMAL_Q90, limits.effects)
+    for name, amplitudes in limits.effects.items():
+        effect = EFFECTS[name]
+        several = len(effect.amplitudes) > 1
+        reaches = _fitted_together(known, F, name) if several and not effect.shapes else sizes.get(name, {})
+        for parameter, limit in amplitudes.items():
+            single = not (several and effect.shapes) or name in known.named
+            yield Goal(f"{name}.{parameter}", limit.unit, reaches.get(parameter), limit.max / 2, single)
+
+
+def _fitted_together(known: Knowledge, F: Array, name: str) -> dict[str, float]:
+    """Return the half width of the 90 % interval of each amplitude of an effect.
+
+    The result is empty if the amplitudes cannot be separated from each other.
+    """
+    places = list(known.places.get(name, ()))
+    amplitudes = given(F, [i for i in known.fitted if i not in places], places)
+    of_recordings = amplitudes - known.prior[np.ix_(places, places)]
+    scale = 1 / np.sqrt(np.maximum(np.diag(of_recordings), np.finfo(float).tiny))
+    unit = of_recordings * scale[:, None] * scale
+    if not places or np.linalg.eigvalsh(unit)[0] < WORTH.seen:
+        return {}
+    stds = np.sqrt(np.diag(np.linalg.inv(unit))) * scale
+    return {known.model.columns[i].name: float(NORMAL_Q90 * std) for i, std in zip(places, stds, strict=True)}
+
+
+def _of_friction(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
+    """Yield the goals of friction limits.
+
+    The limited quantity is the friction torque of a joint at the speeds of the limit. A free-form friction curve is
+    added to the model.
+    """
+    for name, limit in limits.friction.items():
+        joint, model = int(name[-1]), known.model
+        curve = known.places.get(f"friction_curve_{name}", ())
+        places = list(dict.fromkeys([*known.fitted, *curve]))
+        free = [model.columns[i] for i in places]
+        _, slope = linear_torque(joint, GRID.up_to(limit.speed_rad_s), model.estimate, free, model.rods.constants)
+        variance = np.einsum("ui,ij,uj->u", slope, np.linalg.inv(F[np.ix_(places, places)]), slope)
+        reach = NORMAL_Q90 * float(np.sqrt(variance.max())) if curve else None
+        yield Goal(friction_quantity(name, limit), limit.unit, reach, limit.max / 2)
+
+
+def _of_ratios(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
+    if not limits.ratios:
+        return
+    stds = shown_ratio_std(known, F)
+    values = known.diagnosis.stated_ratios if known.diagnosis else {}
+    for name, limit in limits.ratios.items():
+        lower, upper = limit.bounds
+        if lower is not None and upper is not None:
+            middle = (lower + upper) / 2
+        elif name in values:
+            middle = values[name].value
+        elif name in RATIOS:
+            middle = float(known.model.estimate.ratios[RATIOS.index(name)])
+        else:
+            middle = np.nan
+        room = min(abs(end - middle) for end in (lower, upper) if end is not None)
+        reach = NORMAL_Q90 * stds[name] if name in stds and np.isfinite(room) else None
+        yield Goal(name, limit.unit, reach, max(float(room), 1e-300))
