@@ -10,6 +10,9 @@ the maximum.
 `--first N` estimates the minimum for each plant. If no strategy decides the cause with one release, N other first
 releases are recorded and diagnosed one by one. If one of them decides, the minimum is one; otherwise it is the smallest
 number of all strategies.
+
+No strategy can need fewer releases than one for a plant with an effect, and the number that "no gap" requires for a
+plant without one. The quotient of their sum and the menu's number of releases bounds the result from below.
 """
 
 import sys
@@ -31,6 +34,7 @@ from dpr_lab.planning.information import informed
 from dpr_lab.planning.knowledge import known_before
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.stopping import STOPPING
 from dpr_lab.planning.worth.criteria import detectable
 from dpr_lab.rig import MASSES, PARAMETERS, Rig, load_rig
 from dpr_lab.run import Run
@@ -278,10 +282,11 @@ def main() -> None:
     parser.add_argument("--strategies", nargs="+", default=list(STRATEGIES), choices=list(STRATEGIES))
     args = parser.parse_args()
     results: dict[str, list[tuple[list[SequentialLook], bool, bool]]] = {name: [] for name in args.strategies}
-    minima = list[int]()
+    minima, fewest = list[int](), list[int]()
     for seed in range(args.seed, args.seed + (1 if args.quick else args.plants)):
         plant = drawn(seed)
         print(f"plant {seed}: {plant.effect or 'nothing'} {plant.size:.3g}", file=sys.stderr)
+        fewest.append(1 if plant.effect else STOPPING.fewest)
         for name in args.strategies:
             rng, strategy = np.random.default_rng([seed, *name.encode()]), STRATEGIES[name]
             limits = limits_of(plant.rig, times=strategy.times)
@@ -300,6 +305,9 @@ def main() -> None:
             minima.append(least(plant, counts, args.first, seed))
             print(f"  minimum: {minima[-1]}", file=sys.stderr, flush=True)
     shown = bars(results)
+    if "menu" in results:
+        of_menu = sum(_count(looks) for looks, *_ in results["menu"])
+        shown.append(Bar("smallest possible number of releases relative to the menu", "-", sum(fewest) / of_menu, None))
     if minima:
         shown.append(
             Bar(f"minimum: releases until decided, mean (of {len(minima)})", "-", float(np.mean(minima)), None)
