@@ -101,22 +101,22 @@ def driven_releases(model: PresentModel, limits: PlanLimits, rig: Rig) -> list[C
         drives.append(("input", limits.arm, _of_arm(limits, rig)))
     releases = list[CandidateRelease]()
     for size, drive, signals in drives:
-        kept = [driven for signal in signals if (driven := _within(signal, model, drive, rig)) is not None]
-        if not kept:
+        within_limits = [driven for signal in signals if (driven := _within(signal, model, drive, rig)) is not None]
+        if not within_limits:
             table, which = ("arm", size) if drive is limits.arm else ("drive", "[drive]")
             raise ConfigError(
                 f"{table}: no signal stays within speed_rad_s and angle_rad of the limits file, even at"
                 f" {percent(SIGNALS.least)} of {size}: raise these limits, or remove {which}"
             )
-        releases += kept
+        releases += within_limits
     return releases
 
 
 def _of_joints(limits: PlanLimits, drive: DriveLimits, rig: Rig) -> Iterator[CandidateRelease]:
     """Yield releases with signals of the joint drives at the largest torques."""
-    both = rig.rods.mounting == "both"
+    combinations = SIGNALS.joints if rig.rods.mounting == "both" else SIGNALS.joints[:1]
     for kind, t, values in _shaped(limits, drive):
-        for shares in SIGNALS.joints if both else SIGNALS.joints[:1]:
+        for shares in combinations:
             torque = values[:, None] * np.array(shares) * np.array(drive.torque_Nm)
             yield _driven(Torques(t, torque, "commanded"), kind, "held", rig)
 
@@ -161,8 +161,8 @@ def _within(
         on_arm = None if torques.on_arm is None else share * torques.on_arm
         tried = replace(release, torques=replace(torques, joints=share * torques.joints, on_arm=on_arm))
         angles, speeds = np.split(joint_motion(tried, model)[:, :, moved] - rest, 2, axis=1)
-        kept = (np.abs(angles) <= drive.angle_rad) & (low <= angles) & (angles <= high)
-        if (kept & (np.abs(speeds) <= drive.speed_rad_s)).all():
+        inside = (np.abs(angles) <= drive.angle_rad) & (low <= angles) & (angles <= high)
+        if (inside & (np.abs(speeds) <= drive.speed_rad_s)).all():
             return tried
         share *= SIGNALS.shrink
     return None
