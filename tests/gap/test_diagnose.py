@@ -24,6 +24,11 @@ NOT_SEEN = ("rotor_inertia_joint1",)
 """The base parameter a takes it up exactly."""
 
 
+@pytest.fixture(autouse=True)
+def brief_evidence() -> None:
+    """Compute all of the evidence and of the gap: both are a subject here."""
+
+
 def scaled(diagnosis: Diagnosis, effect: str, parameter: str) -> float:
     """A torque at the plant's own scale: a free swing fixes none."""
     b = load_plant("paper", 1).parameters

@@ -102,6 +102,7 @@ def test_a_vibration_is_tested_in_the_beginning_of_long_recordings(looked_at: An
     """All frequencies of a long recording are too many; the interval from its beginning is wider."""
     sizes = {"cos_m_per_s2": 0.02, "frequency_hz": 11.37}
     _, problem, model = looked_at({"base_vibration": sizes})
+    monkeypatch.setattr(of_exclusions, "SHAPES", of_exclusions.ShapeSettings())
     whole = AllShapes(problem, model).intervals(EFFECTS["base_vibration"])
     seconds = float(problem.t.max() - problem.t.min()) / 2
     most = int(100 * seconds)  # fewer than the frequencies of the whole recording
