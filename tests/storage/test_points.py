@@ -201,6 +201,14 @@ def test_one_moving_point_is_a_single_rod(tmp_path: Path, points: np.ndarray, he
         read(file)
 
 
+@pytest.mark.parametrize(("away", "noted"), [(0.006, True), (0.25, False)])
+def test_an_origin_near_the_centre_of_the_circle_may_be_the_pivot(tmp_path: Path, away: float, noted: bool) -> None:
+    points = 0.3 * BOB + (away, 0.0) + np.random.default_rng(4).normal(0, 1e-4, BOB.shape)
+    table = read_text(text(tmp_path / "bob.csv", np.column_stack([T, points]), head="t,x,y\n"), ())
+    note = "origin of the coordinates is 2 % of the rod's length from this centre"
+    assert any(note in line and "--take origin,point" in line for line in table.notes) == noted
+
+
 def test_the_pivot_is_found_although_the_tracker_followed_something_else_for_a_while(tmp_path: Path) -> None:
     points, rng = 0.3 * BOB + (0.1, 0.25), np.random.default_rng(8)
     points[: len(points) // 4] = 0.3 * BOB[: len(points) // 4] * (0.7, 0.5) + (0.13, 0.2)

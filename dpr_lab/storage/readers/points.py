@@ -44,6 +44,9 @@ class PointSettings:
     """Maximum ratio for which the origin counts as the pivot. The ratio is the scatter of the distances to the origin,
     divided by the scatter of the distances to the centre of the fitted circle. Users of Tracker often place the axes at
     the pivot."""
+    near_origin: float = 0.1
+    """Maximum distance of the centre from the origin, relative to the length of the rod, for a note about the origin.
+    Such a distance is rarely a coincidence: probably the user placed the axes at the pivot."""
     repeats: float = 0.2
     """Maximum ratio of the motion in a frame to the motion in the neighbouring frames for which the frame counts as a
     repetition of the previous frame."""
@@ -348,11 +351,16 @@ def _pivot_of(table: Table, end: _Point) -> _Point:
     scatter, about_origin = (float(np.std(np.hypot(*(valid[near] - c).T))) for c in (centre, np.zeros(2)))
     if about_origin <= SETTINGS.at_origin * scatter:
         return _Point("(the origin)", np.zeros(end.at.shape))
-    short = radius_error(valid[near], centre) > CIRCLE.short_arc
-    doubt = f"the arc of {end.name} is too short for its centre: track the pivot, or use --take origin,{end.name}"
-    return _Point(
-        f"(centre of the circle of {end.name})", np.broadcast_to(centre, end.at.shape), doubt if short else ""
-    )
+    distance = float(np.hypot(*centre) / np.median(np.hypot(*(valid[near] - centre).T)))
+    doubt = ""
+    if radius_error(valid[near], centre) > CIRCLE.short_arc:
+        doubt = f"the arc of {end.name} is too short for its centre: track the pivot, or use --take origin,{end.name}"
+    elif distance < SETTINGS.near_origin:
+        doubt = (
+            f"the origin of the coordinates is {percent(distance)} of the rod's length from this centre: if the axes"
+            f" were placed at the pivot, use --take origin,{end.name}"
+        )
+    return _Point(f"(centre of the circle of {end.name})", np.broadcast_to(centre, end.at.shape), doubt)
 
 
 def _direction(rod: Array) -> Array:
