@@ -262,7 +262,9 @@ def identifiability(
     if posterior is None:
         nominal = unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))
         posterior = posterior_of(nominal, rig, range(len(information)))
-    Z, places, alone = posterior.values(posterior.b), posterior.visible, posterior.alone
+    # a friction of zero has no relative change
+    Z = np.maximum(posterior.values(posterior.b), 1e-3 * rig.nominal)
+    places, alone = posterior.visible, posterior.alone
     names = of_inner_rod(Z[PARAMETERS.index("mb")]) if alone else PARAMETERS
     columns, per = [PARAMETERS.index(name) for name in names], units(posterior.unknown, alone)[list(places)]
     values, slopes = observed(Z, rig, places, alone)

@@ -304,3 +304,11 @@ def test_recordings_of_the_inner_rod_alone_concern_only_this_rod(rig: Rig) -> No
     assert {advice.name for advice in result.advice} == {
         "weigh m1", "weigh mb", "balance l1", "swing inner rod alone"
     }  # fmt: skip
+
+
+def test_a_friction_that_is_fixed_at_zero_leaves_the_analysis_finite(rig: Rig, information: NDArray) -> None:
+    unknown = unknown_ratios(whole_parameters(TRUE, 0.4, 9.81))
+    unknown[RATIOS.index("c1/b")] = 0.0
+    result = identifiability(information, rig, posterior_of(unknown, rig), lengths=False)
+    assert np.isfinite(result.singular_values).all()
+    assert all(np.isfinite(parameter.value) for parameter in result.parameters.values())
