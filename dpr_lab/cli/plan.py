@@ -57,7 +57,10 @@ def plan(
     ] = None,
     budget: Annotated[
         str | None,
-        typer.Option(callback=_budget, help="Available time at the rig, such as 10min or 1h. Default: three releases."),
+        typer.Option(
+            callback=_budget,
+            help="Available time at the rig: 10min, 90s or 1h; a number alone is in minutes. Default: three releases.",
+        ),
     ] = None,
     limits: Annotated[
         Path | None,

@@ -69,7 +69,7 @@ def accept(
         diagnosis = diagnose(replace(request, out=None), on_event).diagnosis
     else:
         diagnosis = read_diagnosis(diagnosis_file, runs)
-        _refuse_other_rig(diagnosis_file, diagnosis, rig)
+        refuse_other_rig_file(diagnosis_file, diagnosis, rig)
     acceptance = judged(diagnosis, wanted, runs, rig)
     if acceptance.answer == "not decidable":
         acceptance = with_recordings(acceptance, plan(rig, runs, diagnosis, limits=wanted))
@@ -77,16 +77,18 @@ def accept(
     return AcceptResult(acceptance, files)
 
 
-def _refuse_other_rig(file: Path, diagnosis: "Diagnosis", rig: "Rig") -> None:
+def refuse_other_rig_file(file: Path, diagnosis: "Diagnosis", rig: "Rig") -> None:
     """Refuse a diagnosis that was made with a different rig file.
 
     Its intervals are not valid for the given rig.
     """
-    if diagnosis.evidence is None or diagnosis.evidence.rig_sha256 != rig.sha256:
-        raise ConfigError(
-            f"{file}: the diagnosis was made with another file of rig {rig.name}, or by an older version: diagnose the"
-            " runs again, or omit --diagnosis"
-        )
+    evidence = diagnosis.evidence
+    if evidence and evidence.rig_sha256 == rig.sha256:
+        return
+    fault = f"the diagnosis was made with another file of rig {rig.name}"
+    if not (evidence and evidence.rig_sha256):
+        fault = "the diagnosis does not state its rig file (key evidence.rig_sha256)"
+    raise ConfigError(f"{file}: {fault}: diagnose the runs again, or omit --diagnosis")
 
 
 def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig: "Rig") -> "Acceptance":

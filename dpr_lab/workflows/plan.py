@@ -107,7 +107,7 @@ def minutes(text: str) -> float:
     parts = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*(s|min|h)?\s*", text)
     value = float(parts[1]) * UNITS[parts[2] or "min"] if parts else 0.0
     if not 0 < value <= 1e5:
-        raise ConfigError(f"{text!r} is not a time: give one such as 10min, 90s or 1h")
+        raise ConfigError(f"{text!r} is not a time: give one such as 10min, 90s or 1h (units: s, min, h)")
     return value
 
 

@@ -11,7 +11,7 @@ from dpr_lab.planning.result import Plan, PlannedRelease
 from dpr_lab.rig import load_rig
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.run import Run
-from dpr_lab.workflows.plan import write_plan
+from dpr_lab.workflows.plan import minutes, write_plan
 from dpr_lab.workflows.planned_rigs import planned_rigs
 from dpr_lab.workflows.reading import refuse_other_runs
 from tests.a_diagnosis import made
@@ -27,6 +27,11 @@ torque_Nm = [0.2, 0.1]
 speed_rad_s = [15.0, 20.0]
 rate_hz = 100
 """
+
+
+def test_the_help_states_the_unit_of_a_budget_without_a_unit(cli) -> None:
+    assert minutes("3") == minutes("3min") == minutes("180s")
+    assert "a number alone is in minutes" in " ".join(cli("plan", "--help").out.split())
 
 
 @pytest.mark.slow

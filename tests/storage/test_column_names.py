@@ -111,6 +111,16 @@ def test_a_name_with_a_comma_is_quoted_and_given_by_its_number(tmp_path):
     assert is_the_swing(import_csv(file, RIG, numbers))
 
 
+def test_one_of_several_columns_with_the_same_name_is_given_by_its_number(tmp_path):
+    file = file_of(tmp_path, "time,q,time,q,q\n", "{t:.3f},{a:.12g},7,1,{b:.12g}\n")
+    with pytest.raises(RunError, match=r"no single column found for .*NAME can be the number of the column"):
+        import_csv(file, RIG)
+    with pytest.raises(RunError, match=r"2 columns are named 'time' .*; NAME can be the number of the column"):
+        import_csv(file, RIG, ImportOptions(columns={"t": "time"}))
+    numbers = ImportOptions(columns={"t": "1", "theta1": "2", "theta2": "5"})
+    assert is_the_swing(import_csv(file, RIG, numbers))
+
+
 def test_empty_columns_without_a_name_are_not_listed(tmp_path):
     with pytest.raises(RunError, match=r"the table has: t, theta1\. Name it"):
         import_csv(file_of(tmp_path, "t,theta1,,\n", "{t:.3f},{a:.12g},,\n"), RIG)

@@ -14,11 +14,14 @@ import pytest
 from dpr_lab.acquisition.capture import CaptureOptions
 from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.identification.model import load_model
+from dpr_lab.rig import load_rig
 from dpr_lab.workflows import events
+from dpr_lab.workflows.accept import refuse_other_rig_file
 from dpr_lab.workflows.capture import CaptureResult, capture
 from dpr_lab.workflows.compare import CompareRequest, compare
 from dpr_lab.workflows.diagnose import DiagnoseRequest, chosen_library, diagnose
 from dpr_lab.workflows.identify import IdentifyRequest, identify
+from tests.a_diagnosis import made
 
 SEARCH = Path(__file__).parents[2] / "configs" / "search" / "segments.toml"
 
@@ -188,3 +191,17 @@ def test_the_same_recording_is_refused_twice(recorded, tmp_path: Path) -> None:
     file = recorded[0].files[0]
     with pytest.raises(RunError, match="give each run once"):
         diagnose(DiagnoseRequest((file,), "paper", held_out=(file,)))
+
+
+def test_the_message_on_a_diagnosis_of_another_rig_file_states_one_reason() -> None:
+    paper = load_rig("paper")
+    without, file = made(), Path("diagnosis.json")
+    other, same = (
+        without.model_copy(update={"evidence": SimpleNamespace(rig_sha256=sha256)})
+        for sha256 in ("0" * 64, paper.sha256)
+    )
+    refuse_other_rig_file(file, same, paper)
+    with pytest.raises(ConfigError, match=r"json: the diagnosis was made with another file of rig paper: diagnose"):
+        refuse_other_rig_file(file, other, paper)
+    with pytest.raises(ConfigError, match=r"does not state its rig file \(key evidence.rig_sha256\): diagnose"):
+        refuse_other_rig_file(file, without, paper)

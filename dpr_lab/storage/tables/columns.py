@@ -11,7 +11,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.cells import listed, names_no_angle, names_rate
 from dpr_lab.storage.tables.options import AXES, ImportOptions
-from dpr_lab.storage.tables.questions.names import refuse_long_form, refuse_scaled_units, without_scaled_unit
+from dpr_lab.storage.tables.questions.names import numbered, refuse_long_form, refuse_scaled_units, without_scaled_unit
 from dpr_lab.storage.tables.table import LIMITS, Table, bare, own_name
 from dpr_lab.storage.tables.time_stamps import never_falls, runs, varies, without_speed
 
@@ -149,18 +149,12 @@ def stated_columns(table: Table, options: ImportOptions, one_rod: bool) -> tuple
 
     A missing rod gets a constant angle.
     """
-    columns = _numbered([*table.names, *table.other_lengths], options.columns)
+    table, columns = numbered(table, options.columns)
     given = {quantity: name for quantity, name in columns.items() if quantity in ("t", *AXES)}
     refuse_long_form(table, given)
     if one_rod:
         table, given = with_still_joint2(table, given, options.rate_hz is None)
     return table, given, replace(options, columns=columns)
-
-
-def _numbered(names: Sequence[str], given: Mapping[str, str]) -> dict[str, str]:
-    """Replace stated column numbers, from 1, by the names of these columns, unless a column has this name."""
-    numbers = {str(number): name for number, name in enumerate(names, 1)}
-    return {q: name if name in names else numbers.get(name, name) for q, name in given.items()}
 
 
 def find_columns(table: Table, given: Mapping[str, str], options: ImportOptions) -> Columns:
@@ -278,11 +272,13 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
     named_so = [name for name in names if name not in ("", NO_ROD)]
     available = f"the table has: {listed(named_so[: LIMITS.named])}"
     available += f" and {len(named_so) - LIMITS.named} more" if len(named_so) > LIMITS.named else ""
+    unnameable = any("," in name or name.endswith("(without a name)") or names.count(name) > 1 for name in named_so)
+    number = "; NAME can be the number of the column" if unnameable else ""
     for quantity, name in given.items():
         if names.count(name) != 1:
             count = names.count(name) or "no"
             raise RunError(
-                f"{table.path}: {count} columns are named {name!r} (--columns {quantity}={name}); {available}"
+                f"{table.path}: {count} columns are named {name!r} (--columns {quantity}={name}); {available}{number}"
             )
     misread = {unit: name for unit in TO_SECONDS if (name := guess_columns(names, time_unit=unit).get("t"))}
     if timed and "t" not in named and len(misread) == 1:
@@ -312,8 +308,6 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
             points += ", for example the integral of a rate" if any(map(names_rate, rated)) else ""
         if {"sin", "cos"} <= {bare(name)[:3] for name in named_so}:
             points += "; for columns of sin and cos, export the angle, atan2(sin, cos)"
-        unnameable = any("," in name or name.endswith("(without a name)") for name in named_so)
-        number = "; NAME can be the number of the column" if unnameable else ""
         raise RunError(
             f"{table.path}: no single column found for {' and '.join(missing)}; {available}."
             f" Name {'them' if len(missing) > 1 else 'it'}: --columns"

@@ -1,7 +1,8 @@
-"""Refuse tables whose column names need an answer of the user, such as the scale of a unit."""
+"""Columns that are given by number, and refusal of tables whose column names need an answer of the user."""
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,6 +32,23 @@ _COUNTS = re.compile(r"(?<![a-z])(counts?|ticks?)(?![a-z])", re.I)
 _GRAD = re.compile(r"(?!.*winkel).*grad(?![a-z])", re.I)
 """Pattern of the unit `grad`: gon, or degrees in German. Next to the German word for angle, it denotes degrees."""
 _SENSOR = re.compile("(sensor|joint|channel|signal|variable)s?(id|name|no|number)?")
+
+
+def numbered(table: Table, given: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
+    """Replace stated column numbers, from 1, by the names of these columns, unless a column has this name.
+
+    A column that is given by its number, and whose name another column has too, is renamed.
+    """
+    names, columns, midnights = [*table.names], dict(given), dict(table.midnights)
+    every = [*names, *table.other_lengths]
+    for quantity, text in given.items():
+        if text in every or not (text.isdecimal() and 1 <= int(text) <= len(every)):
+            continue
+        columns[quantity] = name = every[int(text) - 1]
+        if every.count(name) > 1 and int(text) <= len(names):
+            columns[quantity] = names[int(text) - 1] = unique = f"{name} (column {text})"
+            midnights |= {unique: midnights[name]} if name in midnights else {}
+    return replace(table, names=tuple(names), midnights=midnights), columns
 
 
 def without_scaled_unit(name: str) -> str:
