@@ -156,3 +156,15 @@ def test_one_gap_is_not_plural(tmp_path, one):
     lines = file.read_text().splitlines()
     file.write_text("\n".join([*lines[:80], *lines[120:]]))
     assert preview(file, one, ImportOptions()).facts()["rate"].endswith("; 1 gap")
+
+
+@pytest.mark.parametrize(
+    ("comment", "columns"),
+    [
+        ("Recorded by Anna", {"t": "1", "theta1": "2", "theta2": "3"}),
+        ("time theta2 theta1", {"theta1": "theta2", "theta2": "theta1"}),
+    ],
+)
+def test_an_empty_comment_does_not_make_names_of_prose_above_it(tmp_path, comment, columns):
+    file = file_of(tmp_path, f"# {comment}\n#\n", "{t:.3f} {a:.12g} {b:.12g}\n")
+    assert is_the_swing(import_csv(file, RIG, ImportOptions(columns=columns)))

@@ -17,14 +17,24 @@ def table(folder: Path, header: str, *columns: np.ndarray) -> Path:
     return file
 
 
-def test_a_signed_counter_stored_without_sign_keeps_its_zero(one: Rig, tmp_path: Path) -> None:
-    counts = np.round(700 * np.sin(7 * T) - 1)
-    file = table(tmp_path, "t,theta1", T, counts % 2**16)
-    run = import_csv(
-        file, one, ImportOptions(zero="hanging", unit="counts", wrap=2.0**16, columns={"theta1": "theta1"})
-    )
-    turn = 2 * np.pi / one.encoders.counts_per_rev[1]
-    np.testing.assert_allclose(run.theta[:, 1] - np.pi, counts[-len(run.t) :] * turn, atol=1e-9)
+@pytest.mark.parametrize("preset", [0, 1 << 15])
+def test_a_signed_counter_stored_without_sign_keeps_its_zero(one: Rig, tmp_path: Path, preset: int) -> None:
+    encoders = one.encoders.model_copy(update={"zero_counts": (0, preset, preset)})
+    rig = one.model_copy(update={"encoders": encoders})
+    counts = np.round(700 * np.cos(7 * T) - 1)
+    file = table(tmp_path, "t,theta1", T, (preset + counts) % 2**16)
+    options = ImportOptions(zero="hanging", unit="counts", wrap=2.0**16, columns={"theta1": "theta1"}, keep_rest=True)
+    turn = 2 * np.pi / rig.encoders.counts_per_rev[1]
+    np.testing.assert_allclose(import_csv(file, rig, options).theta[:, 1] - np.pi, counts * turn, atol=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_zero_of_a_scaled_counter_is_its_offset(one: Rig, tmp_path: Path, sign: int) -> None:
+    counts = np.round(700 * np.cos(7 * T)) * sign
+    file = table(tmp_path, "t,theta1", T, (40_000 + counts) % 2**16)
+    scaled = {"scale": {"theta1": 1e-3}, "offset": {"theta1": -40.0}}
+    run = import_csv(file, one, ImportOptions(zero="hanging", unit="rad", wrap=2.0**16, keep_rest=True, **scaled))
+    np.testing.assert_allclose(run.theta[:, 1] - np.pi, counts * 1e-3, atol=1e-9)
 
 
 @pytest.mark.parametrize(("zero", "asks"), [("upright", False), ("hanging", True)])

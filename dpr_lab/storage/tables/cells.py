@@ -34,6 +34,9 @@ _LABEL = rf"([^\W\d]\w*)\s*[:=]\s*({_CLOCK}|{_NUMBER})"
 _LABELLED = re.compile(rf"\s*{_LABEL}(?:[,;\s]+{_LABEL})*[,;\s]*", re.I)
 """Pattern of a line with a name before each number, such as `angle:57.3,speed:0.1` for the plotter of Arduino."""
 UNIT_WORDS = r"rad|radians?|deg|degrees?|°|counts?|ticks?|m?s|us|sec|seconds|px|pixels?|[mc]?m"
+ONLY_UNIT = re.compile(rf"\W*({UNIT_WORDS})\W*|\s*(\[[^]]*\]|\([^)]*\))\s*", re.I)
+UNIT_CELL = re.compile(rf"({ONLY_UNIT.pattern})?", re.I).fullmatch
+_TIME_OR_ANGLE = re.compile(r"\W*(t|time|(theta|phi|angle|joint|q)[\W_]*[0-2]?)(?![a-z0-9])", re.I)
 _RATE = re.compile(r"(rad|deg|degrees?|°|m)/s|omega|veloc|speed|^(?!.*(angle|pitch|roll|tilt)).*(gyro|acc(?!ura))")
 """Pattern of rates and accelerations in lower case; the angle of a gyroscope is no rate."""
 _UNITS = "%|lu?x|[kmcd]?m|g|m?N|[hk]?Pa|°?[CFK]|m?A|m?W|[mµ]?T|dB|k?Hz"
@@ -104,6 +107,15 @@ def _numbers(fields: list[str]) -> Array | None:
         return np.fromiter(map(float, known), dtype=np.float64, count=len(fields))
     except ValueError:
         return None
+
+
+def are_names(comment: Sequence[str], below: Sequence[str]) -> bool:
+    """Check whether a comment contains the names of columns, and the comment below their units.
+
+    Without units, it must name at least two times or angles.
+    """
+    named = any(map(str.strip, below)) or sum(map(bool, map(_TIME_OR_ANGLE.match, comment))) >= 2
+    return named and all(map(UNIT_CELL, below))
 
 
 def names_no_angle(name: str) -> bool:

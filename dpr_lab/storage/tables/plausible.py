@@ -136,19 +136,22 @@ def unwrapped(angles: Array) -> Array:
     return np.unwrap(angles, discont=PLAUSIBLE.jump)
 
 
-def without_wraps(column: Array, options: ImportOptions) -> Array:
+def without_wraps(column: Array, axis: str, rig: Rig, options: ImportOptions) -> Array:
     """Unwrap a column at the period that the options state; missing values are kept.
 
-    If the period is the width of an integer, large first values are those of a signed counter below zero. This matters
-    if the width is no whole number of turns.
+    If the period is the width of an integer, the first value is within half a period of the zero of its axis: large
+    values of a signed counter are readings below the zero. This matters if the width is no whole number of turns.
     """
     known = np.isfinite(column)
     if options.wrap is None or not known.any():
         return column
     turned = column.copy()
     turned[known] = np.unwrap(column[known], period=options.wrap)
-    negative = options.wrap in PLAUSIBLE.widths and column[known].min() >= 0 and column[known][0] >= options.wrap / 2
-    return turned - options.wrap * negative
+    if options.wrap not in PLAUSIBLE.widths:
+        return turned
+    zero = rig.encoders.zero_counts[AXES.index(axis)] if options.unit == "counts" else 0.0
+    zero = (zero - options.offset.get(axis, 0.0)) / options.scale.get(axis, 1.0)
+    return turned - options.wrap * np.round((turned[known][0] - zero) / options.wrap)
 
 
 def turn_of_hanging(angle: Array) -> float:
@@ -226,7 +229,7 @@ def drop_outliers(readings: dict[str, Array], rig: Rig, options: ImportOptions, 
         counted = abs(rig.radians_per_count[AXES.index(axis)]) if options.unit == "counts" else None
         scale = (counted or TO_RADIANS[options.unit or "rad"]) * abs(options.scale.get(axis, 1.0))
         known = np.flatnonzero(np.isfinite(column))
-        wild = known[outliers(without_wraps(column, options)[known] * scale)]
+        wild = known[outliers(without_wraps(column, axis, rig, options)[known] * scale)]
         if 2 * len(wild) > len(known):
             raise RunError(
                 f"{path}: {len(wild)} of {len(known)} values of {axis} are impossible angles, for example"

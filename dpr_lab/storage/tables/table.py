@@ -22,8 +22,10 @@ from dpr_lab.storage.tables.cells import (
     MINUS,
     NEXT,
     NOT_A_VALUE,
+    ONLY_UNIT,
     QUANTITY,
-    UNIT_WORDS,
+    UNIT_CELL,
+    are_names,
     cells_of,
     clean_rows,
     is_data,
@@ -39,8 +41,6 @@ from dpr_lab.storage.tables.time_stamps import runs
 # The order matters: in a table with another delimiter, a comma is the decimal sign.
 DELIMITERS = ("|", ";", "\t", ",")
 LIMITS = TableLimits()
-ONLY_UNIT = re.compile(rf"\W*({UNIT_WORDS})\W*|\s*(\[[^]]*\]|\([^)]*\))\s*", re.I)
-_UNIT_CELL = re.compile(rf"({ONLY_UNIT.pattern})?", re.I).fullmatch
 _DECIMAL = re.compile(r"[+-]?\d+\.\d+(e[+-]?\d+)?", re.I)
 _FORMS = (
     ": a table is read from rows of numbers with commas, semicolons, tabs, bars (|) or blanks between them, or from"
@@ -308,7 +308,7 @@ def _names(early: list[list[str]], comments: Sequence[str], delimiter: str | Non
     """
     if not early:
         early = [comment.split(delimiter) for comment in comments[-2:]]
-        if not early or len(early[0]) != width or not all(map(_UNIT_CELL, early[-1])):  # units may follow the names
+        if not early or len(early[0]) != width or not are_names(early[0], early[-1]):
             return _commented_header(comments, delimiter, width)
     # A row with a single field is a title, or a header with another delimiter.
     wide = [row for row in early if len(row) == width and any(map(str.strip, row[1:]))]
@@ -316,7 +316,7 @@ def _names(early: list[list[str]], comments: Sequence[str], delimiter: str | Non
     # Names of groups may precede the names of columns, and units may follow them.
     names = max(wide or early[-1:], key=lambda row: sum(bool(cell.strip()) for cell in row))
     below = wide[wide.index(names) + 1 :] if names in wide else []
-    units = next((row for row in below if any(row) and all(map(_UNIT_CELL, row))), ())
+    units = next((row for row in below if any(row) and all(map(UNIT_CELL, row))), ())
     return [*map(_with_unit, names, units)] if units else names
 
 

@@ -132,7 +132,7 @@ def understand(
         )
     elif inputs.pairs:  # the torques that follow the set point are known
         drive = ""
-    values = {axis: _scaled(column[rows], axis, options) for axis, column in readings.items()}
+    values = {axis: _scaled(column[rows], axis, rig, options) for axis, column in readings.items()}
     notes = [*table.notes, *columns.notes, *removed, *notes, *inputs.notes()]
     named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}
     ignored = _ignored(table, [*recorded, *table.other_lengths], options, rows)
@@ -156,7 +156,8 @@ def _readings(
     t, rounded = even_times(t, readings)
     t, shared = spread_times(t, readings)
     outliers = drop_outliers(readings, rig, options, table.path)
-    t, misplaced = stamps_at_gaps(t, {axis: without_wraps(column, options) for axis, column in readings.items()})
+    unwrapped = {axis: without_wraps(column, axis, rig, options) for axis, column in readings.items()}
+    t, misplaced = stamps_at_gaps(t, unwrapped)
     stamps = filter(None, (carried, rounded, shared, misplaced))
     return t, readings, [*outliers, *empty, *stamps, *cart_note(table, names, rig, options)]
 
@@ -329,9 +330,9 @@ def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> 
     return times * TO_SECONDS[options.time_unit]
 
 
-def _scaled(column: Array, axis: str, options: ImportOptions) -> Array:
+def _scaled(column: Array, axis: str, rig: Rig, options: ImportOptions) -> Array:
     """Return the readings of a column: unwrapped, then scaled, then shifted."""
-    return without_wraps(column, options) * options.scale.get(axis, 1.0) + options.offset.get(axis, 0.0)
+    return without_wraps(column, axis, rig, options) * options.scale.get(axis, 1.0) + options.offset.get(axis, 0.0)
 
 
 def _recorded(table: Table, readings: dict[str, Array]) -> tuple[dict[str, Array], list[str]]:
