@@ -71,12 +71,12 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
     See `corrected_model` for the arguments.
     """
     unknown, effects = significant_values(diagnosis)
-    covariance = np.array(diagnosis.ratio_covariance)
+    covariance = _covariance(diagnosis)
     alone = {name: diagnosis.determined[name] for name in ALONE if diagnosis.fitted and name in diagnosis.determined}
     values = rod_values(
         unknown, covariance, diagnosis.all_ratios, diagnosis.scale, [run.setup for run in runs], rig, alone
     )
-    std = np.sqrt(np.diag(covariance))
+    std = np.sqrt(np.diag(covariance))[: len(RATIOS)]
     return Model(
         **values,
         rig=RigFacts.of(rig),
@@ -131,14 +131,19 @@ def rod_values(
 
     Args:
         unknown: (7,) ratios, b and p/b
-        covariance: (5, 5) covariance of the ratios
+        covariance: (7, 7) covariance of `unknown`; zero for values that the recordings do not determine
         intervals: the five ratios with their 90 % intervals, which are moved to the values in `unknown`
         scale: assumed inertia a or b; None: from the rig file
         setups: setup of each run
         rig: measured values and bounds
         alone: intervals of e1/a and c1/a
     """
-    single, visible = only_inner(setups), [i for i in visible_ratios(setups) if i < len(RATIOS)]
+    single, fitted_b = only_inner(setups), scale is not None and scale.fixed_by == "data"
+    visible = [i for i in visible_ratios(setups, fitted_b) if i != ON_ELBOW or covariance[i, i] > 0.0]
+    if scale is not None and fitted_b:
+        low, high = scale.interval90
+        covariance = covariance.copy()
+        covariance[SCALE, SCALE] = (unknown[SCALE] * (high - low) / scale.b / (2 * NORMAL_Q90)) ** 2
     posterior = posterior_of(unknown, rig, visible, covariance[np.ix_(visible, visible)], alone=single)
     scale = scale or posterior.scale(float(unknown[SCALE]))
     scale = scale.as_inertia("b", float(unknown[SCALE]) / scale.b)
@@ -154,7 +159,7 @@ def rod_values(
     return {
         "ratios": shown,
         "fitted": [*ratios.values()] if single else [],
-        "covariance": Covariance(order=list(RATIOS), matrix=covariance.tolist()),
+        "covariance": Covariance(order=list(RATIOS), matrix=covariance[: len(RATIOS), : len(RATIOS)].tolist()),
         "parameters": nine,
         "base": base,
         "scale": scale.as_inertia("a", alone_share(unknown)) if single else scale,
@@ -182,6 +187,17 @@ def significant_values(diagnosis: Diagnosis) -> tuple[Array, dict[str, dict[str,
         for name, parameters in diagnosis.model_effects.items()
         if name not in absent
     }
+
+
+def _covariance(diagnosis: Diagnosis) -> Array:
+    """Return the (7, 7) covariance of the ratios, b and p/b; zero where the diagnosis does not state it."""
+    covariance, posterior = np.zeros((len(UNKNOWN_RATIOS), len(UNKNOWN_RATIOS))), _posterior(diagnosis)
+    if posterior is not None:
+        names = [name for name in UNKNOWN_RATIOS if name in posterior.free]
+        places, columns = ([order.index(name) for name in names] for order in ([*UNKNOWN_RATIOS], posterior.free))
+        covariance[np.ix_(places, places)] = np.array(posterior.covariance)[np.ix_(columns, columns)]
+    covariance[: len(RATIOS), : len(RATIOS)] = diagnosis.ratio_covariance
+    return covariance
 
 
 def _posterior(diagnosis: Diagnosis) -> PosteriorComponent | None:

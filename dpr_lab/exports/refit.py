@@ -23,7 +23,7 @@ from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.bare_model import fit_bare_model
-from dpr_lab.gap.conclusion.ratios import determined, ratio_covariance, ratios
+from dpr_lab.gap.conclusion.ratios import determined, fitted_scale, ratios, unknown_covariance
 from dpr_lab.gap.conclusion.uncertainty import whole_covariance
 from dpr_lab.gap.hypothesis.hypothesis import free_parameters, hypothesis
 from dpr_lab.gap.screen.pieces import in_pieces
@@ -208,15 +208,16 @@ def _with(model: AnyModel, problem: Problem, refitted: Fit, rig: Rig) -> AnyMode
     hypothesis_of_fit = hypothesis(problem, [name for name in effects if name not in OF_ARM], refitted)
     covariance = whole_covariance(problem, hypothesis_of_fit, rig)
     shown, of_shown = determined(problem, refitted, covariance, rig)
+    scale = fitted_scale(problem, refitted, covariance, rig)
     if isinstance(model, MovingArmModel):
         changed = with_engine_values(model, estimate.ratios, estimate.params, rig)
-        return with_intervals(changed, shown, of_shown)
+        return with_intervals(changed, shown, of_shown, scale)
     intervals = ratios(problem, hypothesis_of_fit, covariance, rig)
     values = rod_values(
         estimate.ratios,
-        ratio_covariance(refitted, covariance),
+        unknown_covariance(refitted, covariance),
         intervals,
-        model.scale,
+        scale or model.scale,
         problem.segments.setups,
         rig,
         {name: shown[name] for name in ALONE if name in shown},

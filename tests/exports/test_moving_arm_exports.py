@@ -17,6 +17,7 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.exports import FORMATS
 from dpr_lab.exports.fmu import fmu
 from dpr_lab.exports.moving_arm.bodies import arm_bodies
+from dpr_lab.exports.moving_arm.corrected import with_intervals, with_swing
 from dpr_lab.exports.moving_arm.ensemble import sampled_arm_models
 from dpr_lab.exports.moving_arm.python_module import arm_module_text
 from dpr_lab.exports.programs import Replay
@@ -26,6 +27,7 @@ from dpr_lab.identification.moving_arm.engine import engine_constants, engine_va
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.identification.moving_arm.unknowns import GAINS
+from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import load_rig
 from dpr_lab.setup import Setup, Torques
 from tests.exports.test_fmu import simulate
@@ -270,6 +272,20 @@ def module_of(rig, model, folder):
     path = folder / "corrected_model.py"
     path.write_text(str(FORMATS["python"].written(model, rig)["corrected_model.py"]))
     return runpy.run_path(str(path))
+
+
+def test_the_interval_of_another_scale_belongs_to_its_value():
+    _, model = model_of()
+    b = model.absolute["b"].model_copy(update={"std": 1e-4, "interval90": (0.0051, 0.0055)})
+    model = model.model_copy(update={"absolute": {"b": b}})
+    moved = with_swing(model, model.swing, 1.1 * b.value).absolute["b"]
+    assert (moved.value, moved.std) == pytest.approx((1.1 * b.value, 1.1e-4))
+    assert moved.interval90 == pytest.approx((1.1 * 0.0051, 1.1 * 0.0055))
+    fitted = Scale(b=b.value, interval90=(0.0052, 0.0054), fixed_by="data")
+    assert with_intervals(model, {}, np.zeros((0, 0)), None).absolute["b"] == b
+    refitted = with_intervals(model, {}, np.zeros((0, 0)), fitted)
+    assert refitted.absolute["b"].interval90 == pytest.approx(fitted.interval90, rel=1e-4)
+    assert refitted.scale_sentence == fitted.sentence
 
 
 @pytest.mark.parametrize(("mounted", "kind"), [("both", "torque"), ("inner", "voltage")])

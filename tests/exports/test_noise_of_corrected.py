@@ -1,5 +1,7 @@
 """Noise in the corrected model of a diagnosis, compared with the noise that was added to a simulated recording."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,8 +12,11 @@ from dpr_lab.fitting.estimate import unknown_ratios
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.gap_size import Gap
 from dpr_lab.gap.result.saved import Interval
+from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.problem import reading_std
+from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig, load_rig
+from dpr_lab.rig_tables import AddedMass
 from dpr_lab.run import Run
 
 NOISE = np.array([3e-3, 2e-3, 1e-3])
@@ -53,3 +58,18 @@ def test_a_clamped_arm_has_the_noise_of_a_single_reading(paper: Rig) -> None:
     relative = paper.encoders.joint2 == "relative"
     expected = {"theta1": NOISE[1], "theta2": np.hypot(NOISE[1] * relative, NOISE[2])}
     assert fit.noise_rad == pytest.approx(expected, rel=0.1)
+
+
+def test_absolute_values_of_a_clamped_arm_have_the_inertia_that_the_recordings_determine(paper: Rig) -> None:
+    diagnosis = diagnosed(paper)
+    scale = Scale(
+        b=diagnosis.scale_b, interval90=(0.999 * diagnosis.scale_b, 1.001 * diagnosis.scale_b), fixed_by="data"
+    )
+    gap = Gap.model_construct(floor_rad={}, after_rad={"joint1": 0.0, "joint2": 0.0})
+    loaded = replace(recorded(paper, "clamped"), added_mass=AddedMass(rod="outer", mass=0.05, position=0.3))
+    model = corrected_model(diagnosis.model_copy(update={"gap": gap, "scale": scale}), [loaded], paper)
+    assert isinstance(model, Model)
+    for name, value in model.base.items():
+        assert value.fixed_by == "data", name
+        assert value.interval90 == pytest.approx((0.999 * value.value, 1.001 * value.value), rel=1e-5)
+    assert {name for name, value in model.parameters.items() if value.fixed_by == "data"} == {"c1", "c2"}

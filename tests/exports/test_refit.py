@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.dynamics.base import RATIOS, added_base, ratios
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.dynamics.sensitivity import swings
 from dpr_lab.effects import effect_params
@@ -13,7 +13,9 @@ from dpr_lab.exports.into import WORDS
 from dpr_lab.exports.refit import bare_model, fitted_in_words, unchanged
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
 from dpr_lab.identification.model import Model
+from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig, load_rig
+from dpr_lab.rig_tables import AddedMass
 from dpr_lab.run import Run
 from dpr_lab.workflows.rig_from import rig_from_model
 from tests.exports.models import base_of
@@ -51,23 +53,33 @@ def test_a_spring_with_a_cubic_term_becomes_a_linear_one(
         assert fitted is model
 
 
-def test_the_intervals_of_a_refitted_model_belong_to_its_values(paper: Rig) -> None:
-    """The given model has other ratios, which are wrong by 5 %, with narrow intervals."""
-    true = unknown_ratios(base_of(paper))
+@pytest.mark.parametrize("added", [None, AddedMass(rod="outer", mass=0.1, position=0.3)])
+def test_the_intervals_of_a_refitted_model_belong_to_its_values(paper: Rig, added: AddedMass | None) -> None:
+    """The given model has other ratios and another b, which are wrong by 5 %, with narrow intervals."""
+    base = base_of(paper)
+    true = unknown_ratios(base)
     truth = dict(zip(RATIOS, true.tolist(), strict=False))
-    t = np.arange(800) / 400.0
-    layout = segments([t] * 2, run=[0, 1], step=2.5e-3)
-    starts = np.array([[1.0, 0.4, 0.0, 0.0], [-0.8, 0.9, 0.0, 0.0]])
-    swung = swings(true[:5], paper.L1, paper.g, layout, starts)[:, :2]
-    theta = np.insert(swung + 1e-3 * np.random.default_rng(3).standard_normal(swung.shape), 0, 0.0, axis=1)
-    runs = [
-        Run(f"swing {k}", t, angles, None, None, paper.name, paper.sha256, 400.0)
-        for k, angles in enumerate(np.split(theta, 2))
-    ]
+    t, rng = np.arange(800) / 400.0, np.random.default_rng(3)
+    runs = list[Run]()
+    for start, mass in (([1.0, 0.4, 0.0, 0.0], None), ([-0.8, 0.9, 0.0, 0.0], added)):
+        of_run = ratios(base + added_base(mass, paper.L1, paper.g)) if mass else true[:5]
+        layout = segments([t], run=[0], step=2.5e-3)
+        swung = swings(of_run, paper.L1, paper.g, layout, np.array([start]))[:, :2]
+        theta = np.insert(swung + 1e-3 * rng.standard_normal(swung.shape), 0, 0.0, axis=1)
+        name = f"swing {len(runs)}"
+        runs.append(Run(name, t, theta, None, None, paper.name, paper.sha256, 400.0, added_mass=mass))
     given = whole_model(paper, Estimate.of(1.05 * true, effect_params({}), np.zeros((1, 4))))
-    given = given.model_copy(update={"effects": {"coulomb_joint1": {"torque_Nm": 1e-3}}})
+    other = Scale(b=1.05 * true[5], interval90=(1.04 * true[5], 1.06 * true[5]), fixed_by="data" if added else "bound")
+    given = given.model_copy(update={"effects": {"coulomb_joint1": {"torque_Nm": 1e-3}}, "scale": other})
     refitted = bare_model(given, runs, paper)
     assert isinstance(refitted, Model)
+    if added:
+        b, scale = refitted.base["b"], refitted.scale
+        assert scale is not None
+        assert (scale.fixed_by, scale.b) == ("data", pytest.approx(b.value))
+        assert b.fixed_by == "data"
+        assert b.interval90 == pytest.approx(scale.interval90, rel=0.01)
+        assert scale.interval90[0] < true[5] < scale.interval90[1]
     for name, ratio in refitted.ratios.items():
         low, high = ratio.interval90
         assert low <= ratio.value <= high

@@ -1,7 +1,7 @@
 """Corrected model of a diagnosis with a moving arm, and its update from another fit."""
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -98,36 +98,46 @@ def with_engine_values(model: MovingArmModel, unknown: Array, params: Array, rig
     return changed.model_copy(update={"effects": _named(named_params(params))})
 
 
-def with_intervals(model: MovingArmModel, determined: Mapping[str, Interval], covariance: Array) -> MovingArmModel:
+def with_intervals(
+    model: MovingArmModel, determined: Mapping[str, Interval], covariance: Array, fitted: Scale | None
+) -> MovingArmModel:
     """Replace the ratios and absolute values of a model by those of a new fit.
 
     Args:
         model: a model with the `SWING_PARAMETERS` of this fit
         determined: the ratios with their intervals
         covariance: (n, n) covariance of these ratios
+        fitted: inertia b of this fit; None: the scale of the model remains
     """
     assumed = model.absolute[model.scale]
-    low, high = assumed.interval90
-    scale = Scale(
-        b=assumed.value,
-        interval90=(max(low, 1e-3 * assumed.value), high),
-        fixed_by="bound" if assumed.fixed_by == "bound" else "data",
-        inertia=model.scale,
-    )
+    if fitted is None:
+        low, high = assumed.interval90
+        source: Literal["bound", "data"] = "bound" if assumed.fixed_by == "bound" else "data"
+        interval = (max(low, 1e-3 * assumed.value), high)
+        scale = Scale(b=assumed.value, interval90=interval, fixed_by=source, inertia=model.scale)
+    else:
+        scale = fitted.as_inertia(model.scale, assumed.value / fitted.b)
     estimates = {name: _estimated(interval) for name, interval in determined.items()}
     ratios = _with_values(estimates, model.swing, model.input, model.scale)
-    absolute = _absolute(ratios, scale, model.input) | {model.scale: assumed}
-    update = {"covariance": covariance.tolist(), "unknowns": list(ratios), "absolute": absolute, "undetermined": {}}
+    absolute, update = _absolute(ratios, scale, model.input), dict[str, Any]()
+    if fitted is None:
+        absolute[model.scale] = assumed
+    else:
+        update["scale_sentence"] = scale.sentence
+    update |= {"covariance": covariance.tolist(), "unknowns": list(ratios), "absolute": absolute, "undetermined": {}}
     return model.model_copy(update={"ratios": ratios, **update})
 
 
 def with_swing(model: MovingArmModel, swing: Sequence[float], inertia: float) -> MovingArmModel:
-    """Replace the `SWING_PARAMETERS` and the scale of a model.
+    """Replace the `SWING_PARAMETERS` and the scale of a model, whose relative uncertainty is unchanged.
 
     `swing` contains the `SWING_PARAMETERS` (12,) divided by the scale, and `inertia` is the scale, kg m^2.
     """
     assumed = model.absolute[model.scale]
-    absolute = dict(model.absolute) | {model.scale: assumed.model_copy(update={"value": inertia})}
+    factor = inertia / assumed.value
+    low, high = assumed.interval90
+    update = {"value": inertia, "std": factor * assumed.std, "interval90": (factor * low, factor * high)}
+    absolute = dict(model.absolute) | {model.scale: assumed.model_copy(update=update)}
     ratios = _with_values(model.ratios, swing, model.input, model.scale)
     return model.model_copy(update={"swing": list(swing), "ratios": ratios, "absolute": absolute})
 

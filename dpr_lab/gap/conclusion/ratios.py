@@ -7,7 +7,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS, whole_parameters
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, alone_share, unknown_ratios
+from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, UNKNOWN_RATIOS, alone_share, unknown_ratios
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.conclusion.uncertainty import by_unseen_ratios
@@ -36,7 +36,8 @@ def ratios(problem: Problem, model: Hypothesis, covariance: Array, rig: Rig) -> 
     """
     values = model.estimate.ratios[: len(RATIOS)].tolist()
     prior_variance = by_unseen_ratios(problem, model, rig)
-    reaches = NORMAL_Q90 * np.sqrt(np.diag(ratio_covariance(model.fit, covariance)) + prior_variance)
+    variance = np.diag(unknown_covariance(model.fit, covariance))[: len(RATIOS)]
+    reaches = NORMAL_Q90 * np.sqrt(variance + prior_variance)
     positive = (prior_variance > 0.0) | np.isin(np.arange(len(RATIOS)), FRICTION)
     floors = np.where(positive, 0.0, -np.inf).tolist()
     return {
@@ -97,7 +98,7 @@ def ratio_fields(state: Transferred) -> dict[str, Any]:
     return {
         "ratios": shown if alone else of_rods,
         "fitted": [*of_rods.values()] if alone else [],
-        "ratio_covariance": ratio_covariance(chosen.fit, state.covariance).tolist(),
+        "ratio_covariance": unknown_covariance(chosen.fit, state.covariance)[: len(RATIOS), : len(RATIOS)].tolist(),
         "determined": shown,
         "determined_covariance": covariance.tolist(),
         "p_over_b": float(unknown[ON_ELBOW]) if any(setup.alone for setup in setups) else None,
@@ -110,36 +111,38 @@ def scale(state: Transferred) -> Scale:
 
     If only the inner rod is mounted, the value of a is stated instead.
     """
-    setups, unknown = state.fitted.problem.segments.setups, state.selection.chosen.estimate.ratios
-    alone = only_inner(setups)
-    of_b = _scale_b(state, alone)
+    problem, fit, rig = state.fitted.problem, state.selection.chosen.fit, state.fitted.recordings.rig
+    unknown, alone = fit.estimate.ratios, only_inner(problem.segments.setups)
+    of_b = fitted_scale(problem, fit, state.covariance, rig)
+    if of_b is None:
+        visible = sorted(parameter.place for parameter in fit.free if parameter.block == "ratios")
+        # an effect such as a spring may make a ratio uncertain
+        errors = unknown_covariance(fit, state.covariance)[np.ix_(visible, visible)]
+        of_b = posterior_of(unknown, rig, visible, errors, alone=alone).scale(float(unknown[SCALE]))
     return of_b.as_inertia("a", alone_share(unknown)) if alone else of_b
 
 
-def _scale_b(state: Transferred, alone: bool) -> Scale:
-    rig, unknown, intervals = state.fitted.recordings.rig, state.selection.chosen.estimate.ratios, state.intervals
-    b = float(unknown[SCALE])
-    if ("", "b") in intervals:
-        setups = state.fitted.problem.segments.setups
-        driven = any(setup.torques is not None and setup.arm_moves for setup in setups)
-        of_drive = drive_gain(rig).relative_std if driven else 0.0
-        reach = float(np.hypot(intervals["", "b"], NORMAL_Q90 * b * of_drive))
-        return Scale(b=b, interval90=(max(b - reach, 1e-3 * b), b + reach), fixed_by="data", constants_std=of_drive)
-    places = {p.place: i for i, p in enumerate(state.selection.chosen.fit.free) if p.block == "ratios"}
-    visible = sorted(places)
-    columns = [places[place] for place in visible]
-    # an effect such as a spring may make a ratio uncertain
-    return posterior_of(unknown, rig, visible, state.covariance[np.ix_(columns, columns)], alone=alone).scale(b)
+def fitted_scale(problem: Problem, fit: Fit, covariance: Array, rig: Rig) -> Scale | None:
+    """Return the inertia b that the recordings determine, with its interval; None if they do not determine it.
+
+    The arguments are those of `ratios`.
+    """
+    if not any(parameter.block == "ratios" and parameter.place == SCALE for parameter in fit.free):
+        return None
+    variance, b = float(unknown_covariance(fit, covariance)[SCALE, SCALE]), float(fit.estimate.ratios[SCALE])
+    driven = any(setup.torques is not None and setup.arm_moves for setup in problem.segments.setups)
+    of_drive = drive_gain(rig).relative_std if driven else 0.0
+    reach = NORMAL_Q90 * float(np.hypot(variance**0.5, b * of_drive))
+    return Scale(b=b, interval90=(max(b - reach, 1e-3 * b), b + reach), fixed_by="data", constants_std=of_drive)
 
 
-def ratio_covariance(fit: Fit, covariance: Array) -> Array:
-    """Return the (5, 5) covariance of the ratios, from that of the fitted values (free, free).
+def unknown_covariance(fit: Fit, covariance: Array) -> Array:
+    """Return the (7, 7) covariance of the ratios, b and p/b, from that of the fitted values (free, free).
 
-    It is zero for ratios of the rig file.
+    It is zero for values of the rig file.
     """
     column_of = {parameter.place: i for i, parameter in enumerate(fit.free) if parameter.block == "ratios"}
-    of_ratios = np.zeros((len(RATIOS), len(RATIOS)))
-    visible = [i for i in range(len(RATIOS)) if i in column_of]
-    columns = [column_of[i] for i in visible]
-    of_ratios[np.ix_(visible, visible)] = covariance[np.ix_(columns, columns)]
-    return of_ratios
+    places, columns = list(column_of), list(column_of.values())
+    of_unknowns = np.zeros((len(UNKNOWN_RATIOS), len(UNKNOWN_RATIOS)))
+    of_unknowns[np.ix_(places, places)] = covariance[np.ix_(columns, columns)]
+    return of_unknowns
