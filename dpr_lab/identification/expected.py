@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dpr_lab.arrays import Array
-from dpr_lab.dynamics.base import RATIOS, added_base, ratios, whole_parameters
+from dpr_lab.dynamics.base import RATIOS, whole_parameters
 from dpr_lab.dynamics.schedule import MAX_STEP
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.dynamics.sensitivity import swings
 from dpr_lab.estimation.noise import NoiseFloor
-from dpr_lab.fitting.estimate import SCALE, Estimate, unknown_ratios
+from dpr_lab.fitting.estimate import Estimate, unknown_ratios
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods import ratios_of_run
 from dpr_lab.identification.preprocess import PreprocessedRun
@@ -20,7 +20,7 @@ from dpr_lab.identification.ratio_fit import information, rods_estimate, segment
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
-from dpr_lab.setup import Setup
+from dpr_lab.setup import BOTH, Setup
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,27 +42,35 @@ RELEASES = Releases()
 def expected_information(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) -> Array:
     """Compute the Fisher information of one release from each pose of a rig.
 
-    The unknowns are the ratios, and b if the rig has an added mass.
+    See `mounted_releases` for the arguments.
+
+    Returns:
+        (k, k) for the unknowns that releases of the mounted rods determine, in the order of
+        `dpr_lab.fitting.estimate.UNKNOWN_RATIOS`: for both rods the ratios, and b if the rig has an added mass
+    """
+    return information(*mounted_releases(Z, rig, releases))
+
+
+def mounted_releases(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) -> tuple[Problem, Estimate]:
+    """Return simulated releases of the mounted rods from all poses of a rig, with any added mass.
 
     Args:
         Z: (9,) parameters, SI
-        rig: lengths, encoders, poses, link and any added mass
+        rig: mounted rods, lengths, encoders, poses, link and any added mass
         releases: duration of recordings and segments
-
-    Returns:
-        (5, 5) or (6, 6) in the order of `dpr_lab.fitting.estimate.UNKNOWN_RATIOS`; all zero without poses
     """
-    whole, setup = whole_parameters(Z, rig.L1, rig.g), Setup(added=rig.added_mass)
-    _, slopes = ratios_of_run(unknown_ratios(whole), setup, rig.L1, rig.g)
-    determined = slopes[:, : SCALE + 1 if rig.added_mass else len(RATIOS)]
-    base = whole[:-1] + added_base(rig.added_mass, rig.L1, rig.g)
-    return determined.T @ ratio_information(base, rig, list(rig.poses.values()), releases) @ determined
+    mounting, whole = rig.rods.mounting, whole_parameters(Z, rig.L1, rig.g)
+    setups = [
+        Setup(mounting, rig.added_mass, round(pose.theta[2] - pose.theta[1], 1) if mounting == "clamped" else 0.0)
+        for pose in rig.poses.values()
+    ]
+    return expected_releases(whole, rig, list(rig.poses.values()), releases, setups)
 
 
 def ratio_information(base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases: Releases = RELEASES) -> Array:
-    """Compute the Fisher information (5, 5) on the ratios in one release from each pose.
+    """Compute the Fisher information (5, 5) on the ratios in one release of both rods from each pose.
 
-    `base` contains the base parameters (6,).
+    `base` contains the base parameters (6,). The information is zero without poses.
     """
     if not poses:
         return np.zeros((len(RATIOS), len(RATIOS)))
@@ -70,25 +78,30 @@ def ratio_information(base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases
 
 
 def expected_releases(
-    base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases: Releases = RELEASES
+    base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases: Releases = RELEASES, setups: Sequence[Setup] = ()
 ) -> tuple[Problem, Estimate]:
     """Return the fitting problem of noise-free simulated releases, with the true parameters.
 
-    The releases are cut into segments. The standard deviation of a reading is `Rig.reading_std`.
+    The releases are cut into segments. The standard deviation of a reading is `Rig.reading_std`. `setups` contains the
+    mounting of each release, by default both rods.
     """
     joints, rate_hz = rig.encoders.joint_angles, rig.link.rate_hz
-    std = rig.reading_std[1:]
+    std, unknown, setups = rig.reading_std[1:], unknown_ratios(base), setups or [BOTH] * len(poses)
     t = np.arange(round(releases.duration_s * rate_hz)) / rate_hz
-    starts = np.array([[*pose.theta[1:], 0.0, 0.0] for pose in poses])
-    layout = segments([t] * len(poses), run=range(len(poses)), step=MAX_STEP)
-    swung = swings(ratios(base), rig.L1, rig.g, layout, starts)
+    layout = segments([t] * len(poses), run=range(len(poses)), setups=setups, step=MAX_STEP)
+    starts = layout.turning_as_one(np.array([[*pose.theta[1:], 0.0, 0.0] for pose in poses]))
+    of_runs = np.array([ratios_of_run(unknown, setup, rig.L1, rig.g)[0] for setup in setups])
+    swung = swings(of_runs, rig.L1, rig.g, layout, starts)
     runs = []
-    for pose, states in zip(poses, np.split(swung, len(poses)), strict=True):
+    for pose, setup, states in zip(poses, setups, np.split(swung, len(poses)), strict=True):
         theta = np.insert(states[:, :2], 0, pose.theta0, axis=1)
-        run = Run("expected", t, theta, None, None, rig.name, rig.sha256, rate_hz)
+        run = Run(
+            "expected", t, theta, None, None, rig.name, rig.sha256, rate_hz,
+            mounting=setup.mounting, added_mass=setup.added,
+        )  # fmt: skip
         runs.append(PreprocessedRun(run, NoiseFloor(std, "quantisation", joints), states))
     problem, initial = segmented(runs, rig, releases.segment_s)
-    return problem, rods_estimate(unknown_ratios(base), initial)
+    return problem, rods_estimate(unknown, initial)
 
 
 def information_root(information: Array, scale: Array) -> Array:

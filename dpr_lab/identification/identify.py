@@ -11,7 +11,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.errors import ConfigError, IdentificationError, RunError, refuse_unknown
 from dpr_lab.estimation.usable_runs import refuse_long_gaps, refuse_other_rigs, refuse_repeated
 from dpr_lab.fitting.estimate import SCALE
-from dpr_lab.identification.expected import expected_information
+from dpr_lab.identification.expected import mounted_releases
 from dpr_lab.identification.identifiability import Identifiability
 from dpr_lab.identification.identifiability import identifiability as analysed
 from dpr_lab.identification.identified import determined, identified_model
@@ -25,7 +25,7 @@ from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.objectives import OBJECTIVES
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
 from dpr_lab.identification.prior_update import posterior_of
-from dpr_lab.identification.ratio_fit import RatioFit, short_fit
+from dpr_lab.identification.ratio_fit import RatioFit, information, short_fit, visible_of
 from dpr_lab.identification.uncertainty import uncertainty
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run, as_runs, moves
@@ -214,7 +214,10 @@ def identifiability(
                 f"{rig.path}: poses: there are no poses to simulate; add [poses.X1], or give recorded runs"
             )
         tell(f"no runs given: simulated releases from {', '.join(rig.poses)}, with the values of the rig file")
-        return analysed(expected_information(rig.nominal, rig), rig)
+        problem, estimate = mounted_releases(rig.nominal, rig)
+        alone = only_inner(problem.segments.setups)
+        posterior = posterior_of(estimate.ratios, rig, visible_of(problem.segments), alone=alone)
+        return analysed(information(problem, estimate), rig, posterior)
     refuse_misread(runs, rig)
     ratio_fit = polish(rig.nominal, [preprocess(run, rig) for run in runs], rig)
     if not ratio_fit.fit.converged:
@@ -231,8 +234,8 @@ def identifiability(
         alone=only_inner(run.setup for run in runs),
     )
     # A residual above the noise floor is treated as noise of that size.
-    information = ratio_uncertainty.information / max(1.0, ratio_fit.chi2_per_dof)
-    return analysed(information, rig, posterior)
+    of_runs = ratio_uncertainty.information / max(1.0, ratio_fit.chi2_per_dof)
+    return analysed(of_runs, rig, posterior)
 
 
 def _suited(name: str, search: str) -> SearchSettings:

@@ -13,6 +13,7 @@ from dpr_lab.fitting.estimate import unknown_ratios
 from dpr_lab.identification.directions import described
 from dpr_lab.identification.expected import Releases, expected_information, expected_releases, ratio_information
 from dpr_lab.identification.identifiability import Identifiability, identifiability, summary
+from dpr_lab.identification.identify import identifiability as identifiability_of
 from dpr_lab.identification.instruments import INSTRUMENTS
 from dpr_lab.identification.prior_update import posterior_of
 from dpr_lab.rig import PARAMETERS, Rig
@@ -312,3 +313,22 @@ def test_a_friction_that_is_fixed_at_zero_leaves_the_analysis_finite(rig: Rig, i
     result = identifiability(information, rig, posterior_of(unknown, rig), lengths=False)
     assert np.isfinite(result.singular_values).all()
     assert all(np.isfinite(parameter.value) for parameter in result.parameters.values())
+
+
+def test_expected_releases_of_the_inner_rod_alone_determine_its_two_ratios(rig: Rig) -> None:
+    result = identifiability_of([], rig.with_rods(mounted="inner"))
+    assert isinstance(result, Identifiability)
+    assert (result.rank, list(result.unknowns)) == (2, ["e1/a", "c1/a"])
+    assert set(result.parameters) == {"l1", "m1", "mb", "c1", "J1"}
+    assert not any("outer" in advice.name for advice in result.advice)
+    l1, _, m1, _, mb, c1, _, J1, _ = TRUE
+    a, e1 = J1 + m1 * l1**2 + mb * 0.4**2, (m1 * l1 + mb * 0.4) * 9.81
+    assert list(result.unknowns.values()) == pytest.approx([e1 / a, c1 / a], rel=1e-6)
+    assert 0.0 < result.cramer_rao_std["e1/a"] < 0.01 * e1 / a
+
+
+@pytest.mark.parametrize("rods", [{"mounted": "outer"}, {"elbow": "clamped"}])
+def test_expected_releases_of_other_mountings_determine_fewer_ratios(rig: Rig, rods: dict[str, str]) -> None:
+    result = identifiability_of([], rig.with_rods(**rods))
+    assert isinstance(result, Identifiability)
+    assert result.rank < 5
