@@ -138,7 +138,8 @@ class Posterior:
                 low, high = ratios[f"{name}/b"].interval90
                 wide = scale.absolute90(value, (scale.b * low, scale.b * high))
             else:
-                wide = loose90.get(name) or self._of_base(i, value, alone=False)
+                low, high = loose90.get(name) or self._of_base(i, value, alone=False)
+                wide = (min(low, value), max(high, value))  # the ratio that the fit assumed may be outside
             absolute[name] = self._value(value, slopes[i], wide)
         nine = {
             name: self._value(

@@ -120,3 +120,14 @@ def test_two_commands_with_different_covariances_and_assumed_ratios_state_the_sa
     assert a == pytest.approx(of_fit.inertia()[0], rel=1e-6)
     assert base["a"].value == pytest.approx(unknown[0] * of_fit.b)
     assert Z["c1"] / a == pytest.approx(unknown[3] / (unknown[0] - unknown[6]), rel=1e-4)
+
+
+@pytest.mark.parametrize("factor", [0.0, 100.0])
+def test_an_interval_of_one_rod_contains_a_friction_that_the_fit_assumed(paper: Rig, factor: float) -> None:
+    unknown = unknown_ratios(whole_parameters(paper.nominal, paper.L1, paper.g))
+    unknown[RATIOS.index("c2/b")] *= factor
+    posterior = posterior_of(unknown, paper, alone=True)
+    for part in posterior.parameters(posterior.scale(), {}):
+        for name, value in part.items():
+            assert value.interval90 is not None
+            assert value.interval90[0] <= value.value <= value.interval90[1], name
