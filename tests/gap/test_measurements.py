@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -17,6 +18,9 @@ from dpr_lab.gap.advice.measurement import CHECK, Predictions, predictions
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.checks import NONE_OF_THEM, Quantity
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.evidence import Exclusion
+from dpr_lab.report.digits import NONE
+from dpr_lab.report.gap.check_tables import check_table, how_to_record
 from tests.a_diagnosis import CLOCK, LENGTH, SIZES, interval, made, measurement
 from tests.thinned import thinned
 
@@ -136,6 +140,13 @@ def test_a_value_of_another_quantity_is_questioned_where_the_one_to_measure_is_n
         update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.0009, std=5e-5))
     with pytest.raises(RunError, match=r"0.006 N m is 6.59 times the Coulomb friction torque of .*, 0.00091 N m"):
         update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.006, std=1e-4))
+    limit = Exclusion(effect=simple, parameter="extra_at_rest_Nm", size=1.06e-3, estimate=0.0, confidence=0.999)
+    limited = diagnosis.model_copy(update={"evidence": SimpleNamespace(exclusions=[limit])})
+    with pytest.raises(RunError, match=r"at rest, joint 2\. They exclude only 0.00106 N m or more\. Did you measure"):
+        update(limited, limited.checks[0], CheckAnswer(value=0.001, std=2e-4))
+    assert check_table(limited).rows[0][3] == "below 1.06 mN m"
+    assert check_table(diagnosis).rows[0][3] == NONE
+    assert '--value "... N m" --std "... N m" (measurement)' in how_to_record(limited, "d.json")  # no number to copy
     confirmed = CheckAnswer(value=0.0009, std=5e-5, confirmed=True)
     assert update(diagnosis, diagnosis.checks[0], confirmed).checks_done
     assert update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.0004, std=5e-5)).checks_done

@@ -171,6 +171,8 @@ def test_next_steps_end_with_the_remainder(diagnosis):
         update={"effects": effects, "rivals": [], "evidence": None}
     )
     assert next_steps(decided) == ["No further recording or check is needed."]
+    (step,) = next_steps(decided.model_copy(update={"basis": "one release", "posterior": []}))
+    assert step.endswith("check is needed. Optional: a further release confirms the result under other conditions.")
     assert "Record further releases" in next_steps(diagnosis(verdict="inconclusive", advice=[]))[0]
 
 

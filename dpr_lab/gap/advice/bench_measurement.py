@@ -8,7 +8,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.units import read_quantity, split_quantity
 from dpr_lab.errors import RunError
 from dpr_lab.gap.advice.check_kind import CheckAnswer, NextStep, OpenQuestion, Result, expected_bits
-from dpr_lab.gap.advice.measurement import CHECK, Predictions, has, predictions
+from dpr_lab.gap.advice.measurement import CHECK, Predictions, excluded_size, has, predictions
 from dpr_lab.gap.result.checks import SENTENCE_END, AdvisedCheck, Quantity
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.shown import listed
@@ -16,7 +16,8 @@ from dpr_lab.shown import listed
 
 def form(check: AdvisedCheck) -> str:
     """Return the command-line options that state the result of a measurement."""
-    return f'--value "{_example(check)}" --std "..."'
+    unit = _example(check).split(" ", 1)[1]
+    return f'--value "... {unit}" --std "... {unit}"'
 
 
 def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
@@ -148,7 +149,9 @@ def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained
         return ""
     contradicts = f"check {check.id}: no candidate cause predicts {quantity.shown(value)} for the {quantity.name}."
     if explained:
-        contradicts = f"check {check.id}: the recordings do not determine the {quantity.name}."
+        size_limit = excluded_size(diagnosis, check)
+        upper = f" They exclude only {quantity.shown(size_limit)} or more." if size_limit else ""
+        contradicts = f"check {check.id}: the recordings do not determine the {quantity.name}.{upper}"
     if larger:
         contradicts += f" {quantity.shown(value)} is {abs(value / size):.3g} times {name}, {quantity.shown(size)}."
     elif estimate:

@@ -174,6 +174,14 @@ def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
     return magnitude(values, np.diag(reach**2))
 
 
+def excluded_size(diagnosis: Diagnosis, check: AdvisedCheck) -> float | None:
+    """Return the size of the measured amplitude that the recordings exclude, SI; None if they exclude no size."""
+    tested = diagnosis.evidence.exclusions if diagnosis.evidence else []
+    names = tuple(amplitude.name for amplitude in check.amplitudes)
+    sizes = (e.size for e in tested if e.is_excluded and e.effect == check.measures and (e.parameter,) == names)
+    return next(sizes, None)
+
+
 def magnitude(values: Array, covariance: Array) -> Interval | None:
     """Return the square root of the sum of squared amplitudes, with its interval.
 

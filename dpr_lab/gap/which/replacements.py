@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 
-from dpr_lab.effects import plausibility
+from dpr_lab.effects import EFFECTS, plausibility
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.imitation import follows_remainder
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
@@ -134,10 +134,12 @@ def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]
 
 
 def _far_more_plausible(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    return Decision(
-        proposal.value > THRESHOLDS.likelier,
-        f"indistinguishable; the ratio of the prior probabilities of the sizes is {proposal.value:.2g}",
-    )
+    ratio = f"the ratio of the prior probabilities of the sizes is {proposal.value:.2g}"
+    accepted = proposal.value > THRESHOLDS.likelier
+    richer = any(not current.key.isdisjoint(EFFECTS[name].nested) for name in proposal.model.key - current.key)
+    if richer and not accepted:
+        return Decision(False, f"the richer form is not needed, because it explains about as much; {ratio}")
+    return Decision(accepted, f"indistinguishable; {ratio}")
 
 
 MORE_PLAUSIBLE = Move(

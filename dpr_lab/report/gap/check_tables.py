@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from dpr_lab.checks.update import bayes_factor
 from dpr_lab.gap.advice.advise import CHECK_KINDS
+from dpr_lab.gap.advice.measurement import excluded_size
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.angles import RADIANS
@@ -17,10 +18,10 @@ MOVED_NOTE = (
     " contradicts the cause. Above 20 or below 1/20 the evidence is strong."
 )
 EXPECTED_NOTE = (
-    "Expected result: size and 90 % interval if the measured effect is the cause. If it is not"
-    " the cause, the expected result is about zero. Expected information: at most the entropy of the probabilities. It"
-    " is nearly zero if one cause is already far more probable, also if the predictions differ by many standard"
-    " deviations."
+    "Expected result: size and 90 % interval if the measured effect is the cause, or the size that the recordings"
+    " exclude if they determine no size. If it is not the cause, the expected result is about zero. Expected"
+    " information: at most the entropy of the probabilities. It is nearly zero if one cause is already far more"
+    " probable, also if the predictions differ by many standard deviations."
 )
 
 
@@ -81,7 +82,7 @@ def check_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
             check.id,
             check.kind,
             in_words(check.text),
-            _expected(check),
+            _expected(diagnosis, check),
             ", ".join(map(named, check.splits)),
             bits(check.expected_bits),
         )
@@ -89,9 +90,12 @@ def check_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     ]
 
 
-def _expected(check: AdvisedCheck) -> str:
-    """Format the expected result of a measurement with its interval, or a dash."""
-    if check.quantity is None or check.expected is None:
+def _expected(diagnosis: Diagnosis, check: AdvisedCheck) -> str:
+    """Format the expected result of a measurement: its interval, the size that it is below, or a dash."""
+    if check.quantity is None:
         return NONE
-    ends = check.expected.value, *check.expected.interval90
-    return size_words(check.measures, check.quantity.parameters[0], RADIANS, *ends)
+    name = check.quantity.parameters[0]
+    if check.expected:
+        return size_words(check.measures, name, RADIANS, check.expected.value, *check.expected.interval90)
+    limit = excluded_size(diagnosis, check)
+    return f"below {size_words(check.measures, name, RADIANS, limit)}" if limit else NONE

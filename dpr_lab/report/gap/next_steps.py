@@ -5,7 +5,7 @@ from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.checks import AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.pieces import are_pieces
-from dpr_lab.planning.stopping import reservation, undecided
+from dpr_lab.planning.stopping import STOPPING, recorded_releases, reservation, undecided
 from dpr_lab.report.gap.check_tables import bits
 from dpr_lab.report.gap.tables import per_reading
 from dpr_lab.report.words import in_words, named
@@ -42,7 +42,8 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     if untested := reservation(diagnosis):
         optional = "Optional: record a further release to test this (dpr-lab plan proposes it)."
         return [f"The causes are decided. {in_words(untested)} {optional}"]
-    return ["No further recording or check is needed."]
+    optional = " Optional: a further release confirms the result under other conditions."
+    return [f"No further recording or check is needed.{optional * (recorded_releases(diagnosis) < STOPPING.fewest)}"]
 
 
 def _check_words(diagnosis: Diagnosis, advice: str) -> str:
