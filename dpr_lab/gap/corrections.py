@@ -53,8 +53,9 @@ def corrected(state: ForwardSelected, search: Callable[[ScreenedRuns], ForwardSe
         search: function that fits the bare model to recordings and selects effects
     """
     for _ in range(2):  # the noise may be smaller at first, and then zero
-        if changed := with_other_noise(state.fitted, state.search.current):
-            state = search(changed)
+        if not (changed := with_other_noise(state.fitted, state.search.current)):
+            break
+        state = search(changed)
     for correct, is_better in (
         (_with_earlier_torques, _no_worse),
         (_with_shutter, _shutter_explains_more),

@@ -72,11 +72,19 @@ def test_runs_with_a_free_and_a_clamped_arm_are_simulated_together() -> None:
     assert free_runs(recordings, estimate).errors_rad.keys() == {"run0", "held"}
 
 
+def test_one_wrong_reading_of_a_clamped_arm_is_no_turn() -> None:
+    rig, runs = arm_and_clamped_arm()
+    theta = runs[1].theta.copy()
+    theta[len(theta) // 2, 0] = 0.3
+    recordings = Recordings(tuple(record(run, rig) for run in (runs[0], replace(runs[1], theta=theta))), rig)
+    refuse_wrong_input(recordings, nominal_ratios(rig))
+
+
 def test_a_clamped_arm_that_turns_is_refused_among_runs_with_a_free_arm() -> None:
     rig, runs = arm_and_clamped_arm()
     turned = replace(runs[1], theta=runs[1].theta + np.outer(runs[1].t, [0.5, 0.0, 0.0]))
     recordings = Recordings(tuple(record(run, rig) for run in (runs[0], turned)), rig)
-    with pytest.raises(RunError, match=r"held: its arm is described as clamped, but encoder 0 turns by 0\.5 rad"):
+    with pytest.raises(RunError, match=r"held: its arm is described as clamped, but encoder 0 turns by 0\.49 rad"):
         refuse_wrong_input(recordings, nominal_ratios(rig))
 
 

@@ -122,10 +122,9 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
     return Hypothesis(names, fitted, residuals, loss, sizes, harmonic_vibrations, drifts)
 
 
-def explains(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis, share: float) -> bool:
-    """Return whether one set reduces the excess by at least a share of the reduction by another set."""
-    excess = bare.bounded_excess
-    return excess - simple.bounded_excess >= share * (excess - rich.bounded_excess)
+def explained(bare: Hypothesis, model: Hypothesis) -> float:
+    """Return the reduction of the excess by a set of effects."""
+    return bare.bounded_excess - model.bounded_excess
 
 
 def refutes_torque_noise(problem: Problem, model: Hypothesis) -> bool:

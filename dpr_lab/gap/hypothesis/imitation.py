@@ -1,6 +1,6 @@
 """Effects that only follow the remainder of other causes, and curves that imitate a removed effect."""
 
-from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis, explains
+from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis, explained
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 
 
@@ -21,7 +21,7 @@ def curve_follows_remainder(bare: Hypothesis, with_curve: Hypothesis, simple: Hy
     if not curves or not simple.effects or simple.residuals.noise_ratio > 1.0:
         return False
     insignificant = simple.cost - with_curve.cost_at(simple.inflation) < simple.chance
-    return insignificant and explains(bare, simple, with_curve, THRESHOLDS.nearly_all)
+    return insignificant and explained(bare, simple) >= THRESHOLDS.nearly_all * explained(bare, with_curve)
 
 
 def follows_swing(bare: Hypothesis, vibrating: Hypothesis, other: Hypothesis) -> bool:
@@ -31,7 +31,7 @@ def follows_swing(bare: Hypothesis, vibrating: Hypothesis, other: Hypothesis) ->
     """
     if not vibrating.harmonic_vibrations - other.key or not other.effects:
         return False
-    return explains(bare, other, vibrating, THRESHOLDS.most_of_it)
+    return explained(bare, other) > THRESHOLDS.most_of_it * explained(bare, vibrating)
 
 
 def follows_decay(bare: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> bool:
@@ -42,7 +42,7 @@ def follows_decay(bare: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> 
     """
     if not drifting.decay_drifts - other.key or not other.effects or len(other.fit.free) > len(drifting.fit.free):
         return False
-    return explains(bare, other, drifting, THRESHOLDS.nearly_all)
+    return explained(bare, other) > THRESHOLDS.nearly_all * explained(bare, drifting)
 
 
 def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON
-from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, explains
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, explained
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 
 
@@ -116,7 +116,9 @@ def explains_as_much(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> 
     Source: Vuong (1989), Likelihood ratio tests for model selection and non-nested hypotheses, Econometrica 57,
     307-333.
     """
-    if len(simple.fit.free) >= len(rich.fit.free) or not explains(bare, simple, rich, THRESHOLDS.nearly_all):
+    if len(simple.fit.free) >= len(rich.fit.free):
+        return False
+    if explained(bare, simple) < THRESHOLDS.nearly_all * explained(bare, rich):
         return False
     margin = indifference(bare, rich)
     if not rich.at_noise_floor and np.isfinite(by_chance := segment_scatter(simple, rich, THRESHOLDS.beyond_chance)):

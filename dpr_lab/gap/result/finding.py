@@ -1,9 +1,9 @@
 """Sensor faults of the recordings."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
-from pydantic import ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
 
@@ -11,7 +11,7 @@ from pydantic.json_schema import SkipJsonSchema
 class SensorFinding:
     """A sensor fault that was detected without a model."""
 
-    __pydantic_config__ = ConfigDict(extra="forbid")
+    __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
 
     name: str
     """Kind of the sensor fault."""
@@ -25,5 +25,7 @@ class SensorFinding:
     """Description of the evidence."""
     count: int = 1
     """Number of faults of this kind; `at_s` is the instant of the first one."""
-    step: Annotated[SkipJsonSchema[float | None], Field(exclude=True)] = None
-    """Size of the step of a reading, rad; None for other faults. It is not saved."""
+    step: Annotated[SkipJsonSchema[float | None], Field(exclude=True), BeforeValidator(lambda _: None)] = field(
+        default=None, compare=False
+    )
+    """Size of the step of a reading, rad; None for other faults, and in a diagnosis."""

@@ -35,6 +35,8 @@ class InputRules:
     """Maximum range of the arm's angle for an arm that counts as at rest, in standard deviations of a reading."""
     turned_rad: float = 0.1
     """Maximum range of the angle of a clamped arm, rad; a mount or a gear that yields turns it by less."""
+    most_readings: tuple[float, float] = (0.99, 0.01)
+    """Quantiles of the angle of a clamped arm, whose difference is its range; few wrong readings do not change them."""
     likely: tuple[str, ...] = (SPRING_JOINT0.name, COULOMB_JOINT0.name)
     """Effects that most arms have. Without them in the model, the torque of a strong cable can hide a wrong sign."""
     alike: float = 1.1
@@ -97,7 +99,10 @@ def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
 def _refuse_other_modes(recordings: Recordings) -> None:
     for recording in recordings.records:
         run, moves = recording.run, recording.setup.arm_moves
-        turn = float(np.ptp(recording.joints[:, -1] if moves else run.swing.theta[:, 0]))
+        if moves:
+            turn = float(np.ptp(recording.joints[:, -1]))
+        else:  # without a few wrong readings
+            turn = float(np.subtract(*np.quantile(run.swing.theta[:, 0], INPUT.most_readings)))
         if moves and turn < INPUT.still * float(np.median(recording.sigma[:, -1])):
             raise RunError(
                 f"{run.file or run.name}: its arm is {run.arm_mode}, but encoder 0 stands still (range"
