@@ -50,8 +50,11 @@ Range = tuple[StartAngle, StartAngle]
 Both = tuple[Positive, Positive]
 Minutes = Annotated[float, Field(ge=0, le=1e4, strict=True)]
 
-HEAVIEST = 10.0
-"""Largest added mass relative to the nominal mass of the rods; a larger number was probably given in grams."""
+HEAVIEST = 100.0
+"""Largest added mass relative to the nominal mass of the rods; a larger number was probably given in grams.
+
+A bob can have more than ten times the mass of light rods.
+"""
 
 
 class ReachablePoses(RigTable):

@@ -127,6 +127,8 @@ class LimitForecast(_Record):
     detectable."""
     reached_rad_per_s: Number | None = None
     """Speed that the joint reaches, rad/s, if it is below the speed of a friction limit; otherwise None."""
+    all_shapes: bool = False
+    """Whether the interval of `accept` covers all shapes of an effect; `reach` applies to one shape."""
     decides: bool
     """Whether a quantity at half its limit, or in the middle of its range, would pass after the plan."""
 

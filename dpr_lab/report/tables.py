@@ -140,17 +140,16 @@ def limit_forecast_table(made: "Plan") -> list[tuple[str, ...]]:
             limit.quantity,
             "" if limit.reach is None else f"{limit.reach:.2g}",
             limit.unit,
-            "yes" if limit.decides else "no" + _too_slow(limit),
+            "yes" if limit.decides else "no" + _obstacle(limit),
         )
         for limit in made.limits
     ]
 
 
-def _too_slow(limit: "LimitForecast") -> str:
-    """Return a note if a joint does not reach the speed of a friction limit.
-
-    Otherwise the text is empty.
-    """
+def _obstacle(limit: "LimitForecast") -> str:
+    """Return the reason why a limit stays undecided; empty if the recordings are not accurate enough."""
+    if limit.all_shapes:
+        return ": the interval covers all shapes of the effect"
     return "" if limit.reached_rad_per_s is None else f": the joint reaches {limit.reached_rad_per_s:.3g} rad/s"
 
 

@@ -109,16 +109,16 @@ def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig:
 def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
     """Add the planned releases if they are expected to decide a limit.
 
-    The reason of a limit that they would not decide states this.
+    The reason of a limit that they would not decide states this, unless the interval covers all shapes of an effect:
+    the forecast refers to one shape.
     """
     from dpr_lab.acceptance.judge import WITHIN
 
     decides = {forecast.quantity: forecast.decides for forecast in planned.limits}
+    inaccurate = {forecast.quantity for forecast in planned.limits if not (forecast.decides or forecast.all_shapes)}
     hopeless = f"{WITHIN}, and {counted(len(planned.releases), 'further release')} would probably not decide it"
     limits = tuple(
-        replace(limit, reason=hopeless)
-        if limit.reason.startswith(WITHIN) and not decides.get(limit.quantity, True)
-        else limit
+        replace(limit, reason=hopeless) if limit.reason.startswith(WITHIN) and limit.quantity in inaccurate else limit
         for limit in acceptance.limits
     )
     open_ones = [limit.quantity for limit in limits if limit.answer == "not decidable"]

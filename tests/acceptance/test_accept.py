@@ -384,10 +384,17 @@ def test_accept_takes_the_limits_file_of_a_plan(tmp_path: Path) -> None:
 
 def test_a_limit_that_no_planned_release_decides_states_it_instead_of_advising_more_releases() -> None:
     reason = "the limit lies within the interval: record more releases"
-    limits = [JudgedLimit(name, "N m", -1.0, 1.0, (0.0, 2.0), "not decidable", reason) for name in ("far", "near")]
-    forecasts = [SimpleNamespace(quantity="far", decides=False), SimpleNamespace(quantity="near", decides=True)]
+    limits = [
+        JudgedLimit(name, "N m", -1.0, 1.0, (0.0, 2.0), "not decidable", reason) for name in ("far", "near", "shapes")
+    ]
+    forecasts = [
+        SimpleNamespace(quantity="far", decides=False, all_shapes=False),
+        SimpleNamespace(quantity="near", decides=True, all_shapes=False),
+        SimpleNamespace(quantity="shapes", decides=False, all_shapes=True),
+    ]
     plan: Any = SimpleNamespace(limits=forecasts, releases=[SimpleNamespace(text="P1"), SimpleNamespace(text="P2")])
     acceptance = with_recordings(Acceptance("not decidable", "", tuple(limits)), plan)
-    far, near = acceptance.limits
+    far, near, shapes = acceptance.limits
     assert far.reason == "the limit lies within the interval, and 2 further releases would probably not decide it"
+    assert shapes.reason == reason
     assert (near.reason, acceptance.would_decide, acceptance.recordings) == (reason, ("near",), ("P1", "P2"))

@@ -61,6 +61,7 @@ def test_a_limit_of_a_cable_is_forecast_with_its_other_amplitudes_free(known: Kn
     assert alone is not None
     assert cable.reach > alone
     assert not detent.decides
+    assert (cable.all_shapes, detent.all_shapes) == (False, True)
 
 
 def test_a_friction_limit_is_decided_only_if_the_joint_reaches_its_speed(known: Knowledge) -> None:

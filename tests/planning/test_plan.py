@@ -356,6 +356,13 @@ def test_a_latch_with_a_single_pose_is_planned(paper: Rig, tmp_path: Path) -> No
     assert (release.theta1_rad, release.theta2_rad) == (pytest.approx(1.6, abs=1e-3), pytest.approx(1.0, abs=1e-3))
 
 
+def test_a_bob_of_fifteen_times_the_mass_of_the_rods_is_allowed(paper: Rig, tmp_path: Path) -> None:
+    path = tmp_path / "limits.toml"
+    heavy = 15 * float(paper.nominal[:2].sum())
+    path.write_text(f'[[masses]]\nrod = "outer"\nmass = {heavy}\nposition = 0.2\n')
+    assert load_plan_limits(path, paper).masses[0].mass == heavy
+
+
 def test_a_budget_for_less_than_one_release_is_refused(paper: Rig) -> None:
     with pytest.raises(ConfigError, match=r"a budget of 0\.2 min is too small: one release takes 0\.67 min"):
         plan(paper, budget_min=0.2)

@@ -155,6 +155,7 @@ def limit_forecasts(
             unit=goal.unit,
             reach=goal.reach,
             reached_rad_per_s=slow.get(goal.quantity),
+            all_shapes=not goal.single,
             decides=goal.quantity not in slow and goal.single and goal.reach is not None and goal.reach < goal.room,
         )
         for goal in goals(known, F, limits)
