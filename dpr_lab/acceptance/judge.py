@@ -150,8 +150,8 @@ def _largest(curve: JointFriction, speed: float, diagnosis: Diagnosis) -> Range:
 def _other_friction(diagnosis: Diagnosis, joint: int) -> str:
     """Return the reason why the friction torque may depend on more than the speed.
 
-    One reason is that the named effect may not be a friction law. The text is empty if the friction
-    torque certainly is a function of the speed alone.
+    One reason is that the named effect may not be a friction law. The text is empty if the friction torque certainly is
+    a function of the speed alone.
     """
     laws = {*laws_of(joint)}
     for named in diagnosis.effects:

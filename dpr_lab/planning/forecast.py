@@ -25,9 +25,9 @@ noise, the remainder therefore disappears with the probability 0.05, 0.10 or 0.1
 disappears less often.
 
 For an individual plant, the probability of a decision differs from this mean: the causes may stay undecided for reasons
-that a forecast cannot take into account. The prior of this probability is a beta distribution with the above
-mean and a weight of `weight` releases. After `failed` releases that left the causes undecided, k more releases decide
-with the beta-binomial probability
+that a forecast cannot take into account. The prior of this probability is a beta distribution with the above mean and a
+weight of `weight` releases. After `failed` releases that left the causes undecided, k more releases decide with the
+beta-binomial probability
 
     1 - product over j < k of (b + failed + j) / (weight + failed + j),    b = (1 - confirmed) weight.
 

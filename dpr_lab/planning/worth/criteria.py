@@ -245,15 +245,15 @@ def ratio_bits(known: Knowledge, F: Array) -> Array:
     The value is defined up to a constant.
     """
     scale = np.array([column.size for column in known.model.columns[: len(RATIOS)]])
-    return 0.5 * np.linalg.slogdet(_of_ratios(known, F) * scale[:, None] * scale)[1] / np.log(2)
+    return 0.5 * np.linalg.slogdet(_ratio_information(known, F) * scale[:, None] * scale)[1] / np.log(2)
 
 
 def ratio_std(known: Knowledge, F: Array) -> Array:
     """Return the (5,) expected standard deviations of the ratios with the model's effects fitted."""
-    return np.sqrt(np.diag(np.linalg.inv(_of_ratios(known, F))))
+    return np.sqrt(np.diag(np.linalg.inv(_ratio_information(known, F))))
 
 
-def _of_ratios(known: Knowledge, F: Array) -> Array:
+def _ratio_information(known: Knowledge, F: Array) -> Array:
     """Return the (..., 5, 5) information about the ratios with the other unknowns of the model fitted."""
     return given(F, [i for i in known.fitted if i >= len(RATIOS)], range(len(RATIOS)))
 
