@@ -1,10 +1,12 @@
 """Import a table from any data logger as a run."""
 
 from dataclasses import dataclass
-from itertools import count
+from itertools import count, takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dpr_lab.errors import RunError
+from dpr_lab.shown import listed
 from dpr_lab.workflows.checks import with_rods
 from dpr_lab.workflows.events import OnEvent, ignore
 
@@ -64,16 +66,16 @@ def import_table(request: ImportRequest, on_event: OnEvent = ignore) -> ImportRe
         RunError: the table contains no angles that can be interpreted.
     """
     from dpr_lab.rig import load_rig
-    from dpr_lab.storage.csv_import import table_name, write_run
+    from dpr_lab.storage.csv_import import write_run
     from dpr_lab.storage.tables.understand import understand
 
     target = request.out
     named = target.suffix == ".mcap" and not target.is_dir()
-    file = target if named else _unused(target, table_name(request.table))
+    file, notes = (target, ()) if named else _unused(target, request.table)
     rig = with_rods(load_rig(request.rig), request.rods, request.elbow)
     swing = understand(request.table, rig, request.options, on_event)
     write_run(request.table, rig, swing, file, on_event)
-    return ImportResult(file, len(swing.t), float(swing.t[-1]), swing.notes, swing.questions)
+    return ImportResult(file, len(swing.t), float(swing.t[-1]), (*swing.notes, *notes), swing.questions)
 
 
 def preview_table(request: ImportRequest, on_event: OnEvent = ignore) -> "Preview":
@@ -92,7 +94,30 @@ def preview_table(request: ImportRequest, on_event: OnEvent = ignore) -> "Previe
     return preview(request.table, rig, request.options, on_event)
 
 
-def _unused(folder: Path, stem: str) -> Path:
-    """Return a path in the folder that does not exist yet."""
+def _unused(folder: Path, table: Path) -> tuple[Path, tuple[str, ...]]:
+    """Return an unused path in the folder, and a note if it has runs of this name."""
+    from dpr_lab.configs import sha256_of
+    from dpr_lab.storage.csv_import import table_name
+
+    stem = table_name(table)
     names = (f"{stem}.mcap" if number == 1 else f"{stem}-{number}.mcap" for number in count(1))
-    return next(folder / name for name in names if not (folder / name).exists())
+    existing = list(takewhile(Path.exists, (folder / name for name in names)))
+    if not existing:
+        return folder / f"{stem}.mcap", ()
+    file = folder / f"{stem}-{len(existing) + 1}.mcap"
+    content = sha256_of(table) if table.is_file() else None
+    same = [path.name for path in existing if content and _imported_from(path) == content]
+    note = f"{existing[0]} exists and is kept, so the new run is {file.name}"
+    if same:
+        note += f"; {listed([*same, file.name])} are from the same table: delete a run with wrong options"
+    return file, (note,)
+
+
+def _imported_from(file: Path) -> str:
+    """Return the SHA-256 of the table of an imported run; empty if it is unknown."""
+    from dpr_lab.storage.inspect import info
+
+    try:
+        return info(file).extra.get("file_sha256", "")
+    except RunError:
+        return ""

@@ -4,6 +4,7 @@ import runpy
 import shlex
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from dpr_lab.configs import BUILTIN
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import PARAMETERS, load_rig
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
+from dpr_lab.workflows.import_table import ImportRequest, ImportResult, import_table
 from dpr_lab.workflows.sample_tables import write_sample_tables
 from tests.cli.conftest import Cli
 
@@ -105,3 +107,22 @@ def test_an_infinite_value_counts_as_missing(tmp_path: Path) -> None:
     options = ImportOptions(angles="relative", zero="hanging")
     run = import_csv(tmp_path / "infinite.csv", load_rig(tmp_path / "bench.toml"), options)
     assert any("rows without a value (NaN), treated as gaps: 2" in note for note in run.notes)
+
+
+def test_a_second_import_of_a_table_names_the_first_one(tmp_path: Path) -> None:
+    def imported(table: Path, **options: Any) -> ImportResult:
+        rig = str(SAMPLES / "bench.toml")
+        known = ImportOptions(angles="relative", zero="hanging", **options)
+        return import_table(ImportRequest(table, rig, tmp_path / "runs", known))
+
+    table, other = tmp_path / "side.csv", tmp_path / "other" / "side.csv"
+    other.parent.mkdir()
+    table.write_bytes((SAMPLES / "side.csv").read_bytes().replace(b"_deg", b""))
+    other.write_bytes((SAMPLES / "elbow.csv").read_bytes())
+    wrong, right, third = imported(table), imported(table, unit="deg"), imported(other)
+    assert "--unit deg" in wrong.questions[0].sentence
+    assert not any("exists" in note for note in wrong.notes)
+    start = f"{wrong.file} exists and is kept, so the new run is"
+    both = "side.mcap and side-2.mcap are from the same table: delete a run with wrong options"
+    assert right.notes[-1] == f"{start} side-2.mcap; {both}"
+    assert third.notes[-1] == f"{start} side-3.mcap"

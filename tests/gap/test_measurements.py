@@ -142,7 +142,9 @@ def test_a_value_of_another_quantity_is_questioned_where_the_one_to_measure_is_n
         update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.006, std=1e-4))
     limit = Exclusion(effect=simple, parameter="extra_at_rest_Nm", size=1.06e-3, estimate=0.0, confidence=0.999)
     limited = diagnosis.model_copy(update={"evidence": SimpleNamespace(exclusions=[limit])})
-    with pytest.raises(RunError, match=r"at rest, joint 2\. They exclude only 0.00106 N m or more\. Did you measure"):
+    with pytest.raises(
+        RunError, match=r"at rest, joint 2\. They exclude only sizes of 0.00106 N m or more\. Did you measure"
+    ):
         update(limited, limited.checks[0], CheckAnswer(value=0.001, std=2e-4))
     assert check_table(limited).rows[0][3] == "below 1.06 mN m"
     assert check_table(diagnosis).rows[0][3] == NONE

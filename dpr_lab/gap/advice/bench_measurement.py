@@ -150,7 +150,7 @@ def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained
     contradicts = f"check {check.id}: no candidate cause predicts {quantity.shown(value)} for the {quantity.name}."
     if explained:
         size_limit = excluded_size(diagnosis, check)
-        upper = f" They exclude only {quantity.shown(size_limit)} or more." if size_limit else ""
+        upper = f" They exclude only sizes of {quantity.shown(size_limit)} or more." if size_limit else ""
         contradicts = f"check {check.id}: the recordings do not determine the {quantity.name}.{upper}"
     if larger:
         contradicts += f" {quantity.shown(value)} is {abs(value / size):.3g} times {name}, {quantity.shown(size)}."
