@@ -118,20 +118,20 @@ class Posterior:
     ) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
         """Return the nine rig parameters and the six base parameters at a scale, with their 90 % intervals.
 
-        The nine parameters are the most probable ones with the ratios and the inertia b in use. The intervals include
-        the uncertainty of the scale.
+        The nine parameters are the most probable ones with the inertia b in use. The base parameters are this b times
+        the ratios of the fit. The intervals include the uncertainty of the scale.
 
         Args:
             scale: inertia b in use
             ratios: the five ratios with their intervals
         """
         Z, loose90 = self.values(scale.b), self.intervals(scale.b)
-        base, slopes = _base(Z, self.rig, alone=False)
-        if self.alone:  # parts that are not mounted have the ratios that the fit assumed
-            base = scale.b * base_from_ratios(self.unknown[: len(RATIOS)])
+        _, slopes = _base(Z, self.rig, alone=False)
+        base = scale.b * base_from_ratios(self.unknown[: len(RATIOS)])  # an exported model must follow the fit
         absolute = {}
         for i, name in enumerate(BASE):
-            value, determined = float(base[i]), not self.alone and self.determines(f"{name}/b")
+            value = float(base[i])
+            determined = self.determines(f"{name}/b") and (not self.alone or value == 0.0)
             if name == "b" and not self.alone:
                 wide = scale.interval90
             elif determined:
@@ -189,9 +189,10 @@ class Posterior:
     def _value(self, value: float, slopes: Array, wide: Interval90) -> ParameterValue:
         """Return a value with its interval, from the derivatives (9,) of its logarithm by those of the parameters.
 
-        The interval `wide` is used if only the bounds of the rig file determine the value.
+        The interval `wide` is used if only the bounds of the rig file determine the value, or for a friction of zero,
+        which has no logarithm.
         """
-        if self._loose(slopes[None])[0]:
+        if value == 0.0 or self._loose(slopes[None])[0]:
             return ParameterValue(value=value, std=None, fixed_by="bound", interval90=wide)
         std = value * float(np.sqrt(max(slopes @ self.covariance @ slopes, 0.0)))
         reach = NORMAL_Q90 * std

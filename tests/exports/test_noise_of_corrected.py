@@ -16,7 +16,7 @@ from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.problem import reading_std
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig, load_rig
-from dpr_lab.rig_tables import AddedMass
+from dpr_lab.rig_tables import AddedMass, ArmMode
 from dpr_lab.run import Run
 
 NOISE = np.array([3e-3, 2e-3, 1e-3])
@@ -24,7 +24,7 @@ NOISE = np.array([3e-3, 2e-3, 1e-3])
 AFTER = {"joint0": 4e-3, "joint1": 3e-3, "joint2": 2e-3}
 
 
-def recorded(rig: Rig, mode: str) -> Run:
+def recorded(rig: Rig, mode: ArmMode) -> Run:
     t = np.arange(4000) / 1000.0
     joints = 0.3 * np.sin(np.outer(t, (3.0, 5.0, 7.0))) + NOISE * np.random.default_rng(4).standard_normal((4000, 3))
     joints[:, 1:] = joints[:, 1:] @ rig.encoders.joint_angles.to_rods_matrix.T

@@ -58,7 +58,7 @@ def test_the_intervals_of_a_refitted_model_belong_to_its_values(paper: Rig, adde
     """The given model has other ratios and another b, which are wrong by 5 %, with narrow intervals."""
     base = base_of(paper)
     true = unknown_ratios(base)
-    truth = dict(zip(RATIOS, true.tolist(), strict=False))
+    truth: dict[str, float] = dict(zip(RATIOS, true.tolist(), strict=False))
     t, rng = np.arange(800) / 400.0, np.random.default_rng(3)
     runs = list[Run]()
     for start, mass in (([1.0, 0.4, 0.0, 0.0], None), ([-0.8, 0.9, 0.0, 0.0], added)):

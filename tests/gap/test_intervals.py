@@ -54,7 +54,8 @@ def test_an_effect_that_fails_a_test_is_less_probable() -> None:
 
 
 def test_all_effects_are_less_probable_if_the_test_fails_as_a_whole() -> None:
-    for failed in ({"worse_free_run": Fake()}, {"lone": Fake()}, {"tested": False}):
+    outcomes: tuple[dict[str, Any], ...] = ({"worse_free_run": Fake()}, {"lone": Fake()}, {"tested": False})
+    for failed in outcomes:
         assert probabilities(**failed) == [0.5, 0.5]
     for value, factor in ((0.0, 1.0), (-0.1, 0.5)):
         assert probabilities(closed=Interval(value=value, interval90=(-1.0, 1.0))) == [factor] * 2

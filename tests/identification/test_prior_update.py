@@ -131,3 +131,25 @@ def test_an_interval_of_one_rod_contains_a_friction_that_the_fit_assumed(paper: 
         for name, value in part.items():
             assert value.interval90 is not None
             assert value.interval90[0] <= value.value <= value.interval90[1], name
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_a_friction_of_zero_has_the_interval_of_its_ratio(paper: Rig, alone: bool) -> None:
+    unknown = unknown_ratios(whole_parameters(paper.nominal, paper.L1, paper.g))
+    unknown[RATIOS.index("c1/b")] = 0.0
+    five = {
+        name: EstimatedValue(value=value, std=0.0, interval90=(value, value))
+        for name, value in zip(RATIOS, unknown.tolist(), strict=False)
+    } | {"c1/b": EstimatedValue(value=0.0, std=0.0, interval90=(0.0, 0.3))}
+    posterior = posterior_of(unknown, paper, alone=alone)
+    nine, base = posterior.parameters(posterior.scale(), five)
+    for value in (nine["c1"], base["c1"]):
+        assert (value.value, value.fixed_by) == (0.0, "bound")
+        assert value.interval90 == pytest.approx((0.0, 0.3 * posterior.b))
+
+
+def test_the_base_parameters_have_the_ratios_of_the_fit_although_these_are_uncertain(paper: Rig) -> None:
+    """Exported models simulate with them, so they would otherwise not follow the recordings."""
+    given = 1.1 * truth(paper)
+    _, base = update_prior(given, np.diag((0.2 * given) ** 2), measured(paper, "m1", "m2", "mb"))
+    assert [base[name[:-2]].value / base["b"].value for name in RATIOS] == pytest.approx(given, rel=1e-8)

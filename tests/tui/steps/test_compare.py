@@ -124,7 +124,7 @@ async def test_with_no_run_left_nothing_is_compared(lab, until, notices_text, fi
     async with lab(CompareStep, runs=[Path("gone.mcap")], model=fixed_model) as pilot:
         await until(pilot, lambda: step(pilot.app).job is None)
         assert figures(pilot.app) == "no run can be compared (skipped: gone): choose other runs (b)"
-        assert "gone.mcap: cannot be read" in notices_text(pilot.app)
+        assert "gone.mcap: no such file" in notices_text(pilot.app)
 
 
 @pytest.mark.long
