@@ -1,12 +1,12 @@
 """Runge-Kutta steps in vector lanes, with the physics of `dpr_lab.dynamics.step`.
 
-Theory of operation. A track is one candidate along one segment. `LANES` tracks whose candidates have the same active
-effects are integrated together in one workspace, with a row of numbers for each quantity (`workspace`). Each part of a
-step is a loop over the lanes that the compiler converts to vector instructions. These loops contain no branches or
-calls; tanh, exp and sincos are therefore polynomials (`dpr_lab.effects.elementary`). Each effect is a separate loop,
-which is skipped if the effect is off (`effects`). Such a loop reads the motion of the stage from the workspace and adds
-to five rows of terms. Loops that only some effects need (the arm, joint forces, internal states) are skipped in the
-same way.
+Theory of operation. A track is one candidate along one segment. Tracks whose candidates have the same active effects
+are integrated together in one workspace, one in each lane, with a row of numbers for each quantity (`workspace`). Each
+part of a step is a loop over the lanes that the compiler converts to vector instructions. These loops contain no
+branches or calls; tanh, exp and sincos are therefore polynomials (`dpr_lab.effects.elementary`). Each effect is a
+separate loop, which is skipped if the effect is off (`effects`). Such a loop reads the motion of the stage from the
+workspace and adds to five rows of terms. Loops that only some effects need (the arm, joint forces, internal states) are
+skipped in the same way.
 
 Each lane has its own time and its own step. Sums are not reassociated and lanes are independent, so the result of a
 candidate is bit-identical in any block and for any number of threads.

@@ -20,7 +20,7 @@ LANES = 16
 """Number of lanes; two registers of eight doubles hide the latency of a division with few spare lanes."""
 
 FEW_LANES = 2
-"""Number of lanes for sets with internal states on at most two runs.
+"""Number of lanes for one or two tracks with internal states.
 
 The other lanes would be spare. A step takes about half the time."""
 
