@@ -111,6 +111,16 @@ def test_no_gap_is_decided_only_if_every_effect_is_excluded_at_its_detectable_si
     assert listed_in_report is (not expected or name == "missed_counts")
 
 
+def test_a_possible_cause_is_not_listed_as_excluded() -> None:
+    names = ("coulomb_joint1", "stribeck_joint1", "base_tilt")
+    tested = [Exclusion(effect=name, parameter="x", size=1.0, estimate=0.0, confidence=1.0) for name in names]
+    result = of_runs(one_cause(advice=[]), "P1", exclusions=tested)
+    (cause,) = result.effects
+    twin = cause.model_copy(update={"members": list(names[:2])})
+    words = exclusion_words(result.model_copy(update={"effects": [twin], "detectable": {name: {} for name in names}}))
+    assert words[0].startswith("1 effects of the library")
+
+
 @pytest.mark.parametrize(
     ("sizes", "runs", "expected"), [(3.0, ["P1"], True), (4.5, ["P1"], False), (4.5, ["P1", "P2"], True)]
 )

@@ -276,6 +276,11 @@ def test_the_gap_budget_adds_up(diagnosis) -> None:
     assert [share for _, share in bar.parts] == pytest.approx([0.5, 0.18, 0.32])
     assert bar.parts[0][0] == f"{COULOMB}: 1.77 mrad (50.0 %)"
     assert bar.parts[-1][0] == "remainder: 1.13 mrad (32.0 %)"
+    named = budget_bar(diagnosis(verdict="named"))
+    assert named is not None
+    # reconciled with "nothing above the noise floor remains"
+    square = "remainder: 1.13 mrad (32.0 %), 10.2 % of the mean square: only noise remains in the fit"
+    assert named.parts[-1][0] == square
 
 
 @pytest.mark.parametrize(

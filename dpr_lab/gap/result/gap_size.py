@@ -82,9 +82,9 @@ class Where(Saved):
     sentence: str
     """Description of the map."""
     knots: list[Number] = []
-    """(n,) coordinates of the map, SI."""
+    """(n,) coordinates of the map, SI; only those that the recordings reach."""
     values: list[Number] = []
-    """(n,) values of the map at the knots, in `unit`."""
+    """(n,) values of the map at the knots, in `unit`, without the part that the ratios absorb."""
     std: list[Number] = []
     """(n,) standard deviations of the values, in `unit`."""
     unit: str = ""

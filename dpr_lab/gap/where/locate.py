@@ -2,22 +2,23 @@
 
 Each map is a least-squares sum of hat functions of one coordinate, for example the speed of joint 1. The hat functions
 are the torque of a joint or the error of an encoder. The ratios and initial states are projected out of the influence
-of a map on the readings, as for any effect. No torque is computed from differentiated angles. The share of the excess
-chi2 that a map explains is the largest share of the gap that this location can cause.
+of a map on the readings, as for any effect. A map contains nothing that the ratios can absorb: a torque over the speed
+has no straight line, which would be viscous friction. No torque is computed from differentiated angles. The share of
+the excess chi2 that a map explains is the largest share of the gap that this location can cause.
 """
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from dpr_lab.arrays import Array
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
-from dpr_lab.gap.where.coordinates import Coordinate, FreeFunctions, Kind, beyond_fit, free_functions
+from dpr_lab.gap.where.coordinates import Coordinate, FreeFunctions, Kind, free_functions
 from dpr_lab.gap.where.discrepancy import DISCREPANCY
+from dpr_lab.gap.where.residual_map import MAP, ResidualMap, residual_map
 from dpr_lab.shown import percent
 
 CONVINCING = 0.6
@@ -29,7 +30,7 @@ MAPS: Maps = (*DISCREPANCY.kinds, ("error", "speed"))
 """Kinds of the maps, each with the coordinate on which the torque, the friction or the error depends."""
 
 SIGNIFICANT = 3.0
-"""Minimum residual that counts as a gap to locate or to divide, in standard deviations."""
+"""Minimum residual that counts as a gap to locate or to divide, and minimum trend of a map, in standard deviations."""
 
 
 def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:
@@ -78,48 +79,46 @@ def where_sentence(places: tuple[Where, ...]) -> str:
 
 def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, free: FreeFunctions) -> Where:
     """Fit the residual map of a joint together with ratios and initial states."""
-    linear = bare.fit.linear
-    space = beyond_fit(linear, range(len(bare.fit.free)), linear.projected(free.readings(problem, reference)))
-    values, std = space.solution(), np.sqrt(np.diag(space.covariance()) * bare.inflation)
-    share = float(np.clip((space.gain() - len(space)) / bare.residuals.excess, 0.0, 1.0))
+    columns = bare.fit.linear.projected(np.nan_to_num(free.readings(problem, reference)))
+    fitted = residual_map(bare.fit.linear, range(len(bare.fit.free)), columns, free.knots)
+    share = float(np.clip((fitted.gain - len(fitted.e)) / bare.residuals.excess, 0.0, 1.0))
     site = ALL_AXES[free.joint].replace("joint", "encoder") if free.kind == "error" else ALL_AXES[free.joint]
+    cause = {"torque": "A torque in", "friction": "Friction of", "error": "An error of"}[free.kind]
+    shape = _shape(fitted, free, SIGNIFICANT * bare.inflation**0.5)
     return Where(
         site=site,
         coordinate=free.coordinate,
         share=share,
-        sentence=_sentence(site, free, share, values, std),
-        knots=free.knots.tolist(),
-        values=np.nan_to_num(values).tolist(),
-        std=np.nan_to_num(std).tolist(),
+        sentence=f"{cause} {site} that depends on {free.coordinate}, {shape}, could explain {percent(share)} of the"
+        " excess.",
+        knots=fitted.knots.tolist(),
+        values=fitted.values.tolist(),
+        std=(bare.inflation**0.5 * fitted.std).tolist(),
         unit=free.unit,
     )
 
 
-def _sentence(site: str, free: FreeFunctions, share: float, values: Array, std: Array) -> str:
-    """Return a sentence that describes a residual map."""
-    cause = {"torque": "A torque in", "friction": "Friction of", "error": "An error of"}[free.kind]
+def _shape(fitted: ResidualMap, free: FreeFunctions, least: float) -> str:
+    """Describe a residual map; a trend of less than `least` standard deviations is not stated."""
+    x = fitted.knots
     match free.coordinate:
         case "speed":
-            shape = _speed_shape(free.knots, values, std)
+            equal = np.isclose(np.abs(x)[:, None], np.abs(x)).astype(np.float64)
+            even, odd = fitted.gain_of(equal), fitted.gain_of(np.sign(x)[:, None] * equal)
+            if max(even, odd) < MAP.mostly * fitted.gain:
+                return "different in the two directions"
+            if even > odd:
+                return "equal in both directions"
+            trend = 0.0 if free.kind == "error" else fitted.trend(np.sign(x))
+            if abs(trend) < least:
+                return "opposite in both directions"
+            braking = "more than viscous friction at high speed" if trend > 0 else "most at low speed"
+            return f"opposite in both directions, braking {braking}"
         case "angle":
-            shape = "once per turn or slower" if _smooth(values) else "several times per turn"
+            slow = fitted.gain_of(np.stack([np.ones_like(x), np.cos(x), np.sin(x)], axis=1))
+            return "once per turn or slower" if slow >= MAP.mostly * fitted.gain else "several times per turn"
         case "time":
-            shape = f"{'increasing' if values[-3:].mean() > values[:3].mean() else 'decreasing'} with time"
-    return f"{cause} {site} that depends on {free.coordinate}, {shape}, could explain {percent(share)} of the excess."
-
-
-def _speed_shape(knots: Array, values: Array, std: Array) -> str:
-    # viscous friction is projected out, so that only deviations from a straight line remain
-    odd, even = 0.5 * (values - values[::-1]), 0.5 * (values + values[::-1])
-    weight = np.maximum(std, 1e-150) ** -2.0
-    if np.sum(weight * even**2) > np.sum(weight * odd**2):
-        return "equal in both directions"
-    slowest = int(np.argmin(np.where(knots > 0, knots, np.inf)))
-    if odd[slowest] < 0:
-        return "opposite in both directions, braking most at low speed"
-    return "opposite in both directions, braking more than viscous friction at high speed"
-
-
-def _smooth(values: Array) -> bool:
-    spectrum = np.abs(np.fft.rfft(values - values.mean()))
-    return bool(spectrum[1:3].sum() >= spectrum[3:].sum())
+            trend = fitted.trend(x - x.sum() / max(len(x), 1))
+            if abs(trend) < least:
+                return "without a trend"
+            return f"{'increasing' if trend > 0 else 'decreasing'} with time"

@@ -23,7 +23,7 @@ def where_figure(diagnosis: Diagnosis, most: int = 4) -> Figure:
 
     The maps belong to the locations that contribute most to the excess chi-square.
     """
-    shown = [place for place in diagnosis.where[:most] if place.knots and not _flat(place)]
+    shown = [place for place in diagnosis.where[:most] if place.knots]
     if not shown:
         return empty_figure("No gap in the segments is large enough to be located.")
     figure = new_figure(2.6 * ((len(shown) + 1) // 2) + 0.4)
@@ -33,13 +33,6 @@ def where_figure(diagnosis: Diagnosis, most: int = 4) -> Figure:
     for axes in grid.flat[len(shown) :]:
         axes.set_visible(False)
     return figure
-
-
-def _flat(place: Where) -> bool:
-    """Check whether a map is constant within its uncertainty."""
-    _, values, reach = place_map(place)
-    known = np.isfinite(values)
-    return bool(known.any()) and float(np.ptp(values[known])) < 1e-2 * float(reach[known].min())
 
 
 def _draw_place(axes: Axes, place: Where) -> None:

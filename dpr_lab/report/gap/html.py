@@ -23,7 +23,7 @@ FIGURES = {
     "where": (
         "Line charts of torque or encoder error over joint angle, speed, time or load.",
         "Torque or encoder error that would explain the gap, with 90 % intervals. Effects of the ratios and of the"
-        " initial states are projected out. Constant maps are not drawn.",
+        " initial states are projected out, for example a straight line of a torque over speed (viscous friction).",
     ),
     "waterfall": (
         "Bar chart of the gap after each effect is added.",

@@ -56,13 +56,15 @@ def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
         removed[label] = removed.get(label, 0.0) + gap - gap_with_effect
     parts = [*removed.items(), ("remainder", remainder)]
     total = sum(max(part, 0.0) for _, part in parts)  # an effect may increase the gap on held-out data
-    return ShareBar(
-        f"Gap budget: {three(1e3 * before)} mrad rms above the noise ({basis})",
-        [
-            (f"{label}: {three(1e3 * part)} mrad ({percent(part / before, 1)})", max(part, 0.0) / total)
-            for label, part in parts
-        ],
-    )
+    shares = [
+        (f"{label}: {three(1e3 * part)} mrad ({percent(part / before, 1)})", max(part, 0.0) / total)
+        for label, part in parts
+    ]
+    if diagnosis.verdict == "named":
+        label, share = shares[-1]
+        square = percent((remainder / before) ** 2, 1)
+        shares[-1] = (f"{label}, {square} of the mean square: only noise remains in the fit", share)
+    return ShareBar(f"Gap budget: {three(1e3 * before)} mrad rms above the noise ({basis})", shares)
 
 
 def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:

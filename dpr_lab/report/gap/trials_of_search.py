@@ -11,7 +11,7 @@ from dpr_lab.report.words import in_words
 TRIAL_NOTE = (
     "Every trial of the model search in order. Each trial starts from the last accepted set. Criterion of"
     " the tested set: held-out chi-square plus a penalty for the parameters; a negative change is an"
-    " improvement. Trials above the row 'short segments' were made with short segments."
+    " improvement. If there is a row 'short segments', the trials above it were made with short segments."
 )
 
 

@@ -19,8 +19,7 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
         f"{len(excluded)} effects of the library are absent or smaller than the size in the table. The"
         " confidence that a larger effect would have been detected in these recordings is at least"
         f" {percent(EXCLUDED.sure)} (effects of unknown order, frequency or speed: {percent(EXCLUDED.of_shapes)}).",
-        "Smaller effects are not excluded. If an effect is indistinguishable from a named effect, it is"
-        " excluded only as an additional effect.",
+        "Smaller effects are not excluded. Effects that are indistinguishable from a named effect are not listed.",
     ]
     if not_excluded:
         sentences.append(
@@ -62,7 +61,9 @@ def _split(diagnosis: Diagnosis) -> tuple[dict[str, list[Exclusion]], list[str]]
         by_effect[exclusion.effect].append(exclusion)
     order = [name for name in diagnosis.detectable if name in by_effect]
     excluded = {name: by_effect[name] for name in order if all(e.is_excluded for e in by_effect[name])}
-    return excluded, [name for name in order if name not in excluded]
+    not_excluded = [name for name in order if name not in excluded]
+    possible = {name for effect in diagnosis.effects for name in effect.members}
+    return {name: excluded[name] for name in excluded if name not in possible}, not_excluded
 
 
 def _percent(confidence: float) -> str:
