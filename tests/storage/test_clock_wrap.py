@@ -80,11 +80,22 @@ def test_times_that_fall_by_no_counter_still_run_backwards(tmp_path: Path, paper
         import_csv(file, paper, ImportOptions(time_wrap=1.0))
 
 
-@pytest.mark.parametrize(("wrong", "line"), [(0, "delete line 2$"), (-1, f"delete line {len(T) + 1}$")])
-def test_a_wrong_time_in_the_first_or_last_row_is_no_counter(tmp_path: Path, paper, wrong: int, line: str) -> None:
+@pytest.mark.parametrize(
+    ("wrong", "mend"),
+    [
+        ({0: 6.5}, "delete line 2"),
+        ({1: 6.5}, "delete line 3"),
+        ({1: 6.5, 2: 6.6}, "delete lines 3 to 4"),
+        ({-1: 0.1}, f"delete line {len(T) + 1}"),
+        ({-3: 0.1, -2: 0.2}, f"delete lines {len(T) - 1} to {len(T)}"),
+        ({-1: T[-2], -2: T[-1]}, "exchange this row and the one before, or delete the wrong one"),
+    ],
+)
+def test_a_few_wrong_times_are_no_counter(tmp_path: Path, paper, wrong: dict[int, float], mend: str) -> None:
     times = T.copy()
-    times[wrong] = 6.5 if wrong == 0 else 0.1
-    with pytest.raises(RunError, match=rf"next to the (start|end) of the table.*: {line}"):
+    for row, time in wrong.items():
+        times[row] = time
+    with pytest.raises(RunError, match=rf": {mend}$"):
         import_csv(table(tmp_path / "a.csv", times, "t", "g"), paper, ImportOptions())
 
 

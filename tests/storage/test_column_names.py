@@ -161,7 +161,7 @@ def test_one_gap_is_not_plural(tmp_path, one):
 @pytest.mark.parametrize(
     ("comment", "columns"),
     [
-        ("Recorded by Anna", {"t": "1", "theta1": "2", "theta2": "3"}),
+        ("Recorded by Anna", {}),
         ("time theta2 theta1", {"theta1": "theta2", "theta2": "theta1"}),
     ],
 )

@@ -137,7 +137,7 @@ def angles_are_right(runs: Iterable[Run], rig: Rig) -> bool:
         runs: recordings of a moving arm
         rig: mounted rods, lengths and gravity
     """
-    return any(arm_balance(run.t, run.theta, rig).is_right for run in runs)
+    return any(arm_balance(run.t, run.theta, rig).is_right for run in (run.swing for run in runs))
 
 
 def wrong_unit(residual: float, converted: float) -> bool:

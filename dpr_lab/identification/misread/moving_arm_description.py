@@ -102,7 +102,7 @@ def wrong_angles(
         fitted: function that fits the recordings in an interpretation; None if they cannot be fitted
         others: interpretations that are tested if neither scale nor sign is the cause
     """
-    for run in runs:
+    for run in (run.swing for run in runs):
         if scale := wrong_scale(run.t, run.theta, rig):
             return scale.cause(rig.rods.mounted)
     given = None if angles_are_right(runs, rig) else fitted(ScaledReadings())

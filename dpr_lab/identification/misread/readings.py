@@ -79,18 +79,22 @@ def readings(rig: Rig) -> tuple[Misreading, ...]:
 
 
 def arm_scales(runs: Sequence[Run], rig: Rig) -> Iterator[Misreading]:
-    """Find interpretations with another scale of a prescribed arm by the torque balance of the last rod."""
-    for run in runs:
-        balance = arm_balance(run.t, run.theta, rig) if run.arm is not None else None
-        if balance is None or not balance.residual < ARM_BALANCE.broken or balance.gravity <= 0.0:
-            continue
-        factor = float(f"{balance.coupled:.3g}")
-        if factor != 0.0 and abs(log(abs(factor))) > log(ZEROS.arm_factor):
-            yield Misreading(
-                f"the arm turns by {factor:g} times its reading (multiply --scale theta0 by this factor, or correct"
-                " counts_per_rev and direction of the arm), or L0 in the rig file has this error",
-                partial(_with_arm_times, factor),
-            )
+    """Find an interpretation with another scale of a prescribed arm by the torque balance of the last rod.
+
+    The scale is the median of the runs.
+    """
+    swings = [run.swing for run in runs if run.arm is not None]
+    balances = [arm_balance(swing.t, swing.theta, rig) for swing in swings]
+    scales = [
+        balance.coupled for balance in balances if balance.residual < ARM_BALANCE.broken and balance.gravity > 0.0
+    ]
+    factor = float(f"{np.median(scales):.3g}") if scales else 1.0
+    if factor != 0.0 and abs(log(abs(factor))) > log(ZEROS.arm_factor):
+        yield Misreading(
+            f"the arm turns by {factor:g} times its reading (multiply --scale theta0 by this factor, or correct"
+            " counts_per_rev and direction of the arm), or L0 in the rig file has this error",
+            partial(_with_arm_times, factor),
+        )
 
 
 def _with_arm_times(factor: float, run: Run) -> Run | None:

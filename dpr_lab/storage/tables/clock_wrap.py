@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dpr_lab.arrays import Array
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.columns import TO_SECONDS
 from dpr_lab.storage.tables.options import ImportOptions
@@ -68,13 +68,11 @@ def check_forwards(table: Table, t: Array, options: ImportOptions) -> None:
     backwards = np.flatnonzero(np.diff(t[known]) < 0)
     if len(backwards):
         row, before = known[backwards[0] + 1], known[backwards[0]]
-        place = f"{table.path}: {_line(table, int(row))}"
+        place = f"{table.path}: {_lines(table, known[backwards[:1] + 1])}"
+        decrease = f"time decreases by {t[before] - t[row]:g} s"
         unit = TO_SECONDS[options.time_unit or "s"]
         if (wrap := wrap_behind(float(t[before]) / unit, float(t[row]) / unit)) is not None:
-            raise RunError(
-                f"{place}: time decreases by {t[before] - t[row]:g} s, like a wrapping counter: import with"
-                f" --time-wrap {wrap:.10g}"
-            )
+            raise RunError(f"{place}: {decrease}, like a wrapping counter: import with --time-wrap {wrap:.10g}")
         if len(backwards) == len(known) - 1:
             raise RunError(f"{place}: time decreases in all rows: sort the rows by time")
         if 2 * np.count_nonzero(np.diff(t[known]) <= 0) >= len(known) - 1 and np.ptp(t[known]) < np.median(t[known]):
@@ -82,22 +80,42 @@ def check_forwards(table: Table, t: Array, options: ImportOptions) -> None:
                 f"{place}: the time column contains values near {np.median(t[known]) / unit:g}, which are probably the"
                 " durations of the rows, not times: state the rate of the rows (--rate-hz) instead"
             )
-        edge = min(int(backwards[0]) + 1, len(known) - 1 - int(backwards[0]))
-        if len(backwards) == 1 and edge <= SETTINGS.edge_rows and len(known) > SETTINGS.edge_share * edge:
-            start = backwards[0] + 1 == edge
-            wrong = known[:edge] if start else known[-edge:]
-            named = _line(table, int(wrong[0])) + (f" to {table.lines[wrong[-1]]}" if edge > 1 else "")
+        wrong = _wrong_rows(t[known], int(backwards[0])) if len(backwards) == 1 else []
+        if wrong and wrong[0] > wrong[-1]:
+            raise RunError(f"{place}: {decrease}: exchange this row and the one before, or delete the wrong one")
+        if wrong:
             raise RunError(
-                f"{place}: time decreases by {t[before] - t[row]:g} s next to the {'start' if start else 'end'} of the"
-                f" table. Rows there probably have a wrong time, or belong to another recording: delete {named}"
+                f"{place}: {decrease}. Rows there probably have a wrong time, or belong to another recording: delete"
+                f" {_lines(table, known[wrong])}"
             )
         period = t[before] - t[row] + np.median(np.diff(t[known]))
         value = f" {period / unit:.6g}" if np.ptp(t[known]) < period else ""
         raise RunError(
-            f"{place}: time decreases by {t[before] - t[row]:g} s, to {t[row]:.10g} s: split the table there if another"
-            f" recording begins. If the same swing continues, give the period of its counter (--time-wrap{value})"
+            f"{place}: {decrease}, to {t[row]:.10g} s: split the table there if another recording"
+            f" begins. If the same swing continues, give the period of its counter (--time-wrap{value})"
         )
 
 
-def _line(table: Table, row: int) -> str:
-    return f"{'line' if table.heading or table.kind == 'text table' else 'row'} {table.lines[row]}"
+def _wrong_rows(t: Array, before: int) -> list[int]:
+    """List the rows whose removal ends the only decrease of the times (n,), which is after row `before`.
+
+    If either of the rows next to the decrease can be removed, the later one is first. The list is empty if more than a
+    few rows at the start or the end would have to be removed.
+    """
+    row, n = before + 1, len(t)
+    alone = [
+        *([row] if row + 1 == n or t[before] <= t[row + 1] else []),
+        *([before] if before == 0 or t[before - 1] <= t[row] else []),
+    ]
+    if alone:
+        return alone
+    edge = min(row, n - row)
+    if edge > SETTINGS.edge_rows or n <= SETTINGS.edge_share * edge:
+        return []
+    return [k for k in range(row) if t[k] > t[row]] if edge == row else [k for k in range(row, n) if t[k] < t[before]]
+
+
+def _lines(table: Table, rows: Integers) -> str:
+    kind = "line" if table.heading or table.kind == "text table" else "row"
+    first, last = table.lines[rows[0]], table.lines[rows[-1]]
+    return f"{kind} {first}" if first == last else f"{kind}s {first} to {last}"
