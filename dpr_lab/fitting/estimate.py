@@ -233,8 +233,8 @@ def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tupl
         ratios = {*range(len(RATIOS)), *([ON_ELBOW] if "inner" in mountings else [])}
     else:
         names = {"c1/b", *(["e1/b"] if mountings & {"inner", "clamped"} else []), *(["d/b"] if aside else [])}
-        several = len(mountings) + max(len(elbows) - 1, 0) > 1
-        ratios = {RATIOS.index(name) for name in names | ({"a/b"} if several else set())}
+        # several elbow angles alone leave a common factor of a + b, d, e1 and c1
+        ratios = {RATIOS.index(name) for name in names | ({"a/b"} if len(mountings) > 1 else set())}
     return tuple(sorted(ratios | ({SCALE} if scale_visible else set())))
 
 

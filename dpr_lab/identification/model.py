@@ -281,9 +281,9 @@ class Model(FittedModel):
     def scaled_ratios(self) -> "Model":
         """Return a copy of the model whose base parameters follow from the ratios.
 
-        The copy is used for comparisons with recordings. The base parameters of the model itself follow from the nine
-        parameters. The bounds of the rig file may shift the nine parameters, so that the base parameters disagree with
-        ratios of large uncertainty.
+        The copy is used for comparisons with recordings. It differs from the model only after `with_ratios`, or if an
+        older version wrote the model. In older models the base parameters follow from the nine parameters, which the
+        bounds of the rig file may shift.
         """
         values = self.base["b"].value * base_from_ratios([ratio.value for ratio in self.all_ratios.values()])
         return self.with_base(values.tolist())

@@ -56,12 +56,15 @@ def test_white_noise_and_rounded_readings_are_left_as_they_are(tmp_path: Path) -
 
 
 @pytest.mark.slow
-def test_a_zero_error_is_named_behind_the_errors_of_a_tracker(tmp_path: Path) -> None:
+def test_a_zero_error_or_its_equal_is_named_behind_the_errors_of_a_tracker(tmp_path: Path) -> None:
     rig, runs = tracked(tmp_path, 0.8, 0.03)
     likely = candidates("encoder", "base_", "com_", "coulomb", "detent", "spring")
     diagnosis = diagnose(runs[:2], rig, held_out=runs[2:], library=likely)
     assert diagnosis.verdict == "named"
-    assert [effect.name for effect in diagnosis.effects] in (["encoder_offset_joint1"], ["base_tilt"])
+    # the three are equal for one rod; the plausible sizes decide which is named first
+    (effect,) = diagnosis.effects
+    assert effect.name in ("encoder_offset_joint1", "base_tilt", "com_offset_link1")
+    assert "or one of 2 effects indistinguishable from it" in diagnosis.sentence
     assert {finding.run for finding in diagnosis.sensor_findings if finding.name == "non_white_noise"} == {
         run.name for run in runs
     }

@@ -332,3 +332,4 @@ def test_expected_releases_of_other_mountings_determine_fewer_ratios(rig: Rig, r
     result = identifiability_of([], rig.with_rods(**rods))
     assert isinstance(result, Identifiability)
     assert result.rank < 5
+    assert np.isfinite(list(result.cramer_rao_std.values())).all()

@@ -79,7 +79,7 @@ def where_sentence(places: tuple[Where, ...]) -> str:
 
 def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, free: FreeFunctions) -> Where:
     """Fit the residual map of a joint together with ratios and initial states."""
-    columns = bare.fit.linear.projected(np.nan_to_num(free.readings(problem, reference)))
+    columns = bare.fit.linear.projected(np.nan_to_num(free.readings(problem, reference), posinf=0.0, neginf=0.0))
     fitted = residual_map(bare.fit.linear, range(len(bare.fit.free)), columns, free.knots)
     share = float(np.clip((fitted.gain - len(fitted.e)) / bare.residuals.excess, 0.0, 1.0))
     site = ALL_AXES[free.joint].replace("joint", "encoder") if free.kind == "error" else ALL_AXES[free.joint]
@@ -107,6 +107,8 @@ def _shape(fitted: ResidualMap, free: FreeFunctions, least: float) -> str:
             even, odd = fitted.gain_of(equal), fitted.gain_of(np.sign(x)[:, None] * equal)
             if max(even, odd) < MAP.mostly * fitted.gain:
                 return "different in the two directions"
+            if np.ptp(np.sign(x)) < 2.0:
+                return "reached in one direction only"
             if even > odd:
                 return "equal in both directions"
             trend = 0.0 if free.kind == "error" else fitted.trend(np.sign(x))

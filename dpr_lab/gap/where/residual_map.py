@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import eigh
 
 from dpr_lab.arrays import Array
 from dpr_lab.fitting.linearise import Linearisation
@@ -77,7 +76,9 @@ def residual_map(linear: Linearisation, fitted: Sequence[int], columns: Array, k
     visited = np.any(columns != 0.0, axis=(0, 1))
     columns = columns[:, :, visited]
     alone, space = ColumnSpace.of(columns, linear.e).H, beyond_fit(linear, fitted, columns)
-    share, vectors = eigh(space.H, alone + RIDGE * np.eye(len(space)))
+    lower = np.linalg.cholesky(alone + RIDGE * np.eye(len(space)))
+    share, vectors = np.linalg.eigh(np.linalg.solve(lower, np.linalg.solve(lower, space.H).T))
+    vectors = np.linalg.solve(lower.T, vectors)
     determined = share > MAP.absorbed
     vectors, root = vectors[:, determined], np.sqrt(share[determined])
     return ResidualMap(

@@ -106,6 +106,8 @@ def arm_balance(t: Array, theta: Array, rig: Rig) -> ArmBalance:
         theta: (n, 3) angles of arm and rods, rad
         rig: mounted rods, lengths and gravity
     """
+    if not len(t):
+        return ArmBalance(np.nan)
     last, period_s = 2 if rig.rods.mounted == "both" else 1, min(periods(rig))
     rods = local_motion(t, theta[:, [1, last]], period_s, TORQUES.motion)
     arm = local_motion(t, theta[:, [0, 0]], period_s, TORQUES.motion)

@@ -81,14 +81,14 @@ def readings(rig: Rig) -> tuple[Misreading, ...]:
 def arm_scales(runs: Sequence[Run], rig: Rig) -> Iterator[Misreading]:
     """Find an interpretation with another scale of a prescribed arm by the torque balance of the last rod.
 
-    The scale is the median of the runs.
+    The scale is the median of the runs, or the lower of the two middle ones.
     """
     swings = [run.swing for run in runs if run.arm is not None]
     balances = [arm_balance(swing.t, swing.theta, rig) for swing in swings]
     scales = [
         balance.coupled for balance in balances if balance.residual < ARM_BALANCE.broken and balance.gravity > 0.0
     ]
-    factor = float(f"{np.median(scales):.3g}") if scales else 1.0
+    factor = float(f"{np.quantile(scales, 0.5, method='lower'):.3g}") if scales else 1.0
     if factor != 0.0 and abs(log(abs(factor))) > log(ZEROS.arm_factor):
         yield Misreading(
             f"the arm turns by {factor:g} times its reading (multiply --scale theta0 by this factor, or correct"

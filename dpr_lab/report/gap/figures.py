@@ -23,7 +23,7 @@ def where_figure(diagnosis: Diagnosis, most: int = 4) -> Figure:
 
     The maps belong to the locations that contribute most to the excess chi-square.
     """
-    shown = [place for place in diagnosis.where[:most] if place.knots]
+    shown = [place for place in diagnosis.where[:most] if any(place.std)]
     if not shown:
         return empty_figure("No gap in the segments is large enough to be located.")
     figure = new_figure(2.6 * ((len(shown) + 1) // 2) + 0.4)
