@@ -167,8 +167,12 @@ def rod_values(
 
 
 def _estimated(interval: Interval, value: float, std: float) -> EstimatedValue:
-    """Return a value with the interval of another value, moved by the difference; an end at zero stays."""
+    """Return a value with the interval of another value, moved by the difference.
+
+    An end at zero stays, and an interval without negative values does not obtain any.
+    """
     low, high = (end and end + value - interval.value for end in interval.interval90)
+    low = max(low, 0.0) if interval.interval90[0] >= 0.0 else low
     return EstimatedValue(value=value, std=std, interval90=(low, high))
 
 

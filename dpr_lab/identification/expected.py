@@ -39,18 +39,6 @@ class Releases:
 RELEASES = Releases()
 
 
-def expected_information(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) -> Array:
-    """Compute the Fisher information of one release from each pose of a rig.
-
-    See `mounted_releases` for the arguments.
-
-    Returns:
-        (k, k) for the unknowns that releases of the mounted rods determine, in the order of
-        `dpr_lab.fitting.estimate.UNKNOWN_RATIOS`: for both rods the ratios, and b if the rig has an added mass
-    """
-    return information(*mounted_releases(Z, rig, releases))
-
-
 def mounted_releases(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) -> tuple[Problem, Estimate]:
     """Return simulated releases of the mounted rods from all poses of a rig, with any added mass.
 

@@ -253,7 +253,7 @@ def identifiability(
 
     Args:
         information: (5, 5) Fisher information of the ratios, or (6, 6) with b, from a fit or from
-            `expected_information`
+            `dpr_lab.identification.expected.mounted_releases`
         rig: bounds, measured values, encoders and poses
         posterior: distribution of the parameters given the unknowns of the information; default: the first unknowns
             have the best known values of the rig file

@@ -175,11 +175,8 @@ class Posterior:
 
         Only the interval of a friction coefficient that the recordings determine may exceed the bounds of the rig file.
         """
-        Z, (lower, upper), spreads = (
-            self.values(b),
-            _edges(self.rig),
-            np.sqrt(np.maximum(np.diag(self.covariance), 0.0)),
-        )
+        Z, (lower, upper) = self.values(b), _edges(self.rig)
+        spreads = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         intervals = {}
         for i, name in enumerate(PARAMETERS):
             edges = (0.0, np.inf) if self.determines(f"{name}/b") else (lower[i], upper[i])

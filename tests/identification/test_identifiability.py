@@ -5,17 +5,18 @@ import json
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios, whole_parameters
 from dpr_lab.fitting.estimate import unknown_ratios
 from dpr_lab.identification.directions import described
-from dpr_lab.identification.expected import Releases, expected_information, expected_releases, ratio_information
+from dpr_lab.identification.expected import RELEASES, Releases, expected_releases, mounted_releases, ratio_information
 from dpr_lab.identification.identifiability import Identifiability, identifiability, summary
 from dpr_lab.identification.identify import identifiability as identifiability_of
 from dpr_lab.identification.instruments import INSTRUMENTS
 from dpr_lab.identification.prior_update import posterior_of
+from dpr_lab.identification.ratio_fit import information as fisher_information
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.rig_tables import AddedMass, Parameter
 from tests.identification.test_prior_update import update_prior
@@ -39,6 +40,11 @@ def rig() -> Rig:
             "link": {"rate_hz": 200},
         }
     )
+
+
+def expected_information(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) -> NDArray:
+    """Compute the Fisher information of one release from each pose of a rig."""
+    return fisher_information(*mounted_releases(Z, rig, releases))
 
 
 @pytest.fixture(scope="module")
