@@ -16,7 +16,7 @@ probability does not change. The earlier recordings are not fitted again. Source
 (58).
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -167,7 +167,7 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
             "probabilities": moved,
             "sentence": sentence,
             "remedies": _remedies(diagnosis, done),
-            "advice": _advice(diagnosis, remaining_checks),
+            "advice": [check.sentences for check in remaining_checks if check.informative],
             "checks": remaining_checks,
             "checks_done": [*diagnosis.checks_done, done],
         }
@@ -182,20 +182,6 @@ def remaining(diagnosis: Diagnosis, done: CheckDone) -> list[AdvisedCheck]:
     """
     open_checks = [_reweighed(check, done) for check in diagnosis.checks if check.id != done.check.id]
     return sorted(open_checks, key=lambda check: -check.expected_bits)
-
-
-def _advice(diagnosis: Diagnosis, remaining_checks: Sequence[AdvisedCheck]) -> list[str]:
-    """Return the recommendations of a diagnosis that still apply.
-
-    A recommendation no longer applies if its checks are done or no longer informative.
-    """
-    informative = [check for check in remaining_checks if check.informative]
-    return [
-        text
-        for text in diagnosis.advice
-        if any(check.is_part_of(text) for check in informative)
-        or not any(check.is_part_of(text) for check in diagnosis.checks)
-    ]
 
 
 def _reweighed(check: AdvisedCheck, done: CheckDone) -> AdvisedCheck:

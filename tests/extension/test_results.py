@@ -58,7 +58,7 @@ def kind_of_check(copy: Copy) -> str:
         import math
 
         from dpr_lab.errors import RunError
-        from dpr_lab.gap.advice.check_kind import NextStep, Result
+        from dpr_lab.gap.advice.check_kind import Result
         from dpr_lab.gap.result.checks import NONE_OF_THEM
 
 
@@ -67,8 +67,7 @@ def kind_of_check(copy: Copy) -> str:
 
 
         def propose(question, proposed):
-            check = question.check("observation", "Listen to the joints.", question.causes, 0.5)
-            return [NextStep(check.text, (check,))]
+            return [question.check("observation", "Listen to the joints.", question.causes, 0.5)]
 
 
         def result(diagnosis, check, answer, prior):

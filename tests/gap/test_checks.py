@@ -55,8 +55,9 @@ def test_indistinguishable_effects_get_bench_measurements_with_ids(diagnosis: Di
     assert all(check.expected and check.expected.value for check in measured.values())
     assert all(check.kind == "measurement" and 0.5 < check.expected_bits <= 1 for check in measured.values())
     assert len({check.id for check in diagnosis.checks}) == len(diagnosis.checks)
-    steps = [next(k for k, text in enumerate(diagnosis.advice) if check.is_part_of(text)) for check in diagnosis.checks]
-    assert steps == sorted(steps)
+    assert diagnosis.advice == [check.sentences for check in diagnosis.checks if check.informative]
+    bits = [check.expected_bits for check in diagnosis.checks]
+    assert bits == sorted(bits, reverse=True)
     assert set(diagnosis.to_json()["checks"][0]) >= {"id", "kind", "text", "splits", "expected_bits"}
 
 
@@ -110,12 +111,11 @@ def test_one_release_that_answers_two_questions_is_one_check_with_the_larger_inf
     assert other.about == "d"
 
 
-def test_a_recommendation_contains_its_own_check_only() -> None:
+def test_a_recommendation_states_instruction_and_purpose() -> None:
     check = release_between("a", "b", 0.9)
-    assert check.is_part_of("To distinguish a from b, record a release: their predictions differ.")
-    assert not check.is_part_of(
-        "To distinguish a from b, record a release on the other side: their predictions differ."
-    )
+    assert check.sentences == "a release. This distinguishes a from b."
+    three = check.model_copy(update={"text": "Lay a level. Read it.", "splits": ["a", "b", "c"]})
+    assert three.sentences == "Lay a level. Read it. This distinguishes a, b and c from each other."
 
 
 def test_a_second_result_of_a_check_is_refused_with_the_first() -> None:
@@ -133,13 +133,12 @@ def test_recordings_are_no_result_of_a_measurement(tmp_path: Path) -> None:
 
 def test_a_decided_question_is_no_longer_recommended() -> None:
     checks = [measurement(CLOCK, CLOCK, 1), measurement(LENGTH, CLOCK, 2)]
-    advice = [f"A bench measurement: {' Or: '.join(check['text'] for check in checks)}", "Weigh the rods."]
-    before = made(checks=checks, advice=advice)
+    before = made(checks=checks)
     decided = update(before, before.checks[0], CheckAnswer(value=SIZES[CLOCK], std=1e-6))
     assert decided.checks[0].expected_bits < 0.05
-    assert decided.advice == ["Weigh the rods."]
+    assert decided.advice == []
     open_still = update(before, before.checks[0], CheckAnswer(value=SIZES[CLOCK], std=3e-3))
-    assert open_still.advice == advice
+    assert open_still.advice == [open_still.checks[0].sentences]
 
 
 @pytest.mark.parametrize("std", [3e-3, 3e-4])  # both members remain in the class, or one

@@ -29,23 +29,24 @@ def after(diagnosis: Diagnosis) -> dict[str, float]:
     return diagnosis.checks_done[-1].after
 
 
-def test_what_two_measurements_have_in_common_is_stated_once() -> None:
-    drags = {"air_drag_outer": 0.6, "air_drag_both": 0.3}
-    question = OpenQuestion("air_drag_outer", drags, one_class=True, chosen=cast("Hypothesis", None), expected=())
-    [step] = bench_measurement.propose(question, [])
-    assert [step.text.count(part) for part in ("the outer rod and", "the inner rod and", "calliper", "Give the")] == [
-        1
-    ] * 4
-
-
-def test_either_of_two_measurements_is_enough() -> None:
+def test_each_member_of_a_class_can_be_measured() -> None:
     tilts = ("base_tilt", "encoder_offset_joint1")
     question = OpenQuestion(
         tilts[0], dict.fromkeys(tilts, 0.5), one_class=True, chosen=cast("Hypothesis", None), expected=()
     )
-    [step] = bench_measurement.propose(question, [])
-    assert "(tilt), in rad. Or: Read encoder 1" in step.text
-    assert all(check.is_part_of(step.text) for check in step.checks)
+    level, encoder = bench_measurement.propose(question, [])
+    assert level.text.endswith("(tilt), in rad.")
+    assert encoder.text.startswith("Read encoder 1")
+    assert level.splits == encoder.splits == [*tilts]
+
+
+def test_an_alternative_that_a_recording_separates_needs_no_measurement() -> None:
+    question = OpenQuestion(
+        "base_tilt", {"base_tilt": 0.6, "spring_joint1": 0.3}, False, cast("Hypothesis", None), expected=()
+    )
+    recording = question.check("recording", "Record a release.", question.causes, 0.5)
+    assert bench_measurement.propose(question, [recording]) == []
+    assert [check.measures for check in bench_measurement.propose(question, [])] == ["base_tilt"]
 
 
 def test_a_value_that_agrees_with_the_fit_confirms_its_effect() -> None:

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 
 from dpr_lab.errors import RunError
 from dpr_lab.gap.advice import bench_measurement, recording
-from dpr_lab.gap.advice.check_kind import CheckKind, NextStep, OpenQuestion
+from dpr_lab.gap.advice.check_kind import CheckKind, OpenQuestion
 from dpr_lab.gap.advice.expected_recordings import expected_recordings
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
@@ -45,8 +45,8 @@ def kind_of(check: AdvisedCheck) -> CheckKind:
     return CHECK_KINDS[check.kind]
 
 
-def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[EffectPosterior]) -> list[NextStep]:
-    """Return the recommended checks that distinguish each named effect from its alternatives.
+def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[EffectPosterior]) -> list[AdvisedCheck]:
+    """Return the checks that distinguish each named effect from its alternatives, still without identifiers.
 
     The list is empty if no question is open.
     """
@@ -54,13 +54,13 @@ def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[Effe
     names = list(dict.fromkeys(name for about, causes, _ in open_causes for name in (about, *causes)))
     # a release is predicted for a clamped arm; the motion of a moving arm would depend on its input
     expected = expected_recordings(recordings, chosen, names) if names and not recordings.arm_moves else []
-    steps: list[NextStep] = []
+    checks: list[AdvisedCheck] = []
     for open_one in open_causes:
         question, proposed = OpenQuestion(*open_one, chosen, expected), []
         for kind in CHECK_KINDS.values():
             proposed += kind.propose(question, proposed)
-        steps += proposed
-    return steps
+        checks += proposed
+    return checks
 
 
 def _open_causes(posteriors: Sequence[EffectPosterior]) -> Iterator[tuple[str, dict[str, float], bool]]:

@@ -1,17 +1,16 @@
 """Checks by a bench measurement: proposal, evaluation, and refusal of impossible values."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.units import read_quantity, split_quantity
 from dpr_lab.errors import RunError
-from dpr_lab.gap.advice.check_kind import CheckAnswer, NextStep, OpenQuestion, Result, expected_bits
+from dpr_lab.gap.advice.check_kind import CheckAnswer, OpenQuestion, Result, expected_bits
 from dpr_lab.gap.advice.measurement import CHECK, Predictions, excluded_size, has, predictions
-from dpr_lab.gap.result.checks import SENTENCE_END, AdvisedCheck, Quantity
+from dpr_lab.gap.result.checks import AdvisedCheck, Quantity
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.shown import listed
 
 
 def form(check: AdvisedCheck) -> str:
@@ -20,33 +19,14 @@ def form(check: AdvisedCheck) -> str:
     return f'--value "... {unit}" --std "... {unit}"'
 
 
-def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
+def propose(question: OpenQuestion, proposed: Sequence[AdvisedCheck]) -> list[AdvisedCheck]:
     """Propose measurements for an open question.
 
     A class needs one measurement for each member. An alternative needs one if no recording separates it.
     """
     if question.one_class:
-        checks = [_check(question, name) for name in question.causes]
-        decisive = [check for check in checks if check.expected_bits > 0] or checks
-        texts = _alternatives(check.text for check in decisive[:2])
-        start = f"{'A' if proposed else 'Only a'} bench measurement distinguishes"
-        causes = " from ".join(question.causes) if len(question.causes) == 2 else listed([*question.causes])
-        return [NextStep(f"{start} {causes}: {texts}", tuple(checks))]
-    if proposed:
-        return []
-    check = _check(question, question.about)
-    return [NextStep(f"No available recording distinguishes {' from '.join(question.causes)}. {check.text}", (check,))]
-
-
-def _alternatives(texts: Iterable[str]) -> str:
-    """Join alternative instructions by `Or:`, without repeated sentences."""
-    written: set[str] = set()
-    parts = []
-    for text in texts:
-        sentences = [sentence for sentence in SENTENCE_END.split(text) if sentence not in written]
-        written.update(sentences)
-        parts.append(" ".join(sentences))
-    return " Or: ".join(part for part in parts if part)
+        return [_check(question, name) for name in question.causes]
+    return [] if proposed else [_check(question, question.about)]
 
 
 def _check(question: OpenQuestion, measured: str) -> AdvisedCheck:

@@ -15,15 +15,6 @@ from dpr_lab.run import Run
 
 
 @dataclass(frozen=True, slots=True)
-class NextStep:
-    """A recommended next step: one sentence, and its checks."""
-
-    text: str
-    checks: tuple[AdvisedCheck, ...]
-    """Recommended checks, still without identifiers."""
-
-
-@dataclass(frozen=True, slots=True)
 class OpenQuestion:
     """An open question of a diagnosis: which of several causes is correct."""
 
@@ -85,8 +76,8 @@ class CheckKind:
     """Fields of a `CheckAnswer` that contain the result."""
     form: Callable[[AdvisedCheck], str]
     """Function that returns a description of the required command-line options."""
-    propose: Callable[[OpenQuestion, Sequence[NextStep]], list[NextStep]]
-    """Function that returns recommendations for a question, given the recommendations of the preceding kinds."""
+    propose: Callable[[OpenQuestion, Sequence[AdvisedCheck]], list[AdvisedCheck]]
+    """Function that returns checks for a question, given those of the preceding kinds; still without identifiers."""
     result: Callable[[Diagnosis, AdvisedCheck, CheckAnswer, Mapping[str, float]], Result]
     """Function that returns the result from diagnosis, check, answer and probabilities of the candidates."""
 

@@ -8,7 +8,7 @@ from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.usable_runs import refuse_other_rigs
 from dpr_lab.fitting.gauss_newton import fit
-from dpr_lab.gap.advice.check_kind import CheckAnswer, NextStep, OpenQuestion, Result, expected_bits, log_mean
+from dpr_lab.gap.advice.check_kind import CheckAnswer, OpenQuestion, Result, expected_bits, log_mean
 from dpr_lab.gap.advice.expected_recordings import ExpectedRecording
 from dpr_lab.gap.advice.measurement import CHECK
 from dpr_lab.gap.bare_model import fit_bare_model
@@ -31,14 +31,14 @@ def form(check: AdvisedCheck) -> str:
     return "its run files"
 
 
-def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
+def propose(question: OpenQuestion, proposed: Sequence[AdvisedCheck]) -> list[AdvisedCheck]:
     """Recommend a release for each cause other than the named effect.
 
     In this release, the predictions of the two causes differ most.
     """
-    steps: list[NextStep] = []
+    checks: list[AdvisedCheck] = []
     if not question.expected:
-        return steps
+        return checks
     about, probability = question.about, question.causes
     for other in (name for name in question.causes if name != about):
         # a richer form may have a size that a simpler form cannot reproduce, so both directions are tested
@@ -48,14 +48,9 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
             continue
         spread = np.sqrt(question.chosen.inflation * CALIBRATION.temperature)
         bits = expected_bits([probability[about], probability[other]], separation / spread)
-        check = question.check("recording", best.text, (about, other), bits)
-        text = (
-            f"To distinguish {about} from {other}, record {best.text}: their predictions differ by"
-            f" {separation:.0f} standard deviations of the noise ({separation / spread:.1f} with the"
-            " correlation of the residuals)."
-        )
-        steps.append(NextStep(text, (check.model_copy(update={"release": best.release}),)))
-    return steps
+        check = question.check("recording", f"Record {best.text}.", (about, other), bits)
+        checks.append(check.model_copy(update={"release": best.release}))
+    return checks
 
 
 def _most_different(question: OpenQuestion, pairs: Sequence[tuple[str, str]]) -> tuple[ExpectedRecording | None, float]:

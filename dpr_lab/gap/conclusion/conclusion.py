@@ -5,7 +5,6 @@ import time
 from collections.abc import Iterable, Sequence
 
 from dpr_lab.effects import EFFECTS, named_params
-from dpr_lab.gap.advice.check_kind import NextStep
 from dpr_lab.gap.advice.expected import expected_size
 from dpr_lab.gap.classes.posterior import probabilities
 from dpr_lab.gap.conclusion.assumptions import assumptions
@@ -29,12 +28,12 @@ MAPS_SHOWN = 6
 """Maximum number of residual maps in a diagnosis; they are sorted by share, largest first."""
 
 
-def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence, started: float) -> Diagnosis:
+def conclude(state: Transferred, advised: Sequence[AdvisedCheck], evidence: Evidence, started: float) -> Diagnosis:
     """Build the result of a diagnosis.
 
     Args:
         state: results of all stages
-        advice: recommended checks
+        advised: recommended checks, without identifiers
         evidence: evidence for the result
         started: value of `time.perf_counter` at the start of the diagnosis, s
     """
@@ -47,6 +46,7 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
     probable = () if withheld or kind == "inconclusive" else state.posteriors
     named = [named_effect(state, posterior, assumed) for posterior in shown] if names_causes else []
     named_families = families(state, named)
+    checks = [] if withheld else _checks(state, advised, [effect.name for effect in named], assumed)
     sizes, residuals = named_params(chosen.estimate.params), chosen.residuals
     return Diagnosis(
         verdict="inconclusive" if kind == "too_short" else kind,
@@ -67,8 +67,8 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
         absorbed=state.selection.absorbed,
         sensor_findings=_sensor_findings(state),
         remedies=remedies(named, sizes, state.fitted.recordings.constants),
-        advice=[] if withheld else [step.text for step in advice],
-        checks=_checks(state, advice, [effect.name for effect in named], assumed),
+        advice=[check.sentences for check in checks if check.informative],
+        checks=checks,
         **ratio_fields(state),
         chi2_per_dof=residuals.chi2 / residuals.dof,
         exact_torques=state.fitted.recordings.exact_torques,
@@ -85,14 +85,17 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
     )
 
 
-def _checks(state: Transferred, advice: Sequence[NextStep], named: Sequence[str], scale: Scale) -> list[AdvisedCheck]:
-    """Return all recommended checks in order, each with a unique identifier."""
+def _checks(
+    state: Transferred, advised: Iterable[AdvisedCheck], named: Sequence[str], scale: Scale
+) -> list[AdvisedCheck]:
+    """Return the checks with information on named effects, most informative first, each with a unique identifier."""
     estimate = state.selection.chosen.estimate
     digest = hashlib.sha256(estimate.ratios.tobytes() + estimate.params.tobytes()).hexdigest()[:4]
-    checks = merged(check for step in advice for check in step.checks if check.about in named)
+    checks = merged(check for check in advised if check.about in named)
+    checks = sorted((check for check in checks if check.expected_bits > 0), key=lambda check: -check.expected_bits)
     return [
         check.model_copy(update={"id": f"{k}-{digest}", "expected": expected_size(state.selection, scale, check)})
-        for k, check in enumerate((check for check in checks if check.expected_bits > 0), 1)
+        for k, check in enumerate(checks, 1)
     ]
 
 

@@ -1,6 +1,5 @@
 """Recommended checks, and the results of completed checks."""
 
-import re
 from typing import Any, Self
 
 from pydantic import model_validator
@@ -9,8 +8,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.gap.result.saved import Interval, Number, Saved
 from dpr_lab.rig_tables import AddedMass
-
-SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
+from dpr_lab.shown import listed
 
 
 class AdvisedRelease(Saved):
@@ -93,14 +91,12 @@ class AdvisedCheck(Saved):
     release: AdvisedRelease | None = None
     """Release to record; None for a measurement."""
 
-    def is_part_of(self, advice: str) -> bool:
-        """Return whether a recommendation contains every sentence of this check's instruction.
-
-        If a sentence has no full stop, the recommendation must not continue it, because a longer description is that of
-        another release.
-        """
-        sentences = SENTENCE_END.split(self.text)
-        return all(re.search(rf"{re.escape(text)}((?<=\.)|(?![\w ]))", advice) for text in sentences)
+    @property
+    def sentences(self) -> str:
+        """Instruction and purpose: `Record a release from near upright. This distinguishes a from b.`."""
+        pair = len(self.splits) == 2
+        causes = " from ".join(self.splits) if pair else f"{listed(self.splits)} from each other"
+        return f"{self.text.removesuffix('.')}. This distinguishes {causes}."
 
     @property
     def informative(self) -> bool:

@@ -1,8 +1,6 @@
 """Next steps after a diagnosis: recordings, checks, and advice for an open verdict."""
 
-from dpr_lab.checks.update import candidates
 from dpr_lab.gap.result.causes import PROBABLE
-from dpr_lab.gap.result.checks import AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.planning.stopping import STOPPING, recorded_releases, reservation, undecided
@@ -10,9 +8,12 @@ from dpr_lab.report.gap.check_tables import bits
 from dpr_lab.report.gap.tables import per_reading
 from dpr_lab.report.words import in_words, named
 
+MOST = 3
+"""Maximum number of listed checks; the table of checks contains all of them."""
+
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:
-    """Return recommended recordings and checks with their identifiers, and advice for an open verdict."""
+    """Return the most informative checks with their identifiers, and advice for an open verdict."""
     partly = "The remainder has another cause, or the named effect has another form: inspect the rig."
     if diagnosis.only_uncertain:
         partly = "The causes are uncertain: record further releases (dpr-lab plan proposes them)."
@@ -34,7 +35,11 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         "inconclusive": "Record further releases as the verdict says (dpr-lab plan proposes them).",
     }
     last = [unexplained[diagnosis.verdict]] if diagnosis.verdict in unexplained else []
-    advised = [f"{in_words(text)}{_check_words(diagnosis, text)}" for text in diagnosis.advice]
+    informative = [check for check in diagnosis.checks if check.informative]
+    advised = [
+        f"{in_words(check.sentences)} [check {check.id}, expected information {bits(check.expected_bits)} bits]"
+        for check in informative[:MOST]
+    ]
     if advised or last:
         return [*advised, *last]
     if reason := undecided(diagnosis):
@@ -44,26 +49,3 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         return [f"The causes are decided. {in_words(untested)} {optional}"]
     optional = " Optional: a further release confirms the result under other conditions."
     return [f"No further recording or check is needed.{optional * (recorded_releases(diagnosis) < STOPPING.fewest)}"]
-
-
-def _check_words(diagnosis: Diagnosis, advice: str) -> str:
-    """Return the checks of a recommendation, for example ` [check 1-47d7, expected information 0.98 bits]`.
-
-    The text is empty if there are none. If the causes are decided, the text states so.
-    """
-    checks = [check for check in diagnosis.checks if check.is_part_of(advice)]
-    ids = f"check{'s' if len(checks) > 1 else ''} {' or '.join(check.id for check in checks)}"
-    if not checks:
-        return ""
-    decided = all(_decided(diagnosis, check) for check in checks)
-    reason = ", because at most one of these causes has a probability above 1 %" if decided else ""
-    return f" [{ids}, expected information {bits(max(check.expected_bits for check in checks))} bits{reason}]"
-
-
-def _decided(diagnosis: Diagnosis, check: AdvisedCheck) -> bool:
-    """Check whether the recordings have decided between the causes that a check distinguishes.
-
-    At most one of these causes then has a probability above 1 %.
-    """
-    probabilities = candidates(diagnosis, check.about)
-    return sum(probabilities.get(name, 0.0) > 0.01 for name in check.splits) <= 1

@@ -1,6 +1,5 @@
 """Tables of a diagnosis as rows of text, with notes on the columns."""
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -188,9 +187,9 @@ def standing_table(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBA
         outside = checked.get(candidate.name, min(candidate.outside, max(1 - known, 0.0)))
         likeliest = [r for i, r in enumerate(candidate.alternatives) if i < most or r.probability >= open_from]
         others = 1 - outside - candidate.probability - sum(other.probability for other in likeliest)
-        step = _next_step(diagnosis, *candidate.members[:2]) if len(candidate.members) > 1 else ""
+        check = _check_between(diagnosis, *candidate.members[:2]) if len(candidate.members) > 1 else ""
         members = " or ".join(map(named, candidate.members))
-        rows.append((named(candidate.name), members, _percent(candidate.probability), NONE, step or NONE))
+        rows.append((named(candidate.name), members, _percent(candidate.probability), NONE, check or NONE))
         rows += [
             (
                 "",
@@ -229,9 +228,9 @@ def _candidates(diagnosis: Diagnosis) -> Iterator[_Candidate]:
 
 
 def _how_to_distinguish(diagnosis: Diagnosis, candidate: _Candidate, alternative: RivalEffect) -> str:
-    """Return the step that distinguishes two effects, or why none is needed."""
-    if step := _next_step(diagnosis, candidate.name, alternative.name):
-        return step
+    """Return the check that distinguishes two effects, or why none is needed."""
+    if check := _check_between(diagnosis, candidate.name, alternative.name):
+        return check
     if alternative.probability >= ALTERNATIVE_WORDS.improbable or alternative.cosine < ALTERNATIVE_WORDS.same_shape:
         return SPLIT
     if alternative.name in EFFECTS and candidate.name in EFFECTS[alternative.name].nested:
@@ -239,13 +238,9 @@ def _how_to_distinguish(diagnosis: Diagnosis, candidate: _Candidate, alternative
     return f"{SPLIT}: same shape to first order, but a worse fit"
 
 
-def _next_step(diagnosis: Diagnosis, *names: str) -> str:
-    """Return the number of the first recommended step that mentions all given effects.
-
-    The text is empty if no step mentions them all.
-    """
-    numbers = (i for i, text in enumerate(diagnosis.advice, 1) if {*names} <= {*re.findall(r"\w+", text)})
-    return next((f"next step {i}" for i in numbers), "")
+def _check_between(diagnosis: Diagnosis, *names: str) -> str:
+    """Return the most informative check that distinguishes all given effects; the text is empty without one."""
+    return next((f"check {check.id}" for check in diagnosis.checks if {*names} <= {*check.splits}), "")
 
 
 def _percent(probability: float) -> str:

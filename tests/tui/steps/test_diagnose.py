@@ -189,12 +189,17 @@ async def test_runs_stand_by_pose_and_time_and_no_list_is_empty(lab, fixed_diagn
 async def test_every_alternative_states_how_to_distinguish_it(lab, fixed_diagnosis: Path, tmp_path: Path) -> None:
     outcome = json.loads(fixed_diagnosis.read_text())
     outcome["verdict"] = "partly_explained"
-    outcome["advice"] = ["Raise the rods higher: it tells coulomb_joint1 from stribeck_joint1."]
+    outcome["checks"] = [
+        {
+            "id": "1-ab", "kind": "recording", "text": "Raise the rods higher.", "about": "coulomb_joint1",
+            "splits": ["coulomb_joint1", "stribeck_joint1"], "expected_bits": 0.6,
+        }
+    ]  # fmt: skip
     (tmp_path / "diagnosis.json").write_text(json.dumps(outcome))
     async with lab(DiagnoseStep, diagnosis=tmp_path / "diagnosis.json") as pilot:
         lines = [line.split() for line in text(pilot.app, "#which-text").splitlines()]
         rival = named("stribeck_joint1").split()
-        assert any(line[:2] == rival[:2] and line[-6:] == ["0.7", "%", "1.0000", "next", "step", "1"] for line in lines)
+        assert any(line[:2] == rival[:2] and line[-5:] == ["0.7", "%", "1.0000", "check", "1-ab"] for line in lines)
         assert sum(line[:2] == ["a", "cause"] for line in lines) == 2
         result = " ".join(text(pilot.app, "#next-text").split())
         assert "1. Raise the rods higher" in result
