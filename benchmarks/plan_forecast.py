@@ -9,6 +9,9 @@ releases, as far as they are recorded. It is compared with the diagnoses of thes
 calibration error is found by drawing plants with replacement. With `--adaptive`, each release is the first one of a new
 plan. With `--own`, the plants are those of the simulated device.
 
+Each plant is appended to the CSV file of `--file` (`_stored_forecasts.py`). The table is that of all plants in the file
+with the same options. A later run skips these plants; `--plants 0` prints the table only.
+
 The net calibration error is defined in `benchmarks/_net_calibration.py`. With `--adaptive`, it was 0.040 on 76 plants
 (seeds 3106050 to 3106125; 249 forecasts; calibration error 0.069, of an exact forecast 0.051). On 24 own plants
 (`single:faint`, from 2017000 on; 21 forecasts) it was 0 with an earlier forecast.
@@ -17,10 +20,13 @@ The net calibration error is defined in `benchmarks/_net_calibration.py`. With `
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 from _bars import Bar, at_most, options, show
 from _net_calibration import net_calibration_error
+from _stored_forecasts import Forecast, claims_by_plant, store, stored
 from _trial_cases import Case, hidden
 from plan_other_engine import AMPLITUDES, Plant, near_paper
 
@@ -162,7 +168,7 @@ def looks_at(subject: Subject, releases: Sequence[CandidateRelease]) -> list[Loo
     return looks
 
 
-def claims_of(looks: Sequence[Look], rig: Rig) -> list[Claim]:
+def forecasts_of(looks: Sequence[Look], rig: Rig, plants: str, seed: int) -> list[Forecast]:
     """Forecasts along the releases of one plant, and whether they were right.
 
     The releases end with the first plan that requires no further release.
@@ -172,12 +178,15 @@ def claims_of(looks: Sequence[Look], rig: Rig) -> list[Claim]:
         plans.append(look.plan(rig))
         if plans[-1].state != "record":
             break
-    ended = plans[-1].state != "record"
-    return [
-        Claim(probability, ended and len(plans) - 1 - k <= number)
-        for k, made in enumerate(plans)
-        for number, probability in enumerate(made.forecast[: FURTHER - k], 1)
-    ]
+    ended, today = plans[-1].state != "record", datetime.now(UTC).date().isoformat()
+    rows = list[Forecast]()
+    for k, made in enumerate(plans):
+        row = Forecast(plants, today, seed, k + 1, looks[k].diagnosis.verdict, made.state, 0, None, None)
+        rows += [
+            replace(row, further=number, probability=probability, true=ended and len(plans) - 1 - k <= number)
+            for number, probability in enumerate(made.forecast[: FURTHER - k], 1)
+        ] or [row]
+    return rows
 
 
 def first_of(made: Plan) -> CandidateRelease:
@@ -203,28 +212,24 @@ def standard_error(plants: Sequence[Sequence[Claim]]) -> float:
     return float(np.std(errors) * np.sqrt(len(errors) - 1))
 
 
-def main() -> None:
-    """Draw, record, diagnose, compare, print."""
-    parser = options(__doc__)
-    parser.add_argument("--plants", type=int, default=30)
-    parser.add_argument("--seed", type=int, default=0, help="of the first plant")
-    parser.add_argument("--own", default="", help="draw of own plants, such as single:faint or background:subtle")
-    parser.add_argument("--adaptive", action="store_true", help="follow a new plan after each release")
-    args = parser.parse_args()
-    chosen, plants = menu(), list[list[Claim]]()
-    for seed in range(args.seed, args.seed + (2 if args.quick else args.plants)):
-        subject = own(seed, args.own) if args.own else in_mujoco(seed, chosen.least)
-        looks = looks_at(subject, [] if args.adaptive else chosen.releases)
-        plants.append(claims_of(looks, subject.rig))
-        judged = [f"{claim.probability:.2f} {'yes' if claim.true else 'no'}" for claim in plants[-1]]
-        print(f"plant {seed}: {judged}", file=sys.stderr, flush=True)
-    claims, (low, high) = [claim for each in plants for claim in each], interval90(plants)
+def bars(forecasts: Sequence[Forecast]) -> list[Bar]:
+    """Lines of the table: errors of all forecasts, reliability by bin, and errors by verdict."""
+    plants = claims_by_plant(forecasts)
+    claims = [claim for each in plants for claim in each]
+    if not claims:
+        return [Bar("plants; none has a forecast", "-", len(plants), None)]
+    low, high = interval90(plants)
     rows = [
         Bar(f"{row['claims']} forecasts of {row['stated']:.2f} on average: share that occurred", "-", row["true"], None)
         for row in reliability(claims)
     ]
-    bars = [
-        at_most(f"net calibration error of {len(claims)} forecasts", net_calibration_error(plants), 0.05),
+    for verdict in sorted({one.verdict for one in forecasts if one.probability is not None}):
+        some = claims_by_plant([one for one in forecasts if one.verdict == verdict and one.probability is not None])
+        label = f"{verdict}: {len(some)} plants, {sum(map(len, some))} forecasts: net calibration error"
+        rows.append(Bar(label, "-", net_calibration_error(some), None))
+    counts = f"{len(claims)} forecasts of {sum(map(bool, plants))} of {len(plants)} plants"
+    return [
+        at_most(f"net calibration error, {counts}", net_calibration_error(plants), 0.05),
         Bar("its standard error", "-", standard_error(plants), None),
         Bar("calibration error", "-", calibration_error(claims), None),
         Bar("90 % interval: from", "-", low, None),
@@ -233,8 +238,32 @@ def main() -> None:
         Bar("Brier score", "-", brier(claims), None),
         Bar("mean forecast", "-", float(np.mean([claim.probability for claim in claims])), None),
         Bar("share that occurred", "-", float(np.mean([claim.true for claim in claims])), None),
+        *rows,
     ]
-    show("forecast of a decision", [*bars, *rows], args.json)
+
+
+def main() -> None:
+    """Draw, record, diagnose and store the plants that the file lacks; print the table of the file."""
+    parser = options(__doc__)
+    parser.add_argument("--plants", type=int, default=30)
+    parser.add_argument("--seed", type=int, default=0, help="of the first plant")
+    parser.add_argument("--own", default="", help="draw of own plants, such as single:faint or background:subtle")
+    parser.add_argument("--adaptive", action="store_true", help="follow a new plan after each release")
+    parser.add_argument("--file", type=Path, default=Path("out/plan_forecast.csv"), help="single forecasts of all runs")
+    args = parser.parse_args()
+    kind = f"{args.own or 'mujoco'}, {'adaptive' if args.adaptive else 'first plan'}"
+    finished = {one.seed for one in stored(args.file, kind)}
+    seeds = range(args.seed, args.seed + (2 if args.quick else args.plants))
+    missing = [seed for seed in seeds if seed not in finished]
+    chosen = menu() if missing else Menu([], {})
+    for seed in missing:
+        subject = own(seed, args.own) if args.own else in_mujoco(seed, chosen.least)
+        looks = looks_at(subject, [] if args.adaptive else chosen.releases)
+        rows = forecasts_of(looks, subject.rig, kind, seed)
+        store(args.file, rows)
+        judged = [f"{one.probability:.2f} {'yes' if one.true else 'no'}" for one in rows if one.further]
+        print(f"plant {seed}: {judged}", file=sys.stderr, flush=True)
+    show("forecast of a decision", bars(stored(args.file, kind)), args.json)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
-"""Choice of the recording of a real rig to fit first, compared with all other choices.
+"""Choice of the recordings of a real rig to fit first, compared with all other choices.
 
-    python benchmarks/plan_real.py --data FOLDER [--only pendule_pi]
+    python benchmarks/plan_real.py --data FOLDER [--only pendule_pi] [--fitted 2]
 
-Each recording is fitted alone, and free runs of the fit predict the other recordings. The error of the chosen recording
-is compared with the median over all choices. The choice is made before any fit: it is the recording whose range of
-joint angles and speeds contains the largest share of the states of the others. A fit compensates for effects that the
-model lacks. The compensation is valid only within the range of the fitted recording, even if the parameters are
+Each recording is fitted alone, or each pair with `--fitted 2`. Free runs of the fit predict the other recordings. The
+error of the choice is compared with the median over all choices. The choice is made before any fit: its ranges of joint
+angles and speeds contain the largest share of the states of the other recordings. A fit compensates for effects that
+the model lacks. The compensation is valid only within the range of the fitted recordings, even if the parameters are
 accurate. Information about parameters, or about amplitudes of a library, does not describe this limit
 (docs/benchmarks.md lists results for both). `dpr-lab plan`, which proposes new recordings, does not use this criterion.
 
@@ -14,8 +14,9 @@ Inverse Problems 30, 114007.
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -66,14 +67,24 @@ SETS: dict[str, Callable[[Path], tuple[Rig, list[Run]]]] = {
 """Function that reads each set of recordings, by name."""
 
 
-def covered_shares(rig: Rig, runs: list[Run]) -> list[float]:
-    """For each recording, the share of the states of all others that lie within its range, 0 to 1."""
+def choices(runs: Sequence[Run], fitted: int) -> list[tuple[int, ...]]:
+    """Return the indices of the fitted recordings of each choice; at least one recording is held out."""
+    return list(combinations(range(len(runs)), fitted)) if len(runs) > fitted else []
+
+
+def covered_shares(rig: Rig, runs: Sequence[Run], fitted: int = 1) -> list[float]:
+    """For each choice, the share of the states of all other recordings within the range of a chosen one, 0 to 1."""
     sizes = [states(record(run, rig)) for run in runs]
-    reached = [size.max(axis=0) for size in sizes]
+    inside = [[(size <= limits.max(axis=0)).all(axis=1) for size in sizes] for limits in sizes]
     return [
-        float(np.mean([(size <= most).all(axis=1).mean() for j, size in enumerate(sizes) if j != k]))
-        for k, most in enumerate(reached)
+        float(np.mean([np.any([inside[k][j] for k in chosen], axis=0).mean() for j in others_of(chosen, runs)]))
+        for chosen in choices(runs, fitted)
     ]
+
+
+def others_of(chosen: Sequence[int], runs: Sequence[Run]) -> list[int]:
+    """Return the indices of the recordings that are not fitted."""
+    return [k for k in range(len(runs)) if k not in chosen]
 
 
 def states(recorded: Record) -> NDArray[np.float64]:
@@ -84,35 +95,41 @@ def states(recorded: Record) -> NDArray[np.float64]:
     return np.abs(np.hstack([angles, np.gradient(joints, t, axis=0)]))
 
 
-def held_out_errors(rig: Rig, runs: list[Run], chosen: int) -> dict[str, float]:
+def held_out_errors(rig: Rig, runs: Sequence[Run], chosen: Sequence[int]) -> dict[str, float]:
     """Error of the free run along each recording that was not fitted, rad; inf if the fit failed."""
-    others = [run for k, run in enumerate(runs) if k != chosen]
+    others = [runs[k] for k in others_of(chosen, runs)]
     try:
-        diagnosis = diagnose([runs[chosen]], rig, held_out=others)
+        diagnosis = diagnose([runs[k] for k in chosen], rig, held_out=others)
     except DprError as error:
-        print(f"  {runs[chosen].name}: {error}", file=sys.stderr)
+        print(f"  {error}", file=sys.stderr)
         return {run.name: np.inf for run in others}
     free = diagnosis.gap.free_run_rad
     return {run.name: free[run.name]["after"] for run in others if run.name in free}
 
 
-def bars(name: str, rig: Rig, runs: list[Run]) -> list[Bar]:
-    """Error of the chosen recording relative to the median over all choices.
+def bars(name: str, rig: Rig, runs: Sequence[Run], fitted: int) -> list[Bar]:
+    """Error of the choice relative to the median over all choices.
 
-    The error of a choice is its median over the recordings that every fit predicts.
+    The error of a choice is its median over the recordings that are predicted by every fit without them.
     """
-    shares = covered_shares(rig, runs)
-    predicted = list[dict[str, float]]()
-    for k, run in enumerate(runs):
-        predicted.append(held_out_errors(rig, runs, k))
-        every = np.median(list(predicted[-1].values()))
-        print(f"{run.name}: covers {shares[k]:.2f}, held-out error {every:.4f} rad", file=sys.stderr, flush=True)
-    names = [run.name for run in runs]
-    common = [name for name in names if all(name in errors or name == names[k] for k, errors in enumerate(predicted))]
-    errors = [np.median([each[name] for name in common if name in each]) for each in predicted]
+    every, shares = choices(runs, fitted), covered_shares(rig, runs, fitted)
+    names, predicted = [run.name for run in runs], list[dict[str, float]]()
+    for chosen, share in zip(every, shares, strict=True):
+        predicted.append(held_out_errors(rig, runs, chosen))
+        error, label = np.median(list(predicted[-1].values())), " and ".join(names[k] for k in chosen)
+        print(f"{label}: covers {share:.3f}, held-out error {error:.4f} rad", file=sys.stderr, flush=True)
+    common = [
+        name
+        for k, name in enumerate(names)
+        if all(name in errors or k in chosen for chosen, errors in zip(every, predicted, strict=True))
+    ]
+    errors = np.array([np.median([each[name] for name in common if name in each]) for each in predicted])
     best = int(np.argmax(shares))
+    label = f"{name}: {fitted} of {len(runs)} recordings, {len(every)} choices"
     return [
-        at_most(f"{name}: held-out error of the chosen recording over the median", errors[best] / np.median(errors), 1)
+        at_most(f"{label}: held-out error of the choice over the median", errors[best] / np.median(errors), 1),
+        Bar(f"{label}: held-out error of the choice, rad", "-", errors[best], None),
+        Bar(f"{label}: rank of the choice", "-", 1 + int(np.sum(errors < errors[best])), None),
     ]
 
 
@@ -120,10 +137,11 @@ def main() -> None:
     """Import the recordings, choose and fit, and print the results."""
     parser = options(__doc__)
     parser.add_argument("--data", type=Path, required=True, help="folder of the real recordings")
+    parser.add_argument("--fitted", type=int, default=1, help="number of recordings that are fitted together")
     parser.add_argument("--only", default="", help="use only sets whose name begins with this text")
     args = parser.parse_args()
     each = [(name, *read(args.data)) for name, read in SETS.items() if name.startswith(args.only)]
-    every = [bars(name, rig, runs[:3] if args.quick else runs) for name, rig, runs in each]
+    every = [bars(name, rig, runs[:3] if args.quick else runs, args.fitted) for name, rig, runs in each]
     show("plan on real recordings", [bar for some in every for bar in some], args.json)
 
 

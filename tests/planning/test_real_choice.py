@@ -19,7 +19,12 @@ def test_the_recording_that_reaches_the_others_is_fitted_first(monkeypatch: pyte
         return SimpleNamespace(t=t, joints=np.column_stack([np.pi + relative + 2 * np.pi * turns, relative]))
 
     monkeypatch.setattr(plan_real, "record", lambda run, rig: run)
-    narrow, wide, middle = plan_real.covered_shares(None, [swing(0.3), swing(2.0, turns=-1), swing(1.0)])
+    runs: Any = [swing(0.3), swing(2.0, turns=-1), swing(1.0)]
+    narrow, wide, middle = plan_real.covered_shares(None, runs)
     assert wide == 1.0
     assert middle == pytest.approx(0.5, abs=0.01)  # the wide one is fast where it is near hanging
     assert narrow < 0.01
+    assert plan_real.choices(runs, 2) == [(0, 1), (0, 2), (1, 2)]
+    with_wide, without_wide, both = plan_real.covered_shares(None, runs, 2)
+    assert with_wide == both == 1.0
+    assert without_wide < 0.3
