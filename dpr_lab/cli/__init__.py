@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from dpr_lab.cli.bytecode import keep_bytecode
 from dpr_lab.errors import DprError
@@ -168,9 +168,17 @@ class Interrupt(KeyboardInterrupt):
             again.start()
 
 
-def _say_unraisable(unraisable: "sys.UnraisableHookArgs") -> None:
-    if not issubclass(unraisable.exc_type, Interrupt):
-        sys.__unraisablehook__(unraisable)
+def _say_unraisable(
+    unraisable: "sys.UnraisableHookArgs",
+    ignored: type[BaseException] = Interrupt,
+    hook: "Callable[[sys.UnraisableHookArgs], Any]" = sys.__unraisablehook__,
+) -> None:
+    """Report an exception that cannot be raised, except an interrupt.
+
+    The defaults still exist at the end of the interpreter, which sets the names of this module to None.
+    """
+    if not issubclass(unraisable.exc_type, ignored):
+        hook(unraisable)
 
 
 def _interrupt_main_thread() -> None:

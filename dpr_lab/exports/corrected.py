@@ -141,9 +141,8 @@ def rod_values(
     single, fitted_b = only_inner(setups), scale is not None and scale.fixed_by == "data"
     visible = [i for i in visible_ratios(setups, fitted_b) if i != ON_ELBOW or covariance[i, i] > 0.0]
     if scale is not None and fitted_b:
-        low, high = scale.interval90
-        covariance = covariance.copy()
-        covariance[SCALE, SCALE] = (unknown[SCALE] * (high - low) / scale.b / (2 * NORMAL_Q90)) ** 2
+        covariance = covariance.copy()  # the lower end of the interval may be clipped, to stay positive
+        covariance[SCALE, SCALE] = (unknown[SCALE] * (scale.interval90[1] / scale.b - 1.0) / NORMAL_Q90) ** 2
     posterior = posterior_of(unknown, rig, visible, covariance[np.ix_(visible, visible)], alone=single)
     scale = scale or posterior.scale(float(unknown[SCALE]))
     scale = scale.as_inertia("b", float(unknown[SCALE]) / scale.b)

@@ -147,6 +147,11 @@ class Posterior:
             )
             for i, (name, row) in enumerate(zip(PARAMETERS, np.eye(len(PARAMETERS)), strict=True))
         }
+        for name, ratio in ratios.items():
+            if scale.known and ratio.value == 0.0 and ratio.fixed_by == "data" and self.determines(name):
+                update, friction = {"std": scale.b * ratio.std, "fixed_by": "data"}, name.partition("/")[0]
+                absolute[friction] = absolute[friction].model_copy(update=update)
+                nine[friction] = nine[friction].model_copy(update=update)
         for name in np.array(PARAMETERS)[~self.rig.searched].tolist():
             nine[name] = nine[name].model_copy(update={"fixed_by": "measured"})
         return nine, absolute
@@ -187,7 +192,7 @@ class Posterior:
         """Return a value with its interval, from the derivatives (9,) of its logarithm by those of the parameters.
 
         The interval `wide` is used if only the bounds of the rig file determine the value, or for a friction of zero,
-        which has no logarithm.
+        which has no logarithm. `parameters` states the source of a friction of zero.
         """
         if value == 0.0 or self._loose(slopes[None])[0]:
             return ParameterValue(value=value, std=None, fixed_by="bound", interval90=wide)

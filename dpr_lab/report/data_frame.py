@@ -27,7 +27,7 @@ def to_dataframe(
     """Convert a result to a data frame in SI units.
 
     The rows are the samples of a run or comparison, the quantities of a model, or the effect parameters of a diagnosis.
-    Samples are indexed by the time since the release, s.
+    Samples are indexed by the time since the release, `t_s` (s).
 
     Raises:
         DprError: pandas is not installed.
@@ -70,14 +70,14 @@ def _(comparison: ArmComparison) -> tuple[Any, str]:
     curves = {"measured": comparison.measured, "tracked": comparison.simulated}
     read = {joint: i for i, joint in enumerate(JOINTS) if joint.replace("joint", "joint ") in comparison.rms_rad}
     by_joint = {f"{name}_{joint}": values[:, i] for name, values in curves.items() for joint, i in read.items()}
-    return {"t": comparison.t, **by_joint}, "t"
+    return {COLUMNS[0]: comparison.t, **by_joint}, COLUMNS[0]
 
 
 @_columns.register
 def _(comparison: Comparison) -> tuple[Any, str]:
     curves = {name: getattr(comparison, name) for name in ("measured", "free_run", "tracked")}
     by_rod = {f"{name}_{rod}": values[:, i] for name, values in curves.items() for i, rod in enumerate(RODS)}
-    return {"t": comparison.t, **by_rod}, "t"
+    return {COLUMNS[0]: comparison.t, **by_rod}, COLUMNS[0]
 
 
 @_columns.register

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from dpr_lab import cli
 from dpr_lab.errors import DprError, all_printable, printable
 from dpr_lab.kernel_cache import COMPILING
 from tests.thinned import thinned
@@ -199,6 +200,22 @@ finally:
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=100)
     assert (done.returncode, done.stdout, done.stderr) == (0, "result\n", "")
+
+
+def test_an_exception_at_the_end_of_the_interpreter_is_reported(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The interpreter then sets the names of a module to None."""
+
+    class Late:
+        def __del__(self) -> None:
+            raise ValueError("late")
+
+    monkeypatch.setattr(sys, "unraisablehook", cli._say_unraisable)
+    for name in ("Interrupt", "sys"):
+        monkeypatch.setattr(cli, name, None)
+    Late()
+    assert "ValueError: late" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -153,3 +155,24 @@ def test_the_base_parameters_have_the_ratios_of_the_fit_although_these_are_uncer
     given = 1.1 * truth(paper)
     _, base = update_prior(given, np.diag((0.2 * given) ** 2), measured(paper, "m1", "m2", "mb"))
     assert [base[name[:-2]].value / base["b"].value for name in RATIOS] == pytest.approx(given, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("weighed", "source", "fixed_by"), [(True, "data", "data"), (True, "bound", "bound"), (False, "data", "bound")]
+)
+def test_a_friction_of_zero_has_the_source_of_its_ratio(paper: Rig, weighed: bool, source: Any, fixed_by: str) -> None:
+    rig = measured(paper, "m1", "m2", "mb", "l2") if weighed else paper
+    unknown = unknown_ratios(whole_parameters(TRUE, rig.L1, rig.g))
+    friction = RATIOS.index("c1/b")
+    unknown[friction] = 0.0
+    five = {
+        name: EstimatedValue(value=value, std=1e-3, interval90=(value, value + 2e-3))
+        for name, value in zip(RATIOS, unknown.tolist(), strict=False)
+    }
+    five["c1/b"] = five["c1/b"].model_copy(update={"fixed_by": source})
+    posterior = posterior_of(unknown, rig)
+    scale = posterior.scale()
+    for values in posterior.parameters(scale, five):
+        value = values["c1"]
+        assert (value.value, value.fixed_by) == (0.0, fixed_by)
+        assert value.std == (scale.b * 1e-3 if fixed_by == "data" else None)

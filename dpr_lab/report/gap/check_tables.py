@@ -19,9 +19,10 @@ MOVED_NOTE = (
 )
 EXPECTED_NOTE = (
     "Expected result: size and 90 % interval if the measured effect is the cause, or the size that the recordings"
-    " exclude if they determine no size. If it is not the cause, the expected result is about zero. Expected"
-    " information: at most the entropy of the probabilities. It is nearly zero if one cause is already far more"
-    " probable, also if the predictions differ by many standard deviations."
+    " exclude if they determine no size. A size is excluded given that all named effects act. If the measured effect is"
+    " not the cause, the expected result is about zero. Expected information: at most the entropy of the probabilities."
+    " It is nearly zero if one cause is already far more probable, also if the predictions differ by many standard"
+    " deviations."
 )
 
 
