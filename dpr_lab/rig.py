@@ -188,6 +188,11 @@ class Rig(Shown, RigTable):
         return self.rig.name
 
     @property
+    def input(self) -> str:
+        """Kind of the input of the arm's motor; empty without a motor."""
+        return self.motor.input if self.motor else ""
+
+    @property
     def L0(self) -> float:
         """Length of the arm, m.
 

@@ -166,13 +166,8 @@ def rod_values(
 
 
 def _estimated(interval: Interval, value: float, std: float) -> EstimatedValue:
-    """Return a value with the interval of another value, moved by the difference.
-
-    An end at zero stays, and an interval without negative values does not obtain any.
-    """
-    low, high = (end and end + value - interval.value for end in interval.interval90)
-    low = max(low, 0.0) if interval.interval90[0] >= 0.0 else low
-    return EstimatedValue(value=value, std=std, interval90=(low, high))
+    """Return a value with the interval of another value, moved by the difference."""
+    return EstimatedValue(value=interval.value, std=std, interval90=interval.interval90).moved(value)
 
 
 def significant_values(diagnosis: Diagnosis) -> tuple[Array, dict[str, dict[str, float]]]:

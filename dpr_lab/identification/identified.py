@@ -7,7 +7,6 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
-from dpr_lab.errors import IdentificationError
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE
 from dpr_lab.identification.identifiability import identifiability, summary
@@ -46,7 +45,13 @@ class IdentifySettings:
     doubted: float = 20.0
     """Reduced chi-square above which other interpretations of the runs are tested."""
     hardly_seen: float = 0.5
-    """Maximum relative standard deviation of a ratio that the runs determine."""
+    """Maximum relative standard deviation of an unknown that the runs determine."""
+    unseen: float = 1e3
+    """Maximum standard deviation of an unknown of a moving arm with information, relative to its value or in units of
+    the ratio.
+
+    A larger standard deviation occurs after a failed fit.
+    """
     of_prior: float = 0.5
     """Maximum variance of a ratio that the runs determine, relative to the variance of the prior.
 
@@ -57,20 +62,6 @@ class IdentifySettings:
 SETTINGS = IdentifySettings()
 
 FRICTION_NAMES = tuple(RATIOS[i] for i in FRICTION)
-
-
-def determined(ratio_uncertainty: RatioUncertainty) -> RatioUncertainty:
-    """Check that an uncertainty is finite, and return it.
-
-    Raises:
-        IdentificationError: the uncertainty is not finite, because the runs do not determine the ratios.
-    """
-    if not (np.isfinite(ratio_uncertainty.values).all() and np.isfinite(ratio_uncertainty.covariance).all()):
-        raise IdentificationError(
-            "these runs do not determine the ratios: no finite uncertainty. Record larger and longer swings, and check"
-            " zero, unit, sign and order of the angles"
-        )
-    return ratio_uncertainty
 
 
 def identified_model(
@@ -88,7 +79,7 @@ def identified_model(
     Raises:
         IdentificationError: the runs do not determine the ratios.
     """
-    ratio_uncertainty = determined(uncertainty(ratio_fit))
+    ratio_uncertainty = uncertainty(ratio_fit)
     noise = rms_noise(prepared.noise for prepared in runs)
     measured = np.concatenate([prepared.run.theta[:, 1:] for prepared in runs])
     rms = np.sqrt(np.mean((measured - ratio_fit.predicted) ** 2, axis=0))
@@ -230,9 +221,7 @@ def _warnings(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty) -> list[
     ]
     warnings += [
         f"{name} is poorly determined by these runs: its standard deviation exceeds half its value"
-        for name, value, std in zip(
-            ratio_uncertainty.names, ratio_uncertainty.values, ratio_uncertainty.std, strict=True
-        )
+        for name, value, std in ratio_uncertainty.estimates
         if name in FRICTION_NAMES and value > 0 and std > SETTINGS.hardly_seen * value
     ]
     hardly = [
@@ -273,9 +262,7 @@ def _failures(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty) -> list[
         )
     failures += [
         f"{name} is not identifiable from these runs: its standard deviation is {percent(std / value)} of its value"
-        for name, value, std in zip(
-            ratio_uncertainty.names, ratio_uncertainty.values, ratio_uncertainty.std, strict=True
-        )
+        for name, value, std in ratio_uncertainty.estimates
         if name in RATIOS and name not in FRICTION_NAMES and not std / value < SETTINGS.hardly_seen
     ]
     return failures

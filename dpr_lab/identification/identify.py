@@ -14,7 +14,7 @@ from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.identification.expected import mounted_releases
 from dpr_lab.identification.identifiability import Identifiability
 from dpr_lab.identification.identifiability import identifiability as analysed
-from dpr_lab.identification.identified import determined, identified_model
+from dpr_lab.identification.identified import identified_model
 from dpr_lab.identification.merging import merge_segments
 from dpr_lab.identification.misread.refuse import refuse_impossible, refuse_impossible_scale, refuse_misread
 from dpr_lab.identification.misread.solvable import solvable
@@ -225,7 +225,7 @@ def identifiability(
             "warning: the fit from the values of the rig file did not converge; run `dpr-lab identify` for"
             " a global search"
         )
-    ratio_uncertainty = determined(uncertainty(ratio_fit))
+    ratio_uncertainty = uncertainty(ratio_fit)
     posterior = posterior_of(
         ratio_fit.fit.estimate.ratios,
         rig,

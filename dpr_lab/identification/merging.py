@@ -19,7 +19,7 @@ from dpr_lab.identification.ratio_fit import RatioFit, driving_noise, fit_ratios
 
 @dataclass(frozen=True, slots=True)
 class MergeSettings:
-    """Settings of segment merging."""
+    """Settings of segment merging, for clamped and moving arms."""
 
     ranges_rad: tuple[float, ...] = (0.2, 0.05, 0.0125)
     """Maximum deviation of a free run from the readings for which segments are merged, rad.

@@ -1,9 +1,10 @@
 """Result of an identification, which is stored in `model.json`."""
 
 import json
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, Field, ValidationError, computed_field, model_validator
@@ -172,9 +173,33 @@ class SearchRecord(ModelPart):
 class FittedModel(Shown, ModelPart):
     """Common part of models with a clamped and with a moving arm."""
 
-    if TYPE_CHECKING:
-        runs: list[RunUsed]
-        effects: dict[str, dict[str, Number]]
+    rig: RigFacts
+    """Rig of the model."""
+    ratios: dict[str, EstimatedValue]
+    """Ratios of inertias, frictions, gravity torques and gain to the inertia of the scale, SI; `L0` of an arm in m."""
+    effects: dict[str, dict[str, Number]] = {}
+    """Values of the named effects of a diagnosis, by effect and parameter, SI."""
+    runs: list[RunUsed]
+    """Runs used in the identification."""
+    warnings: list[str] = []
+    """Warnings on the interpretation of the values."""
+    failures: list[str] = []
+    """Failed checks of the identification; empty for a reliable model."""
+    version: str = ""
+    """Version of dpr-lab that wrote the file."""
+
+    @property
+    @abstractmethod
+    def quantities(self) -> Mapping[str, EstimatedValue | ParameterValue]:
+        """Ratios and absolute values by name, SI."""
+
+    def _rows(self) -> list[Row]:
+        rows = [
+            (name, f"{entry.value:.5g}", "" if entry.std is None else f"{entry.std:.2g}", FIXED_BY[entry.fixed_by])
+            for name, entry in self.quantities.items()
+            if name not in self.ratios or entry.fixed_by == "data"
+        ]
+        return [("", "value", "std", "determined by"), *rows]
 
     def used(self, sha256: str) -> bool:
         """Check whether the run with this hash was fitted; otherwise it is held out."""
@@ -192,8 +217,6 @@ class FittedModel(Shown, ModelPart):
 class Model(FittedModel):
     """Identified model: five ratios with intervals, and nine parameters with sources."""
 
-    rig: RigFacts
-    """Rig of the model."""
     ratios: Annotated[dict[str, EstimatedValue], AfterValidator(of_rods)]
     """Ratios a/b, d/b, e1/b, c1/b, c2/b, or e1/a and c1/a for the inner rod alone.
 
@@ -224,18 +247,8 @@ class Model(FittedModel):
     """Residuals, noise and segments of the fit."""
     search: SearchRecord
     """Result of the global search."""
-    runs: list[RunUsed]
-    """Runs used in the identification."""
     p_over_b: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     """Additional ratio m2 L1^2 / b for runs with only the inner rod; None if there are no such runs."""
-    effects: dict[str, dict[str, Number]] = {}
-    """Values of the named effects of a diagnosis, by effect and parameter, SI."""
-    warnings: list[str] = []
-    """Warnings on the interpretation of the values."""
-    failures: list[str] = []
-    """Failed checks of the identification; empty for a reliable model."""
-    version: str = ""
-    """Version of dpr-lab that wrote the file."""
 
     def _heading(self) -> str:
         rms = " and ".join(f"{1e3 * value:.3g} mrad ({name})" for name, value in self.fit.rms_rad.items())
@@ -293,13 +306,10 @@ class Model(FittedModel):
         pairs = zip(self.base.items(), values, strict=True)
         return self.model_copy(update={"base": {k: v.model_copy(update={"value": value}) for (k, v), value in pairs}})
 
-    def _rows(self) -> list[Row]:
-        rows = [
-            (name, f"{entry.value:.5g}", "" if entry.std is None else f"{entry.std:.2g}", FIXED_BY[entry.fixed_by])
-            for name, entry in (self.ratios | self.alone | self.mounted).items()
-            if name not in self.ratios or entry.fixed_by == "data"
-        ]
-        return [("", "value", "std", "determined by"), *rows]
+    @property
+    def quantities(self) -> dict[str, EstimatedValue | ParameterValue]:
+        """Ratios, base parameters, and kinetic parameters of the mounted parts by name, SI."""
+        return {**self.ratios, **(self.alone or self.base), **self.mounted}  # c1 and c2 are base parameters too
 
     @property
     def sizes(self) -> dict[str, float]:

@@ -7,6 +7,7 @@ from scipy.special import ndtri, stdtr, stdtrit
 
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.errors import IdentificationError
 from dpr_lab.fitting.estimate import ON_ELBOW, UNKNOWN_RATIOS, ratio_parameters
 from dpr_lab.fitting.gauss_newton import RigPrior
 from dpr_lab.fitting.linearise import linearise
@@ -63,6 +64,11 @@ class RatioUncertainty:
     def std(self) -> Array:
         """Standard deviations (n,) of the unknowns, including the contribution of undetermined ratios."""
         return np.sqrt(np.diag(self.covariance + self.assumed))
+
+    @property
+    def estimates(self) -> list[tuple[str, float, float]]:
+        """Name, value and standard deviation of each unknown."""
+        return list(zip(self.names, self.values.tolist(), self.std.tolist(), strict=True))
 
     @property
     def at_zero(self) -> tuple[str, ...]:
@@ -132,6 +138,19 @@ class RatioUncertainty:
         return max(low, 0.0) if assumed else low, float(self.values[index] + reach)
 
 
+def refuse_undetermined(values: Array, covariance: Array, what: str) -> None:
+    """Check that fitted values and their covariance are finite.
+
+    Raises:
+        IdentificationError: they are not, because the runs do not determine the unknowns `what`.
+    """
+    if not (np.isfinite(values).all() and np.isfinite(covariance).all()):
+        raise IdentificationError(
+            f"these runs do not determine {what}: no finite uncertainty. Record larger and longer motions, and check"
+            " zero, unit, sign and order of the angles"
+        )
+
+
 def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     """Estimate the uncertainty of a fit in which all unknowns are free.
 
@@ -144,6 +163,7 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
 
     Raises:
         LinAlgError: the recordings do not determine the unknowns.
+        IdentificationError: the uncertainty is not finite.
     """
     A, e = ratio_fit.slopes, ratio_fit.fit.linear.e
     H = np.einsum("smi,smj->ij", A, A)
@@ -160,6 +180,7 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
         bread, of_released = _covariance(ratio_fit, H, scores, released)
         unconstrained[place] = bread[index, index] * gradient[place], of_released[index, index] ** 0.5
     names = tuple(UNKNOWN_RATIOS[i] for i in ratio_fit.visible)
+    refuse_undetermined(ratio_fit.unknowns, covariance, "the ratios")
     return RatioUncertainty(ratio_fit.unknowns, H, covariance, len(scores), names, prior, assumed, unconstrained)
 
 

@@ -55,12 +55,10 @@ def _(run: Run) -> tuple[Any, str]:
 
 @_columns.register
 def _(model: Model | MovingArmModel) -> tuple[Any, str]:
-    # c1 and c2 are base parameters too
-    absolute = model.absolute if isinstance(model, MovingArmModel) else (model.alone or model.base) | model.mounted
     records = [
         {"name": name, "value": quantity.value, "std": quantity.std, "fixed_by": quantity.fixed_by}
         | dict(zip(("low", "high"), quantity.interval90 or (), strict=False))
-        for name, quantity in (model.ratios | absolute).items()
+        for name, quantity in model.quantities.items()
     ]
     return records, "name"
 

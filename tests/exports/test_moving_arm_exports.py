@@ -288,6 +288,17 @@ def test_the_interval_of_another_scale_belongs_to_its_value():
     assert refitted.scale_sentence == fitted.sentence
 
 
+def test_the_interval_of_a_changed_ratio_contains_its_value():
+    _, model = model_of()
+    before = EstimatedValue(value=model.swing[SWING_PARAMETERS.index("c1")], std=0.01, interval90=(0.0, 0.25))
+    model = model.model_copy(update={"ratios": {"c1/b": before}})
+    places = {SWING_PARAMETERS.index("c1"): before.value + 0.5}
+    swing = [places.get(place, value) for place, value in enumerate(model.swing)]
+    after = with_swing(model, swing, model.absolute["b"].value).ratios["c1/b"]
+    assert after.interval90 == pytest.approx((0.0, 0.75))
+    assert (after.value, after.std) == (before.value + 0.5, before.std)
+
+
 @pytest.mark.parametrize(("mounted", "kind"), [("both", "torque"), ("inner", "voltage")])
 def test_an_ensemble_has_the_covariance_of_the_identification(mounted, kind):
     rig, model = model_of(mounted, kind)

@@ -71,10 +71,13 @@ def test_a_model_is_read_from_the_folder_of_a_diagnosis(table, tmp_path: Path) -
 
 def test_a_model_of_a_moving_arm_is_refused_where_the_arm_must_be_clamped(table, tmp_path: Path) -> None:
     empty = {"mounted": "inner", "input": "", "scale": "a", "unknowns": [], "scale_sentence": "", "swing": [0.0] * 12}
-    empty |= {"ratios": {}, "absolute": {}, "undetermined": {}, "covariance": [], "runs": []}
+    b = {"value": 0.005, "std": 0.001, "interval90": [0.004, 0.006], "fixed_by": "bound"}
+    empty |= {"ratios": {}, "absolute": {"a": b}, "undetermined": {}, "covariance": [], "runs": []}
     fit = {"rms_rad": {}, "noise_rad": {}, "segments": 1, "segment_s": 1.0, "chi2_per_dof": 1.0, "converged": True}
     file = written(tmp_path / "m.json", {"kind": "moving_arm", "rig": table["rig"], "fit": fit} | empty)
-    assert isinstance(load_any_model(file), MovingArmModel)
+    model = load_any_model(file)
+    assert isinstance(model, MovingArmModel)
+    assert repr(model).splitlines()[-1].split() == ["a", "0.005", "0.001", "only", "its", "bounds"]
     with pytest.raises(RunError, match="is a model of a rig with a moving arm"):
         load_model(file)
 

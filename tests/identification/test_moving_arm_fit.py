@@ -18,7 +18,7 @@ from dpr_lab.identification.moving_arm.identify import (
     undetermined,
 )
 from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
-from dpr_lab.identification.moving_arm.scale import estimated, scale_of_arm
+from dpr_lab.identification.moving_arm.scale import absolute_values, estimated, scale_of_arm, stated_scale
 from dpr_lab.identification.moving_arm.search import searched_start
 from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.report.data_frame import to_dataframe
@@ -130,6 +130,10 @@ def test_the_bounds_of_a_nominal_kt_give_the_uncertainty_of_the_scale():
     scale = scale_of_arm(fit, np.array([[1.0]]), rig)
     kt = np.random.default_rng(0).uniform(0.1, 2.0, 20_000)
     assert not scale.known
+    b = absolute_values({"gain": 100.0}, np.array([[1.0]]), scale, "b", "current")["b"]
+    sentence = stated_scale(b, "b", scale.fixed_by).sentence
+    assert f"assume b = {b.value:.4g} kg m^2" in sentence
+    assert f"(90 % interval from its bounds {b.interval90[0]:.4g} to {b.interval90[1]:.4g})" in sentence
     assert scale.relative_std == pytest.approx(np.std(kt) / 0.5, rel=0.02)
 
 

@@ -17,7 +17,7 @@ from dpr_lab.identification.model import EstimatedValue, RigFacts, RunUsed
 from dpr_lab.identification.moving_arm.engine import OF_ARM, swing_of
 from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel
 from dpr_lab.identification.moving_arm.problem import reading_std
-from dpr_lab.identification.moving_arm.scale import absolute_name, estimated
+from dpr_lab.identification.moving_arm.scale import ArmScale, absolute_values, stated_scale
 from dpr_lab.identification.moving_arm.unknowns import parameter_of
 from dpr_lab.identification.prior_update import posterior_of
 from dpr_lab.identification.scaling.scale import Scale
@@ -56,9 +56,9 @@ def corrected_arm_model(
     letter: Literal["a", "b"] = "b" if mounted == "both" else "a"
     assumed = diagnosis.scale or posterior_of(unknown, rig).scale(float(unknown[SCALE]))
     scale = assumed.as_inertia(letter, inertia / assumed.b)
-    kind = rig.motor.input if driven and rig.motor else ""
-    determined = {name: _estimated(interval) for name, interval in diagnosis.determined.items()}
-    ratios = _with_values(determined, swing, kind, letter)
+    kind = rig.input if driven else ""
+    covariance = np.array(diagnosis.determined_covariance)
+    ratios = _with_values(_estimates(diagnosis.determined, covariance), swing, kind, letter)
     std = np.sqrt(np.mean([reading_std(run, rig) ** 2 for run in runs], axis=0)).tolist()
     read = sorted(joint for joint, floor in diagnosis.gap.floor_rad.items() if floor > 0.0)
     noise = {joint: std[int(joint[-1])] for joint in read}
@@ -111,14 +111,10 @@ def with_intervals(
     """
     assumed = model.absolute[model.scale]
     if fitted is None:
-        low, high = assumed.interval90
-        source: Literal["bound", "data"] = "bound" if assumed.fixed_by == "bound" else "data"
-        interval = (max(low, 1e-3 * assumed.value), high)
-        scale = Scale(b=assumed.value, interval90=interval, fixed_by=source, inertia=model.scale)
+        scale = stated_scale(assumed, model.scale, assumed.fixed_by)
     else:
         scale = fitted.as_inertia(model.scale, assumed.value / fitted.b)
-    estimates = {name: _estimated(interval) for name, interval in determined.items()}
-    ratios = _with_values(estimates, model.swing, model.input, model.scale)
+    ratios = _with_values(_estimates(determined, covariance), model.swing, model.input, model.scale)
     absolute, update = _absolute(ratios, scale, model.input), dict[str, Any]()
     if fitted is None:
         absolute[model.scale] = assumed
@@ -145,12 +141,10 @@ def with_swing(model: MovingArmModel, swing: Sequence[float], inertia: float) ->
 def _with_values(
     ratios: Mapping[str, EstimatedValue], swing: Sequence[float], kind: str, letter: str
 ) -> dict[str, EstimatedValue]:
-    """Replace the values of the ratios by the values of `SWING_PARAMETERS`."""
-    new_values = {
-        name: swing[SWING_PARAMETERS.index(parameter_of(name, kind, letter))] for name in ratios if name != "L0"
-    }
+    """Replace the values of the ratios by the values of `SWING_PARAMETERS`; their intervals are moved."""
     return {
-        name: ratio.model_copy(update={"value": new_values.get(name, ratio.value)}) for name, ratio in ratios.items()
+        name: ratio.moved(swing[SWING_PARAMETERS.index(parameter_of(name, kind, letter))])
+        for name, ratio in ratios.items()
     }
 
 
@@ -164,9 +158,13 @@ def _named(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, fl
     return {name: dict(values) for name, values in effects.items() if name not in OF_ARM and not EFFECTS[name].event}
 
 
-def _estimated(interval: Interval) -> EstimatedValue:
-    std = (interval.interval90[1] - interval.interval90[0]) / (2 * NORMAL_Q90)
-    return EstimatedValue(value=interval.value, std=std, interval90=interval.interval90)
+def _estimates(intervals: Mapping[str, Interval], covariance: Array) -> dict[str, EstimatedValue]:
+    """Return ratios with their intervals, and with the standard deviations of their covariance (n, n)."""
+    std = np.sqrt(np.diag(covariance)).tolist()
+    return {
+        name: EstimatedValue(value=interval.value, std=error, interval90=interval.interval90)
+        for (name, interval), error in zip(intervals.items(), std, strict=True)
+    }
 
 
 def _absolute(ratios: dict[str, EstimatedValue], scale: Scale, kind: str) -> dict[str, EstimatedValue]:
@@ -176,11 +174,7 @@ def _absolute(ratios: dict[str, EstimatedValue], scale: Scale, kind: str) -> dic
     """
     low, high = scale.interval90
     of_scale = float(np.arcsinh((high - low) / (2 * scale.b))) / NORMAL_Q90  # exact for a lognormal interval
-    values = {scale.inertia: (1.0, 0.0)}
-    for name, ratio in ratios.items():
-        values[absolute_name(parameter_of(name, kind, scale.inertia), kind)] = (ratio.value, ratio.std)
-    absolute = {}
-    for name, (ratio, error) in values.items():
-        value, std = ratio * scale.b, scale.b * float(np.hypot(error, ratio * of_scale))
-        absolute[name] = estimated(value, std, "data" if scale.known else "bound")
-    return absolute
+    values = {parameter_of(name, kind, scale.inertia): ratio.value for name, ratio in ratios.items()}
+    covariance = np.diag([ratio.std**2 for ratio in ratios.values()])
+    source = ArmScale(scale.b, of_scale, by_gain=False, known=scale.known)
+    return absolute_values(values, covariance, source, scale.inertia, kind)

@@ -67,15 +67,14 @@ def run_problem(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> 
     The result contains the problem and the initial states (segments, 6), which are estimated from the readings.
 
     Raises:
-        RunError: the mode of the arm differs between run and model.
+        RunError: the run belongs to another rig, or the mode of the arm differs between run and model.
     """
     name = str(run.file or run.name)
     if run.arm_mode not in ("free", "driven"):
         raise RunError(f"{name}: its arm is {run.arm_mode}: give a run with a free or driven arm, as in the model")
     if model.input == "acceleration":
         raise RunError(f"{name}: its arm is driven by an acceleration, which the replay does not support")
-    if run.arm_mode == "driven" and model.input != (rig.motor.input if rig.motor else ""):
-        raise RunError(f"{name}: its arm is driven, but the model has no input")
+    model.refuse_run(run, rig)
     problem, initial = Recordings((record(run, rig),), rig).cut(segment_s)
     return replace(problem, model=RodsWithEffects(engine_constants(model, rig))), initial
 

@@ -47,18 +47,18 @@ TURNING = TurningSettings()
 
 @dataclass(frozen=True, slots=True)
 class LocalMotion:
-    """Motion of the rods at the centres of windows."""
+    """Motion of rods, or of arm and rods, at the centres of windows."""
 
     near: NDArray[np.intp]
     """(k,) indices of the rows at the centres of the windows."""
     t: Array
     """(k,) times, s."""
     rods: Array
-    """(k, 2) angles, rad."""
+    """(k, angles) angles, rad."""
     omega: Array
-    """(k, 2) speeds, rad/s."""
+    """(k, angles) speeds, rad/s."""
     alpha: Array
-    """(k, 2) accelerations, rad/s^2."""
+    """(k, angles) accelerations, rad/s^2."""
 
 
 def local_motion(t: Array, rods: Array, period_s: float, settings: LocalMotionSettings) -> LocalMotion | None:
@@ -68,7 +68,7 @@ def local_motion(t: Array, rods: Array, period_s: float, settings: LocalMotionSe
 
     Args:
         t: (n,) times, s
-        rods: (n, 2) angles, rad
+        rods: (n, angles) angles of rods, or of arm and rods, rad
         period_s: period of the faster oscillation, s
         settings: settings of the polynomials
     """

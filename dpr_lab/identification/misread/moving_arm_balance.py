@@ -109,14 +109,13 @@ def arm_balance(t: Array, theta: Array, rig: Rig) -> ArmBalance:
     if not len(t):
         return ArmBalance(np.nan)
     last, period_s = 2 if rig.rods.mounted == "both" else 1, min(periods(rig))
-    rods = local_motion(t, theta[:, [1, last]], period_s, TORQUES.motion)
-    arm = local_motion(t, theta[:, [0, 0]], period_s, TORQUES.motion)
-    if rods is None or arm is None:
+    motion = local_motion(t, theta[:, [0, 1, last]], period_s, TORQUES.motion)
+    if motion is None:
         return ArmBalance(np.nan)
-    (inner, th), (w1, w), (al1, al) = rods.rods.T, rods.omega.T, rods.alpha.T
-    centrifugal = np.cos(th) * arm.omega[:, 0] ** 2
+    (_, inner, th), (speed, w1, w), (rise, al1, al) = motion.rods.T, motion.omega.T, motion.alpha.T
+    centrifugal = np.cos(th) * speed**2
     columns = [
-        np.sin(th), np.cos(th) * arm.alpha[:, 0], np.sin(th) * centrifugal, w, np.tanh(w / TORQUES.slipping),
+        np.sin(th), np.cos(th) * rise, np.sin(th) * centrifugal, w, np.tanh(w / TORQUES.slipping),
         *([np.cos(inner - th) * al1, np.sin(inner - th) * w1**2, w1, np.sin(inner) * centrifugal] if last == 2 else []),
     ]  # fmt: skip
     matrix = np.column_stack(columns)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +12,7 @@ from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.errors import IdentificationError
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import Fit, fit
+from dpr_lab.identification.merging import MergeSettings
 from dpr_lab.identification.moving_arm.problem import ArmProblem, ArmRecording, Cut, arm_problem
 from dpr_lab.identification.moving_arm.search import searched_start
 from dpr_lab.identification.ratio_fit import TO_THE_MINIMUM
@@ -24,20 +25,8 @@ class ArmFitSettings:
 
     first_s: float = 0.25
     """Length of the first segments, s."""
-    ranges_rad: tuple[float, ...] = (0.2, 0.05, 0.0125)
-    """Maximum distance of the free run of a segment from the readings of the next segment for which both are merged,
-    rad.
-
-    After a failed merge, the next smaller distance is tried.
-    """
-    solver_error: float = 0.2
-    """Maximum error of the integration of a merged segment, relative to the noise."""
-    shortest_step: float = 2.5e-4
-    """Shortest Runge-Kutta step, s; segments that need a shorter step are not merged."""
-    worse: float = 1.05
-    """Maximum growth factor of the reduced chi-square for which merged segments are kept."""
-    iterations: int = 100
-    """Maximum number of iterations of each fit."""
+    merging: MergeSettings = field(default=MergeSettings(worse=1.05, shortest_step=2.5e-4))
+    """Settings of segment merging; the number of levels is not limited."""
     searched: float = 20.0
     """Reduced chi-square of the first segments above which a global search determines other initial values."""
     searched_segments: int = 32
@@ -122,7 +111,7 @@ def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFi
     """
     best = fit_short_segments(recordings, rig, settings)
     merges = [_length_and_misfit(best)]
-    limit, ranges = settings.worse * max(1.0, best.chi2_per_dof), list(settings.ranges_rad)
+    limit, ranges = settings.merging.worse * max(1.0, best.chi2_per_dof), list(settings.merging.ranges_rad)
     while ranges:
         longer = merged(best.problem, best.estimate, ranges[0])
         if longer is None:
@@ -169,7 +158,7 @@ def merged(problem: ArmProblem, estimate: Estimate, near_rad: float) -> tuple[Ar
     start = Estimate(estimate.vector, estimate.initial[list(pairs)])
     longer = problem.with_cuts(list(pairs.values()), step)
     near, exact = _following(longer, start, near_rad)
-    while (near & ~exact).any() and step > ARM_FIT.shortest_step:
+    while (near & ~exact).any() and step > ARM_FIT.merging.shortest_step:
         step /= 2
         near, exact = _following(problem.with_cuts(longer.cuts, step), start, near_rad)
     follows = {first for first, good in zip(pairs, near & exact, strict=True) if good}
@@ -194,7 +183,7 @@ def _following(longer: ArmProblem, start: Estimate, near_rad: float) -> tuple[Fl
     with np.errstate(invalid="ignore", over="ignore"):
         readings = longer.predict(start)
         near = ~longer.read | (np.abs(readings - longer.measured) < near_rad)
-        exact = ~longer.read | (longer.weight * np.abs(readings - finer.predict(start)) < ARM_FIT.solver_error)
+        exact = ~longer.read | (longer.weight * np.abs(readings - finer.predict(start)) < ARM_FIT.merging.solver_error)
     firsts = longer.segments.offsets[:-1]
     return np.logical_and.reduceat(near.all(axis=1), firsts), np.logical_and.reduceat(exact.all(axis=1), firsts)
 
@@ -254,7 +243,7 @@ def _start(problem: ArmProblem, initial: Array) -> Estimate:
 
 
 def fit_segments(
-    problem: ArmProblem, start: Estimate, iterations: int = ARM_FIT.iterations, *, states_only: bool = False
+    problem: ArmProblem, start: Estimate, iterations: int = ARM_FIT.merging.iterations, *, states_only: bool = False
 ) -> ArmFit:
     """Fit the unknowns and the initial states, or only the initial states, to given segments.
 

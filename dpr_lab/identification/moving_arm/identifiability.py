@@ -261,7 +261,7 @@ def _simulated(rig: Rig) -> ArmFit:
     if not poses:
         raise ConfigError(f"{rig.path}: poses: there are no poses to simulate; add [poses.X1], or give recorded runs")
     t = np.arange(round(RELEASES.duration_s * rig.link.rate_hz)) / rig.link.rate_hz
-    mode = mode_number(rig.arm.mode, rig.motor.input if rig.motor else "")
+    mode = mode_number(rig.arm.mode, rig.input)
     still = [
         Run(
             "expected", t, np.tile(pose.theta, (len(t), 1)), None, None, rig.name, rig.sha256, rig.link.rate_hz,

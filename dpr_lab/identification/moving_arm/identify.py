@@ -9,37 +9,27 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.errors import IdentificationError, RunError
 from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.identification.identified import SETTINGS
 from dpr_lab.identification.model import EstimatedValue, RigFacts, RunUsed
 from dpr_lab.identification.moving_arm.doubts import failures, stop_sentence
 from dpr_lab.identification.moving_arm.fit import ArmFit, covariance_of, fit_moving_arm, fit_segments
 from dpr_lab.identification.moving_arm.input_rows import other_input
 from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel
 from dpr_lab.identification.moving_arm.problem import ArmRecording, arm_problem, recordings_of
-from dpr_lab.identification.moving_arm.scale import absolute_values, estimated, motor_notes, scale_of_arm
+from dpr_lab.identification.moving_arm.scale import (
+    absolute_values,
+    estimated,
+    motor_notes,
+    scale_of_arm,
+    stated_scale,
+)
+from dpr_lab.identification.uncertainty import refuse_undetermined
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.shown import Row, Shown
 from dpr_lab.version import __version__
 
 JOINTS_READ = ("joint 0", "joint 1", "joint 2")
-
-
-@dataclass(frozen=True, slots=True)
-class ArmWarnings:
-    """Limits for determined unknowns and for a reliable fit."""
-
-    hardly_seen: float = 0.5
-    """Maximum relative standard deviation of an unknown that counts as determined."""
-    unseen: float = 1e3
-    """Maximum standard deviation of an unknown with information, relative to its value or in units of the ratio.
-
-    A larger standard deviation occurs after a failed fit.
-    """
-    gap: float = 3.0
-    """Reduced chi-square above which the model is clearly incomplete."""
-
-
-ARM_WARNINGS = ArmWarnings()
 
 
 def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
@@ -55,12 +45,15 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
     """
     recordings = recordings_of(runs, rig)
     fit = _fitted(recordings, rig)
-    covariance = _finite_covariance(fit)
+    covariance = covariance_of(fit)
+    refuse_undetermined(fit.values, covariance, "the arm and rods")
     unknowns, std = fit.problem.unknowns, np.sqrt(np.diag(covariance))
     names = [unknowns.name(parameter) for parameter in unknowns.free]
     estimates = [*map(estimated, fit.values.tolist(), std.tolist())]
-    is_determined = [estimate.std <= ARM_WARNINGS.hardly_seen * abs(estimate.value) for estimate in estimates]
-    determined, scale = [*compress(unknowns.free, is_determined)], scale_of_arm(fit, covariance, rig)
+    is_determined = [estimate.std <= SETTINGS.hardly_seen * abs(estimate.value) for estimate in estimates]
+    scale, places = scale_of_arm(fit, covariance, rig), np.flatnonzero(is_determined)
+    determined = {unknowns.free[k]: float(fit.values[k]) for k in places}
+    absolute = absolute_values(determined, covariance[np.ix_(places, places)], scale, unknowns.scale, unknowns.input)
     return MovingArmModel(
         rig=RigFacts.of(rig),
         mounted="both" if unknowns.scale == "b" else "inner",
@@ -74,8 +67,8 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
         },
         covariance=covariance.tolist(),
         unknowns=names,
-        absolute=absolute_values(fit, covariance, scale, is_determined),
-        scale_sentence=scale.sentence,
+        absolute=absolute,
+        scale_sentence=stated_scale(absolute[unknowns.scale], unknowns.scale, scale.fixed_by).sentence,
         swing=fit.p.tolist(),
         fit=_summary(fit, recordings),
         runs=[_used(run, fit, k) for k, run in enumerate(runs)],
@@ -99,16 +92,6 @@ def _fitted(recordings: Sequence[ArmRecording], rig: Rig) -> ArmFit:
         raise
 
 
-def _finite_covariance(fit: ArmFit) -> Array:
-    covariance = covariance_of(fit)
-    if not (np.isfinite(covariance).all() and np.isfinite(fit.values).all()):
-        raise IdentificationError(
-            "these runs do not determine the arm and rods: no finite uncertainty. Record larger motions, and check"
-            " zero, unit, sign and order of the angles"
-        )
-    return covariance
-
-
 def _summary(fit: ArmFit, recordings: Sequence[ArmRecording]) -> ArmFitSummary:
     noise = np.sqrt(np.mean([recording.std**2 for recording in recordings], axis=0))
     read = np.any(fit.problem.read, axis=0)
@@ -126,7 +109,7 @@ def _summary(fit: ArmFit, recordings: Sequence[ArmRecording]) -> ArmFitSummary:
 def undetermined(name: str, estimate: EstimatedValue) -> str:
     """State why the result does not contain an unknown."""
     low, high = estimate.interval90
-    if not estimate.std < ARM_WARNINGS.unseen * max(abs(estimate.value), 1.0):
+    if not estimate.std < SETTINGS.unseen * max(abs(estimate.value), 1.0):
         return "not determined by these recordings"
     if low > 0:
         return f"poorly determined: {low:.3g} to {high:.3g} (90 %)"
@@ -141,7 +124,7 @@ def _used(run: Run, fit: ArmFit, index: int) -> RunUsed:
 
 
 def _warnings(fit: ArmFit) -> list[str]:
-    if fit.misfit <= ARM_WARNINGS.gap:
+    if fit.misfit <= SETTINGS.gap_warning:
         return []
     return [
         f"the residual is {fit.misfit**0.5:.1f} times the noise: the model is incomplete, and `diagnose`"
@@ -216,12 +199,9 @@ def compare_moving_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: flo
     Raises:
         RunError: the model belongs to another rig, or cannot follow the readings.
     """
-    if (model.rig.name, model.rig.L1) != (rig.name, rig.L1) or model.mounted != rig.rods.mounted:
-        raise RunError(f"{run.file or run.name}: is a run of {rig.name}, but the model belongs to {model.rig.name}")
+    model.refuse_run(run, rig)
     recordings = recordings_of([run], rig)
     problem, initial = arm_problem(recordings, rig, segment_s)
-    if recordings[0].run.arm_mode == "driven" and model.input != (rig.motor.input if rig.motor else ""):
-        raise RunError(f"{run.file or run.name}: its arm is driven, but the model has no input")
     try:
         fit = fit_segments(problem, Estimate(np.array(model.swing), initial), states_only=True)
     except IdentificationError as error:

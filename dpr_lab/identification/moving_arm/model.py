@@ -8,17 +8,11 @@ from pydantic import Field
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects.coulomb import COULOMB_JOINT0
 from dpr_lab.effects.spring import SPRING_JOINT0
-from dpr_lab.identification.model import (
-    EstimatedValue,
-    FittedModel,
-    Model,
-    ModelPart,
-    Number,
-    RigFacts,
-    RunUsed,
-    read_model,
-)
-from dpr_lab.shown import Row, counted
+from dpr_lab.errors import RunError
+from dpr_lab.identification.model import EstimatedValue, FittedModel, Model, ModelPart, Number, read_model
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from dpr_lab.shown import counted
 
 
 class ArmFitSummary(ModelPart):
@@ -45,16 +39,12 @@ class MovingArmModel(FittedModel):
 
     kind: Literal["moving_arm"] = "moving_arm"
     """Identifier of this kind of model file."""
-    rig: RigFacts
-    """Rig of the model."""
     mounted: Literal["both", "inner"]
     """Mounted rods."""
     input: str
     """Kind of the input of the arm; empty if there is no driven run."""
     scale: Literal["a", "b"]
     """Inertia by which ratios are divided: a if only the inner rod is mounted, b for both rods."""
-    ratios: dict[str, EstimatedValue]
-    """Determined ratios, SI; `L0` in m."""
     undetermined: dict[str, str]
     """Unknowns that are not determined, with the reason for each."""
     covariance: list[list[Number]]
@@ -70,28 +60,31 @@ class MovingArmModel(FittedModel):
     """Sentence on the source of the scale of absolute values."""
     swing: Annotated[list[Number], Field(min_length=12, max_length=12)]
     """Fitted parameters in the order of `dpr_lab.dynamics.moving_arm.swing.SWING_PARAMETERS`, divided by the scale."""
-    effects: dict[str, dict[str, Number]] = {}
-    """Values of the named effects of a diagnosis, by effect and parameter, SI."""
     fit: ArmFitSummary
     """Residuals, noise and segments of the fit."""
-    runs: list[RunUsed]
-    """Runs used in the identification."""
     notes: list[str] = []
     """Notes on combinations that the recordings cannot separate, and on values that the rig file contributes."""
-    warnings: list[str] = []
-    """Warnings on the interpretation of the values."""
-    failures: list[str] = []
-    """Failed checks of the identification; empty for a reliable model."""
-    version: str = ""
-    """Version of dpr-lab that wrote the file."""
 
     def _heading(self) -> str:
         rms = ", ".join(f"{1e3 * value:.3g} mrad ({name})" for name, value in self.fit.rms_rad.items())
         return f"Model of rig {self.rig.name} with a moving arm from {counted(len(self.runs), 'run')}: {rms}"
 
-    def _rows(self) -> list[Row]:
-        rows = [(name, f"{ratio.value:.5g}", f"{ratio.std:.2g}") for name, ratio in self.ratios.items()]
-        return [("", "value", "std"), *rows]
+    @property
+    def quantities(self) -> dict[str, EstimatedValue]:
+        """Ratios and absolute values by name, SI."""
+        return self.ratios | self.absolute
+
+    def refuse_run(self, run: Run, rig: Rig) -> None:
+        """Check that the model describes the rig and the drive of a run.
+
+        Raises:
+            RunError: the model belongs to another rig, or has no input.
+        """
+        name = run.file or run.name
+        if (self.rig.name, self.rig.L1) != (rig.name, rig.L1) or self.mounted != rig.rods.mounted:
+            raise RunError(f"{name}: is a run of {rig.name}, but the model belongs to {self.rig.name}")
+        if run.arm_mode == "driven" and self.input != rig.input:
+            raise RunError(f"{name}: its arm is driven, but the model has no input")
 
     @property
     def sizes(self) -> dict[str, float]:

@@ -84,15 +84,13 @@ class ArmSwings:
     ) -> Array:
         """Compute the derivatives (samples, 3, free + states) of the readings by central differences."""
         vector, initial = estimate.vector, estimate.initial
-        columns = []
-        for parameter in free:
-            shift = parameter.step * np.eye(len(vector))[parameter.place]
-            ahead, behind = (self.predict(segments, Estimate(vector + sign * shift, initial)) for sign in (1.0, -1.0))
-            columns.append((ahead - behind) / (2 * parameter.step))
-        for shift in STEPS.state * np.eye(segments.states):
-            shifts = shift * self.free[:, : segments.states]
-            ahead, behind = (self.predict(segments, Estimate(vector, initial + sign * shifts)) for sign in (1.0, -1.0))
-            columns.append((ahead - behind) / (2 * STEPS.state))
+        of_vector, of_states, columns = np.eye(len(vector)), np.eye(segments.states), []
+        shifts = [(parameter.step * of_vector[parameter.place], 0.0, parameter.step) for parameter in free]
+        shifts += [(0.0, STEPS.state * unit * self.free[:, : segments.states], STEPS.state) for unit in of_states]
+        for shift, state, step in shifts:
+            estimates = (Estimate(vector + sign * shift, initial + sign * state) for sign in (1.0, -1.0))
+            ahead, behind = (self.predict(segments, changed) for changed in estimates)
+            columns.append((ahead - behind) / (2 * step))
         return np.stack(columns, axis=2)
 
 
@@ -160,7 +158,7 @@ def _recording(run: Run, rig: Rig) -> ArmRecording:
     if run.arm_input is not None:
         held = Torques(run.t + run.input_delay_s, np.zeros((len(run.t), 2)), on_arm=run.arm_input)
         drive[:-1], slope[:-1] = _line(swing.t, run.between_rows(held))
-    return ArmRecording(swing, mode_number(run.arm_mode, rig.motor.input if rig.motor else ""), std, drive, slope)
+    return ArmRecording(swing, mode_number(run.arm_mode, rig.input), std, drive, slope)
 
 
 def reading_std(run: Run, rig: Rig) -> Array:

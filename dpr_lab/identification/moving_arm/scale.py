@@ -3,7 +3,7 @@
 A known torque or the rig file determines it.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,16 +16,16 @@ from dpr_lab.identification.model import EstimatedValue
 from dpr_lab.identification.moving_arm.fit import ArmFit
 from dpr_lab.identification.moving_arm.setup import rods_measured
 from dpr_lab.identification.moving_arm.unknowns import best, rod_inertias, scale_parameters
-from dpr_lab.identification.scaling.scale import lognormal90
+from dpr_lab.identification.scaling.scale import Scale, lognormal90
 from dpr_lab.rig import PARAMETERS, Rig
 
 
 @dataclass(frozen=True, slots=True)
 class ArmScale:
-    """Scale of absolute sizes: the inertia by which ratios are multiplied."""
+    """Source of the scale of absolute sizes."""
 
     value: float
-    """Inertia that defines the scale, kg m^2."""
+    """Inertia by which ratios are multiplied, kg m^2."""
     relative_std: float
     """Relative standard deviation of the sources other than the recordings. It follows from the bounds of the rig file
     if no measurement determines the scale."""
@@ -34,40 +34,36 @@ class ArmScale:
     errors of the ratios."""
     known: bool
     """Whether recordings or measured values determine the scale."""
-    sentence: str
+
+    @property
+    def fixed_by(self) -> Literal["data", "measured", "bound"]:
+        """Source as in `Scale`: the drive in the recordings, measured values, or bounds of the rig file."""
+        return ("data" if self.by_gain else "measured") if self.known else "bound"
 
 
 def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
     """Determine the scale from a drive of known torque, otherwise from the rig file."""
     unknowns, motor = fit.problem.unknowns, rig.motor
-    name = unknowns.scale
     if "gain" in unknowns.free and motor is not None:
         gain = abs(fit.value("gain"))
         place = unknowns.free.index("gain")
         clear = covariance[place, place] ** 0.5 < 0.5 * gain
         if clear and motor.input == "torque":
-            return ArmScale(1.0 / gain, 0.0, True, True, f"The scale {name} is determined by the known torque.")
+            return ArmScale(1.0 / gain, 0.0, by_gain=True, known=True)
         if clear and motor.input == "current" and motor.kt is not None:
-            kt, measured = best(motor.kt, 0.0), motor.kt.std is not None
+            kt = best(motor.kt, 0.0)
             std = motor.kt.std or ((motor.kt.upper or kt) - (motor.kt.lower or kt)) / np.sqrt(12)
-            source = "the measured kt" if measured else "the nominal kt of the rig file"
-            return ArmScale(
-                kt * motor.gear / gain,
-                float(std / kt),
-                True,
-                measured,
-                f"The scale {name} follows from the current and {source}.",
-            )
-    Z = rig.nominal
-    value, relative = float(rod_inertias(Z, rig)[1]), _relative_std(rig)
-    if not rods_measured(rig):
-        sentence = (
-            f"The recordings do not determine the scale: absolute values assume {name} = {value:.4g}"
-            f" kg m^2 of the rig file."
-        )
-        return ArmScale(value, relative, False, False, sentence)
-    sentence = f"The scale {name} = {value:.4g} kg m^2 follows from measured values of the rig file."
-    return ArmScale(value, relative, False, True, sentence)
+            return ArmScale(kt * motor.gear / gain, float(std / kt), by_gain=True, known=motor.kt.std is not None)
+    value = float(rod_inertias(rig.nominal, rig)[1])
+    return ArmScale(value, _relative_std(rig), by_gain=False, known=rods_measured(rig))
+
+
+def stated_scale(
+    inertia: EstimatedValue, name: Literal["a", "b"], fixed_by: Literal["data", "measured", "bound"]
+) -> Scale:
+    """Return the scale of absolute values from their inertia `name`, a or b."""
+    value, (low, high) = inertia.value, inertia.interval90
+    return Scale(b=value, interval90=(max(low, 1e-3 * value), high), fixed_by=fixed_by, inertia=name)
 
 
 def _relative_std(rig: Rig) -> float:
@@ -81,22 +77,28 @@ def _relative_std(rig: Rig) -> float:
 
 
 def absolute_values(
-    fit: ArmFit, covariance: Array, scale: ArmScale, determined: Sequence[bool]
+    values: Mapping[str, float], covariance: Array, scale: ArmScale, inertia: str, kind: str
 ) -> dict[str, EstimatedValue]:
-    """Compute the absolute values of the determined unknowns and of the scale, by name."""
-    unknowns, values = fit.problem.unknowns, fit.values
+    """Compute the absolute values of determined unknowns and of the scale, by name.
+
+    Args:
+        values: the unknowns by their names in `SWING_PARAMETERS`, in units of the scale
+        covariance: (n, n) covariance of these unknowns
+        scale: source of the scale
+        inertia: inertia by which ratios are divided, a or b
+        kind: kind of the input of the arm; empty without an input
+    """
     unit, by_gain = np.eye(len(values)), np.zeros(len(values))
     if scale.by_gain:
-        by_gain[unknowns.free.index("gain")] = -1.0 / fit.value("gain")
-    rows = {unknowns.scale: (1.0, by_gain)}
-    for k, parameter in enumerate(unknowns.free):
-        if determined[k] and parameter != "L0" and not (scale.by_gain and parameter == "gain"):
-            rows[absolute_name(parameter, unknowns.input)] = float(values[k]), by_gain + unit[k] / values[k]
+        by_gain = -unit[[*values].index("gain")] / values["gain"]
+    rows = {inertia: (1.0, by_gain)}
+    for row, (parameter, value) in zip(unit, values.items(), strict=True):
+        if parameter != "L0" and not (scale.by_gain and parameter == "gain"):
+            rows[absolute_name(parameter, kind)] = value, row + value * by_gain
     absolute = {}
     for name, (ratio, row) in rows.items():
-        value = ratio * scale.value
-        std = abs(value) * float(np.sqrt(max(row @ covariance @ row, 0.0) + scale.relative_std**2))
-        absolute[name] = estimated(value, std, "data" if scale.known else "bound")
+        std = np.sqrt(max(row @ covariance @ row, 0.0) + (ratio * scale.relative_std) ** 2)
+        absolute[name] = estimated(ratio * scale.value, float(scale.value * std), "data" if scale.known else "bound")
     return absolute
 
 

@@ -89,13 +89,12 @@ def soft_stop(run: Run, rig: Rig) -> ArmStop | None:
         rig: mounted rods and lengths
     """
     window = min(periods(rig))
-    rods = local_motion(run.t, run.theta[:, 1:], window, TORQUES.motion)
-    arm = local_motion(run.t, run.theta[:, [0, 0]], window, TORQUES.motion)
-    if rods is None or arm is None:
+    motion = local_motion(run.t, run.theta, window, TORQUES.motion)
+    if motion is None:
         return None
-    terms = _terms(rods, arm, run, rig.rods.number)
+    terms = _terms(motion, run, rig.rods.number)
     basis = np.linalg.qr(terms / np.maximum(np.linalg.norm(terms, axis=0), 1e-300))[0]
-    angle, alpha = arm.rods[:, 0], arm.alpha[:, 0]
+    angle, alpha = motion.rods[:, 0], motion.alpha[:, 0]
     rest = alpha - basis @ (basis.T @ alpha)
     best = max(_pairs(_trials(angle, basis)), key=lambda pair: _reduction(pair, rest), default=())
     reduction = _reduction(best, rest)
@@ -105,17 +104,16 @@ def soft_stop(run: Run, rig: Rig) -> ArmStop | None:
     entered = np.flatnonzero(np.diff(stop.beyond.astype(int), prepend=0) == 1)
     if len(entered) < (1 if reduction > SOFT_STOP.certain else SOFT_STOP.contacts):
         return None
-    return ArmStop(stop.end, stop.angle, arm.t[entered].tolist())
+    return ArmStop(stop.end, stop.angle, motion.t[entered].tolist())
 
 
-def _terms(rods: LocalMotion, arm: LocalMotion, run: Run, number: int) -> Array:
+def _terms(motion: LocalMotion, run: Run, number: int) -> Array:
     """Return the regressors (k, terms) of the equation of the arm.
 
     The regressors exclude the inertia of the arm and the stops.
     """
-    q, speed, alpha = arm.rods[:, 0], arm.omega[:, 0], arm.alpha[:, 0]
-    sin, cos = np.sin(rods.rods).T, np.cos(rods.rods).T
-    w, al = rods.omega.T, rods.alpha.T
+    (q, *theta), (speed, *w), (alpha, *al) = motion.rods.T, motion.omega.T, motion.alpha.T
+    sin, cos = np.sin(theta), np.cos(theta)
     columns = [np.ones_like(q), q, speed, np.tanh(speed / TORQUES.slipping)]
     for i in range(number):
         columns.append(sin[i] ** 2 * alpha + 2 * speed * sin[i] * cos[i] * w[i])
@@ -123,7 +121,7 @@ def _terms(rods: LocalMotion, arm: LocalMotion, run: Run, number: int) -> Array:
     if number > 1:
         columns.append(sin[0] * sin[1] * alpha + speed * (sin[1] * cos[0] * w[0] + sin[0] * cos[1] * w[1]))
     if run.arm_input is not None:
-        columns.append(run.arm_input[arm.near])
+        columns.append(run.arm_input[motion.near])
     return np.column_stack(columns)
 
 

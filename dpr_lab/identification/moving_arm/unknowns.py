@@ -140,7 +140,7 @@ def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
         driven: whether a torque, current or voltage drives the arm in one of the recordings
         rig: initial values
     """
-    both_rods, kind = rig.rods.mounted == "both", rig.motor.input if rig.motor else ""
+    both_rods = rig.rods.mounted == "both"
     rods = rod_inertias(rig.nominal, rig)
     scale = float(rods[1])
     start = np.array([
@@ -160,7 +160,7 @@ def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
         free.append("L0")
         variance = np.append(np.full(len(start) - 1, 1e18), rig.rig.L0_std**2)
         prior = Prior(start, np.diag(variance), np.zeros(0))
-    return Unknowns("b" if both_rods else "a", tuple(free), kind, scale, start, prior)
+    return Unknowns("b" if both_rods else "a", tuple(free), rig.input, scale, start, prior)
 
 
 def nominal_gain(rig: Rig) -> float:

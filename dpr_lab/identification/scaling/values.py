@@ -32,6 +32,15 @@ class EstimatedValue(ModelPart):
     fixed_by: Literal["data", "bound"] = "data"
     """Source: `data`, or `bound` if the value depends mainly on nominal values and bounds of the rig file."""
 
+    def moved(self, value: float) -> "EstimatedValue":
+        """Return the estimate with another value; the interval is moved by the difference.
+
+        An end at zero stays, and an interval without negative values does not obtain any.
+        """
+        low, high = (end and end + value - self.value for end in self.interval90)
+        low = max(low, 0.0) if self.interval90[0] >= 0.0 else low
+        return self.model_copy(update={"value": value, "interval90": (low, high)})
+
 
 class ParameterValue(ModelPart):
     """One of the nine kinetic parameters and its source."""
