@@ -154,6 +154,12 @@ def test_each_alternative_has_a_way_to_distinguish_it(diagnosis):
     assert not any("spring_joint1" in words for words in distinction)
 
 
+def test_the_short_output_lists_only_effects_with_a_probable_alternative(diagnosis):
+    table = gap_tables.open_table(diagnosis())
+    assert [row[0] for row in table.rows if row[0]] == [COULOMB]
+    assert gap_tables.open_table(diagnosis(rivals=[])) is None
+
+
 def test_next_steps_end_with_the_remainder(diagnosis):
     steps = next_steps(diagnosis())
 

@@ -207,9 +207,10 @@ def standing_table(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBA
 
 
 def open_table(diagnosis: Diagnosis) -> PageTable | None:
-    """Return the probable alternatives of each named effect; None if none is probable."""
-    probable = any(alternative.probability >= PROBABLE for alternative in diagnosis.rivals)
-    return standing_table(diagnosis, most=0) if probable else None
+    """Return the alternatives of each named effect that has a probable one; None if there is no such effect."""
+    names = {alternative.instead_of for alternative in diagnosis.rivals if alternative.probability >= PROBABLE}
+    effects = [effect for effect in diagnosis.effects if effect.name in names]
+    return standing_table(diagnosis.model_copy(update={"effects": effects}), most=0) if names else None
 
 
 def _candidates(diagnosis: Diagnosis) -> Iterator[_Candidate]:
