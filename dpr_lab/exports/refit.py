@@ -15,7 +15,7 @@ from dpr_lab.dynamics.base import ALONE, RATIOS
 from dpr_lab.effects import EFFECTS, effect_params, named_params
 from dpr_lab.effects.effect import Effect
 from dpr_lab.exports import FORMATS
-from dpr_lab.exports.bodies import AnyModel, Effects, in_words, words_of
+from dpr_lab.exports.bodies import AnyModel, in_words, words_of
 from dpr_lab.exports.corrected import rod_values
 from dpr_lab.exports.module_parts import known_effects
 from dpr_lab.exports.moving_arm.corrected import with_engine_values, with_intervals
@@ -59,9 +59,7 @@ def fitted_for(formats: Sequence[str], model: AnyModel, runs: Sequence[Run], rig
     refitted: dict[frozenset[str], AnyModel] = {frozenset(): model}
     for name, lost in losses.items():
         if lost not in refitted:
-            effects = _without(model, lost, FORMATS[name].words)
-            best = _best_fit(problem, effects, _starts(bare.estimate, model, rig), bare.estimate.initial)
-            refitted[lost] = _with(model, problem, best, rig)
+            refitted[lost] = _refitted(model, lost, FORMATS[name].words, problem, bare, rig)
     return {name: refitted[lost] for name, lost in losses.items()}
 
 
@@ -82,10 +80,7 @@ def fitted_in_words(model: AnyModel, words: frozenset[str], runs: Sequence[Run],
     lost = frozenset(moving(model)) - set(in_words(model, rig, words))
     if not lost:
         return model
-    problem, bare = _bare_fit(model, runs, rig)
-    effects = _without(model, lost, words)
-    best = _best_fit(problem, effects, _starts(bare.estimate, model, rig), bare.estimate.initial)
-    return _with(model, problem, best, rig)
+    return _refitted(model, lost, words, *_bare_fit(model, runs, rig), rig)
 
 
 def unchanged(model: AnyModel, written: AnyModel) -> set[str]:
@@ -111,14 +106,16 @@ def _starts(bare: Estimate, model: AnyModel, rig: Rig) -> list[tuple[Array, Arra
     return [(bare.ratios, bare.params), (unknown, effect_params(named_params(params, among=OF_ARM)))]
 
 
-def _best_fit(problem: Problem, effects: Effects, starts: Sequence[tuple[Array, Array]], initial: Array) -> Fit:
-    """Fit from several initial values, and return the best fit.
+def _refitted(
+    model: AnyModel, lost: frozenset[str], words: frozenset[str], problem: Problem, bare: Fit, rig: Rig
+) -> AnyModel:
+    """Refit a model with simpler effects instead of the effects `lost`, and return the best fit.
 
-    A poor initial value can lead to a local minimum.
+    The fit starts from several initial values, because a poor initial value can lead to a local minimum.
     """
-    fits = []
-    for start, arm in starts:
-        estimate = Estimate.of(start, effect_params(named_params(arm) | dict(effects)), initial)
+    effects, fits = _without(model, lost, words), list[Fit]()
+    for start, arm in _starts(bare.estimate, model, rig):
+        estimate = Estimate.of(start, effect_params(named_params(arm) | effects), bare.estimate.initial)
         of_rods = [effect for effect in effects if EFFECTS[effect].stage in MOVING]
         free = [
             parameter
@@ -126,7 +123,7 @@ def _best_fit(problem: Problem, effects: Effects, starts: Sequence[tuple[Array, 
             if parameter.name in effects.get(parameter.effect, {parameter.name})
         ]
         fits.append(fit(problem, estimate, free, iterations=20))
-    return min(fits, key=lambda candidate: candidate.chi2)
+    return _with(model, problem, min(fits, key=lambda candidate: candidate.chi2), rig)
 
 
 def bare_model(model: AnyModel, runs: Sequence[Run], rig: Rig) -> AnyModel:

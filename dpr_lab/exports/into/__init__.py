@@ -18,8 +18,6 @@ from dpr_lab.exports.into.passive import PassiveForces, passive_forces
 from dpr_lab.exports.into.sdf import SdfEditor
 from dpr_lab.exports.into.target import (
     PATCH,
-    ArmTarget,
-    BodyChange,
     PatchedModel,
     Target,
     arm_change,
@@ -35,7 +33,7 @@ from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import Rig
 from dpr_lab.simulator_models import of_format
-from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
+from dpr_lab.simulator_models.chain import ChainRod, ModelChain
 from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.simulator_models.tree import SimulatorModel, Vector
 from dpr_lab.simulator_models.xml_edit import ChangedAttribute, XmlEdit
@@ -95,18 +93,19 @@ def into_file(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ())
     if isinstance(model, Model) and editor.passive:
         gravity = model.rig.g if read.gravity is None else None
         added = passive_forces(model, rig, expressed, chain, path.name, gravity)
-    targets = rod_targets(chain, corrected, added.friction)
-    hinges: list[tuple[ChainRod | ChainArm, Target, BodyChange]] = [
-        (rod, target, body_change(read, chain, joints, number, target, path))
-        for number, (rod, target) in enumerate(zip(chain.rods, targets, strict=True))
+    targets = [*rod_targets(chain, corrected, added.friction), *([of_arm] if of_arm else [])]
+    hinges = list(zip(chain.parts, targets, strict=False))
+    body_changes = [
+        body_change(read, chain, joints, number, target, path)
+        if isinstance(part, ChainRod)
+        else arm_change(read, part, target, path)
+        for number, (part, target) in enumerate(hinges)
     ]
-    if chain.arm and of_arm:
-        hinges.append((chain.arm, of_arm, arm_change(read, chain.arm, of_arm, path)))
-    for part, target, change in hinges:
+    for (part, target), change in zip(hinges, body_changes, strict=True):
         text = _edited(editor, text, changes, editor.set_body, part.joint.name, change)
         text = _edited(editor, text, changes, editor.set_joint, part, target)
     _, chain = _read(editor, text, joints, model.rig.g)
-    refuse_overridden(chain, targets, corrected.rods[0].length, editor.words, editor.overriding(), of_arm)
+    refuse_overridden(chain, targets, corrected.rods[0].length, editor.words, editor.overriding())
     return PatchedModel(text, tuple(changes), left_out(model, {*expressed, *added.effects}, editor.name), added)
 
 
@@ -122,7 +121,7 @@ def _read(editor: Editor, text: bytes, joints: Sequence[str], gravity: float) ->
         raise ConfigError(f"{editor.path}: {error}") from error
 
 
-def _moves(chain: ModelChain, longer: float, of_arm: ArmTarget | None) -> list[tuple[tuple[str, str], Vector]]:
+def _moves(chain: ModelChain, longer: float, of_arm: Target | None) -> list[tuple[tuple[str, str], Vector]]:
     """List the joints that must be shifted.
 
     Each entry contains the names of a joint and of the next joint, and the shift of the next joint in the world frame,

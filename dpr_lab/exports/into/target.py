@@ -58,24 +58,12 @@ class Target:
     words: Words
     gear: float | None
     """Gear ratio of the motor of its joint; None if there is no motor."""
-
-
-@dataclass(frozen=True, slots=True)
-class RodTarget(Target):
-    """Target values of a rod."""
-
-    centroid: float
-    """Distance of the centre of mass from the joint along the rod, m."""
-    offset: float
-    """Distance of the centre of mass from the axis of the rod, m."""
-
-
-@dataclass(frozen=True, slots=True)
-class ArmTarget(Target):
-    """Target values of the arm."""
-
-    length: float
-    """Distance of the rods' plane from the axis of the arm, m."""
+    centroid: float = 0.0
+    """Distance of the centre of mass of a rod from the joint along the rod, m."""
+    offset: float = 0.0
+    """Distance of the centre of mass of a rod from the axis of the rod, m."""
+    length: float = 0.0
+    """Distance of the rods' plane from the axis of an arm, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +167,7 @@ def arm_to_change(model: AnyModel, chain: ModelChain, rig: Rig, path: Path) -> C
     return chain.arm
 
 
-def rod_targets(chain: ModelChain, corrected: Bodies, friction: Sequence[float]) -> list[RodTarget]:
+def rod_targets(chain: ModelChain, corrected: Bodies, friction: Sequence[float]) -> list[Target]:
     """Compute target values of the rods that reproduce the moments of the corrected model.
 
     The masses of the file are kept.
@@ -200,11 +188,11 @@ def rod_targets(chain: ModelChain, corrected: Bodies, friction: Sequence[float])
         inertia = inertia_about_joint - rod_in_file.mass * (centroid**2 + offset**2)
         gear = None if rod_in_file.gear is None else rod_in_file.gear * rod.words.get("gear", 1.0)
         words = {**rod.words, "friction": rod.words.get("friction", 0.0) + held} if held else rod.words
-        targets.append(RodTarget(inertia, rod.damping, words, gear, centroid, offset))
+        targets.append(Target(inertia, rod.damping, words, gear, centroid, offset))
     return targets
 
 
-def arm_target(chain: ModelChain, in_file: ChainArm, corrected: Bodies, nominal_gain: float) -> ArmTarget:
+def arm_target(chain: ModelChain, in_file: ChainArm, corrected: Bodies, nominal_gain: float) -> Target:
     """Compute target values of the arm that reproduce the inertia of the corrected model.
 
     The masses of the file are kept.
@@ -221,10 +209,10 @@ def arm_target(chain: ModelChain, in_file: ChainArm, corrected: Bodies, nominal_
     carried = sum(rod.mass for rod in chain.rods) + chain.elbow_mass
     gear = None if in_file.gear is None else in_file.gear * (arm.gain / nominal_gain if arm.input else 1.0)
     words = {**arm.words, "armature": in_file.joint.armature}
-    return ArmTarget(total - carried * arm.length**2, arm.damping, words, gear, arm.length)
+    return Target(total - carried * arm.length**2, arm.damping, words, gear, length=arm.length)
 
 
-def arm_change(read: SimulatorModel, in_file: ChainArm, target: ArmTarget, path: Path) -> BodyChange:
+def arm_change(read: SimulatorModel, in_file: ChainArm, target: Target, path: Path) -> BodyChange:
     """Compute the change of the arm's body that gives the arm its target inertia.
 
     Raises:
@@ -243,7 +231,7 @@ def arm_change(read: SimulatorModel, in_file: ChainArm, target: ArmTarget, path:
 
 
 def body_change(
-    read: SimulatorModel, chain: ModelChain, joints: Sequence[str], number: int, target: RodTarget, path: Path
+    read: SimulatorModel, chain: ModelChain, joints: Sequence[str], number: int, target: Target, path: Path
 ) -> BodyChange:
     """Compute the change of a joint's body that gives the whole rod its target values.
 
@@ -297,37 +285,31 @@ def joint_values(part: ChainRod | ChainArm, target: Target) -> dict[str, tuple[f
 
 def refuse_overridden(
     chain: ModelChain,
-    targets: Sequence[RodTarget],
+    targets: Sequence[Target],
     length: float,
     words: frozenset[str],
     reason: str,
-    of_arm: ArmTarget | None = None,
 ) -> None:
     """Read the changed file again, and check that it has the target values.
 
     Args:
         chain: rods and arm of the changed file
-        targets: target values of the rods
+        targets: target values of the rods, and of the arm if it moves
         length: length of the inner rod, m
         words: elements of effects that the format supports
         reason: error message for a difference
-        of_arm: target values of the arm, if the arm moves
 
     Raises:
         ConfigError: other settings of the file override the numbers.
     """
-    pairs = [(chain.rods[0].length or 0.0, length)] if len(targets) == 2 else []
-    for rod, target in zip(chain.rods, targets, strict=True):
-        pairs += [(math.hypot(rod.centroid, rod.offset), math.hypot(target.centroid, target.offset))]
-    hinges: list[tuple[ChainRod | ChainArm, Target]] = list(zip(chain.rods, targets, strict=True))
-    if chain.arm and of_arm:
-        pairs += [(chain.arm.length, of_arm.length)]
-        hinges += [(chain.arm, of_arm)]
-    for hinge, target in hinges:
-        pairs += [(hinge.inertia, target.inertia), (hinge.joint.damping, target.damping)]
-        pairs += [(hinge.gear or 0.0, target.gear or 0.0)]
-        of_joint = {name: float(getattr(hinge.joint, name)) for name in ("friction", "armature", "stiffness")}
-        pairs += [(in_file, target.words.get(name, 0.0)) for name, in_file in of_joint.items() if name in words]
+    pairs = [(chain.rods[0].length or 0.0, length)] if len(chain.rods) == 2 else []
+    for part, target in zip(chain.parts, targets, strict=False):
+        if isinstance(part, ChainRod):
+            pairs += [(math.hypot(part.centroid, part.offset), math.hypot(target.centroid, target.offset))]
+        else:
+            pairs += [(part.length, target.length)]
+        pairs += [(part.inertia, target.inertia), (part.gear or 0.0, target.gear or 0.0)]
+        pairs += [pair for name, pair in joint_values(part, target).items() if name in {"damping", *words}]
     if any(abs(in_file - wanted) > PATCH.reached * abs(wanted) for in_file, wanted in pairs):
         raise ConfigError(reason)
 

@@ -14,7 +14,7 @@ from dpr_lab.arrays import Array, Flags
 from dpr_lab.errors import RunError
 from dpr_lab.exports.ensemble.bands import BANDS, PredictiveBand, quantiles_of
 from dpr_lab.exports.ensemble.starts import drawn_starts
-from dpr_lab.exports.moving_arm.replay import ARM_REPLAY, noise_of, run_problem
+from dpr_lab.exports.moving_arm.replay import ARM_REPLAY, arm_first, noise_of, run_problem
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.problem import Problem
@@ -49,9 +49,8 @@ def predictive_arm_band(members: Sequence[MovingArmModel], run: Run, rig: Rig, s
     drawn += np.nan_to_num(noise_of(problem)) * rng.standard_normal(drawn.shape)
     if not np.isfinite(drawn).all(axis=(1, 2)).any():
         raise RunError(f"{run.file or run.name}: no model of the ensemble can follow these readings")
-    order = [2, 0, 1]
-    low, high = (bound[:, order] for bound in quantiles_of(drawn))
-    measured = np.where(problem.read, problem.measured, np.nan)[compared][:, order]
+    low, high = (np.roll(bound, 1, axis=1) for bound in quantiles_of(drawn))
+    measured = arm_first(problem, problem.measured)[compared]
     t = segments.t[compared]
     return PredictiveBand(run.name, float(t[-1]) if len(t) else 0.0, t, measured, low, high)
 

@@ -88,19 +88,23 @@ def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float)
     problem, initial = run_problem(run, rig, model, segment_s)
     unknown, params = engine_values(model, rig)
     fitted = descend(problem, Estimate.of(unknown, params, initial), (), iterations=ARM_REPLAY.iterations).estimate
-    simulated, read = problem.predict(fitted), problem.read
+    simulated = problem.predict(fitted)
     if not np.isfinite(simulated).all():
         raise RunError(f"{run.file or run.name}: the model cannot follow these readings")
-    order = [2, 0, 1]
     return FollowedSegments(
         run.name,
         problem.t,
-        np.where(read, problem.measured, np.nan)[:, order],
-        np.where(read, simulated, np.nan)[:, order],
+        arm_first(problem, problem.measured),
+        arm_first(problem, simulated),
         problem.segments.offsets,
         fitted.initial[:, FOLLOW.order],
-        noise_of(problem)[order],
+        np.roll(noise_of(problem), 1),
     )
+
+
+def arm_first(problem: Problem, readings: Array) -> Array:
+    """Return readings (n, 3) in the order of joints 0, 1 and 2; nan where the recording has no reading."""
+    return np.roll(np.where(problem.read, readings, np.nan), 1, axis=1)  # joints 1, 2, 0 before
 
 
 def noise_of(problem: Problem) -> Array:
