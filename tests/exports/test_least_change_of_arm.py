@@ -8,16 +8,17 @@ import pytest
 
 from dpr_lab.exports.corrected import corrected_model
 from dpr_lab.exports.into import WORDS, into_file
-from dpr_lab.exports.into.least_change_of_arm import least_change_of_arm
+from dpr_lab.exports.into.least_change_of_arm import kept_numbers, least_change_of_arm, numbers_of_file
 from dpr_lab.exports.into.replay import replay_files
 from dpr_lab.exports.refit import fitted_in_words
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.identification.model import EstimatedValue
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.simulator_models import read_model
 from dpr_lab.simulator_models.double_pendulum import double_pendulum
 
 pytest.importorskip("mujoco")
-from tests.exports.arm_files import NUMBERS, imported, recorded, text_of
+from tests.exports.arm_files import NUMBERS, imported, model_like, recorded, text_of
 from tests.thinned import candidates
 
 SECONDS = 3.0
@@ -63,3 +64,23 @@ def test_a_planted_error_is_the_first_cause_and_alone(planted: str, rods: int, t
     assert replay.after_rad < (0.06 * replay.before_rad if softened else 1.1 * replay.lab_rad)
     assert replay.before_rad > 3 * replay.after_rad
     assert np.isclose(least.causes[0].share, 1.0, atol=0.05)
+
+
+@pytest.mark.parametrize("rods", [1, 2])
+def test_the_rotor_of_the_shoulder_changes_no_number_of_the_rod(rods: int, tmp_path: Path) -> None:
+    rotor, text = 0.003, text_of("xml", rods).replace('name="shoulder"', 'name="shoulder" armature="0.003"')
+    file, rig = imported(tmp_path / "own", "xml", text)
+    chain, model = double_pendulum(read_model(file)), model_like(rig, rig)
+    sizes = model.sizes | {"a": model.sizes["a"] + rotor}
+    scale = sizes[model.scale]
+    ratio = {name: value if name == "L0" else value / scale for name, value in sizes.items()}
+    estimates = {
+        f"{name}/{model.scale}": EstimatedValue(value=value, std=1e-4 * value, interval90=(value, value))
+        for name, value in ratio.items()
+        if name in (*("e1", "A", "c1"), *(("a", "d") if rods == 2 else ()))
+    }
+    absolute = {model.scale: model.absolute[model.scale].model_copy(update={"value": scale})}
+    model = model.model_copy(update={"ratios": estimates, "absolute": absolute, "swing": list(ratio.values())})
+    assert chain.arm is not None
+    of_file = numbers_of_file(chain, chain.arm, rig, model)
+    assert kept_numbers(of_file, model, chain) == (of_file, pytest.approx(1.0))

@@ -65,9 +65,8 @@ def least_change_of_arm(
     """
     assert chain.arm is not None
     model = model.with_arm_effects()
-    of_file = _of_file(chain, chain.arm, rig, model)
-    values = _values(of_file, model, chain)
-    factor = values[model.scale] / model.absolute[model.scale].value
+    of_file = numbers_of_file(chain, chain.arm, rig, model)
+    values, factor = kept_numbers(of_file, model, chain)
     effects = {n: as_in_file(diagnosis, chain, n, scaled(n, v, factor)) for n, v in model.effects.items()}
     effects |= unseen(diagnosis, chain, effects, (ARM, *range(len(chain.rods))))
     uncorrected = list(_changed(chain, chain.arm, values, of_file))
@@ -76,7 +75,7 @@ def least_change_of_arm(
     )
 
 
-def _of_file(chain: ModelChain, arm: ChainArm, rig: Rig, model: MovingArmModel) -> dict[str, float]:
+def numbers_of_file(chain: ModelChain, arm: ChainArm, rig: Rig, model: MovingArmModel) -> dict[str, float]:
     """Return the `SWING_PARAMETERS` of the file.
 
     Spring and Coulomb friction of the arm are not included, because they are effects.
@@ -95,12 +94,17 @@ def _carried(chain: ModelChain) -> float:
     return sum(rod.mass for rod in chain.rods) + chain.elbow_mass
 
 
-def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[str, float]:
-    """Return the `SWING_PARAMETERS` at one scale: values of the file if compatible, otherwise estimates."""
+def kept_numbers(of_file: Values, model: MovingArmModel, chain: ModelChain) -> tuple[dict[str, float], float]:
+    """Return the `SWING_PARAMETERS` at one scale: values of the file if compatible, otherwise estimates.
+
+    The second result is the ratio of this scale to that of the model. The estimate of a contains the rotor of joint 1,
+    which the file contains as armature.
+    """
     u: dict[str, float] = dict(zip(SWING_PARAMETERS, model.swing, strict=True))
     tolerance = _tolerances(model)
     floor = CHANGE.idle * np.sqrt(of_file["a"] * of_file["e1"])  # a file may contain no damping
-    x = {name: of_file[name] or floor for name in tolerance}
+    rotor = {"a": chain.rods[0].joint.armature}
+    x = {name: (of_file[name] or floor) + rotor.get(name, 0.0) for name in tolerance}
 
     def stays(name: str, s: float) -> bool:
         return abs((1.0 if name == "L0" else s) * u[name] / x[name] - 1) < tolerance[name]
@@ -115,9 +119,10 @@ def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[s
     values = dict(of_file)
     for name in tolerance:
         if not stays(name, s):
-            values[name] = u[name] * (1.0 if name == "L0" else s)
+            values[name] = u[name] * (1.0 if name == "L0" else s) - rotor.get(name, 0.0)
     values = with_own_numbers(chain, values, of_file, 0.0)
-    return values | ({"b": values["a"]} if model.scale == "a" else {})
+    factor = (values[model.scale] + rotor.get(model.scale, 0.0)) / model.absolute[model.scale].value
+    return values | ({"b": values["a"]} if model.scale == "a" else {}), factor
 
 
 def _tolerances(model: MovingArmModel) -> dict[str, float]:
