@@ -201,7 +201,7 @@ def _used(index: int, prepared: PreprocessedRun, ratio_fit: RatioFit) -> RunUsed
         samples=len(run.t),
         duration_s=run.duration,
         chi2_per_dof=float(ratio_fit.fit.linear.chi2_by_segment[segments].sum())
-        / ((1 if run.setup.alone else 2) * len(run.t) - run.setup.starts * len(segments)),
+        / int(ratio_fit.problem.evidence_by_segment[segments].sum()),
         segments=len(segments),
         horizon_s=predictable_until(ratio_fit, int(segments[0]), run.t),
         torque_kind=run.torque_kind,

@@ -15,6 +15,7 @@ from dpr_lab.identification.moving_arm.fit import ARM_FIT, covariance_of, fit_mo
 from dpr_lab.identification.moving_arm.identify import (
     compare_moving_arm,
     identify_moving_arm,
+    runs_used,
     undetermined,
 )
 from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
@@ -135,6 +136,20 @@ def test_the_bounds_of_a_nominal_kt_give_the_uncertainty_of_the_scale():
     assert f"assume b = {b.value:.4g} kg m^2" in sentence
     assert f"(90 % interval from its bounds {b.interval90[0]:.4g} to {b.interval90[1]:.4g})" in sentence
     assert scale.relative_std == pytest.approx(np.std(kt) / 0.5, rel=0.02)
+
+
+def test_each_run_has_its_own_chi_square():
+    rng, rig = np.random.default_rng(1), rig_with("driven", "torque")
+    Z, arm, start = drawn(rng, rig)
+    runs = [recorded(rig, Z, arm, start, PUSH, share * PUSH, rng).between(0.0, 1.0) for share in (1.0, 1.5)]
+    problem, initial = arm_problem(recordings_of(runs, rig), rig, 0.25)
+    fit = fit_segments(problem, Estimate(problem.unknowns.start, initial), 3, states_only=True)
+    weighed = replace(fit, problem=replace(problem, weight=0.5 * problem.weight), at_noise=fit.chi2_per_dof)
+    for used in (runs_used(runs, fit), runs_used(runs, weighed)):
+        assert [run.segments for run in used] == [4, 4]
+        reduced = [run.chi2_per_dof for run in used]
+        assert np.mean(reduced) == pytest.approx(problem.chi2(fit.estimate) / problem.evidence)
+        assert reduced[1] > 1.2 * reduced[0]
 
 
 @pytest.mark.slow

@@ -71,7 +71,7 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
         scale_sentence=stated_scale(absolute[unknowns.scale], unknowns.scale, scale.fixed_by).sentence,
         swing=fit.p.tolist(),
         fit=_summary(fit, recordings),
-        runs=[_used(run, fit, k) for k, run in enumerate(runs)],
+        runs=runs_used(runs, fit),
         notes=motor_notes(fit, scale, rig, determined),
         warnings=[*_warnings(fit), *filter(None, [other_input(fit, runs, rig)])],
         failures=failures(fit, recordings, rig, gain_seen="gain" in determined),
@@ -118,9 +118,17 @@ def undetermined(name: str, estimate: EstimatedValue) -> str:
     return "not determined by these recordings"
 
 
-def _used(run: Run, fit: ArmFit, index: int) -> RunUsed:
-    segments = sum(recording == index for recording, _ in fit.problem.cuts)
-    return RunUsed.of(run, samples=len(run.swing.t), duration_s=run.duration, segments=segments)
+def runs_used(runs: Sequence[Run], fit: ArmFit) -> list[RunUsed]:
+    """Return the entries of the fitted runs, with the reduced chi-square of each run at the noise of its readings."""
+    problem, of_segments = fit.problem, fit.problem.segments.run
+    of_samples = of_segments[problem.owner]
+    std = np.array([recording.std for recording in problem.recordings])[of_samples]
+    residuals = np.where(problem.read, problem.measured - problem.predict(fit.estimate), 0.0) / std
+    chi2 = np.bincount(of_samples, np.sum(residuals**2, axis=1)) / np.bincount(of_segments, problem.evidence_by_segment)
+    return [
+        RunUsed.of(run, samples=len(run.swing.t), duration_s=run.duration, chi2_per_dof=reduced, segments=count)
+        for run, reduced, count in zip(runs, chi2.tolist(), np.bincount(of_segments).tolist(), strict=True)
+    ]
 
 
 def _warnings(fit: ArmFit) -> list[str]:
