@@ -53,26 +53,18 @@ def corrected_arm_model(
     driven = any(run.arm_mode == "driven" for run in runs)
     mounted: Literal["both", "inner"] = "both" if rig.rods.mounted == "both" else "inner"
     swing, inertia = swing_of(unknown, effect_params(effects), mounted, driven, rig)
-    letter: Literal["a", "b"] = "b" if mounted == "both" else "a"
     assumed = diagnosis.scale or posterior_of(unknown, rig).scale(float(unknown[SCALE]))
-    scale = assumed.as_inertia(letter, inertia / assumed.b)
+    scale = assumed.as_inertia("b" if mounted == "both" else "a", inertia / assumed.b)
     kind = rig.input if driven else ""
-    covariance = np.array(diagnosis.determined_covariance)
-    ratios = _with_values(_estimates(diagnosis.determined, covariance), swing, kind, letter)
     std = np.sqrt(np.mean([reading_std(run, rig) ** 2 for run in runs], axis=0)).tolist()
     read = sorted(joint for joint, floor in diagnosis.gap.floor_rad.items() if floor > 0.0)
     noise = {joint: std[int(joint[-1])] for joint in read}
     return MovingArmModel(
+        **_arm_values(diagnosis.determined, np.array(diagnosis.determined_covariance), swing, kind, scale),
         rig=RigFacts.of(rig),
         mounted=mounted,
         input=kind,
-        scale=letter,
-        ratios=ratios,
-        undetermined={},
-        covariance=diagnosis.determined_covariance,
-        unknowns=list(ratios),
-        absolute=_absolute(ratios, scale, kind),
-        scale_sentence=scale.sentence,
+        scale=scale.inertia,
         swing=swing,
         effects=_named(effects),
         fit=ArmFitSummary(
@@ -110,18 +102,46 @@ def with_intervals(
         fitted: inertia b of this fit; None: the scale of the model remains
     """
     assumed = model.absolute[model.scale]
-    if fitted is None:
-        scale = stated_scale(assumed, model.scale, assumed.fixed_by)
-    else:
+    if fitted is not None:
         scale = fitted.as_inertia(model.scale, assumed.value / fitted.b)
-    ratios = _with_values(_estimates(determined, covariance), model.swing, model.input, model.scale)
-    absolute, update = _absolute(ratios, scale, model.input), dict[str, Any]()
-    if fitted is None:
-        absolute[model.scale] = assumed
-    else:
-        update["scale_sentence"] = scale.sentence
-    update |= {"covariance": covariance.tolist(), "unknowns": list(ratios), "absolute": absolute, "undetermined": {}}
-    return model.model_copy(update={"ratios": ratios, **update})
+        return model.model_copy(update=_arm_values(determined, covariance, model.swing, model.input, scale))
+    scale = stated_scale(assumed, model.scale, assumed.fixed_by)
+    values = _arm_values(determined, covariance, model.swing, model.input, scale)
+    unchanged = {"absolute": {**values["absolute"], model.scale: assumed}, "scale_sentence": model.scale_sentence}
+    return model.model_copy(update=values | unchanged)
+
+
+def _arm_values(
+    determined: Mapping[str, Interval], covariance: Array, swing: Sequence[float], kind: str, scale: Scale
+) -> dict[str, Any]:
+    """Return the values of a model with their intervals, as `rod_values` does for a clamped arm.
+
+    The standard deviations of absolute values include the standard deviation of the scale.
+
+    Args:
+        determined: the ratios with their intervals, which are moved to the values in `swing`
+        covariance: (n, n) covariance of these ratios
+        swing: (12,) `SWING_PARAMETERS`, divided by the scale
+        kind: kind of the input of the arm; empty without an input
+        scale: scale of absolute values
+    """
+    std, (low, high) = np.sqrt(np.diag(covariance)).tolist(), scale.interval90
+    estimates = {
+        name: EstimatedValue(value=interval.value, std=error, interval90=interval.interval90)
+        for (name, interval), error in zip(determined.items(), std, strict=True)
+    }
+    ratios = _with_values(estimates, swing, kind, scale.inertia)
+    of_scale = float(np.arcsinh((high - low) / (2 * scale.b))) / NORMAL_Q90  # exact for a lognormal interval
+    values = {parameter_of(name, kind, scale.inertia): ratio.value for name, ratio in ratios.items()}
+    source = ArmScale(scale.b, of_scale, by_gain=False, known=scale.known)
+    return {
+        "ratios": ratios,
+        "undetermined": {},
+        "covariance": covariance.tolist(),
+        "unknowns": list(ratios),
+        "absolute": absolute_values(values, np.diag(np.diag(covariance)), source, scale.inertia, kind),
+        "scale_sentence": scale.sentence,
+    }
 
 
 def with_swing(model: MovingArmModel, swing: Sequence[float], inertia: float) -> MovingArmModel:
@@ -156,25 +176,3 @@ def _joint(name: str) -> str:
 def _named(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
     """Return the effects except for the arm itself and one-time events."""
     return {name: dict(values) for name, values in effects.items() if name not in OF_ARM and not EFFECTS[name].event}
-
-
-def _estimates(intervals: Mapping[str, Interval], covariance: Array) -> dict[str, EstimatedValue]:
-    """Return ratios with their intervals, and with the standard deviations of their covariance (n, n)."""
-    std = np.sqrt(np.diag(covariance)).tolist()
-    return {
-        name: EstimatedValue(value=interval.value, std=error, interval90=interval.interval90)
-        for (name, interval), error in zip(intervals.items(), std, strict=True)
-    }
-
-
-def _absolute(ratios: dict[str, EstimatedValue], scale: Scale, kind: str) -> dict[str, EstimatedValue]:
-    """Compute absolute values of the determined ratios and of the scale.
-
-    Their standard deviations include the standard deviation of the scale.
-    """
-    low, high = scale.interval90
-    of_scale = float(np.arcsinh((high - low) / (2 * scale.b))) / NORMAL_Q90  # exact for a lognormal interval
-    values = {parameter_of(name, kind, scale.inertia): ratio.value for name, ratio in ratios.items()}
-    covariance = np.diag([ratio.std**2 for ratio in ratios.values()])
-    source = ArmScale(scale.b, of_scale, by_gain=False, known=scale.known)
-    return absolute_values(values, covariance, source, scale.inertia, kind)

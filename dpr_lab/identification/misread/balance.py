@@ -299,10 +299,27 @@ def _residual(covariance: Array, added: Array) -> float:
     if not size > 0:
         return np.inf
     H, gradient = (columns.T @ covariance @ x / size for x in (columns, target))
-    least = [1 / ENERGY.slack] * 3 + [0.0] * 4 + [1 / ENERGY.slack] * driven
-    most = [ENERGY.slack] * 3 + [ENERGY.friction] * 2 + [ENERGY.dry] * 2 + [ENERGY.slack] * driven
-    x = bounded_solution(H + RIDGE * np.trace(H) * np.eye(len(H)), gradient, np.array(least), np.array(most))
+    x = coefficients(H, gradient, *coefficient_bounds(ENERGY.dry, driven))
     return math.sqrt(max(float(target @ covariance @ target) / size + x @ H @ x - 2 * x @ gradient, 0.0))
+
+
+def coefficient_bounds(dry: float, driven: int) -> tuple[Array, Array]:
+    """Return lower and upper bounds (7 or 8,) of the coefficients of a balance, relative to the rig file.
+
+    The coefficients are those of a, b, d, viscous friction (2), Coulomb friction (2), and known torques.
+
+    Args:
+        dry: maximum coefficient of Coulomb friction
+        driven: 1 if the torques are known, otherwise 0
+    """
+    least = [1 / ENERGY.slack] * 3 + [0.0] * 4 + [1 / ENERGY.slack] * driven
+    most = [ENERGY.slack] * 3 + [ENERGY.friction] * 2 + [dry] * 2 + [ENERGY.slack] * driven
+    return np.array(least), np.array(most)
+
+
+def coefficients(H: Array, gradient: Array, least: Array, most: Array) -> Array:
+    """Fit coefficients (n,) within bounds; a weak ridge keeps the normal equations regular."""
+    return bounded_solution(H + RIDGE * np.trace(H) * np.eye(len(H)), gradient, least, most)
 
 
 def _integral(t: Array, power: Array) -> Array:

@@ -22,8 +22,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dpr_lab.arrays import Array
-from dpr_lab.fitting.projection import RIDGE, bounded_solution
-from dpr_lab.identification.misread.balance import ENERGY, best_zeros, mounted_base, periods
+from dpr_lab.identification.misread.balance import (
+    ENERGY,
+    best_zeros,
+    coefficient_bounds,
+    coefficients,
+    mounted_base,
+    periods,
+)
 from dpr_lab.identification.misread.local_motion import LocalMotion, LocalMotionSettings, local_motion
 from dpr_lab.rig import Rig
 
@@ -62,8 +68,7 @@ class TorqueBalance:
         Args:
             added: (2,) angles added to both rods, rad
         """
-        columns, target, least, most = self._equations(self.moving.rods + np.asarray(added))
-        return self._solution(columns, target, least, most)[0]
+        return self._solution(*self._equations(self.moving.rods + np.asarray(added)), *self._bounds)[0]
 
     def zeros(self, *, nearest: bool = False) -> tuple[float, float]:
         """Find the two angles whose addition to the rod angles minimises the residual.
@@ -78,7 +83,7 @@ class TorqueBalance:
 
         The inertias are relative to gravity torques, in the order of the function `inertias`.
         """
-        columns, target, least, most = self._equations(self.moving.rods)
+        (columns, target), (least, most) = self._equations(self.moving.rods), self._bounds
         gravity = self._gravity_of_outer(self.moving.rods)
         columns = np.column_stack([*columns.T[:2], columns[:, 2] - gravity, *columns.T[3:], gravity])
         residual, x = self._solution(columns, target, np.append(least, 1 / ENERGY.slack), np.append(most, ENERGY.slack))
@@ -104,9 +109,12 @@ class TorqueBalance:
         """
         if not np.std(target) > 0:
             return np.inf, np.ones(len(least))
-        H = columns.T @ columns
-        x = bounded_solution(H + RIDGE * np.trace(H) * np.eye(len(H)), columns.T @ target, least, most)
+        x = coefficients(columns.T @ columns, columns.T @ target, least, most)
         return float(np.sqrt(np.sum((columns @ x - target) ** 2) / len(self.moving.t))), x
+
+    @property
+    def _bounds(self) -> tuple[Array, Array]:
+        return coefficient_bounds(TORQUES.coulomb, self.torques is not None)
 
     def _thinned(self) -> "TorqueBalance":
         stride, moving = max(1, len(self.moving.t) // ENERGY.zero_rows), self.moving
@@ -114,8 +122,8 @@ class TorqueBalance:
         thinned = LocalMotion(*(getattr(moving, name)[::stride] for name in names))
         return replace(self, moving=thinned, torques=None if self.torques is None else self.torques[::stride])
 
-    def _equations(self, rods: Array) -> tuple[Array, Array, Array, Array]:
-        """Return columns and target of the equations, and lower and upper bounds of the coefficients.
+    def _equations(self, rods: Array) -> tuple[Array, Array]:
+        """Return columns and target of the equations.
 
         The coefficients are relative to their values in the rig file.
         """
@@ -132,15 +140,12 @@ class TorqueBalance:
             (e1 * slip1, zeros),
             (-e2 * slip2, e2 * slip2),
         ]
-        least, most = [1 / ENERGY.slack] * 3 + [0.0] * 4, [ENERGY.slack] * 3 + [ENERGY.friction] * 2
-        most += [TORQUES.coulomb] * 2
         if self.torques is not None:
             pairs.append((self.torques[:, 1] - self.torques[:, 0], -self.torques[:, 1]))
-            least, most = [*least, 1 / ENERGY.slack], [*most, ENERGY.slack]
         size = self._size(rods, e1, e2)
         columns = np.stack([self._of_joints(*pair) for pair in pairs], axis=1)
         target = self._of_joints(e1 * np.sin(th1), zeros)
-        return columns / size, target / size, np.array(least), np.array(most)
+        return columns / size, target / size
 
     def _of_joints(self, inner: Array, outer: Array) -> Array:
         """Concatenate both equations, or add them if there is only one degree of freedom."""

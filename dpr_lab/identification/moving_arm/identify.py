@@ -119,7 +119,10 @@ def undetermined(name: str, estimate: EstimatedValue) -> str:
 
 
 def runs_used(runs: Sequence[Run], fit: ArmFit) -> list[RunUsed]:
-    """Return the entries of the fitted runs, with the reduced chi-square of each run at the noise of its readings."""
+    """Return the entries of the fitted runs.
+
+    The noise of the readings is the unit of the reduced chi-square, even if the fit weights joints by their residuals.
+    """
     problem, of_segments = fit.problem, fit.problem.segments.run
     of_samples = of_segments[problem.owner]
     std = np.array([recording.std for recording in problem.recordings])[of_samples]
