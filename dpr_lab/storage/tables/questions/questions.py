@@ -13,6 +13,7 @@ from dpr_lab.identification.misread.balance import periods
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.questions.accelerations import balance_questions, rig_questions, unit_questions
 from dpr_lab.storage.tables.questions.energy import energy_questions
+from dpr_lab.storage.tables.questions.hand import hand_questions
 from dpr_lab.storage.tables.questions.joined import gap_questions, joined_questions
 from dpr_lab.storage.tables.questions.period import period_questions
 from dpr_lab.storage.tables.questions.pose import apart, pose_questions
@@ -57,7 +58,12 @@ def questions(table: InterpretedTable) -> list[TableQuestion]:
     posed = [] if other else pose_questions(table)
     certain = other or posed or arm or any(doubt.mend for doubt in doubts)
     if not certain:
-        doubts = balance_questions(table) or [*period_questions(table), *rig_questions(table), *doubts]
+        doubts = balance_questions(table) or [
+            *period_questions(table),
+            *rig_questions(table),
+            *hand_questions(table),
+            *doubts,
+        ]
     return [*doubts, *arm, *few_rows, *posed]
 
 

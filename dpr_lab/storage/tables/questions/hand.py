@@ -1,0 +1,51 @@
+"""Warn if a hand moves the rod at the beginning of a table."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dpr_lab.identification.misread.balance import periods
+from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
+
+
+@dataclass(frozen=True, slots=True)
+class HandSettings:
+    """Limits below which the acceleration of a rod shows that a hand moves it."""
+
+    window: float = 0.2
+    """Duration over which the acceleration is estimated, in periods of small swings."""
+    fewest_rows: int = 6
+    """Minimum number of rows in this duration."""
+    away: float = 0.5
+    """Minimum sine of the angle. Near hanging and upright, gravity accelerates a free rod little, too."""
+    share: float = 0.25
+    """Maximum acceleration of a rod moved by a hand, relative to the acceleration by gravity."""
+
+
+HAND = HandSettings()
+
+
+def hand_questions(table: InterpretedTable) -> list[TableQuestion]:
+    """Warn if a single rod does not fall at the beginning, although it is not at rest."""
+    if table.rig.rods.number != 1 or not table.free:
+        return []
+    t, angle = table.t[table.looked_at], table.theta[table.looked_at, 1]
+    period, held = periods(table.rig)[0], 0
+    for first, last in enumerate(np.searchsorted(t, t + HAND.window * period)):
+        if last - first < HAND.fewest_rows:
+            break
+        parabola = np.polyfit(t[first:last] - t[first], angle[first:last], 2)
+        sine = abs(math.sin(angle[first:last].mean()))
+        if sine < HAND.away or 2 * abs(parabola[0]) > HAND.share * sine * (2 * np.pi / period) ** 2:
+            break
+        held = last
+    if not held:
+        return []
+    begins = f"{math.ceil(100 * (t[held - 1] - table.t[0] + table.options.start_s)) / 100:g}"
+    return [
+        TableQuestion(
+            f"the rod does not fall until {begins} s after the first row, although only gravity should act on it:"
+            f" if a hand moved it, exclude this part (--start-s {begins})"
+        )
+    ]

@@ -1,0 +1,47 @@
+"""A warning about a hand that moves the rod at the beginning of a table."""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from dpr_lab.rig import Rig
+from dpr_lab.storage.csv_import import ImportOptions
+from dpr_lab.storage.tables.understand import understand
+from tests.storage.test_rod_alone import table
+
+RATE_HZ = 50.0
+
+
+def swing(angle: float, friction: float = 0.0, noise: float = 2e-3) -> np.ndarray:
+    """(n,) angle of a bob at 0.3 m with viscous and Coulomb friction, released at rest, rad."""
+
+    def rates(_: float, state: np.ndarray) -> list[float]:
+        resisting = 0.06 * state[1] + friction * math.tanh(state[1] / 0.05)
+        return [state[1], -9.81 / 0.3 * math.sin(state[0]) - resisting]
+
+    instants = np.arange(0, 6, 1 / RATE_HZ)
+    angles = solve_ivp(rates, (0, 6), [angle, 0.0], t_eval=instants, rtol=1e-8, atol=1e-8).y[0]
+    return angles + np.random.default_rng(4).normal(0, noise, len(angles))
+
+
+def doubts(folder: Path, rig: Rig, angles: np.ndarray) -> list[str]:
+    file = table(folder, "t,theta1", np.arange(len(angles)) / RATE_HZ, angles)
+    questions = understand(file, rig, ImportOptions(zero="hanging", keep_rest=True)).questions
+    return [question.sentence for question in questions if "a hand" in question.sentence]
+
+
+def test_a_hand_that_lifts_the_rod_before_the_release(tmp_path: Path, one: Rig) -> None:
+    lifted = np.linspace(1.58, 1.75, 25)
+    (doubt,) = doubts(tmp_path, one, np.concatenate([lifted, swing(1.75, friction=1.0)]))
+    begins = re.search(r"--start-s ([\d.]+)", doubt)
+    assert begins
+    assert 24 / RATE_HZ <= float(begins[1]) <= 0.6
+
+
+@pytest.mark.parametrize(("angle", "friction"), [(0.7, 0.0), (1.6, 3.0), (2.5, 1.0)])
+def test_a_free_release_is_not_attributed_to_a_hand(tmp_path: Path, one: Rig, angle: float, friction: float) -> None:
+    assert doubts(tmp_path, one, swing(angle, friction, noise=0.01)) == []
