@@ -1,6 +1,6 @@
 """Choice of the recordings of a real rig to fit first, compared with all other choices.
 
-    python benchmarks/plan_real.py --data FOLDER [--only pendule_pi] [--fitted 2]
+    python benchmarks/plan_real.py --data FOLDER [--only pendule_pi] [--fitted 2] [--fixed]
 
 Each recording is fitted alone, or each pair with `--fitted 2`. Free runs of the fit predict the other recordings. The
 error of the choice is compared with the median over all choices. The choice is made before any fit: its ranges of joint
@@ -25,9 +25,14 @@ from _real import PIECE_S, PIECES
 from numpy.typing import NDArray
 from real import rigs
 
+from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import DprError
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.screen.record import Record, record
+from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.transfer.free_run import free_runs
+from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
@@ -58,6 +63,13 @@ def _titled(folder: Path, part: str) -> tuple[Rig, list[Run]]:
 
 SPACING_S = 0.02
 """Interval over which speeds are computed as differences, s. Over shorter intervals, noise dominates."""
+
+FIXED = {
+    "multiarm": ("friction_curve_joint2", "air_drag_outer", "coulomb_joint1"),
+    "pendule_pi": ("encoder_scale_joint1",),
+    "dfki_driven": ("coulomb_joint1", "coulomb_joint2", "rotor_inertia_joint2"),
+}
+"""Effects that are fitted with `--fixed`. Diagnoses of all recordings name them (docs/real-rigs.md)."""
 
 SETS: dict[str, Callable[[Path], tuple[Rig, list[Run]]]] = {
     "multiarm": multiarm,
@@ -95,10 +107,15 @@ def states(recorded: Record) -> NDArray[np.float64]:
     return np.abs(np.hstack([angles, np.gradient(joints, t, axis=0)]))
 
 
-def held_out_errors(rig: Rig, runs: Sequence[Run], chosen: Sequence[int]) -> dict[str, float]:
-    """Error of the free run along each recording that was not fitted, rad; inf if the fit failed."""
+def held_out_errors(rig: Rig, runs: Sequence[Run], chosen: Sequence[int], fixed: Sequence[str]) -> dict[str, float]:
+    """Error of the free run along each recording that was not fitted, rad; inf if the fit failed.
+
+    The fit is that of a diagnosis, or that of the effects `fixed`.
+    """
     others = [runs[k] for k in others_of(chosen, runs)]
     try:
+        if fixed:
+            return fixed_errors(rig, [runs[k] for k in chosen], others, fixed)
         diagnosis = diagnose([runs[k] for k in chosen], rig, held_out=others)
     except DprError as error:
         print(f"  {error}", file=sys.stderr)
@@ -107,7 +124,18 @@ def held_out_errors(rig: Rig, runs: Sequence[Run], chosen: Sequence[int]) -> dic
     return {run.name: free[run.name]["after"] for run in others if run.name in free}
 
 
-def bars(name: str, rig: Rig, runs: Sequence[Run], fitted: int) -> list[Bar]:
+def fixed_errors(rig: Rig, runs: Sequence[Run], others: Sequence[Run], effects: Sequence[str]) -> dict[str, float]:
+    """Error of the free run along the other recordings, rad, after a fit of given effects."""
+    prepared, unseen = ([record(run, rig) for run in group] for group in (runs, others))
+    recordings, problem, model = fit_bare_model(Recordings(tuple(prepared), rig), nominal_ratios(rig))
+    sets = FittedSets(recordings, problem, {effect: EFFECTS[effect] for effect in effects}, model)
+    for effect in effects:
+        score = sets.score(model, effect)
+        model = sets.with_one(model, score) if score else model
+    return free_runs(recordings.only(unseen), model.estimate).errors_rad
+
+
+def bars(name: str, rig: Rig, runs: Sequence[Run], fitted: int, fixed: Sequence[str]) -> list[Bar]:
     """Error of the choice relative to the median over all choices.
 
     The error of a choice is its median over the recordings that are predicted by every fit without them.
@@ -115,7 +143,7 @@ def bars(name: str, rig: Rig, runs: Sequence[Run], fitted: int) -> list[Bar]:
     every, shares = choices(runs, fitted), covered_shares(rig, runs, fitted)
     names, predicted = [run.name for run in runs], list[dict[str, float]]()
     for chosen, share in zip(every, shares, strict=True):
-        predicted.append(held_out_errors(rig, runs, chosen))
+        predicted.append(held_out_errors(rig, runs, chosen, fixed))
         error, label = np.median(list(predicted[-1].values())), " and ".join(names[k] for k in chosen)
         print(f"{label}: covers {share:.3f}, held-out error {error:.4f} rad", file=sys.stderr, flush=True)
     common = [
@@ -138,10 +166,14 @@ def main() -> None:
     parser = options(__doc__)
     parser.add_argument("--data", type=Path, required=True, help="folder of the real recordings")
     parser.add_argument("--fitted", type=int, default=1, help="number of recordings that are fitted together")
+    parser.add_argument("--fixed", action="store_true", help="fit the effects of FIXED instead of a diagnosis")
     parser.add_argument("--only", default="", help="use only sets whose name begins with this text")
     args = parser.parse_args()
     each = [(name, *read(args.data)) for name, read in SETS.items() if name.startswith(args.only)]
-    every = [bars(name, rig, runs[:3] if args.quick else runs, args.fitted) for name, rig, runs in each]
+    every = list[list[Bar]]()
+    for name, rig, runs in each:
+        fixed = FIXED[name.split()[0]] if args.fixed else ()
+        every.append(bars(name, rig, runs[:3] if args.quick else runs, args.fitted, fixed))
     show("plan on real recordings", [bar for some in every for bar in some], args.json)
 
 
