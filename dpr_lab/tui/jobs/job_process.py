@@ -1,5 +1,6 @@
 """Start and control of a job in a separate process, and reception of its events."""
 
+import asyncio
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -98,6 +99,8 @@ class JobHeard(Message, bubble=False):
 def start_job(owner: DOMNode, function: Callable[..., Any], **arguments: Any) -> JobProcess:
     """Start a `JobProcess`, whose events are posted to `owner` as `JobHeard` messages.
 
+    The job is cancelled when `owner` is removed.
+
     Raises:
         SafetyStop: the page is read-only, and the job does more than read.
     """
@@ -108,5 +111,11 @@ def start_job(owner: DOMNode, function: Callable[..., Any], **arguments: Any) ->
         for event in job.events():
             owner.post_message(JobHeard(job, event))
 
-    owner.run_worker(listen, thread=True, exit_on_error=False, group="job")
+    async def follow() -> None:
+        try:
+            await asyncio.to_thread(listen)
+        finally:
+            job.cancel()
+
+    owner.run_worker(follow(), exit_on_error=False, group="job")
     return job

@@ -155,10 +155,6 @@ class JobStep(Step):
         if self.display and (self.app.focused is None or not self.app.focused.is_on_screen):
             self.focus()
 
-    def on_unmount(self) -> None:
-        """Cancel the job when the step is closed."""
-        self._stop_job()
-
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Show only keys that have an effect now."""
         working = self.job is not None

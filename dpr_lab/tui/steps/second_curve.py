@@ -98,10 +98,6 @@ class SecondCurve(Guarded, Horizontal):
         """Focus the field."""
         self._field.focus()
 
-    def on_unmount(self) -> None:
-        """Cancel the job when the step is closed."""
-        self._end()
-
     @property
     def _field(self) -> Input:
         return self.query_one(Input)

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rich.text import Text
 from textual import on
@@ -20,16 +19,13 @@ from dpr_lab.storage.sidecar import write_note
 from dpr_lab.tui.guard import Guarded
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.jobs.job_events import JobFailed, JobFinished, JobProgress
-from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess, start_job
+from dpr_lab.tui.jobs.job_process import JobHeard, start_job
 from dpr_lab.tui.jobs.jobs import RunSurveyed
 from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.texts import following
 from dpr_lab.tui.widgets.key_line import KeyLine
-
-if TYPE_CHECKING:
-    from dpr_lab.storage.inspect import RunInfo
 
 COLUMNS = ("", "pose", "recorded", "s", "lost", "state", "gate", "file")
 CHOSEN, LEFT = "✔", " "
@@ -96,7 +92,6 @@ no samples. The reason is shown below the list.
         self._paths: list[Path] = []
         self._find()
         self._known: dict[Path, RunSurveyed] = {}
-        self._jobs: list[JobProcess] = []
 
     def compose(self) -> ComposeResult:
         """Build the filter, the table, the metadata of the current run, and the keys."""
@@ -117,11 +112,6 @@ no samples. The reason is shown below the list.
             table.add_column(column, key=column or "chosen")
         self._survey()
         table.focus()
-
-    def on_unmount(self) -> None:
-        """Cancel the jobs when the list is closed."""
-        for job in self._jobs:
-            job.cancel()
 
     def action_accept(self) -> None:
         """Return the selected runs, or the run under the cursor.
@@ -183,7 +173,7 @@ no samples. The reason is shown below the list.
         """Verify hash, chunks, ticks and end of the run under the cursor."""
         if (path := self._here) is not None:
             self._say(f"checking {path.name}")
-            self._jobs.append(start_job(self, jobs.verify, path=path))
+            start_job(self, jobs.verify, path=path)
 
     def action_export(self) -> None:
         """Write the run under the cursor in another format."""
@@ -195,7 +185,7 @@ no samples. The reason is shown below the list.
         if (path := self._here) is not None:
             out = path.with_name(f"{path.stem}-recovered{path.suffix}")
             self._say(f"recovering {path.name}")
-            self._jobs.append(start_job(self, jobs.recover, path=path, out=out))
+            start_job(self, jobs.recover, path=path, out=out)
 
     def on_key(self, event: Key) -> None:
         """Show recent folders when up or down is pressed in the folder field."""
@@ -227,7 +217,7 @@ no samples. The reason is shown below the list.
         if (path := self._here) is not None:
             write_note(path, note)
             self._to_list()
-            self._jobs.append(start_job(self, jobs.survey, paths=[path]))
+            start_job(self, jobs.survey, paths=[path])
 
     def _find(self) -> None:
         """Collect the runs of the folder, additional runs, and selected runs elsewhere."""
@@ -242,7 +232,7 @@ no samples. The reason is shown below the list.
         self._list()
         self._say("")
         if self._paths:
-            self._jobs.append(start_job(self, jobs.survey, paths=self._paths))
+            start_job(self, jobs.survey, paths=self._paths)
         else:
             step = self._services.key_of("Capture")
             other = self._services.keys.of("runs.folder")
@@ -290,7 +280,7 @@ no samples. The reason is shown below the list.
         if suffix is not None:
             out = self._folder.parent / "exports" / f"{path.stem}{suffix}"
             self._say(f"writing {out}")
-            self._jobs.append(start_job(self, jobs.export, path=path, out=out))
+            start_job(self, jobs.export, path=path, out=out)
 
     @on(JobHeard)
     def _hear(self, message: JobHeard) -> None:
@@ -337,10 +327,8 @@ class FormatScreen(ModalScreen[str | None]):
 
 
 def _row(path: Path, known: RunSurveyed | None) -> tuple[str, ...]:
-    if known is None:
-        return ("", "", "", "", "reading", "", path.stem)
-    if known.info is None:
-        return ("", "", "", "", "unreadable", "", path.stem)
+    if known is None or known.info is None:
+        return ("", "", "", "", "reading" if known is None else "unreadable", "", path.stem)
     info = known.info
     return (
         info.pose or "–",
@@ -357,22 +345,11 @@ def _about(known: RunSurveyed) -> str:
     if known.info is None:
         return known.trouble
     info = known.info
+    lost = ", ".join(f"{cause.replace('_', ' ')} {count}" for cause, count in info.lost.items() if count)
+    reasons = info.gate if ":" in info.gate else ""  # why the quality gate did not rate the run "ok"
     lines = [
         f"{info.samples} samples at {info.rate_hz:g} Hz, rig {info.rig}, {info.source} {info.url}",
-        f"lost {_losses(info)}; {info.gaps} gaps, the longest {1e3 * info.longest_gap_s:.1f} ms",
-        *(text for text in (_reason(info.gate), info.damage, info.stopped, info.note, *info.notes) if text),
+        f"lost {lost or 'nothing'}; {info.gaps} gaps, the longest {1e3 * info.longest_gap_s:.1f} ms",
+        *filter(None, (reasons, info.damage, info.stopped, info.note, *info.notes)),
     ]
     return "\n".join(lines)
-
-
-def _reason(gate: str) -> str:
-    """Return the reasons why the quality gate rated a run other than "ok".
-
-    The text is empty if the rating is "ok".
-    """
-    return gate if ":" in gate else ""
-
-
-def _losses(info: "RunInfo") -> str:
-    causes = [f"{cause.replace('_', ' ')} {count}" for cause, count in info.lost.items() if count]
-    return ", ".join(causes) or "nothing"
