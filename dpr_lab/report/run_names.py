@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison
+    from dpr_lab.identification.moving_arm.identify import ArmComparison
 
 
 def local_time(utc: str) -> str:
@@ -48,12 +49,12 @@ def run_label(stem: str) -> str:
     return f"{run_pose(file)} ({when})" if when else stem
 
 
-def compared_name(comparison: "Comparison") -> str:
+def compared_name(comparison: "Comparison | ArmComparison") -> str:
     """Return the label of a compared run.
 
     The label is the name of the run, preceded by the pose unless the name contains the pose as a word of its own.
     """
     name = run_label(comparison.run)
-    pose = comparison.pose
+    pose = getattr(comparison, "pose", None)
     named = not pose or re.search(rf"(?<![^\W_]){re.escape(pose)}(?![^\W_])", name)
     return name if named else f"{pose} {name}"

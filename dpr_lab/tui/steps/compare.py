@@ -12,7 +12,7 @@ from textual.events import Resize
 from textual.widgets import Select, Static
 
 from dpr_lab.errors import RunError
-from dpr_lab.report.run_names import compared_name, run_label, run_name
+from dpr_lab.report.run_names import compared_name, run_name
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.jobs.jobs import ComparisonSaved, FreeRunFrom, FreeRunStart
 from dpr_lab.tui.jobs.kept_comparison import KeptComparison
@@ -38,7 +38,6 @@ class CompareStep(JobStep):
 
     NAME = "Compare"
     PURPOSE = "simulates the runs with the model"
-    WORK = ""
     RESTS_ON = ("the runs", "the model", "the torques")
     HELP = f"""
 Simulates every selected run with the model. A **free run** starts from the state fitted at one instant and is not
@@ -70,8 +69,8 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
     def __init__(self, services: Services) -> None:
         super().__init__(services)
         self._compared_subject: tuple[Path, float, tuple[Path, ...], str | None] | None = None
-        self._comparisons: list[Comparison] = []
-        self._of_arm: list[ArmComparison] = []
+        self._compared: Sequence[Comparison | ArmComparison] = ()
+        self._arm_moves = False
         self._joints, self._views = [0, 1], VIEWS
         self._free_runs: dict[FreeRunStart, FreeRun] = {}
         self._left_out = 0
@@ -98,12 +97,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
 
     def outcome(self) -> str:
         """Return the number of compared runs as text."""
-        return counted_runs(self._compared) if self._compared and self._compared_subject is not None else ""
-
-    @property
-    def _compared(self) -> int:
-        """Number of compared runs."""
-        return len(self._comparisons) + len(self._of_arm)
+        return counted_runs(len(self._compared)) if self._compared and self._compared_subject is not None else ""
 
     def enter(self) -> None:
         """Show the last comparison, or start one if there is none.
@@ -134,7 +128,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
 
     def pace(self, now: float) -> str:
         """Return the remaining time as text, estimated from the number of finished runs."""
-        done, net = self._compared, now - self._started - self._compiled_s
+        done, net = len(self._compared), now - self._started - self._compiled_s
         return f"about {net * (self._runs - done) / done:.0f} s left" if 0 < done < self._runs else ""
 
     def stale(self) -> str:
@@ -151,7 +145,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
 
         The kind of torque can be changed while the job waits. If the arm moves, there is no second curve.
         """
-        if action == "second_curve" and self._of_arm:
+        if action == "second_curve" and self._arm_moves:
             return False
         return action != "torque" or super().check_action(action, parameters)
 
@@ -161,7 +155,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         if model is None:
             return
         self._compared_subject = self._subject()
-        self._comparisons, self._of_arm, self._free_runs, self._left_out, self._saved = [], [], {}, 0, False
+        self._compared, self._free_runs, self._left_out, self._saved = (), {}, 0, False
         self.say("simulating")
         out = self.workspace.out / "report"
         runs, record = tuple(self.workspace.runs), out / "comparison.json"
@@ -172,7 +166,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         """Show a compared or skipped run, the saved comparison, or a requested free run."""
         match value:
             case RunCompared(comparison):
-                self.show([*self._comparisons, *self._of_arm, comparison])
+                self.show([*self._compared, comparison])
             case RunLeftOut(why=why):
                 self._left_out += 1
                 raise RunError(why)
@@ -194,7 +188,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
     def action_cycle(self, what: str) -> None:
         """Show the next run, axis or view."""
         picker = self.query_one(f"#{what}", Select)
-        options = {"run": range(self._compared), "axis": self._joints, "view": self._views}[what]
+        options = {"run": range(len(self._compared)), "axis": self._joints, "view": self._views}[what]
         if len(options):
             picker.value = following(options, picker.value)
         next(chart for chart in self.query(Chart) if chart.display).focus()
@@ -216,17 +210,16 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         self.query_one(Slider).action_move(steps)
 
     def show(self, comparisons: "Sequence[Comparison | ArmComparison]") -> None:
-        """Draw the current selection."""
+        """Offer compared runs; draw the selected one."""
         from dpr_lab.identification.compare import Comparison
 
-        self._comparisons = [comparison for comparison in comparisons if isinstance(comparison, Comparison)]
-        self._of_arm = [comparison for comparison in comparisons if not isinstance(comparison, Comparison)]
+        self._compared, self._arm_moves = comparisons, not isinstance(comparisons[0], Comparison)
         self._offer_runs()
 
     @on(Select.Changed)
     def _picked(self, event: Select.Changed) -> None:
         event.stop()
-        if event.select.id == "run" and (shown := self._shown) is not None:
+        if event.select.id == "run" and (shown := self._shown) is not None and not self._arm_moves:
             slider, step = self.query_one(Slider), SETTINGS.start_step_s
             slider.maximum = step * int(max(shown.t[-1] - step, 0.0) / step)
             slider.value = 0.0
@@ -253,9 +246,9 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         self._arrange()
 
     @property
-    def _shown(self) -> "Comparison | None":
+    def _shown(self) -> "Comparison | ArmComparison | None":
         run = self.query_one("#run", Select).value
-        return self._comparisons[run] if isinstance(run, int) and run < len(self._comparisons) else None
+        return self._compared[run] if isinstance(run, int) and run < len(self._compared) else None
 
     def _subject(self) -> tuple[Path, float, tuple[Path, ...], str | None]:
         model = self.workspace.model or Path()
@@ -269,10 +262,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
     @property
     def _names(self) -> list[str]:
         """Names of the compared runs."""
-        of_arm = [f"{run_label(comparison.run)} {_role(comparison.held_out)}" for comparison in self._of_arm]
-        return of_arm or [
-            f"{compared_name(comparison)} {_role(comparison.held_out)}" for comparison in self._comparisons
-        ]
+        return [f"{compared_name(run)} ({'held out' if run.held_out else 'used'})" for run in self._compared]
 
     def _offer_runs(self) -> None:
         picker = self.query_one("#run", Select)
@@ -289,10 +279,12 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
 
         A model with a moving arm has its own joints and no free runs.
         """
-        self.query_one(SecondCurve).display = self.query_one(Slider).display = not self._of_arm
+        from dpr_lab.identification.moving_arm.identify import ArmComparison
+
+        self.query_one(SecondCurve).display = self.query_one(Slider).display = not self._arm_moves
         names, joints, views = AXES, [0, 1], VIEWS
-        if self._of_arm:
-            names, joints, views = arm_results.JOINT_NAMES, arm_results.joints_of(self._of_arm[0]), arm_results.VIEWS
+        if isinstance(first := self._compared[0], ArmComparison):
+            names, joints, views = arm_results.JOINT_NAMES, arm_results.joints_of(first), arm_results.VIEWS
         if (joints, views) == (self._joints, self._views):
             return
         self._joints, self._views = joints, views
@@ -302,9 +294,11 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         axis.value, view.value = joints[-1], views[0]
 
     def _offer_second(self) -> None:
+        from dpr_lab.identification.compare import Comparison
+
         number = self.query_one("#run", Select).value
-        names = self._names[: len(self._comparisons)]
-        self.query_one(SecondCurve).offer(self._comparisons, names, number if isinstance(number, int) else 0)
+        runs = [run for run in self._compared if isinstance(run, Comparison)]
+        self.query_one(SecondCurve).offer(runs, self._names[: len(runs)], number if isinstance(number, int) else 0)
 
     def _arrange(self) -> None:
         view = self.query_one("#view", Select).value
@@ -314,26 +308,18 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
 
     def _draw(self, news: str = "") -> None:
         self._arrange()
-        if self._of_arm:
-            self._draw_arm(news)
+        shown, joint, unit = self._shown, self.query_one("#axis", Select).value, self.workspace.unit
+        if shown is None or not isinstance(joint, int):
             return
-        shown = self._shown
-        if shown is None:
-            return
-        free_run = self._free_run(shown)
-        axis = 1 if self.query_one("#axis", Select).value == 1 else 0
-        compared = ComparedRun(shown, free_run, self.query_one(SecondCurve).chosen, axis, self.workspace.unit)
-        self.query_one(Slider).mark = free_run.horizon_s
-        compared.draw_angle(self.query_one("#angle", Chart))
-        compared.draw_error(self.query_one("#error", Chart), self.query_one("#view", Select).value == VIEWS[1])
-        self.say(compared.figures(news))
+        from dpr_lab.identification.compare import Comparison
 
-    def _draw_arm(self, news: str) -> None:
-        """Draw a run of a rig with a moving arm."""
-        run, joint = (self.query_one(name, Select).value for name in ("#run", "#axis"))
-        if not isinstance(run, int) or not isinstance(joint, int) or run >= len(self._of_arm):
-            return
-        compared = arm_results.ComparedArmRun(self._of_arm[run], joint, self.workspace.unit)
+        if isinstance(shown, Comparison):
+            free_run, second = self._free_run(shown), self.query_one(SecondCurve).chosen
+            self.query_one(Slider).mark = free_run.horizon_s
+            freely = self.query_one("#view", Select).value == VIEWS[1]
+            compared = ComparedRun(shown, free_run, second, joint, unit, freely)
+        else:
+            compared = arm_results.ComparedArmRun(shown, joint, unit)
         compared.draw_angle(self.query_one("#angle", Chart))
         compared.draw_error(self.query_one("#error", Chart))
         self.say(compared.figures(news))
@@ -345,14 +331,9 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         """
         from dpr_lab.identification.compare import FreeRun
 
-        run = self._comparisons.index(shown)
-        start = FreeRunStart(run, self.query_one(Slider).value)
+        start = FreeRunStart(self._compared.index(shown), self.query_one(Slider).value)
         return self._free_runs.get(start) or FreeRun(shown.t, shown.free_run, shown.horizon_s)
 
     def say(self, text: str) -> None:
         """Show a sentence in place of the figures."""
         self.put("figures", text)
-
-
-def _role(held_out: bool) -> str:
-    return "(held out)" if held_out else "(used)"

@@ -44,6 +44,8 @@ class ComparedRun:
     axis: int
     """0: inner rod, 1: outer rod."""
     unit: AngleUnit
+    freely: bool
+    """Whether the error of the free run is drawn instead of that of the segments."""
 
     @property
     def horizon(self) -> list[Mark]:
@@ -69,28 +71,25 @@ class ComparedRun:
             y_range=_range_of(measured.y),
         )
 
-    def draw_error(self, chart: Chart, freely: bool) -> None:
-        """Draw the error of the free run if `freely`, otherwise that of the segments.
-
-        The error of the free run is drawn up to its horizon.
-        """
+    def draw_error(self, chart: Chart) -> None:
+        """Draw the error of the segments, or that of the free run up to its horizon."""
         scale, axis, shown = self.unit.small_per_rad, self.axis, self.comparison
         noise = SETTINGS.noise_sigmas * scale * float(shown.noise_rad[axis])
         t, error = shown.t, shown.segment_residual[:, axis]
-        if freely:
+        if self.freely:
             near = self.free_run.t <= self.free_run.horizon_s
             t = self.free_run.t[near]
             error = shown.measured[-len(self.free_run.t) :, axis][near] - self.free_run.theta[near, axis]
         lines = [Series("residual", t, scale * error)]
         if (second := self.second) is not None:
-            near = second.t <= (second.horizon_s if freely else second.t[-1])
-            error = (second.free_run_error if freely else second.segment_residual)[near, axis]
+            near = second.t <= (second.horizon_s if self.freely else second.t[-1])
+            error = (second.free_run_error if self.freely else second.segment_residual)[near, axis]
             lines.append(Series(self._second_name(second), second.t[near], scale * error, "accent"))
         chart.show(
             lines,
             x_label="time (s)",
             y_label=f"{AXES[axis]} ({self.unit.small})",
-            marks=self.horizon if freely else [],
+            marks=self.horizon if self.freely else [],
             band=Band(-noise, noise, f"noise ±{SETTINGS.noise_sigmas}σ"),
             x_range=(float(shown.t[0]), float(shown.t[-1])),
         )

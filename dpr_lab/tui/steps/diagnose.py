@@ -15,7 +15,6 @@ from textual.widgets import Input, Label, Select, Static, TabbedContent, TabPane
 from dpr_lab.errors import ConfigError
 from dpr_lab.gap.result import RECORD
 from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan
-from dpr_lab.report.angles import AngleUnit
 from dpr_lab.shown import percent
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.jobs.stage_pace import StagePace
@@ -23,7 +22,8 @@ from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.arm_results import start_of_diagnosis
 from dpr_lab.tui.steps.diagnosis_views import far_view, next_view, which_view
-from dpr_lab.tui.steps.job_step import READING, JobStep
+from dpr_lab.tui.steps.job_step import READING
+from dpr_lab.tui.steps.result_step import ResultStep
 from dpr_lab.tui.texts import named_runs
 from dpr_lab.tui.widgets.chart import Chart, Series
 from dpr_lab.tui.widgets.run_browser import RunBrowser
@@ -57,12 +57,12 @@ NONE_LEFT = (
 )
 
 
-class DiagnoseStep(JobStep):
+class DiagnoseStep(ResultStep["Diagnosis"]):
     """Diagnosis of the selected runs."""
 
     NAME = "Diagnose"
     PURPOSE = "shows where the simulation differs from the rig, which effect causes it, and with which probability"
-    WORK = "the current diagnosis"
+    RESULT = "diagnosis"
     RESTS_ON = ("the rig", "the runs", "the held-out runs", "the model", "the torques")
     HELP = """
 Shows where the simulation differs from the rig, and which unmodelled effects cause the gap, with probabilities and
@@ -91,9 +91,6 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
 
     def __init__(self, services: Services) -> None:
         super().__init__(services)
-        self._shown: Path | None = None
-        self._diagnosis: Diagnosis | None = None
-        self._unit: AngleUnit | None = None
         self._stage: StageBegan | None = None
         self._pace: StagePace | None = None
 
@@ -122,24 +119,22 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
 
     def outcome(self) -> str:
         """Return the short verdict for the list of steps."""
-        if self._diagnosis is None:
+        if self.result is None:
             return ""
-        named = len(self._diagnosis.effects)
-        if self._diagnosis.verdict == "named":
+        named = len(self.result.effects)
+        if self.result.verdict == "named":
             return f"{named} effect{'s' * (named > 1)} named"
-        return self._diagnosis.verdict.replace("_", " ")
+        return self.result.verdict.replace("_", " ")
 
     def enter(self) -> None:
         """Show the held-out runs, and the diagnosis of the workspace."""
         self._show_held_out()
-        if self._diagnosis is not None and self._unit is not self.workspace.unit:
-            self._draw(self._diagnosis)
-        if self.workspace.diagnosis not in (None, self._shown) and self.job is None:
+        if self.workspace.diagnosis not in (None, self._file) and self.job is None:
             from dpr_lab.gap.result.diagnosis import load_diagnosis
 
-            self._shown = self.workspace.diagnosis
-            self.show(load_diagnosis(self._shown))
-        self.invite()
+            self._file = self.workspace.diagnosis
+            self.show(load_diagnosis(self._file))
+        super().enter()
 
     def start_work(self) -> None:
         """Diagnose the selected runs."""
@@ -187,21 +182,14 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
 
     def finished(self, result: Any) -> None:
         """Show the diagnosis, which is already saved."""
-        self.workspace.diagnosis = self._shown = self._record
+        self.workspace.diagnosis = self._file = self._record
+        self.query_one("#place", Select).clear()  # start at the first location
         self.show(result.diagnosis)
         self.post_message(self.Done())
 
-    def ended(self, why: str) -> None:
-        """Show why no new diagnosis was computed; the previous diagnosis and its verdict remain."""
-        from dpr_lab.report.gap.tables import sentence
-
-        previous = self._diagnosis
-        before = f"; the previous one is shown. {sentence(previous)}" if previous is not None else ""
-        self.say(f"Ended without a {'new ' if before else ''}diagnosis: {why}{before}")
-
     def report(self) -> Path | None:
         """Report of the displayed diagnosis, or None if there is no report."""
-        return self._shown.with_name("diagnosis.html") if self._shown is not None else None
+        return self._file.with_name("diagnosis.html") if self._file is not None else None
 
     def action_hold_out(self) -> None:
         """Choose the held-out runs."""
@@ -213,40 +201,35 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         """Show the next location of the gap."""
         self.query_one(TabbedContent).active = "where"
         picker = self.query_one("#place", Select)
-        if self._diagnosis is not None and self._diagnosis.where and isinstance(picker.value, int):
-            picker.value = (picker.value + 1) % len(self._diagnosis.where)
+        if self.result is not None and self.result.where and isinstance(picker.value, int):
+            picker.value = (picker.value + 1) % len(self.result.where)
 
-    def show(self, diagnosis: "Diagnosis") -> None:
-        """Draw a diagnosis: the verdict, and the details in tabs."""
+    def draw(self, diagnosis: "Diagnosis") -> str:
+        """Draw all tabs; return the verdict."""
+        from dpr_lab.gap.screen.pieces import whole
+        from dpr_lab.report.gap.tables import sentence
         from dpr_lab.report.words import in_words
 
-        self._diagnosis = diagnosis
-        picker = self.query_one("#place", Select)
+        for name, drawn in (("which", which_view), ("far", far_view), ("next", next_view)):
+            self.put(f"{name}-text", drawn(diagnosis, self.workspace.unit))
+        picker, places = self.query_one("#place", Select), diagnosis.where
+        number = picker.value if isinstance(picker.value, int) and picker.value < len(places) else 0
         picker.set_options(
             [
                 (Content(f"{in_words(p.site)} by {p.coordinate}: {percent(p.share)} of the excess"), i)
-                for i, p in enumerate(diagnosis.where)
+                for i, p in enumerate(places)
             ]
         )
-        picker.display = self.query_one("#place-map", Chart).display = bool(diagnosis.where)
-        if diagnosis.where:
-            picker.value = 0
+        picker.display = self.query_one("#place-map", Chart).display = bool(places)
+        if places:
+            picker.value = number
+            self._draw_place(places[number])
         else:
             self.put("place-text", in_words(diagnosis.where_sentence))
-        self._draw(diagnosis)
-
-    def _draw(self, diagnosis: "Diagnosis") -> None:
-        """Draw all tabs in the current unit of angles."""
-        from dpr_lab.report.gap.tables import sentence
-
-        self._unit = unit = self.workspace.unit
-        if self.job is None:
-            self.say(sentence(diagnosis) + self._doubt(diagnosis))
-        for name, drawn in (("which", which_view), ("far", far_view), ("next", next_view)):
-            self.put(f"{name}-text", drawn(diagnosis, unit))
-        number = self.query_one("#place", Select).value
-        if isinstance(number, int) and number < len(diagnosis.where):
-            self._draw_place(diagnosis.where[number])
+        closed = diagnosis.gap.closed_held_out
+        selected = {run.stem for run in (*self.workspace.runs, *self.workspace.held_out)}
+        used = {whole(name) for name in (*closed.per_run, *closed.held_out)}
+        return sentence(diagnosis) + self.of_other_runs(used, selected)
 
     @property
     def _record(self) -> Path:
@@ -261,23 +244,11 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
     def _show_held_out(self) -> None:
         self.put("held-out", named_runs(self.workspace.held_out) or "none")
 
-    def _doubt(self, diagnosis: "Diagnosis") -> str:
-        """Return a note if the diagnosis does not belong to the selected runs.
-
-        Otherwise the text is empty.
-        """
-        from dpr_lab.gap.screen.pieces import whole
-
-        closed = diagnosis.gap.closed_held_out
-        selected = {run.stem for run in (*self.workspace.runs, *self.workspace.held_out)}
-        same_runs = {whole(name) for name in (*closed.per_run, *closed.held_out)} == selected
-        return "" if same_runs or not selected else " This diagnosis used other runs than those selected."
-
     @on(Select.Changed, "#place")
     def _place_picked(self, event: Select.Changed) -> None:
         event.stop()
-        if self._diagnosis is not None and isinstance(event.value, int) and event.value < len(self._diagnosis.where):
-            self._draw_place(self._diagnosis.where[event.value])
+        if self.result is not None and isinstance(event.value, int) and event.value < len(self.result.where):
+            self._draw_place(self.result.where[event.value])
 
     def _draw_place(self, place: "Where") -> None:
         from dpr_lab.report.envelope import signal_scale

@@ -18,11 +18,11 @@ from textual.widgets import Input, Label, Select, Static, TabbedContent, TabPane
 
 from dpr_lab.errors import DprError
 from dpr_lab.progress import GenerationDone, LocalFitBegan
-from dpr_lab.report.angles import AngleUnit
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.services import Services
-from dpr_lab.tui.steps.job_step import READING, JobStep
+from dpr_lab.tui.steps.job_step import READING
+from dpr_lab.tui.steps.result_step import ResultStep
 from dpr_lab.tui.texts import counted_runs, named_runs, report_table, sentences
 from dpr_lab.tui.widgets.chart import Chart, Series
 from dpr_lab.workflows.events import RunRead
@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 TABS = ("convergence", "ratios", "nine", "seen")
 
 
-class IdentifyStep(JobStep):
+class IdentifyStep(ResultStep["Model | MovingArmModel"]):
     """Identification of the selected runs; writes model.json."""
 
     NAME = "Identify"
     PURPOSE = "estimates the parameters of the rig from these runs, inside the bounds of its file"
-    WORK = "the current identification"
+    RESULT = "identification"
     RESTS_ON = ("the rig", "the runs", "the torques")
     CAN_PAUSE = True
     HELP = """
@@ -74,9 +74,6 @@ estimates the ratios of rods, arm and drive. This fit starts from the values of 
 
     def __init__(self, services: Services) -> None:
         super().__init__(services)
-        self.model: Model | MovingArmModel | None = None
-        self._shown: Path | None = None
-        self._unit: AngleUnit | None = None
         self._history: list[GenerationDone] = []
         self._instants: list[float] = []
         self._fitting = False
@@ -108,19 +105,17 @@ estimates the ratios of rods, arm and drive. This fit starts from the values of 
         """Return the number of fitted runs as text."""
         if self.workspace.model is None:
             return ""
-        return f"model of {counted_runs(len(self.model.runs))}" if self.model is not None else "model"
+        return f"model of {counted_runs(len(self.result.runs))}" if self.result is not None else "model"
 
     def enter(self) -> None:
         """Show the workspace's runs and its model."""
         self.put("runs", named_runs(self.workspace.runs) or self.missing())
-        if self.model is not None and self._unit is not self.workspace.unit and self.job is None:
-            self.show_model(self.model)
-        if self.workspace.model is not None and self.workspace.model != self._shown and self.job is None:
+        if self.workspace.model not in (None, self._file) and self.job is None:
             from dpr_lab.identification.moving_arm.model import load_model
 
-            self._shown = self.workspace.model
-            self.show_model(load_model(self._shown))
-        self.invite()
+            self._file = self.workspace.model
+            self.show(load_model(self._file))
+        super().enter()
 
     def start_work(self) -> None:
         """Identify the selected runs."""
@@ -166,20 +161,13 @@ estimates the ratios of rods, arm and drive. This fit starts from the values of 
 
     def finished(self, result: Any) -> None:
         """Show the model of a finished job, which is already saved."""
-        self.workspace.model = self._shown = result.file
-        self.show_model(result.model)
+        self.workspace.model = self._file = result.file
+        self.show(result.model)
         self.query_one(TabbedContent).active = TABS[1]
         self.post_message(self.Done())
         if result.model.failures:
             failed = "; ".join(result.model.failures).rstrip(".")
-            raise DprError(f"{failed}. The model was written to {self._shown}, but it is not reliable")
-
-    def ended(self, why: str) -> None:
-        """Show why no new model was computed; the previous model and its summary remain."""
-        if self.model is None:
-            self.say(f"ended without a model: {why}")
-        else:
-            self.show_model(self.model, f"Ended without a new model ({why}); the previous one is shown. ")
+            raise DprError(f"{failed}. The model was written to {result.file}, but it is not reliable")
 
     def action_pause(self) -> None:
         """Pause or continue the identification."""
@@ -193,32 +181,31 @@ estimates the ratios of rods, arm and drive. This fit starts from the values of 
         super().action_stop()
         self.say("stopping after this generation; the local fit starts from its best individual")
 
-    def show_model(self, model: "Model | MovingArmModel", news: str = "") -> None:
-        """Draw a model: messages, summary, convergence, and the data that determine each value."""
+    def draw(self, model: "Model | MovingArmModel") -> str:
+        """Draw a model: convergence, values, and the data that determine each value; return its summary."""
         from dpr_lab.identification.model import Model
 
-        self.model = model
-        self._unit = self.workspace.unit
         title = "Nine parameters" if isinstance(model, Model) else "Absolute values"
         self.query_one(TabbedContent).get_tab("nine").label = title
-        self._show_rods(model, news) if isinstance(model, Model) else self._show_arm(model, news)
+        summary = self._draw_rods(model) if isinstance(model, Model) else self._draw_arm(model)
+        used, selected = {Path(run.file).name for run in model.runs}, {run.name for run in self.workspace.runs}
+        return summary + self.of_other_runs(used, selected)
 
-    def _show_arm(self, model: "MovingArmModel", news: str) -> None:
+    def _draw_arm(self, model: "MovingArmModel") -> str:
         """Draw the model of a rig with a moving arm, which usually needs no search."""
         from dpr_lab.report import moving_arm
         from dpr_lab.tui.steps import arm_results
 
-        self.say(f"{news}{moving_arm.summary(model, self.workspace.unit)}.{self._doubt(model)}")
         arm_results.draw_merges(model, self.query_one("#cost", Chart), self.query_one("#fitness", Chart))
         self.put("ratios-text", arm_results.ratios(model))
         self.put("nine-text", arm_results.absolute(model))
         self.put("seen-text", arm_results.identifiability(model))
+        return f"{moving_arm.summary(model, self.workspace.unit)}."
 
-    def _show_rods(self, model: "Model", news: str) -> None:
+    def _draw_rods(self, model: "Model") -> str:
         """Draw the model of the rods on a clamped or prescribed arm."""
         from dpr_lab.report import tables
 
-        self.say(news + tables.summary(model, angles=self.workspace.unit) + self._doubt(model))
         self._history = _history(model)
         self._draw_convergence()
         warnings = sentences("Warnings", [*model.failures, *model.warnings], mark="!")
@@ -230,14 +217,7 @@ estimates the ratios of rods, arm and drive. This fit starts from the values of 
         self.put("ratios-text", Group(ratios, Text(tables.ratio_note(model), "dim"), *base, warnings))
         self.put("nine-text", Group(nine, Text(tables.parameter_note(model), "dim")))
         self.put("seen-text", _identifiability(model))
-
-    def _doubt(self, model: "Model | MovingArmModel") -> str:
-        """Return a note if the model was fitted to other runs than those selected.
-
-        Otherwise the text is empty.
-        """
-        used, selected = {Path(run.file).name for run in model.runs}, {run.name for run in self.workspace.runs}
-        return "" if used == selected or not selected else " This model was fitted to other runs than those selected."
+        return tables.summary(model, angles=self.workspace.unit)
 
     def _standing(self, last: GenerationDone) -> str:
         text = (

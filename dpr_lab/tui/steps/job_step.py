@@ -31,8 +31,6 @@ class JobStep(Step):
 
     PURPOSE: ClassVar[str]
     """Description of the job in a few words."""
-    WORK: ClassVar[str]
-    """Phrase for the running job, for example `the current identification`."""
     RESTS_ON: ClassVar[tuple[str, ...]] = ()
     """Inputs on which the result depends: keys of `Workspace.basis`."""
     CAN_PAUSE: ClassVar[bool] = False
@@ -134,10 +132,6 @@ class JobStep(Step):
 
         Its error has already been shown.
         """
-
-    def at_stake(self) -> str:
-        """Return a warning that quitting ends the job, or an empty text."""
-        return f"{self.WORK.capitalize()} ends without a result." if self.WORK and self.job is not None else ""
 
     def begin(self, function: Callable[..., Any], **arguments: Any) -> None:
         """Start a job; further events of a previous job are ignored."""

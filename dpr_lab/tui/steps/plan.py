@@ -21,8 +21,7 @@ from dpr_lab.shown import percent
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.path_suggester import PathSuggester
-from dpr_lab.tui.services import Services
-from dpr_lab.tui.steps.job_step import JobStep
+from dpr_lab.tui.steps.result_step import ResultStep
 from dpr_lab.tui.texts import report_table, sentences, table
 from dpr_lab.workflows.plan import PlanRequest, PlanResult, plan
 
@@ -40,12 +39,12 @@ OTHER_SETUP = (
 DRIVEN = "{text}: the device must replay {file}; record it with dpr-lab capture"
 
 
-class PlanStep(JobStep):
+class PlanStep(ResultStep[PlanResult]):
     """Step that plans the next releases, and writes plan.json and a rig file with the planned poses."""
 
     NAME = "Plan"
     PURPOSE = "recommends the next recordings, with reason and duration, and reports when no more recordings are needed"
-    WORK = "the current plan"
+    RESULT = "plan"
     RESTS_ON = ("the rig", "the runs", "the held-out runs", "the torques")
     HELP = """
 Recommends the next releases as a ranked list: start pose, duration, reason, and minutes at the rig. The first plan is
@@ -75,11 +74,6 @@ diagnosed first.
     PlanStep VerticalScroll { height: 1fr; }
     """
 
-    def __init__(self, services: Services) -> None:
-        super().__init__(services)
-        self._made: PlanResult | None = None
-        self._unit: AngleUnit | None = None
-
     def compose(self) -> ComposeResult:
         """Build the form, the recommendation, the releases, and the details of the selected release."""
         with Horizontal(id="form"):
@@ -98,22 +92,16 @@ diagnosed first.
 
     def outcome(self) -> str:
         """State of the plan in a few words."""
-        if self._made is None:
+        if self.result is None:
             return ""
-        made = self._made.plan
+        made = self.result.plan
         optional = ", 1 optional" * (made.state == "enough" and len(made.releases) == 1)
         return made.state + optional if made.state in ("enough", "bench check") else f"{len(made.releases)} to record"
-
-    def enter(self) -> None:
-        """Show the plan in the current unit of angles."""
-        if self._made is not None and self._unit is not self.workspace.unit:
-            self._draw(self._made.plan)
-        self.invite()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Return whether an action is available; choosing a release needs a plan with releases."""
         if action == "take":
-            return self._made is not None and bool(self._made.plan.releases) and self.job is None
+            return self.result is not None and bool(self.result.plan.releases) and self.job is None
         return super().check_action(action, parameters)
 
     def start_work(self) -> None:
@@ -139,25 +127,18 @@ diagnosed first.
 
     def finished(self, result: Any) -> None:
         """Show the plan, which is already saved."""
-        self._made = result
-        self._draw(result.plan)
-        releases = self.query_one(DataTable)
+        self.show(result)
         if self.display and result.plan.releases:
-            releases.focus()
-
-    def ended(self, why: str) -> None:
-        """Show why no new plan was computed; the previous plan remains."""
-        before = f"; the previous one is shown. {self._made.plan.sentence}" if self._made is not None else ""
-        self.say(f"Ended without a {'new ' if before else ''}plan: {why}{before}")
+            self.query_one(DataTable).focus()
 
     async def action_take(self) -> None:
         """Make the selected release the next pose of Capture; the rods are not released."""
         release = self._marked
-        if release is None or self._made is None or release.pose is None or release.rig is None:
+        if release is None or self.result is None or release.pose is None or release.rig is None:
             raise DprError(self.worded(ONE))
         if release.input is not None:
             raise DprError(DRIVEN.format(text=release.text, file=release.input))
-        mounted = "" if release.rig == self._made.files["rig"] else f" ({release.text})"
+        mounted = "" if release.rig == self.result.files["rig"] else f" ({release.text})"
         if not mounted:
             self._refuse_changed_setup(release)
         self.services.require_free()
@@ -185,7 +166,7 @@ diagnosed first.
 
     @property
     def _marked(self) -> "PlannedRelease | None":
-        releases = self._made.plan.releases if self._made is not None else []
+        releases = self.result.plan.releases if self.result is not None else []
         row = self.query_one(DataTable).cursor_row
         return releases[row] if 0 <= row < len(releases) else None
 
@@ -195,25 +176,25 @@ diagnosed first.
         unchanged = all(made.get(kind) == now[kind] for kind in self.RESTS_ON)
         return self.workspace.diagnosis if unchanged else None
 
-    def _draw(self, made: "Plan") -> None:
+    def draw(self, result: PlanResult) -> str:
+        """Draw the releases and the details of the selected one; return the recommendation."""
         from dpr_lab.report.words import in_words
 
-        self._unit = unit = self.workspace.unit
-        self.say(in_words(made.sentence))
-        releases = self.query_one(DataTable)
+        made, releases = result.plan, self.query_one(DataTable)
         row = releases.cursor_row
         releases.display = bool(made.releases)
         releases.clear(columns=True)
         releases.add_columns(*COLUMNS, *[FORECAST] * bool(made.forecast))
         for release in made.releases:
-            releases.add_row(*(Text(cell) for cell in _row(release, unit)))
+            releases.add_row(*(Text(cell) for cell in _row(release, self.workspace.unit)))
         releases.move_cursor(row=row)
         self._show_details()
+        return in_words(made.sentence)
 
     @on(DataTable.RowHighlighted)
     def _show_details(self) -> None:
-        if self._made is not None:
-            self.put("details", _details(self._made.plan, self._marked))
+        if self.result is not None:
+            self.put("details", _details(self.result.plan, self._marked))
 
 
 def _row(release: "PlannedRelease", unit: AngleUnit) -> tuple[str, ...]:

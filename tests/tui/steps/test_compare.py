@@ -289,7 +289,7 @@ async def test_what_was_compared_before_is_shown_without_simulating(lab, fixed_m
         await pilot.pause()
         assert step(pilot.app).job is None
         assert step(pilot.app).outcome() == "2 runs"
-        (one, two) = step(pilot.app)._comparisons
+        (one, two) = step(pilot.app)._compared
         assert np.array_equal(one.free_run, compared.free_run)
         assert (one.run, one.pose, one.held_out, one.horizon_s, two.pose) == ("first", None, False, 3.2, "X1")
         await pilot.press("right_square_bracket")

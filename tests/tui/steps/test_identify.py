@@ -65,7 +65,7 @@ async def test_a_paused_search_waits_and_a_stopped_one_keeps_its_best(lab, until
         assert "PAUSED" in text(pilot.app, "#state")
         await pilot.press("x")
         await until(pilot, lambda: step(pilot.app).job is None)
-        model = step(pilot.app).model
+        model = step(pilot.app).result
         assert isinstance(model, Model)
         assert reached - 1 <= model.search.generations <= reached
         assert model.search.objective == "paper"
@@ -142,7 +142,7 @@ async def test_an_invalid_seed_is_refused(lab) -> None:
 async def test_the_bench_is_resumed_with_its_model(lab, fixed_model: Path) -> None:
     async with lab(IdentifyStep, runs=[Path("X1.mcap")], model=fixed_model) as pilot:
         assert step(pilot.app).outcome() == "model of 3 runs"
-        assert "was fitted to other runs than those selected" in text(pilot.app, "#state")
+        assert "used other runs than those selected" in text(pilot.app, "#state")
         await pilot.press("v")
         assert pilot.app.query_one(TabbedContent).active == "ratios"
         pilot.app.query_one(TabbedContent).active = "convergence"  # as a start does: what had the focus is gone

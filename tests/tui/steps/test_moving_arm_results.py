@@ -62,11 +62,11 @@ async def test_a_driven_arm_is_identified_and_compared_on_the_screen(lab, until,
         assert axis.value == 0
         assert "arm θ0" in pilot.app.query_one("#error", Chart)._content.y_label
 
-        (before,) = compare._of_arm
-        compare._compared_subject, compare._of_arm = None, []
+        (before,) = compare._compared
+        compare._compared_subject, compare._compared = None, ()
         compare.enter()  # as after the next start of the screen
         await pilot.pause()
         assert compare.job is None
-        (stored,) = compare._of_arm
+        (stored,) = compare._compared
         assert np.array_equal(stored.simulated, before.simulated, equal_nan=True)
         assert (stored.run, stored.rms_rad, stored.held_out) == (before.run, before.rms_rad, before.held_out)

@@ -67,9 +67,11 @@ async def test_a_first_plan_is_a_list_with_reasons_and_a_release_of_it_becomes_t
         assert releases.row_count == len(made["releases"]) == 3
         assert "P(decided)" not in [str(column.label) for column in releases.columns.values()]
         whole = Plan.model_validate({name: value for name, value in made.items() if name != "files"})
-        step(app)._draw(whole.model_copy(update={"releases": []}))
+        result = step(app).result
+        assert result is not None
+        step(app).show(replace(result, plan=whole.model_copy(update={"releases": []})))
         assert not releases.display  # no header of an empty list
-        step(app)._draw(whole)
+        step(app).show(result)
         assert releases.display
         await pilot.press("down")
         second = made["releases"][1]
@@ -113,15 +115,14 @@ async def test_a_release_is_recorded_under_the_rig_file_that_describes_its_mass(
         assert (pilot.app.workspace.rig, pilot.app.workspace.next_pose) == (str(with_mass), "")
         pilot.app.workspace.rig = before
         planner = step(pilot.app)
-        assert planner._made is not None
-        made = planner._made
+        made = planner.result
+        assert made is not None
         first = made.plan.releases[0]
         mass = AddedMass(rod="outer", mass=0.1, position=0.2)
         loaded = first.model_copy(update={"added_mass": mass, "text": "with 100 g on the outer rod"})
         files = planned_rigs({"P1": loaded}, load_rig("paper"), tmp_path / "rig.toml")
         loaded = loaded.model_copy(update={"rig": str(files["P1"])})
-        planner._made = replace(made, plan=made.plan.model_copy(update={"releases": [loaded]}))
-        planner._draw(planner._made.plan)
+        planner.show(replace(made, plan=made.plan.model_copy(update={"releases": [loaded]})))
         await pilot.press("A")
         await pilot.pause()
         assert load_rig(pilot.app.workspace.rig).added_mass == mass
