@@ -98,7 +98,7 @@ async def release(pilot: Pilot[None], step: CaptureStep, mid_swing: Callable[[],
     await pilot.press("r")
     await until(pilot, lambda: _recorded(step) >= MID_SWING_S)
     await mid_swing()
-    if step.recording is None:
+    if not step.urgent.startswith("●"):
         raise TimeoutError("the swing ended before its pictures were taken: record for longer")
     await until(pilot, lambda: step.attempt is not None and step.attempt.phase is Phase.JUDGED)
     await pilot.press("k")

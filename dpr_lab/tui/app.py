@@ -18,7 +18,7 @@ from textual.widget import Widget
 from textual.widgets import ContentSwitcher, Static
 from textual.worker import WorkerFailed
 
-from dpr_lab.errors import DprError
+from dpr_lab.errors import DprError, SafetyStop
 from dpr_lab.report.angles import UNITS
 from dpr_lab.tui import FRAMES_PER_S
 from dpr_lab.tui.guard import Guarded, log
@@ -26,7 +26,8 @@ from dpr_lab.tui.keys import Keymap, KeyNames, about_keys, actions, bindings
 from dpr_lab.tui.line_breaks import keep_units_whole
 from dpr_lab.tui.notices import FILE, MessageLog, NoticeApp
 from dpr_lab.tui.pages import open_page
-from dpr_lab.tui.palette import Palette
+from dpr_lab.tui.palette import commands
+from dpr_lab.tui.read_only import READ_ONLY
 from dpr_lab.tui.recorder.connection import DeviceConnection
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.capture import CaptureStep
@@ -36,7 +37,7 @@ from dpr_lab.tui.steps.diagnose import DiagnoseStep
 from dpr_lab.tui.steps.identify import IdentifyStep
 from dpr_lab.tui.steps.job_step import JobStep
 from dpr_lab.tui.steps.plan import PlanStep
-from dpr_lab.tui.steps.rig import RigStep, TableGiven
+from dpr_lab.tui.steps.rig import RigStep
 from dpr_lab.tui.steps.step import Step
 from dpr_lab.tui.terminal.display import Display
 from dpr_lab.tui.terminal.drivers import our_driver
@@ -47,11 +48,11 @@ from dpr_lab.tui.texts import ABOUT_TERMS, NOTICES, following
 from dpr_lab.tui.themes import THEMES
 from dpr_lab.tui.viewed_app import ViewedApp
 from dpr_lab.tui.widgets.chart import Chart
-from dpr_lab.tui.widgets.dialogs import HelpScreen, Question
+from dpr_lab.tui.widgets.dialogs import HelpScreen, Question, confirm
 from dpr_lab.tui.widgets.key_line import KeyLine
 from dpr_lab.tui.widgets.run_browser import RunBrowser
 from dpr_lab.tui.widgets.slider import Slider
-from dpr_lab.tui.widgets.status_line import COUNTDOWN, StatusLine
+from dpr_lab.tui.widgets.status_line import StatusLine
 from dpr_lab.tui.widgets.stepper import Stepper, StepStatus
 from dpr_lab.tui.workspace import Workspace
 
@@ -155,8 +156,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         for report in self.device.reports():
             for step in self.steps:
                 step.hear(report)
-        urgent = next((str(step.recording) for step in self.steps if step.recording is not None), "")
-        urgent = COUNTDOWN if any(step.counting_down for step in self.steps) else urgent
+        urgent = next((step.urgent for step in self.steps if step.urgent), "")
         work = [step.work for step in self.steps if step.work]
         self.query_one(StatusLine).show(self.device, urgent, work, self.workspace.out, time.monotonic())
 
@@ -292,12 +292,11 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         """Open the run browser to select runs."""
         self.push_screen(RunBrowser(self.services, self.workspace.runs), self._choose_runs)
 
-    @on(TableGiven)
-    def _import_given(self, event: TableGiven) -> None:
-        self.action_import_table(event.file)
+    def action_import_table(self, file: str = "") -> None:
+        """Open the import of a recording from a different logger, for the current rig.
 
-    def action_import_table(self, file: Path | None = None) -> None:
-        """Open the import of a recording from a different logger, for the current rig."""
+        If no file is given, the dialog asks for it.
+        """
         from dpr_lab.tui.steps.table_import import TableImport
 
         self.push_screen(TableImport(self.workspace.rig, self.workspace.out / "runs", file), self._imported)
@@ -329,15 +328,20 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         if not stakes:
             self.exit()
         elif not isinstance(self.screen, Question):
-            self.push_screen(Question(f"Quit now? {' '.join(stakes)}", "Quit", "Stay"), self._quit_if)
+            confirm(self, f"Quit now? {' '.join(stakes)}", "Quit", "Stay", self.exit)
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """Yield the entries of the command palette: the steps, and every action with its key."""
         yield from super().get_system_commands(screen)
-        yield from Palette(self, self.steps, self.services.keys, self.action_go).commands()
+        yield from commands(self, self.steps, self.services.keys, self.action_go)
 
-    def save_picture(self, filename: str | None, path: str | None, time_format: str | None) -> str | None:
+    def deliver_screenshot(
+        self, filename: str | None = None, path: str | None = None, time_format: str | None = None
+    ) -> str | None:
         """Save a screenshot in the folder of the results; show its path or the error."""
+        if self.read_only:
+            self.mishap(SafetyStop(READ_ONLY))
+            return None
         folder = Path(path) if path else self.workspace.out / "screenshots"
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -373,10 +377,6 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
             self.mishap(error)
         else:
             super()._handle_exception(error)
-
-    def _quit_if(self, sure: bool | None) -> None:
-        if sure:
-            self.exit()
 
     def _choose_runs(self, runs: list[Path] | None) -> None:
         if runs is not None:

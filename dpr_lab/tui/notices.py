@@ -36,17 +36,6 @@ FILE = "messages.log"
 TONES = {"error": "bold $error", "warning": "$warning"}
 
 
-@dataclass(frozen=True, slots=True)
-class LoggedMessage:
-    """A message with its time."""
-
-    when: datetime
-    """Time in UTC."""
-    severity: str
-    """`information`, `warning` or `error`."""
-    text: str
-
-
 @dataclass(slots=True)
 class MessageLog:
     """Log of messages in memory and in a file.
@@ -55,15 +44,15 @@ class MessageLog:
     """
 
     file: Path
-    messages: deque[LoggedMessage] = field(default_factory=lambda: deque(maxlen=SETTINGS.shown))
+    messages: deque[Notification] = field(default_factory=lambda: deque(maxlen=SETTINGS.shown))
     """Messages, oldest first."""
 
-    def add(self, severity: str, text: str) -> None:
+    def add(self, message: Notification) -> None:
         """Store a message, in one line of the file."""
-        message = LoggedMessage(datetime.now(UTC), severity, text)
         self.messages.append(message)
         with suppress(OSError):
-            append(self.file, f" {severity}: {printable(' '.join(text.split()))}", SETTINGS.file_bytes)
+            text = printable(" ".join(message.message.split()))
+            append(self.file, f" {message.severity}: {text}", SETTINGS.file_bytes)
 
 
 def append(file: Path, text: str, largest: int) -> None:
@@ -104,10 +93,10 @@ class MessageScreen(ModalScreen[None]):
             yield Static(f"\nstored in {self._log.file}", markup=False)
 
 
-def _line(message: LoggedMessage) -> Content:
-    when = f"{message.when.astimezone():%H:%M:%S}"
+def _line(message: Notification) -> Content:
+    when = f"{datetime.fromtimestamp(message.raised_at):%H:%M:%S}"
     return Content.assemble(
-        (f"{when} ", "dim"), (f"{message.severity}: {message.text}", TONES.get(message.severity, ""))
+        (f"{when} ", "dim"), (f"{message.severity}: {message.message}", TONES.get(message.severity, ""))
     )
 
 
@@ -144,7 +133,7 @@ class NoticeApp(App[None]):
         standing.sort(key=lambda notice: (notice.severity == "error", notice.raised_at))
         for old in standing[: max(len(standing) + 1 - NOTICES.most, 0)]:
             self._unnotify(old, refresh=False)
-        self.messages.add(new.severity, new.message)
+        self.messages.add(new)
 
     def action_messages(self) -> None:
         """Show all messages of this session."""

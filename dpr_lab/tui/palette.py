@@ -1,7 +1,6 @@
 """The command palette: every step, and every action with its key."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -13,41 +12,28 @@ from dpr_lab.tui.keys import KeyNames
 from dpr_lab.tui.steps.step import Step
 
 
-@dataclass(frozen=True, slots=True)
-class Palette:
-    """Contents of the command palette."""
+def commands(
+    app: App[Any], steps: Sequence[Step], keys: KeyNames, go: Callable[[int], None]
+) -> Iterator[SystemCommand]:
+    """Yield a command for each step and each action.
 
-    app: App[Any]
-    steps: Sequence[Step]
-    keys: KeyNames
-    go: Callable[[int], None]
-    """Function that shows a step, numbered from 1."""
-
-    def commands(self) -> Iterator[SystemCommand]:
-        """Yield a command for each step and each action.
-
-        An action of another step first shows that step.
-        """
-        for number, step in enumerate(self.steps, 1):
-            yield SystemCommand(f"{number} {step.NAME}", f"Go to step {number}", partial(self.go, number))
-            yield from (self._command(binding, step.NAME, number) for binding in _bindings(step))
-        numbers = [str(number) for number in range(1, len(self.steps) + 1)]
-        yield from (self._command(b, "dpr-lab", 0) for b in _bindings(self.app) if b.key not in numbers)
-
-    def _command(self, binding: Binding, place: str, number: int) -> SystemCommand:
-        words = binding.tooltip or binding.description
-        known = binding.id is not None and binding.id in self.keys.keys
-        key = self.keys.of(binding.id or "") if known else self.app.get_key_display(binding)
-
-        async def act() -> None:
-            if number:
-                self.go(number)
-            await self.app.run_action(binding.action, self.steps[number - 1] if number else self.app)
-
-        return SystemCommand(f"{place}: {words}", f"key {key}", act)
+    An action of another step first shows that step, by `go` with its number from 1.
+    """
+    for number, step in enumerate(steps, 1):
+        yield SystemCommand(f"{number} {step.NAME}", f"Go to step {number}", partial(go, number))
+        yield from _actions(step, step.NAME, keys, partial(go, number))
+    yield from _actions(app, "dpr-lab", keys, lambda: None)
 
 
-def _bindings(owner: DOMNode) -> list[Binding]:
-    """Return those key bindings of a class that have a description."""
-    bindings = owner.__class__.__dict__.get("BINDINGS", ())
-    return [binding for binding in bindings if isinstance(binding, Binding) and binding.description]
+def _actions(owner: DOMNode, place: str, keys: KeyNames, show: Callable[[], None]) -> Iterator[SystemCommand]:
+    """Yield a command for each key binding of a class that has a description."""
+    for binding in owner.__class__.__dict__.get("BINDINGS", ()):
+        if isinstance(binding, Binding) and binding.description:
+            key = keys.of(binding.id) if binding.id and binding.id in keys.keys else owner.app.get_key_display(binding)
+            run = partial(_run, owner, binding.action, show)
+            yield SystemCommand(f"{place}: {binding.tooltip or binding.description}", f"key {key}", run)
+
+
+async def _run(owner: DOMNode, action: str, show: Callable[[], None]) -> None:
+    show()
+    await owner.app.run_action(action, owner)

@@ -31,19 +31,3 @@ class ViewedApp(App[None]):
         if self.read_only and type(screen).__name__ not in SCREENS:
             raise SafetyStop(READ_ONLY)
         return super().push_screen(screen, *arguments, **options)
-
-    def deliver_screenshot(
-        self, filename: str | None = None, path: str | None = None, time_format: str | None = None
-    ) -> str | None:
-        """Save a screenshot.
-
-        A read-only page refuses the command with a message.
-        """
-        if self.read_only:
-            self._handle_exception(SafetyStop(READ_ONLY))
-            return None
-        return self.save_picture(filename, path, time_format)
-
-    def save_picture(self, filename: str | None, path: str | None, time_format: str | None) -> str | None:
-        """Save a screenshot and return its path."""
-        return super().deliver_screenshot(filename, path, time_format)

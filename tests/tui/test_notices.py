@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from textual.notifications import Notification
 from textual.widgets import Static
 
 from dpr_lab.errors import DprError
@@ -15,7 +16,7 @@ from dpr_lab.tui.workspace import Workspace
 
 def test_a_message_is_one_line_of_the_file_with_its_time(tmp_path: Path) -> None:
     log = MessageLog(tmp_path / "state" / "messages.log")
-    log.add("warning", "the rods\nmay be free\x1b[2J")
+    log.add(Notification("the rods\nmay be free\x1b[2J", severity="warning"))
     (line,) = log.file.read_text().splitlines()
     assert line.endswith("Z warning: the rods may be free\\x1b[2J")
     assert line.startswith("20")
@@ -25,7 +26,7 @@ def test_the_file_has_a_bounded_size(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(notices, "SETTINGS", MessageLogSettings(file_bytes=1000))
     log = MessageLog(tmp_path / "messages.log")
     for number in range(200):
-        log.add("warning", f"message {number}")
+        log.add(Notification(f"message {number}", severity="warning"))
     sizes = {file.name: file.stat().st_size for file in tmp_path.iterdir()}
     assert sizes.keys() == {"messages.log", "messages.log.1"}
     assert max(sizes.values()) < 1100
@@ -35,8 +36,8 @@ def test_the_file_has_a_bounded_size(tmp_path: Path, monkeypatch: pytest.MonkeyP
 def test_a_folder_that_cannot_be_written_costs_the_file_alone(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     log = MessageLog(tmp_path / "file" / "messages.log")
-    log.add("error", "no cable")
-    assert [message.text for message in log.messages] == ["no cable"]
+    log.add(Notification("no cable", severity="error"))
+    assert [message.message for message in log.messages] == ["no cable"]
 
 
 async def test_errors_stay_until_escape_and_are_listed_by_key(tmp_path: Path, notices_text) -> None:

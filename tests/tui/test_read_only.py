@@ -61,7 +61,7 @@ async def test_every_action_that_does_more_than_show_answers_with_one_sentence(
             app.messages.messages.clear()
             await pilot.press(key)
             await pilot.pause()
-            assert [message.text for message in app.messages.messages] == [READ_ONLY], (step, key)
+            assert [message.message for message in app.messages.messages] == [READ_ONLY], (step, key)
             assert len(app.screen_stack) == 1
         assert app.device.opening is None
     assert contents(tmp_path) == before
@@ -79,7 +79,7 @@ async def test_no_link_is_chosen_no_table_imported_and_no_run_exported_noted_or_
         app.query_one("#links").focus()
         await pilot.press("enter")
         await pilot.pause()
-        assert [message.text for message in app.messages.messages] == [READ_ONLY]
+        assert [message.message for message in app.messages.messages] == [READ_ONLY]
         assert app.device.opening is None
         await pilot.press("2")
         app.messages.messages.clear()
@@ -87,7 +87,7 @@ async def test_no_link_is_chosen_no_table_imported_and_no_run_exported_noted_or_
         app.query_one("#rig_file", Input).focus()
         await pilot.press("enter")
         await pilot.pause()
-        assert [message.text for message in app.messages.messages] == [READ_ONLY]
+        assert [message.message for message in app.messages.messages] == [READ_ONLY]
         await pilot.press("escape", "b")
         await pilot.pause()
         assert isinstance(app.screen, RunBrowser)
@@ -96,11 +96,11 @@ async def test_no_link_is_chosen_no_table_imported_and_no_run_exported_noted_or_
             app.messages.messages.clear()
             await pilot.press(key)
             await pilot.pause()
-            assert [message.text for message in app.messages.messages] == [READ_ONLY], key
+            assert [message.message for message in app.messages.messages] == [READ_ONLY], key
         app.clear_notifications()
         app.deliver_screenshot()
         await pilot.pause()
-        assert app.messages.messages[-1].text == READ_ONLY
+        assert app.messages.messages[-1].message == READ_ONLY
     assert contents(tmp_path) == before
 
 
@@ -113,7 +113,7 @@ async def test_what_only_shows_something_works(bench: Workspace, tmp_path: Path)
         assert type(app.screen).__name__ in SCREENS
         await pilot.press("escape", "4", "v", "b", "space", "enter")
         await pilot.pause()
-        assert [message.text for message in app.messages.messages if message.text == READ_ONLY] == []
+        assert [message.message for message in app.messages.messages if message.message == READ_ONLY] == []
 
 
 def test_every_action_that_is_free_exists() -> None:

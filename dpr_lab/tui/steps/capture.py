@@ -34,7 +34,6 @@ from dpr_lab.tui.texts import counted_runs, following
 from dpr_lab.tui.widgets.capture_view import CaptureState, CaptureView
 from dpr_lab.tui.widgets.checklist import kept, next_pose, set_aside
 from dpr_lab.tui.widgets.countdown import Countdown, new_code
-from dpr_lab.tui.widgets.status_line import RecordingNow
 
 BUSY = "An attempt is under way: end it with {capture.end}, or keep ({capture.keep}) or repeat ({capture.again}) it"
 UNDECIDED = "Keep the recorded swing with {capture.keep}, or put it aside and repeat with {capture.again}"
@@ -115,7 +114,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
 
         The text is empty if there is no such recording.
         """
-        if self.recording is not None:
+        if self.attempt is not None and self.attempt.phase is Phase.RECORDING:
             return "The current recording ends now; the data recorded so far are kept."
         if self.workspace.undecided is None:
             return ""
@@ -127,18 +126,16 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         )
 
     @property
-    def recording(self) -> RecordingNow | None:
-        """State of the current recording."""
+    def urgent(self) -> str:
+        """Countdown, or pose and time of the recording in progress."""
         attempt = self.attempt
+        if self._countdown is not None:
+            return "RELEASING"
         if attempt is None or attempt.phase is not Phase.RECORDING:
-            return None
-        duration = None if self.options.until_rest else self.options.duration
-        return RecordingNow(attempt.name, attempt.recorded.t if attempt.recorded is not None else 0.0, duration)
-
-    @property
-    def counting_down(self) -> bool:
-        """Whether the countdown to a release runs."""
-        return self._countdown is not None
+            return ""
+        t = attempt.recorded.t if attempt.recorded is not None else 0.0
+        duration = "" if self.options.until_rest else f" of {self.options.duration:g}"
+        return f"● REC {attempt.name} {t:.0f}{duration} s"
 
     def enter(self) -> None:
         """Read the rig file again, because it may have changed."""
@@ -242,12 +239,9 @@ Grey values are outdated: no newer message has arrived from the device, and the 
     def action_length(self) -> None:
         """Select the next longer duration, or until rest."""
         self._require_none()
-        if self.options.until_rest:
-            self.options = replace(self.options, until_rest=False, duration=CHOICES.durations[0])
-        else:
-            longer = next((duration for duration in CHOICES.durations if duration > self.options.duration), None)
-            changed = {"until_rest": True} if longer is None else {"duration": longer}
-            self.options = replace(self.options, **changed)
+        now = 0.0 if self.options.until_rest else self.options.duration
+        longer = next((duration for duration in CHOICES.durations if duration > now), None)
+        self.options = replace(self.options, until_rest=longer is None, duration=longer or now)
         self._draw()
 
     def action_repeats(self) -> None:
@@ -366,7 +360,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
             live=self.device.fresh(now),
             lost=self.device.lost is not None,
             ordered=self.device.ordered,
-            countdown=self.counting_down,
+            countdown=self._countdown is not None,
             code=self._countdown is not None and self._countdown.waits_for_code,
             undecided=run_name(self.workspace.undecided) if self.workspace.undecided is not None else "",
             unit=self.workspace.unit,

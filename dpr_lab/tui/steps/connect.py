@@ -2,6 +2,7 @@
 
 import time
 from contextlib import suppress
+from functools import partial
 
 from textual import on, work
 from textual.app import ComposeResult
@@ -22,7 +23,7 @@ from dpr_lab.tui.recorder.settings import SETTINGS
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.step import Step
 from dpr_lab.tui.texts import NOTICES
-from dpr_lab.tui.widgets.dialogs import Question
+from dpr_lab.tui.widgets.dialogs import confirm
 from dpr_lab.tui.widgets.readout import BAD, GOOD, angles_text, losses, old_text, ordered_text
 
 SIMULATED = TRANSPORTS["sim"].example
@@ -140,14 +141,10 @@ of its clock relative to this computer. This test closes the latch and leaves it
         """
         connected = self.device.connected
         if connected is None or connected.simulated:
-            await self._simulate(True)
+            await self._connect(SIMULATED)
         else:
             question = f"Disconnect from {connected.url} and connect the simulator?"
-            self.app.push_screen(Question(question, "Simulate", "Stay"), self._simulate)
-
-    async def _simulate(self, sure: bool | None) -> None:
-        if sure:
-            await self._connect(SIMULATED)
+            confirm(self.app, question, "Simulate", "Stay", partial(self._connect, SIMULATED))
 
     async def action_disconnect(self) -> None:
         """Disconnect from the device."""

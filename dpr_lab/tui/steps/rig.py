@@ -1,14 +1,12 @@
 """Step Rig: choose the rig file and show its content."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from textual import on
 from textual.app import ComposeResult
 from textual.containers import VerticalScroll
 from textual.content import Content
-from textual.message import Message
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
@@ -37,13 +35,6 @@ _ARM = {
 }
 """Unit and meaning of each parameter of an arm or its motor."""
 CORRECT = "correct it, then press {rig.read}"
-
-
-@dataclass
-class TableGiven(Message):
-    """Event: the operator entered a table instead of a rig file."""
-
-    file: Path
 
 
 class RigStep(Step):
@@ -124,7 +115,7 @@ the selected rig.
         path = Path(name).expanduser()
         if path.exists() and path.suffix != ".toml":
             self.query_one(Input).value = self.workspace.rig
-            self.post_message(TableGiven(path))
+            await self.run_action(f"app.import_table({str(path)!r})")
             return
         if path.is_file():
             name = str(path.resolve())

@@ -1,5 +1,6 @@
 """Editor for a rig file; the text is checked before it is saved."""
 
+from functools import partial
 from pathlib import Path
 
 from textual.app import ComposeResult
@@ -13,7 +14,7 @@ from dpr_lab.rig import parse_rig
 from dpr_lab.tui.guard import Guarded
 from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.path_suggester import PathSuggester
-from dpr_lab.tui.widgets.dialogs import Question
+from dpr_lab.tui.widgets.dialogs import confirm
 from dpr_lab.tui.widgets.key_line import KeyLine
 from dpr_lab.whole_file import write_text
 
@@ -59,12 +60,7 @@ class RigEditor(Guarded, ModalScreen[Path | None]):
         if self.query_one(TextArea).text == self._text:
             self.dismiss(None)
         else:
-            question = Question("Close and discard the changes?", "Leave", "Stay")
-            self.app.push_screen(question, self._leave_if)
-
-    def _leave_if(self, sure: bool | None) -> None:
-        if sure:
-            self.dismiss(None)
+            confirm(self.app, "Close and discard the changes?", "Leave", "Stay", partial(self.dismiss, None))
 
     def action_save(self) -> None:
         """Check the text, and write it atomically."""

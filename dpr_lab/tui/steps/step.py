@@ -13,7 +13,6 @@ from dpr_lab.tui.recorder.connection import DeviceConnection
 from dpr_lab.tui.recorder.messages import RecorderReport
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.texts import NOTICES
-from dpr_lab.tui.widgets.status_line import RecordingNow
 from dpr_lab.tui.workspace import Workspace
 
 
@@ -64,14 +63,9 @@ class Step(Guarded, Vertical, can_focus=True):
         self.query_one(f"#{name}", Static).update(content)
 
     @property
-    def recording(self) -> RecordingNow | None:
-        """State of the recording in progress, or None if there is none."""
-        return None
-
-    @property
-    def counting_down(self) -> bool:
-        """Whether the countdown to a release runs."""
-        return False
+    def urgent(self) -> str:
+        """Countdown or recording in progress, for the status line; the text is empty if there is none."""
+        return ""
 
     def outcome(self) -> str:
         """Return the short result for the list of steps, empty without a result."""

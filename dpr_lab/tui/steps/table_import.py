@@ -2,6 +2,7 @@
 
 import asyncio
 import shlex
+from functools import partial
 from pathlib import Path
 
 from textual.app import ComposeResult
@@ -17,7 +18,7 @@ from dpr_lab.tui.guard import Guarded
 from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.steps.table_options import option_list, parse_options
-from dpr_lab.tui.widgets.dialogs import Question
+from dpr_lab.tui.widgets.dialogs import confirm
 from dpr_lab.tui.widgets.key_line import KeyLine
 from dpr_lab.workflows.import_table import ImportRequest, import_table, preview_table
 
@@ -34,7 +35,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
     Args:
         rig: rig file, or the name of a built-in one
         runs: folder of the run
-        file: the recording; None: entered by the operator
+        file: the recording; empty: entered by the operator
     """
 
     BINDINGS = bindings("import")
@@ -44,7 +45,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
     TableImport Input { height: 1; }
     """
 
-    def __init__(self, rig: str, runs: Path, file: Path | None = None) -> None:
+    def __init__(self, rig: str, runs: Path, file: str = "") -> None:
         super().__init__()
         self._file, self._rig, self._runs = file, rig, runs
         self._shown: tuple[ImportRequest, Preview] | None = None
@@ -53,8 +54,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
         """Build the fields for file and options, and the preview."""
         with Vertical() as page:
             page.border_title = f"Import a table, with the rig {self._rig}: nothing has been written yet"
-            text = str(self._file) if self._file is not None else ""
-            yield Input(text, placeholder=FILE, id="table", suggester=PathSuggester("*"), compact=True)
+            yield Input(self._file, placeholder=FILE, id="table", suggester=PathSuggester("*"), compact=True)
             yield Input(placeholder=OPTIONS, id="options", compact=True)
             with VerticalScroll():
                 yield Static(_options_text(), id="understood", markup=False)
@@ -62,8 +62,8 @@ class TableImport(Guarded, ModalScreen[Path | None]):
 
     async def on_mount(self) -> None:
         """Show the preview with default options, if the file is known."""
-        self.query_one("#table" if self._file is None else "#options", Input).focus()
-        if self._file is not None:
+        self.query_one("#options" if self._file else "#table", Input).focus()
+        if self._file:
             await self._preview()
 
     async def on_input_submitted(self, event: Input.Submitted) -> None:
@@ -95,20 +95,16 @@ class TableImport(Guarded, ModalScreen[Path | None]):
             if self._shown is not None:
                 self.notify("This is the preview of the import: check it, then import")
             return
-        warnings = warnings_of(self._shown[1])
-        if not warnings:
-            await self._save(True)
-            return
-        self.app.push_screen(
-            Question(f"Import the table despite these warnings?\n\n{chr(10).join(warnings)}", "Import", "Back"),
-            self._save,
-        )
+        request, preview = self._shown
+        if warnings := "\n".join(warnings_of(preview)):
+            question = f"Import the table despite these warnings?\n\n{warnings}"
+            confirm(self.app, question, "Import", "Back", partial(self._save, request))
+        else:
+            await self._save(request)
 
-    async def _save(self, sure: bool | None) -> None:
-        if not sure or self._shown is None:
-            return
+    async def _save(self, request: ImportRequest) -> None:
         try:
-            imported = await asyncio.to_thread(import_table, self._shown[0])
+            imported = await asyncio.to_thread(import_table, request)
         except DprError as error:
             self._show(Content.styled(f"not imported: {error}", "$error"))
         else:

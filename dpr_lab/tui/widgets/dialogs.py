@@ -1,6 +1,9 @@
 """Dialogs above a step: help, and confirmation before data are discarded."""
 
-from textual.app import ComposeResult
+from collections.abc import Callable
+from typing import Any
+
+from textual.app import App, ComposeResult
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Button, Markdown, Static
@@ -48,3 +51,8 @@ class Question(ModalScreen[bool]):
     def action_answer(self, answer: bool) -> None:
         """Handle a key."""
         self.dismiss(answer)
+
+
+def confirm(app: App[Any], question: str, yes: str, no: str, action: Callable[[], Any]) -> None:
+    """Ask a question, and run an action if the answer is yes."""
+    app.push_screen(Question(question, yes, no), lambda sure: action() if sure else None)

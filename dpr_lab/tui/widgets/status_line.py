@@ -1,33 +1,12 @@
 """Status line of every step: device, simulation, latch, recording, folder."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from textual.content import Content
 from textual.widgets import Static
 
 from dpr_lab.tui.recorder.connection import DeviceConnection
-
-
-@dataclass(frozen=True, slots=True)
-class RecordingNow:
-    """State of the recording in progress."""
-
-    pose: str
-    t: float
-    """Time since the release, s."""
-    of: float | None = None
-    """Duration of the recording, s; None: until rest."""
-
-    def __str__(self) -> str:
-        """Return the pose and time for the status line."""
-        duration = "" if self.of is None else f" of {self.of:g}"
-        return f"● REC {self.pose} {self.t:.0f}{duration} s"
-
-
-COUNTDOWN = "RELEASING"
-"""Text during the countdown, in place of the recording."""
 
 
 class StatusLine(Static):

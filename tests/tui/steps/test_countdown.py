@@ -40,7 +40,7 @@ async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, not
         await pilot.press("r")
         await until(pilot, lambda: "Not released: bring every rod to the pose" in notices_text(app))
         assert not isinstance(app.screen, Countdown)
-        assert step.attempt.latched
+        assert step.device.seen.latched
         await pilot.press("x")
         await until(pilot, lambda: step.attempt is None)
         await until(pilot, lambda: "stopped by the operator: nothing was released" in notices_text(app))
@@ -67,7 +67,7 @@ async def test_any_other_key_and_rods_that_move_stop_the_countdown(
             seen = step.attempt.rest
             await until(pilot, lambda seen=seen: step.attempt.rest is not seen)
             assert step.attempt.phase is Phase.READY
-            assert step.attempt.latched
+            assert step.device.seen.latched
         await pilot.press("r")
         assert isinstance(app.screen, Countdown)
         rest = step.attempt.rest
@@ -99,7 +99,7 @@ async def what_stops_the_countdown_is_named(pilot: Pilot[None], app: DprApp, unt
         await until(pilot, in_phase(step, Phase.READY))
         await pilot.press("r")
         assert isinstance(app.screen, Countdown)
-        assert step.counting_down
+        assert step.urgent == "RELEASING"
         await until(pilot, lambda: "RELEASING" in str(app.query_one(StatusLine).render()))
         assert "Any key but r stops it" in headline(app)
         await way(pilot)

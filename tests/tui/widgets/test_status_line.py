@@ -10,7 +10,7 @@ from dpr_lab.tui.app import STEPS, DprApp
 from dpr_lab.tui.recorder.messages import Connected
 from dpr_lab.tui.recorder.sighting import Sighting
 from dpr_lab.tui.steps.capture import CaptureStep
-from dpr_lab.tui.widgets.status_line import RecordingNow, StatusLine
+from dpr_lab.tui.widgets.status_line import StatusLine
 from dpr_lab.tui.workspace import Workspace
 from firmware_protocol.identity import DeviceInfo
 
@@ -23,7 +23,7 @@ async def test_every_step_shows_that_a_recording_runs_and_how_long_work_takes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, until
 ) -> None:
     app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
-    monkeypatch.setattr(CaptureStep, "recording", RecordingNow("X1", 3.2, 10.0))
+    monkeypatch.setattr(CaptureStep, "urgent", "● REC X1 3 of 10 s")
     monkeypatch.setattr(STEPS[5], "work", "Diagnose 35 s, about 20 s left")
     async with app.run_test(size=(80, 24)) as pilot:
         line = app.query_one(StatusLine)
