@@ -187,15 +187,12 @@ def load(folder: Path) -> tuple[Workspace, list[str]]:
 
 
 def _drop_missing(workspace: Workspace) -> list[str]:
-    gone = list(dict.fromkeys(run for run in (*workspace.runs, *workspace.held_out) if not run.is_file()))
+    """Remove missing files from the workspace; return a notice for each of them, except an undecided run."""
+    results = [path for path in (workspace.model, workspace.diagnosis) if path is not None]
+    gone = dict.fromkeys(path for path in (*workspace.runs, *workspace.held_out, *results) if not path.exists())
     workspace.runs = [run for run in workspace.runs if run not in gone]
     workspace.held_out = [run for run in workspace.held_out if run not in gone]
-    if workspace.undecided is not None and not workspace.undecided.is_file():
-        workspace.undecided = None
-    if workspace.model is not None and not workspace.model.is_file():
-        gone.append(workspace.model)
-        workspace.model = None
-    if workspace.diagnosis is not None and not workspace.diagnosis.exists():
-        gone.append(workspace.diagnosis)
-        workspace.diagnosis = None
+    for name in ("undecided", "model", "diagnosis"):
+        if (path := getattr(workspace, name)) is not None and not path.exists():
+            setattr(workspace, name, None)
     return [f"{path}: does not exist any more and was removed from the workspace" for path in gone]

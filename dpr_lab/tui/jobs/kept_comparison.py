@@ -61,19 +61,14 @@ class KeptComparison:
                 ]
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             return []
-        if kind is ArmComparison:
-            return [ArmComparison(**row) for row in rows]
-        for row in rows:
-            row["pose"] = row["pose"] or None
-        return [Comparison(**row) for row in rows]
+        return [kind(**row) for row in rows]
 
 
 def _array(value: Any) -> Any:
-    """Convert the value of a field to an array, via JSON text for a mapping."""
-    return np.array("" if value is None else json.dumps(value) if isinstance(value, dict) else value)
+    """Return an array unchanged; any other value of a field becomes JSON text."""
+    return value if isinstance(value, np.ndarray) else np.array(json.dumps(value, default=np.generic.item))
 
 
 def _plain(array: Any) -> Any:
     """Convert an array that `_array` created back to the value of a field."""
-    value = array.item() if array.ndim == 0 else array
-    return json.loads(value) if isinstance(value, str) and value.startswith("{") else value
+    return json.loads(str(array)) if array.dtype.kind == "U" else array

@@ -7,7 +7,7 @@ from enum import Enum
 import numpy as np
 
 from dpr_lab.acquisition.holding import PoseReading, RestReading
-from dpr_lab.acquisition.rest import RodAngles, RodPair
+from dpr_lab.acquisition.rest import RodPair
 from dpr_lab.acquisition.swing import Captured, Released, SwingReading
 from dpr_lab.arrays import Array
 from dpr_lab.rig_tables import Pose
@@ -36,12 +36,9 @@ class Attempt:
     """Name of the pose."""
     pose: Pose
     phase: Phase = Phase.PLACING
-    theta: RodAngles | None = None
-    """Newest absolute angles, rad."""
     error: RodPair | None = None
     """Measured minus required angles of both rods, rad."""
     rest: RestReading | None = None
-    latched: bool | None = None
     lost: Mapping[str, int] = field(default_factory=dict)
     recorded: SwingReading | None = None
     captured: Captured | None = None
@@ -84,7 +81,7 @@ class Attempt:
                 self.captured, self.phase = captured, Phase.JUDGED
                 self.lost = captured.lost
             case AttemptSeen(progress=progress):
-                self.latched, self.lost = report.latched, report.lost
+                self.lost = report.lost
                 self._take(progress)
         if self.rest is not None and self.phase in (Phase.PLACING, Phase.SETTLING, Phase.READY):
             self.phase = Phase.READY if self._asked and not self.rest.restless else Phase.SETTLING
@@ -92,14 +89,14 @@ class Attempt:
     def _take(self, progress: object) -> None:
         match progress:
             case PoseReading():
-                self.theta, self.error = progress.theta, progress.error
+                self.error = progress.error
             case RestReading():
-                self.theta, self.error, self.rest = progress.theta, progress.error, progress
+                self.error, self.rest = progress.error, progress
             case Released():
                 self.phase, self.error = Phase.RECORDING, None
             case SwingReading():
                 self.phase, self.error = Phase.RECORDING, None  # the report of the release may have been lost
-                self.theta, self.recorded = progress.theta, progress
+                self.recorded = progress
                 t, theta = progress.fresh
                 self._t.append(t)
                 self._theta.append(theta)

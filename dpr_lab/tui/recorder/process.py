@@ -26,13 +26,11 @@ from dpr_lab.transports.transport import Transport
 from dpr_lab.tui.recorder.guided_capture import carry_out, lost_since
 from dpr_lab.tui.recorder.mailbox import Inbox, Outbox
 from dpr_lab.tui.recorder.messages import (
-    CaptureAttempt,
     Connected,
     Exercise,
     Exercised,
     Idle,
     RecorderFailed,
-    RecorderReport,
 )
 from dpr_lab.tui.recorder.settings import SETTINGS
 from firmware_protocol.messages import Position
@@ -76,22 +74,16 @@ def _obey(device: Device, rig: Rig, runs: Path, inbox: Inbox, outbox: Outbox) ->
         if order is None:
             idle.look()
             continue
-        report = _report_on(order, device, rig, runs, inbox, outbox)
-        outbox.add(report)
-        if isinstance(report, RecorderFailed) and not report.alive:
-            return
-
-
-def _report_on(
-    order: Exercise | CaptureAttempt, device: Device, rig: Rig, runs: Path, inbox: Inbox, outbox: Outbox
-) -> RecorderReport:
-    try:
-        if isinstance(order, Exercise):
-            return _exercise(device, order)
-        return carry_out(order, device, rig, runs, inbox, outbox)
-    except DprError as error:
-        attempt = order.attempt if isinstance(order, CaptureAttempt) else None
-        return RecorderFailed(attempt, str(error), alive=not isinstance(error, DeviceLost))
+        try:
+            if isinstance(order, Exercise):
+                outbox.add(_exercise(device, order))
+            else:
+                outbox.add(carry_out(order, device, rig, runs, inbox, outbox))
+        except DprError as error:
+            attempt, lost = None if isinstance(order, Exercise) else order.attempt, isinstance(error, DeviceLost)
+            outbox.add(RecorderFailed(attempt, str(error), alive=not lost))
+            if lost:
+                return
 
 
 def _connected(device: Device, transport: Transport, rig: Rig) -> Connected:

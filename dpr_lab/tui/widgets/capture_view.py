@@ -15,7 +15,7 @@ from dpr_lab.acquisition.rest import pose_error
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.report.run_names import run_name
 from dpr_lab.rig import Rig
-from dpr_lab.rig_tables import INPUT_UNITS, Pose
+from dpr_lab.rig_tables import INPUT_UNITS
 from dpr_lab.tui.keys import KeyNames
 from dpr_lab.tui.line_breaks import Hanging
 from dpr_lab.tui.recorder.attempt import Attempt, Phase
@@ -259,16 +259,11 @@ def _placement(state: CaptureState) -> Placement | None:
         pose, error = state.attempt.pose, state.attempt.error
     else:
         pose, theta = state.rig.poses.get(state.pose), state.seen.theta
-        error = _error(theta, pose) if pose is not None and theta is not None else None
+        error = pose_error(np.array(theta), pose).tolist() if pose is not None and theta is not None else None
     if pose is None or error is None:
         return None
     placed = state.rig.rods.placed
-    return Placement((pose.theta1, pose.theta2)[:placed], error[:placed], pose.tolerance)
-
-
-def _error(theta: tuple[float, float, float], pose: Pose) -> tuple[float, float]:
-    inner, outer = pose_error(np.array(theta), pose).tolist()
-    return inner, outer
+    return Placement((pose.theta1, pose.theta2)[:placed], tuple(error[:placed]), pose.tolerance)
 
 
 def _plan(state: CaptureState) -> Content:
