@@ -61,9 +61,10 @@ def identify(
 
     request = IdentifyRequest(tuple(runs), rig, out, objective, search, settings, seed, profile, any_clock, torque)
     with Listener() as listener:
-        model = identify_runs(request, listener).model
+        identified = identify_runs(request, listener)
+    model = identified.model
     if as_json:
-        emit(model.model_dump() | {"model": out})
+        emit(identified.to_json())
     else:
         if isinstance(model, MovingArmModel):
             show_moving_arm(model)

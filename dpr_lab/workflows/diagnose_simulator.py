@@ -69,10 +69,10 @@ def diagnose_simulator(
     from dpr_lab.exports.into import WORDS, into_file
     from dpr_lab.exports.into.target import arm_to_change
     from dpr_lab.exports.refit import fitted_in_words, unchanged
+    from dpr_lab.report.plain import write_json
     from dpr_lab.report.schemas.printed import PrintedSimulator
     from dpr_lab.rig import load_rig
     from dpr_lab.simulator_models import read_model
-    from dpr_lab.whole_file import write_text
     from dpr_lab.workflows.reading import read_runs
     from dpr_lab.workflows.rig_from import rig_from_model
 
@@ -104,38 +104,38 @@ def diagnose_simulator(
         replays=[],
         refused="",
     )
+    files = dict(result.files)
     try:
         patched = into_file(least.model, rig, simulator, joints)
     except ConfigError as error:  # the diagnosis is still valid
-        return _saved(SimulatorDiagnosis(result, printed.model_copy(update={"refused": str(error)})), request.out)
-    unseen = read_runs(request.held_out, rig, ignore, request.any_clock, request.torque, moving=moving) or runs
-    forced = _forced(model, rig, simulator, joints) if printed.lost else None
-    update = {
-        "changes": list(patched.changes),
-        "diff": patched.diff(simulator, f"corrected {simulator.name}"),
-        "lost": printed.lost | patched.lost,
-        "passive": list(forced.passive.effects) if forced else [],
-        "replays": _replays(simulator, patched, forced, names, model, rig, unseen) if find_spec("mujoco") else [],
-    }
-    done = SimulatorDiagnosis(result, printed.model_copy(update=update))
-    if request.out is None:
-        return done
-    diff = request.out / f"{simulator.name}.diff"
-    write_text(diff, done.simulator.diff)
-    file, _ = patched.write(request.out, simulator.name)
-    files = {**result.files, "simulator model": str(file), "difference": str(diff)}
-    if forced:
-        file, module = forced.write(request.out / FORCED, simulator.name)
-        files |= {"model for passive forces": str(file), "passive forces": str(module)}
-    return _saved(replace(done, result=replace(result, files=files)), request.out)
-
-
-def _saved(done: SimulatorDiagnosis, out: Path | None) -> SimulatorDiagnosis:
-    from dpr_lab.report.plain import write_json
-
-    if out:
-        write_json(done.to_json(), out / RECORD)
+        printed.refused = str(error)
+    else:
+        forced = _forced(model, rig, simulator, joints) if printed.lost else None
+        printed.changes, printed.lost = list(patched.changes), printed.lost | patched.lost
+        printed.diff = patched.diff(simulator, f"corrected {simulator.name}")
+        printed.passive = list(forced.passive.effects) if forced else []
+        if find_spec("mujoco"):
+            unseen = read_runs(request.held_out, rig, ignore, request.any_clock, request.torque, moving=moving)
+            printed.replays = _replays(simulator, patched, forced, names, model, rig, unseen or runs)
+        if request.out:
+            files |= _written(patched, forced, printed.diff, request.out, simulator.name)
+    done = SimulatorDiagnosis(replace(result, files=files), printed)
+    if request.out:
+        write_json(done.to_json(), request.out / RECORD)
     return done
+
+
+def _written(patched: "PatchedModel", forced: "PatchedModel | None", diff: str, out: Path, name: str) -> dict[str, str]:
+    """Write the changed copy of the user's model, and the one for a module of passive forces; return their paths."""
+    from dpr_lab.whole_file import write_text
+
+    write_text(out / f"{name}.diff", diff)
+    file, _ = patched.write(out, name)
+    files = {"simulator model": str(file), "difference": str(out / f"{name}.diff")}
+    if forced:
+        file, module = forced.write(out / FORCED, name)
+        files |= {"model for passive forces": str(file), "passive forces": str(module)}
+    return files
 
 
 def _chain(simulator: Path, read: "SimulatorModel", joints: Sequence[str], rig: "Rig") -> "ModelChain":

@@ -1,7 +1,7 @@
 """Export of a model to other programs, with a replay in each program."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,17 +29,17 @@ class ExportResult:
     """Effects of the refitted model of each format."""
     refused: dict[str, str]
     """Reason for each format whose file was not written."""
-    bare_rad: float | None = None
-    lab: "Replayed | None" = None
-    tried: "dict[str, Replayed]" = field(default_factory=dict)
-    torques: tuple[str, ...] = ()
+    bare_rad: float | None
+    lab: "Replayed | None"
+    tried: "dict[str, Replayed]"
+    torques: tuple[str, ...]
     """Kinds of the known torques that drove the runs."""
-    scale: dict[str, Any] | None = None
+    scale: dict[str, Any] | None
     """Scale of masses, inertias and torques: the assumed inertia (`b`, kg m^2), its 90 % interval, its source, and its
     name (`inertia`; a if only the inner rod is mounted). None: unknown."""
-    scale_sentence: str = ""
+    scale_sentence: str
     """Sentence that describes the scale."""
-    has_effects: bool = True
+    has_effects: bool
     """Whether the model contains effects. A model without effects cannot close the gap."""
 
     def to_json(self) -> dict[str, Any]:
@@ -101,23 +101,27 @@ def export(
                     f" RUN refits the model without them"
                 )
             )
-    result = _checked(formats, model, models, runs, rig, on_event) if runs else ExportResult({}, {}, {}, {})
+    refused, bare_rad, lab, tried = (
+        _checked(formats, model, models, runs, rig, on_event) if runs else ({}, None, None, {})
+    )
     files = {}
     for name in formats:
-        if name not in result.refused:
-            tried = result.tried.get(name)
-            error = check_of(tried, result.bare_rad) if tried and result.bare_rad is not None else None
+        if name not in refused:
+            error = check_of(tried[name], bare_rad) if bare_rad is not None else None
             files[name] = write_export(FORMATS[name], models[name], rig, out, lost[name], error)
     instead = {name: moving(own_model) for name, own_model in models.items() if own_model is not model}
     with_reasons = {name: reasons for name, reasons in lost.items() if reasons}
-    return replace(
-        result,
-        files=files,
-        lost=with_reasons,
-        instead=instead,
-        torques=torque_kinds(runs),
-        scale=_scale(model),
-        scale_sentence=model.scale_sentence,
+    return ExportResult(
+        files,
+        with_reasons,
+        instead,
+        refused,
+        bare_rad,
+        lab,
+        tried,
+        torque_kinds(runs),
+        _scale(model),
+        model.scale_sentence,
         has_effects=bool(model.effects),
     )
 
@@ -156,8 +160,13 @@ def _checked(
     runs: Sequence["Run"],
     rig: "Rig",
     on_event: OnEvent,
-) -> ExportResult:
-    """Compute the errors of the model in each program, and of the bare model."""
+) -> "tuple[dict[str, str], float, Replayed, dict[str, Replayed]]":
+    """Replay the model in each program.
+
+    Returns:
+        reason for each refused format, error of the bare model, rad, and the errors of the model in dpr-lab's own
+        simulation and in each program
+    """
     from dpr_lab.exports import FORMATS
     from dpr_lab.exports.cost import REPLAY_RULE, yardstick
     from dpr_lab.exports.replay import replayed
@@ -179,7 +188,7 @@ def _checked(
                 f" error of the bare model is {1e3 * reference.bare_rad:.3g} mrad; diagnose more recordings, or use"
                 " another format"
             )
-    return ExportResult({}, {}, {}, refused, reference.bare_rad, reference.replayed(reference.own), tried)
+    return refused, reference.bare_rad, reference.replayed(reference.own), tried
 
 
 def warn_of_one_rod(model: "AnyModel", rig: "Rig", on_event: OnEvent) -> None:

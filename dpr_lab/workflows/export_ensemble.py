@@ -154,7 +154,11 @@ def export_ensemble(
         "models": [_member(model, rig) for model in models],
     }
     write_json(document, file)
-    covered = tuple(_coverage(ensemble, models, run) for run in runs)
+    bands = [(ensemble.band(models, run), run) for run in runs]
+    covered = tuple(
+        BandCoverage(band.run, band.covered, band.horizon_s, band.width_rad, band.delay_s, ensemble.beyond(band, run))
+        for band, run in bands
+    )
     return EnsembleResult(
         file,
         tuple(folders),
@@ -197,13 +201,6 @@ class _Ensemble:
     beyond: "Callable[[PredictiveBand, Run], float | None]" = lambda band, run: None
     """Function that returns the share of the compared part of a recording in which the amplitudes are outside
     `amplitudes`."""
-
-
-def _coverage(ensemble: _Ensemble, models: "Sequence[Any]", run: "Run") -> BandCoverage:
-    band = ensemble.band(models, run)
-    return BandCoverage(
-        band.run, band.covered, band.horizon_s, band.width_rad, band.delay_s, ensemble.beyond(band, run)
-    )
 
 
 def _of_rods(

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dpr_lab.workflows.checks import check_file_writable
 from dpr_lab.workflows.events import GenerationDone, LocalFitBegan, OnEvent, Proceed, always, ignore
@@ -11,7 +11,6 @@ from dpr_lab.workflows.reading import read_runs
 if TYPE_CHECKING:
     from dpr_lab.identification.model import Model
     from dpr_lab.identification.moving_arm.model import MovingArmModel
-    from dpr_lab.search.problem import Generation
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +49,10 @@ class IdentifyResult:
     model: "Model | MovingArmModel"
     file: Path
 
+    def to_json(self) -> dict[str, Any]:
+        """Return the output of `identify --json`."""
+        return self.model.model_dump() | {"model": str(self.file)}
+
 
 def identify(request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proceed = always) -> IdentifyResult:
     """Identify the parameters of a rig from runs.
@@ -78,20 +81,13 @@ def identify(request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proc
         settings=settings,
         seed=request.seed,
         profile=request.profile,
-        on_generation=lambda generation, at_most: on_event(_done(generation, at_most)),
+        on_generation=lambda done, at_most: on_event(
+            GenerationDone(
+                done.number, at_most, done.evaluations, done.best_cost, done.best_fitness, done.population_fitness
+            )
+        ),
         on_polish=lambda: on_event(LocalFitBegan()),
         stop=lambda: not proceed(),
     )
     model.save(request.out)
     return IdentifyResult(model, request.out)
-
-
-def _done(generation: "Generation", at_most: int) -> GenerationDone:
-    return GenerationDone(
-        generation.number,
-        at_most,
-        generation.evaluations,
-        generation.best_cost,
-        generation.best_fitness,
-        generation.population_fitness,
-    )

@@ -18,7 +18,6 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from importlib import import_module
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Any, TypeAlias
@@ -28,6 +27,9 @@ from dpr_lab.errors import DprError
 from dpr_lab.progress import compiling, watch_compiling
 from dpr_lab.version import __version__
 from dpr_lab.workflows import events
+from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose
+from dpr_lab.workflows.identify import IdentifyRequest, identify
+from dpr_lab.workflows.plan import PlanRequest, plan
 
 
 class RpcCode(IntEnum):
@@ -59,26 +61,16 @@ class RpcError(Exception):
 class Method:
     """Method of the service: a kind of job."""
 
-    request: str
-    """Location of the request class, `module:class`. Its fields are the parameters of the method."""
-    job: str
-    """Location of the job, `module:function`."""
-    result: Callable[[Any], Mapping[str, Any]]
-    """Function that converts the result of the job to the content of the response."""
+    request: type
+    """Request of the job. Its fields are the parameters of the method."""
+    job: Callable[[Any, events.OnEvent], Any]
+    """Function that runs the job. The method `to_json` of its result returns the content of the response."""
 
 
-METHODS: dict[str, Method] = {
-    "identify": Method(
-        "dpr_lab.workflows.identify:IdentifyRequest",
-        "dpr_lab.workflows.identify:identify",
-        lambda done: done.model.model_dump() | {"model": str(done.file)},
-    ),
-    "diagnose": Method(
-        "dpr_lab.workflows.diagnose:DiagnoseRequest",
-        "dpr_lab.workflows.diagnose:diagnose",
-        lambda done: done.to_json(),
-    ),
-    "plan": Method("dpr_lab.workflows.plan:PlanRequest", "dpr_lab.workflows.plan:plan", lambda done: done.to_json()),
+METHODS = {
+    "identify": Method(IdentifyRequest, identify),
+    "diagnose": Method(DiagnoseRequest, diagnose),
+    "plan": Method(PlanRequest, plan),
 }
 """Job of each method name. The results are those of the command with the same name and --json."""
 
@@ -283,9 +275,8 @@ def _done(name: str, request: Any, send: Callable[[Any], None]) -> tuple[Any, ..
         if progress := _progress(event):
             send(("progress", progress))
 
-    method = METHODS[name]
     try:
-        return "done", method.result(_imported(method.job)(request, on_event))
+        return "done", METHODS[name].job(request, on_event).to_json()
     except DprError as error:
         return "failed", RpcCode.FAILED, str(error), {"kind": type(error).__name__, "exit_code": error.exit_code}
     except Exception as error:  # a bug must not end the service
@@ -340,24 +331,18 @@ def _request(method: Method, params: Mapping[str, Any]) -> Any:
 
     from dpr_lab.configs import key_words
 
-    kind = _imported(method.request)
-    known = [field.name for field in fields(kind)]
+    known = [field.name for field in fields(method.request)]
     if unknown := [name for name in params if name not in known]:
         raise RpcError(RpcCode.INVALID_PARAMS, f"unknown parameter {unknown[0]!r}; available: {', '.join(known)}")
     try:
         # the messages for JSON input use the terms of JSON
-        return TypeAdapter(kind).validate_json(json.dumps(dict(params)))
+        return TypeAdapter(method.request).validate_json(json.dumps(dict(params)))
     except ValidationError as error:
         first = error.errors()[0]
         name = key_words(first["loc"])
         missing = f"missing parameter {name!r}; available: {', '.join(known)}"
         sentence = missing if first["type"] == "missing" else f"{name}: {first['msg']}"
         raise RpcError(RpcCode.INVALID_PARAMS, sentence) from error
-
-
-def _imported(name: str) -> Any:
-    module, _, attribute = name.partition(":")
-    return getattr(import_module(module), attribute)
 
 
 def _progress(event: events.Event) -> dict[str, Any] | None:

@@ -188,7 +188,7 @@ def test_a_model_without_effects_closes_no_gap(has_effects, closed, monkeypatch)
     rows: list[list[str]] = []
     monkeypatch.setattr(command, "table", lambda title, columns, of_table: rows.extend(of_table))
     errors = Replayed(0.56, -1e-4, {"run": 0.56})
-    command._show(ExportResult({}, {}, {}, {}, 0.56, errors, {"python": errors}, has_effects=has_effects))
+    command._show(ExportResult({}, {}, {}, {}, 0.56, errors, {"python": errors}, (), None, "", has_effects))
     assert [row[2] for row in rows] == [closed] * 3
 
 
