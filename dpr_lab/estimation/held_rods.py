@@ -77,6 +77,9 @@ class HeldSettings:
     restless: float = 3.0
     """Maximum ratio of the standard deviation of a rest to the standard deviation of its white noise. Above this ratio
     the rods tremble."""
+    arm_share: float = 0.1
+    """Minimum excursion of a moving arm, relative to its largest excursion. A cart is an arm so long that its angles
+    are within the band of the rods."""
     readings: int = 20_000
     """Maximum number of readings used for the noise estimate."""
     bent: float = 5.0
@@ -306,7 +309,11 @@ def _known_input(motion: RodMotion, first: int, stop: int, band: float) -> bool:
     if motion.torques is not None:
         largest = np.abs(motion.torques).max(axis=1)
         pushed = bool(np.median(largest[first:stop]) > HELD.driven_share * largest.max())
-    return pushed or (motion.arm is not None and float(np.ptp(motion.arm[first:stop])) > band)
+    if motion.arm is None or len(motion.t) <= ORDER:
+        return pushed
+    noise = HELD.noise * float(difference_std(motion.t, motion.arm[:, None])[0])
+    moves = max(noise, min(band, HELD.arm_share * float(np.ptp(motion.arm))))
+    return pushed or float(np.ptp(motion.arm[first:stop])) > moves
 
 
 def _swings(motion: RodMotion, first: int, stop: int, band: float) -> bool:

@@ -144,3 +144,18 @@ def test_a_short_rest_before_the_release_is_found_in_a_noisy_film(rest_s: float)
         part = free_part(RodMotion(t, film), "film")
         assert part.rest == 0
         assert abs(t[part.start] - rest_s) < 0.06
+
+
+@pytest.mark.parametrize(("travel", "parts"), [(0.01, 1), (0.0, 2)])
+def test_a_rod_that_a_cart_carries_is_not_held(travel: float, parts: int) -> None:
+    """A cart is a long arm: its angles are within the band of the rods, although the cart moves."""
+    t = np.arange(0.0, 3.0, 0.01)
+    still = np.clip(t, 1.0, 1.8) - 1.0
+    angle = np.where(t < 1.0, np.pi - 2.4 * t**2, np.where(t < 1.8, np.pi - 2.4, np.pi - 2.4 * np.cos(4 * (t - 1.8))))
+    rods = np.column_stack([angle, np.full_like(t, np.pi)])
+    carried = RodMotion(t, rods, None, travel * (np.sin(t) + still))
+    if parts == 1:
+        assert free_part(carried, "a cart") == FreePart(0, 0, len(t))
+    else:
+        with pytest.raises(RunError, match="2 swings"):
+            free_part(carried, "a cart")

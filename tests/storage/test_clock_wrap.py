@@ -7,7 +7,7 @@ import pytest
 
 from dpr_lab.errors import RunError
 from dpr_lab.storage.csv_import import import_csv
-from dpr_lab.storage.tables.clock_wrap import unwrapped_times, wrap_behind
+from dpr_lab.storage.tables.clock_wrap import summed_durations, unwrapped_times, wrap_behind
 from dpr_lab.storage.tables.columns import find_columns
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.table import bare, read_table
@@ -56,10 +56,20 @@ def test_a_counter_of_another_width_needs_its_period(tmp_path: Path, paper) -> N
     np.testing.assert_allclose(run.t, T, atol=1e-9)
 
 
-def test_durations_of_rows_are_no_times(tmp_path: Path, paper) -> None:
-    durations = np.tile([40.0, 40.0, 39.0, 41.0], len(T) // 4 + 1)[: len(T)]
-    with pytest.raises(RunError, match=r"near 40, which are probably the durations .* \(--rate-hz\) instead$"):
-        import_csv(table(tmp_path / "a.csv", durations, "t", "g"), paper, ImportOptions(keep_rest=True))
+@pytest.mark.parametrize(
+    ("header", "rows"), [("t", [10.0, 10.0, 9.0, 11.0]), ("dt", [10.0, 10.0, 10.0, 11.0]), ("dt_ms", [10.0] * 4)]
+)
+def test_durations_of_rows_are_summed(header: str, rows: list[float], tmp_path: Path, paper) -> None:
+    durations = np.tile(rows, len(T) // 4 + 1)[: len(T)]
+    options = ImportOptions(time_unit=None if header == "dt_ms" else "ms", keep_rest=True)
+    run = import_csv(table(tmp_path / "a.csv", durations, header, "g"), paper, options)
+    np.testing.assert_allclose(run.t, (np.cumsum(durations) - durations[0]) / 1e3, atol=1e-9)
+    assert f"column {header} contains the durations of the rows" in " ".join(run.notes)
+
+
+def test_one_decrease_of_late_times_is_no_duration() -> None:
+    late = 1.7e9 + np.repeat([0.0, 1.0, 0.0, 2.0], 9)
+    assert summed_durations(late, "t")[1] == ""
 
 
 def test_a_second_recording_in_a_table_is_no_wrap(tmp_path: Path, paper) -> None:

@@ -1,4 +1,4 @@
-"""Unwrap times from a counter that wraps, such as a 32-bit counter of microseconds."""
+"""Obtain increasing times from a counter that wraps, such as 32 bits of microseconds, or from durations."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array, Integers
 from dpr_lab.errors import RunError
-from dpr_lab.storage.tables.columns import TO_SECONDS
+from dpr_lab.storage.tables.columns import TO_SECONDS, is_duration
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.table import Table
 
@@ -22,6 +22,9 @@ class CounterSettings:
     slack: float = 0.01
     """Maximum difference between the decrease at a wrap and the width of the counter, relative to the width. The
     difference is up to one interval between rows."""
+    returns: float = 2.0
+    """Minimum sum of all decreases of durations, in ranges of their values. Times that decrease once have at most
+    one."""
     edge_rows: int = 3
     """Maximum number of rows before or after a decrease that are probably wrong instead of another recording."""
     edge_share: float = 10.0
@@ -58,6 +61,23 @@ def wrap_behind(before: float, after: float) -> float | None:
     return next((width for width in within if abs(before - after - width) < SETTINGS.slack * width), None)
 
 
+def summed_durations(t: Array, name: str) -> tuple[Array, str]:
+    """Return times (n,) and a note, with sums if the column contains the durations of the rows.
+
+    Each duration ends at its row. NaN values are kept. `name` is the name of the column in the note.
+    """
+    known = np.flatnonzero(np.isfinite(t))
+    values, steps = t[known], np.diff(t[known])
+    spread = float(np.ptp(values)) if len(values) else 0.0
+    durations = -steps[steps < 0].sum() > SETTINGS.returns * spread > 0 or (spread == 0 and is_duration(name))
+    growing = 2 * np.count_nonzero(steps <= 0) < len(steps)
+    if not durations or growing or values.min(initial=np.inf) <= 0 or spread > np.median(values):
+        return t, ""
+    summed = t.copy()
+    summed[known] = np.cumsum(values) - values[0]
+    return summed, f"column {name} contains the durations of the rows; the time is their sum"
+
+
 def check_forwards(table: Table, t: Array, options: ImportOptions) -> None:
     """Check that the times of a table never decrease.
 
@@ -75,11 +95,6 @@ def check_forwards(table: Table, t: Array, options: ImportOptions) -> None:
             raise RunError(f"{place}: {decrease}, like a wrapping counter: import with --time-wrap {wrap:.10g}")
         if len(backwards) == len(known) - 1:
             raise RunError(f"{place}: time decreases in all rows: sort the rows by time")
-        if 2 * np.count_nonzero(np.diff(t[known]) <= 0) >= len(known) - 1 and np.ptp(t[known]) < np.median(t[known]):
-            raise RunError(
-                f"{place}: the time column contains values near {np.median(t[known]) / unit:g}, which are probably the"
-                " durations of the rows, not times: state the rate of the rows (--rate-hz) instead"
-            )
         wrong = _wrong_rows(t[known], int(backwards[0])) if len(backwards) == 1 else []
         if wrong and wrong[0] > wrong[-1]:
             raise RunError(f"{place}: {decrease}: exchange this row and the one before, or delete the wrong one")

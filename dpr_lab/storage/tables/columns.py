@@ -22,6 +22,8 @@ NO_ROD = "joint 2, without a rod"
 """Name of the substitute column for joint 2 of a rig with one rod."""
 
 _TIME_NAME = r"(t|(date|clock|host|elapsed)?time(stamp)?|clock|elapsed|tout|zeit|temps|tempo|tiempo)?({unit})?(?<=.)"
+_DURATION = "(dt|deltat|timestep)({unit})?"
+"""Pattern of the duration of a row, used only without a column of times."""
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds|millis", "us": "us|usec|microseconds|micros"}
 _ANGLE_UNIT = r"(rad(?:ians?)?|deg|degrees?|degr[eé]s|gra(?:us|dos|di|den|d))"
 _ANGLE_WORD = "(theta|th|phi|q|angle|angulo|angolo|winkel|joint|pos|position|gon|θ|φ)"
@@ -77,6 +79,11 @@ def is_time(name: str) -> bool:
     return any(re.fullmatch(_TIME_NAME.format(unit=unit), bare(name)) for unit in _TIME_SUFFIX.values())
 
 
+def is_duration(name: str) -> bool:
+    """Check whether a name is a common name of the durations of rows."""
+    return any(re.fullmatch(_DURATION.format(unit=unit), bare(name)) for unit in _TIME_SUFFIX.values())
+
+
 def counter(table: Table) -> str:
     """Return the name of a column that counts the rows, such as video frames.
 
@@ -121,7 +128,7 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
     for quantity, joint in JOINT_NAMES.items():
         patterns[quantity] += [f"({joint}){ending}", f"({joint}){_MEASURED}{ending}"]
     named = {q: _angles(names, alternatives) for q, alternatives in patterns.items()}
-    named["t"] = _matches(names, [time, _MEASURED + time])
+    named["t"] = _matches(names, [time, _MEASURED + time, _DURATION.format(unit=_TIME_SUFFIX[time_unit])])
     counts = [_COUNT_NAME.format(axis=axis) for axis in (1, 2)]
     plain = named["theta1"] + named["theta2"] + _matches(names, [_ONE_ROD.pattern, *counts])
     if not plain and unit != "counts":

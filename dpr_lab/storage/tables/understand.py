@@ -26,7 +26,7 @@ from dpr_lab.storage.readers import read_any
 from dpr_lab.storage.readers.merged import rows_of_angles
 from dpr_lab.storage.tables.angles import angles, in_radians
 from dpr_lab.storage.tables.arm_input import cart_note, known_inputs, stated_arm, unused_input
-from dpr_lab.storage.tables.clock_wrap import check_forwards, unwrapped_times
+from dpr_lab.storage.tables.clock_wrap import check_forwards, summed_durations, unwrapped_times
 from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, numbers, stated_columns
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.options import ImportOptions, date_in, parse_recorded_at
@@ -151,6 +151,7 @@ def _readings(
     The times (rows,) are in s. The readings (rows,) of each recorded axis are NaN for outliers.
     """
     t, carried = carried_times(_times(table, names, options))
+    t, summed = summed_durations(t, names.get("t", ""))
     readings, empty = _recorded(table, {axis: table.column(names[axis]) for axis in AXES if axis in names})
     check_forwards(table, t, options)
     t, rounded = even_times(t, readings)
@@ -158,7 +159,7 @@ def _readings(
     outliers = drop_outliers(readings, rig, options, table.path)
     unwrapped = {axis: without_wraps(column, axis, rig, options) for axis, column in readings.items()}
     t, misplaced = stamps_at_gaps(t, unwrapped)
-    stamps = filter(None, (carried, rounded, shared, misplaced))
+    stamps = filter(None, (carried, summed, rounded, shared, misplaced))
     return t, readings, [*outliers, *empty, *stamps, *cart_note(table, names, rig, options)]
 
 
