@@ -32,7 +32,8 @@ settings.load_profile("repeatable")
 # A shell starts what runs in its background deaf to Ctrl-C, and so would be every program that a test interrupts.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-gc.set_threshold(50_000, 20, 100)  # hundreds of thousands of objects of the libraries are there to stay
+gc.disable()  # hundreds of thousands of objects of the libraries and of the collected tests are there to stay
+gc.set_threshold(50_000, 20, 100)
 
 STOP_TIMEOUT_S = 60.0
 DEVICE_STARTS_S = 600.0
@@ -90,8 +91,9 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 
 def pytest_collection_finish() -> None:
-    """Exclude the loaded objects from garbage collection."""
+    """Exclude the loaded objects from garbage collection, which starts now."""
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -24,6 +24,11 @@ _places: set[int] = set()
 _opened: dict[int, Any] = {}
 
 
+def place_of(kernel: Callable[..., Any]) -> int:
+    """Byte of a kernel; the same kernel in another copy of the repository has another, as Numba stores it by path."""
+    return zlib.crc32(f"{kernel.__code__.co_filename}:{kernel.__qualname__}".encode())
+
+
 @contextmanager
 def alone(kernel: Callable[..., Any]) -> Iterator[None]:
     """Hold the lock of a kernel: a byte of one file. A lock of a byte belongs to the process, and not to its children.
@@ -31,7 +36,7 @@ def alone(kernel: Callable[..., Any]) -> Iterator[None]:
     No process waits in a circle, because kernels do not call one another in a circle.
     """
     assert CACHE is not None
-    place = zlib.crc32(f"{kernel.__module__}.{kernel.__qualname__}".encode())
+    place = place_of(kernel)
     with global_compiler_lock:
         if place in _places:
             yield

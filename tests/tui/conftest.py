@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from textual import screen
 from textual.app import App
 from textual.pilot import Pilot
 
@@ -27,6 +28,7 @@ from dpr_lab.storage.layout import RELEASED
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.writer import RunWriter
+from dpr_lab.tui import FRAMES_PER_S
 from dpr_lab.tui.app import STEPS, DprApp
 from dpr_lab.tui.steps.step import Step
 from dpr_lab.tui.widgets.chart import Chart
@@ -93,6 +95,14 @@ def patient_pilots() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Pilot, "_wait_for_screen", waited)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def few_frames() -> Iterator[None]:
+    """Redraw as rarely as the program, and not as often as Textual's default. Another Textual may only be slower."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(screen, "UPDATE_PERIOD", 1 / FRAMES_PER_S, raising=False)
         yield
 
 
