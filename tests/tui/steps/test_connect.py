@@ -143,9 +143,11 @@ async def test_the_simulator_replaces_a_rig_only_after_confirmation(app: DprApp,
         await until(pilot, lambda: isinstance(app.screen, Question))
         assert url in str(app.screen.query_one(Static).render())
         await pilot.press("n")
-        await pilot.pause()
+        await until(pilot, lambda: not isinstance(app.screen, Question))
         assert app.device.connected.url == url
-        await pilot.press("m", "y")
+        await pilot.press("m")
+        await until(pilot, lambda: isinstance(app.screen, Question))
+        await pilot.press("y")
         await until(pilot, lambda: app.device.connected is not None and app.device.connected.simulated)
         for key in "123456":
             await pilot.press(key)
