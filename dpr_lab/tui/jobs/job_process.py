@@ -117,5 +117,5 @@ def start_job(owner: DOMNode, function: Callable[..., Any], **arguments: Any) ->
         finally:
             job.cancel()
 
-    owner.run_worker(follow(), exit_on_error=False, group="job")
+    owner.run_worker(follow, exit_on_error=False, group="job")
     return job

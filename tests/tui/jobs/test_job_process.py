@@ -7,12 +7,14 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from textual.app import App
+from textual.widgets import Static
 
 from dpr_lab.errors import RunError
 from dpr_lab.progress import compiling
 from dpr_lab.tui.jobs.job_control import JobControl
 from dpr_lab.tui.jobs.job_events import JobCancelled, JobCompiling, JobEvent, JobFailed, JobFinished, JobProgress
-from dpr_lab.tui.jobs.job_process import JobProcess
+from dpr_lab.tui.jobs.job_process import JobProcess, start_job
 
 
 def count(control: JobControl, to: int) -> int:
@@ -169,3 +171,15 @@ def test_work_ends_when_its_parent_process_has_ended(begin) -> None:
 def test_work_never_writes_on_the_screen(begin, capfd: pytest.CaptureFixture[str]) -> None:
     assert list(begin(chatter).events()) == [JobFinished("quiet")]
     assert capfd.readouterr() == ("", "")
+
+
+async def test_a_job_is_cancelled_when_its_widget_is_removed(until) -> None:
+    app = App[None]()
+    async with app.run_test() as pilot:
+        owner = Static()
+        await app.mount(owner)
+        job = start_job(owner, tell_pid)
+        await pilot.pause()
+        assert job.alive
+        await owner.remove()
+        await until(pilot, lambda: not job.alive)
