@@ -4,15 +4,17 @@
 """
 
 import os
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any, TypeVar, overload
 
 import numba
-from numba.core import caching, config, event
+from llvmlite import binding as llvm
+from numba.core import caching, codegen, config, event
 from numba.core.ccallback import CFunc
 from numba.core.codegen import get_host_cpu_features
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.runtime.nrt import rtsys as runtime
 from numba.core.sigutils import normalize_signature
 from numba.core.types import FunctionType
@@ -114,8 +116,32 @@ def behind_pointer(function: Callable[..., None], *examples: Any) -> Any:
     kernel: Any = _Pointer(function, signature, locals={}, options={"error_model": "numpy", "_nrt": False})
     kernel.pointer_type = FunctionType(kernel._sig)
     kernel._cache = _cache_of(function, False) or kernel._cache
-    kernel.compile()
+    with _loops_kept():
+        kernel.compile()
     return kernel
+
+
+@contextmanager
+def _loops_kept() -> Iterator[None]:
+    """Compile without unrolling of loops.
+
+    The compiler unrolls a short loop over few lanes before it converts loops to vector instructions, so that the loop
+    stays scalar.
+    """
+    module: Any = codegen
+    with global_compiler_lock:
+        create = module.create_pass_builder
+        module.create_pass_builder = partial(_without_unrolling, create)
+        try:
+            yield
+        finally:
+            module.create_pass_builder = create
+
+
+def _without_unrolling(create: Callable[..., Any], machine: Any, **options: Any) -> Any:
+    settings: Any = create(machine, **options)._pto
+    settings.loop_unrolling = False
+    return llvm.create_pass_builder(machine, settings)
 
 
 class _Pointer(CFunc):

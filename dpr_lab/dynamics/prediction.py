@@ -106,7 +106,8 @@ def predict_with_internal(
     if differ(params, segments.setups):
         every_run = np.broadcast_to(params, (n, runs, SIZE))
         params = np.stack([effects_of_run(every_run[:, i], setup) for i, setup in enumerate(segments.setups)], axis=1)
-    held = _shaped(np.asarray(np.nan if internal is None else internal), (n, count, len(INTERNAL)), "internal")
+    free = np.full((n, count, len(INTERNAL)), np.nan)  # taken from the previous segment
+    held = free if internal is None else _shaped(np.asarray(internal), free.shape, "internal")
     whole = _shaped(bases, (n, min(bases.shape[-1], len(WHOLE))), "bases")
     bases_of = {setup: base_of_run(whole, setup, constants.L1, constants.g) for setup in set(segments.setups)}
     by_run = np.stack([bases_of[setup] for setup in segments.setups], axis=1)
@@ -115,7 +116,8 @@ def predict_with_internal(
     initial[..., : states.shape[-1]] = states
     candidates = Candidates(by_run, params, initial, held)
     active = active_effects(params)
-    chained = required_by(active).internal & np.logical_or.reduce(np.isnan(held), axis=(1, 2))[:, None]
+    linked = internal is None or np.logical_or.reduce(np.isnan(held), axis=(1, 2))[:, None]
+    chained = required_by(active).internal & linked
     tracks = tracks_of(active, chained, segments.run, segments.chains)
     every_block = np.ones_like(tracks.required.torque)
     if any((setup.torques and setup.torques.on_joints) or setup.arm for setup in segments.setups):

@@ -200,7 +200,7 @@ class Problem:
             return 0.0
         zeros = np.zeros((len(estimate.zeros), self.axes))
         zeros[:, :2] = estimate.zeros
-        return zeros[self.segments.run[self.owner]]
+        return np.repeat(zeros[self.segments.run], np.diff(self.segments.offsets), axis=0)
 
     def slopes(self, estimate: Estimate, free: Sequence[FreeParameter], predicted: Array | None = None) -> Array:
         """Return the (samples, 2, free + 4) derivatives of the predicted readings.

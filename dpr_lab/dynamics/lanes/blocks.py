@@ -1,14 +1,14 @@
 """Data of the lanes as arrays for compiled code: segments, candidates, outputs, and buffers."""
 
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.dynamics.lanes.driving import Drive
 from dpr_lab.dynamics.lanes.samples import LaneSamples
-from dpr_lab.dynamics.lanes.workspace import LaneWorkspace, lane_workspace
+from dpr_lab.dynamics.lanes.workspace import one_workspace
 from dpr_lab.effects.effect_kernels import AT_RELEASE
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.effects.stages import Requirements
@@ -72,8 +72,8 @@ class Buffers(NamedTuple):
     """(n, N, 2 or 3) predicted readings, rad: joint 1, joint 2 and optionally the arm."""
     initial_internal: Array
     """(n, S, internal) internal states at the start of each segment."""
-    w: LaneWorkspace
-    """The workspace of the lanes."""
+    w: Any
+    """The workspace of the lanes, a `LaneWorkspace`; `allocate` returns an array of one workspace."""
     after: Array
     """(lanes, internal) internal states at the end of the previous segment."""
     run: Integers
@@ -89,10 +89,11 @@ def allocate(segments: SegmentArrays, candidates: int, columns: int, lanes: int)
     `columns` is the number of columns of the readings.
     """
     longest, indices = int(np.diff(segments.offsets).max()), partial(np.zeros, lanes, dtype=np.int64)
-    angles = np.zeros((candidates, len(segments.t), columns))
+    # every reading of joints 1 and 2 is written, that of the arm only if it moves
+    angles = (np.empty if columns == 2 else np.zeros)((candidates, len(segments.t), columns))
     samples = LaneSamples(
-        t1=np.zeros((lanes, longest)),
-        t2=np.zeros((lanes, longest)),
+        t1=np.empty((lanes, longest)),
+        t2=np.empty((lanes, longest)),
         out=angles.reshape(-1),
         columns=columns,
         first=indices(),
@@ -103,7 +104,7 @@ def allocate(segments: SegmentArrays, candidates: int, columns: int, lanes: int)
     return Buffers(
         angles,
         initial_internal=np.zeros((candidates, len(segments.run), len(AT_RELEASE))),
-        w=lane_workspace(lanes),
+        w=one_workspace(lanes),
         after=np.zeros((lanes, len(AT_RELEASE))),
         run=indices(),
         knot=np.zeros((2, lanes), dtype=np.int64),

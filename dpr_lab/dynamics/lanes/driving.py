@@ -106,11 +106,22 @@ def _next_step(w: LaneWorkspace, k: int) -> tuple[float, float]:
 
 
 @subroutine
+def _look_up(w: LaneWorkspace, k: int, rods: Knots, run: int, knot: Integers, t: float) -> bool:
+    """Set the impulses of known torques on lane k until time t; return whether there are any."""
+    i = _interval(rods, run, knot[0, k], t)
+    if i < 0:
+        return False
+    knot[0, k], w.known_until[k] = i, t
+    w.impulse1[k], w.impulse2[k] = _value(rods, i, t, 0), _value(rods, i, t, 1)
+    return True
+
+
+@subroutine
 def set_torques(w: LaneWorkspace, drive: Drive, run: Integers, knot: Integers) -> None:
     """Set the mean known torques over the next step of each lane.
 
     `knot` (2, lanes) contains the intervals that were used last. Neighbouring lanes often take the same step of the
-    same run and therefore have the same torques.
+    same run and therefore have the same torques. A step usually starts at the end of the previous step.
     """
     rods, arm, before, start, stop = drive.rods, drive.arm, -1, 0.0, 0.0
     for k in range(len(w.t)):
@@ -122,13 +133,12 @@ def set_torques(w: LaneWorkspace, drive: Drive, run: Integers, knot: Integers) -
             knot[0, k], knot[1, k] = knot[0, k - 1], knot[1, k - 1]
             continue
         before = run[k]
-        i = _interval(rods, run[k], knot[0, k], start)
-        if i >= 0:
-            knot[0, k], j = i, _interval(rods, run[k], i, stop)
-            w.drive1[k], w.drive2[k] = (
-                (_value(rods, j, stop, 0) - _value(rods, i, start, 0)) / (stop - start),
-                (_value(rods, j, stop, 1) - _value(rods, i, start, 1)) / (stop - start),
-            )
+        if start != w.known_until[k]:
+            _look_up(w, k, rods, run[k], knot, start)
+        impulse1, impulse2 = w.impulse1[k], w.impulse2[k]
+        if _look_up(w, k, rods, run[k], knot, stop):
+            w.drive1[k] = (w.impulse1[k] - impulse1) / (stop - start)
+            w.drive2[k] = (w.impulse2[k] - impulse2) / (stop - start)
         i = _interval(arm, run[k], knot[1, k], start)
         if i >= 0:
             knot[1, k], j = i, _interval(arm, run[k], i, stop)

@@ -45,13 +45,17 @@ def predict_tracks(
         rig: constants of the rig
         buffers: outputs and work arrays from `allocate`
     """
+    work = Buffers(
+        buffers.angles, buffers.initial_internal, buffers.w[0],
+        buffers.after, buffers.run, buffers.knot, buffers.samples,
+    )  # fmt: skip
     for b in range(len(tracks.active)):
         first, last = tracks.edges[b], tracks.edges[b + 1]
         block = LaneBlock(segments, candidates, rig, tracks.active[b], required_in(tracks.required, b))
-        rounds = _load_block(first, last, tracks, block, buffers)
+        rounds = _load_block(first, last, tracks, block, work)
         for turn in range(rounds):
-            _begin_round(first, last, turn, tracks, block, buffers)
-            _read(block, advance, buffers)
+            _begin_round(first, last, turn, tracks, block, work)
+            _read(block, advance, work)
             if block.required.encoder or block.required.encoder0:
                 for track in range(first, last):
                     if tracks.first[track] + turn < tracks.last[track]:

@@ -41,7 +41,7 @@ def load_track(w: LaneWorkspace, k: int, c: int, r: int, block: LaneBlock) -> No
     w.step[k], w.drive1[k], w.drive2[k] = block.segments.step[0], 0.0, 0.0
     w.direction0[k], w.direction1[k], w.direction2[k] = np.nan, np.nan, np.nan
     w.drive0[k], w.torque0[k], w.displacement0[k] = 0.0, 0.0, 0.0
-    w.prescribed[k], w.squared[k] = 0.0, 0.0
+    w.prescribed[k], w.squared[k], w.known_until[k] = 0.0, 0.0, np.nan
     params = block.candidates.params[c, params_row(r, block)]
     for i in range(len(params)):
         w.params[i, k] = params[i]

@@ -113,8 +113,8 @@ class LaneWorkspace:
     sum0: Row
     sum1: Row
     sum2: Row
-    # contributions of effects, known torques on both rods over the step and their delay, and joint forces for some
-    # effects
+    # contributions of effects, known torques on both rods over the step and their delay, joint forces for some effects,
+    # and the impulses of the known torques until the end of the last step that was looked up
     term_a: Row
     term_b: Row
     term_coupling: Row
@@ -125,6 +125,9 @@ class LaneWorkspace:
     late: Row
     force1: Row
     force2: Row
+    known_until: Row
+    impulse1: Row
+    impulse2: Row
     # arm with prescribed motion: mean acceleration and mean squared speed over the step
     prescribed: Row
     squared: Row
@@ -193,8 +196,15 @@ def _record(lanes: int) -> Any:
 
 def lane_workspace(lanes: int = LANES) -> LaneWorkspace:
     """Create a workspace of zeros, which fits in the first-level cache."""
-    record: Any = np.zeros(1, _record(lanes))[0]
-    return record
+    return one_workspace(lanes)[0]
+
+
+def one_workspace(lanes: int) -> Any:
+    """Create an array of one workspace.
+
+    At each call of a kernel, Numba finds the type of an array in compiled code, and that of a record in Python code.
+    """
+    return np.zeros(1, _record(lanes))
 
 
 @inlined
