@@ -8,13 +8,13 @@ the reduction.
 """
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from dpr_lab.arrays import Array, Integers
+from dpr_lab.arrays import Array, Flags, Integers
+from dpr_lab.kernels import njit, subroutine
 
 Indices = Sequence[int] | slice | Integers
 
@@ -108,19 +108,9 @@ class ColumnSpace:
     def unabsorbed(self, order: Sequence[int], *, rounding: float = 1e-9) -> Array:
         """Return the (k,) share of each column's squared norm that is orthogonal to earlier columns.
 
-        A column of which only rounding errors remain is not used in the projection of later columns. If there is no
-        such column, the shares are the squared diagonal of the Cholesky factor.
+        A column of which only rounding errors remain is not used in the projection of later columns.
         """
-        H, remaining = self.H.copy(), np.zeros(len(self))
-        with suppress(np.linalg.LinAlgError):
-            remaining[order] = np.diag(np.linalg.cholesky(H[np.ix_(order, order)])) ** 2
-            if remaining.min(initial=np.inf) > 2.0 * rounding:
-                return remaining
-        for i in order:
-            remaining[i] = max(H[i, i], 0.0)
-            if remaining[i] > rounding:
-                H -= np.outer(H[:, i], H[i]) / H[i, i]
-        return remaining
+        return _unabsorbed(np.array(self.H, order="C"), np.asarray(order, dtype=np.int64), rounding)
 
     def covariance(self) -> Array:
         """Return the (k, k) covariance of the solution for white noise of unit variance."""
@@ -171,25 +161,99 @@ def bounded_solution(H: Array, gradient: Array, lower: Array, upper: Array) -> A
         gradient: (k,) right-hand side
         lower: (k,) lower bounds; -inf: no bound
         upper: (k,) upper bounds; inf: no bound
+
+    Raises:
+        numpy.linalg.LinAlgError: the matrix is singular.
     """
-    x = np.asarray(np.linalg.solve(H, gradient), dtype=np.float64)
-    crossed = (x < lower) | (x > upper)
-    if not crossed.any():
-        return x
-    free, fixed = ~crossed, np.clip(x, lower, upper)
-    for _ in range(4 * len(gradient)):
-        x, inside = np.where(free, 0.0, fixed), np.flatnonzero(free)
-        if len(inside):
-            x[inside] = np.linalg.solve(H[inside[:, None], inside], (gradient - H @ x)[inside])
-        crossed = free & ((x < lower) | (x > upper))
-        if crossed.any():
-            fixed = np.where(crossed, np.clip(x, lower, upper), fixed)
-            free &= ~crossed
+    x = np.empty(len(gradient))
+    if not _bounded(*map(np.ascontiguousarray, (H, gradient, lower, upper)), x):
+        raise np.linalg.LinAlgError("singular matrix")
+    return x
+
+
+@njit
+def _bounded(H: Array, gradient: Array, lower: Array, upper: Array, x: Array) -> bool:
+    """Write the result of `bounded_solution` to x; return False if the matrix is singular.
+
+    Matrix products of Numba would import SciPy.
+    """
+    k = len(gradient)
+    free, fixed = np.ones(k, dtype=np.bool_), np.zeros(k)
+    if not _solve_free(H, gradient, free, x):
+        return False
+    if not _clip(lower, upper, free, fixed, x):
+        return True
+    for _ in range(4 * k):
+        x[:] = fixed
+        if not _solve_free(H, gradient, free, x):
+            return False
+        if _clip(lower, upper, free, fixed, x):
             continue
-        slope = gradient - H @ x
-        multipliers = np.where(free | (lower == upper), 0.0, np.where(fixed <= lower, slope, -slope))
-        release = int(np.argmax(multipliers))
-        if multipliers[release] <= RIDGE * float(np.abs(gradient).max()):
+        release, most = -1, RIDGE * np.abs(gradient).max()
+        for i in range(k):
+            if free[i] or lower[i] == upper[i]:
+                continue
+            slope = gradient[i]
+            for j in range(k):
+                slope -= H[i, j] * x[j]
+            if (slope if fixed[i] <= lower[i] else -slope) > most:
+                release, most = i, abs(slope)
+        if release < 0:
             break
         free[release] = True
-    return np.clip(x, lower, upper)
+    x[:] = np.minimum(np.maximum(x, lower), upper)
+    return True
+
+
+@subroutine
+def _clip(lower: Array, upper: Array, free: Flags, fixed: Array, x: Array) -> bool:
+    """Fix all free coordinates that cross a bound at this bound; return whether there are any."""
+    crossed = False
+    for i in range(len(x)):
+        if free[i] and (x[i] < lower[i] or x[i] > upper[i]):
+            free[i], fixed[i], crossed = False, min(max(x[i], lower[i]), upper[i]), True
+    return crossed
+
+
+@subroutine
+def _solve_free(H: Array, gradient: Array, free: Flags, x: Array) -> bool:
+    """Solve for the free coordinates of x, with the others given; return False if the matrix is singular."""
+    inside = np.flatnonzero(free)
+    n = len(inside)
+    A = np.empty((n, n + 1))
+    for i in range(n):
+        A[i, n] = gradient[inside[i]]
+        for j in range(len(x)):
+            if not free[j]:
+                A[i, n] -= H[inside[i], j] * x[j]
+        for j in range(n):
+            A[i, j] = H[inside[i], inside[j]]
+    for i in range(n):
+        pivot = i + np.argmax(np.abs(A[i:, i]))
+        if A[pivot, i] == 0.0:
+            return False
+        for j in range(i, n + 1):
+            A[i, j], A[pivot, j] = A[pivot, j], A[i, j]
+        for row in range(i + 1, n):
+            factor = A[row, i] / A[i, i]
+            for j in range(i + 1, n + 1):
+                A[row, j] -= factor * A[i, j]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            A[i, n] -= A[i, j] * A[j, n]
+        A[i, n] /= A[i, i]
+        x[inside[i]] = A[i, n]
+    return True
+
+
+@njit
+def _unabsorbed(H: Array, order: Integers, rounding: float) -> Array:
+    """Compute `ColumnSpace.unabsorbed`; H is overwritten."""
+    remaining = np.zeros(len(H))
+    for i in order:
+        remaining[i] = max(H[i, i], 0.0)
+        if remaining[i] > rounding:
+            for j in range(len(H)):
+                if j != i:
+                    H[j] -= H[j, i] / H[i, i] * H[i]
+    return remaining

@@ -52,6 +52,11 @@ def test_bounded_solution_agrees_with_an_independent_solver(rng):
         assert result == pytest.approx(reference, abs=1e-9)
 
 
+def test_a_bounded_solution_with_a_singular_matrix_is_refused():
+    with pytest.raises(np.linalg.LinAlgError):
+        bounded_solution(np.ones((2, 2)), np.ones(2), np.full(2, -1.0), np.full(2, 1.0))
+
+
 def test_the_conditional_reduction_of_columns_agrees_with_a_joint_solution(rng):
     A, e = rng.normal(size=(40, 7)) * 10.0 ** rng.integers(-4, 5, 7), rng.normal(size=40)
     space, held, own = ColumnSpace.of(A, e), [0, 1, 2], [3, 4, 5, 6]
