@@ -7,6 +7,7 @@ score test. One third of a limit is the standard deviation of the normal prior o
 
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 
@@ -29,6 +30,7 @@ def _limit(effect: Effect, parameter: EffectParameter, at_joint: Mapping[int, Ri
     return parameter.most if math.isfinite(parameter.most) else LIMITS[parameter.limit or parameter.unit][1](rig)
 
 
+@lru_cache(maxsize=8)  # cached, because every problem of a diagnosis has the prior of its rig file
 def amplitude_limits(base: BaseParameters, constants: RigConstants) -> Array:
     """Return the (SIZE,) largest absolute amplitudes on a rig, in the units of the amplitudes.
 

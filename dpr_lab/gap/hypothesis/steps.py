@@ -189,12 +189,12 @@ def is_sharp(apparent: Array, place: int, size: float) -> bool:
         place: index of the first sample after the step
         size: size of the step, rad
     """
-    tested = apparent[np.isfinite(apparent)]
-    if not len(tested):
-        return True
     near = apparent[max(place - STEPS.reach, 0) : place + STEPS.reach + 1] * np.sign(size)
-    least, scatter = STEPS.part * abs(size), NORMAL_MAD * float(np.median(np.abs(tested)))
-    return bool(least >= STEPS.sharp * scatter and (np.isnan(near).all() or np.nanmax(near) >= least))
+    least = STEPS.part * abs(size)
+    if not (np.isnan(near).all() or np.nanmax(near) >= least):
+        return False
+    tested = apparent[np.isfinite(apparent)]
+    return not len(tested) or bool(least >= STEPS.sharp * NORMAL_MAD * np.median(np.abs(tested)))
 
 
 def step_gains(weight: Array, e: Array, Q: Array, ends: Integers) -> tuple[Array, Array]:
