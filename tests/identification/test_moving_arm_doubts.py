@@ -385,3 +385,11 @@ def test_an_input_that_is_practically_zero_or_not_used_is_named(tmp_path):
                 import_csv(file, rig, ImportOptions(zero="hanging", keep_rest=True))
         free = import_csv(file, rig, ImportOptions(zero="hanging", keep_rest=True, arm="free"))
         assert any("column motor_current is not used, because the arm is free" in note for note in free.notes)
+
+
+@pytest.mark.parametrize(("reduced", "better"), [(82.0, False), (1.1, True)])
+def test_a_diverged_fit_is_no_reference_for_another_interpretation(reduced: float, better: bool) -> None:
+    diverged: Any = SimpleNamespace(chi2=np.inf)
+    fitted: Any = SimpleNamespace(chi2=80.0 * reduced)
+    given, other = (Interpreted(fit, np.full(8, 10), 1.0) for fit in (diverged, fitted))
+    assert other.far_better(given, 10.0) == better

@@ -76,10 +76,13 @@ class Interpreted:
         """Return whether chi-square is smaller than that of the given interpretation by a large factor.
 
         The factor must be reached in total and in at least half of the segments that the given interpretation does not
-        fit. A failed fit leaves large residuals in a few segments, whichever interpretation is right.
+        fit. A failed fit leaves large residuals in a few segments, whichever interpretation is right. A fit that
+        diverged is no reference: the other interpretation must then fit by itself.
         """
         if not factor * self.fit.chi2 < given.fit.chi2:
             return False
+        if not np.isfinite(given.fit.chi2):
+            return self.reduced <= DESCRIPTION.doubted
         before, after = given.fit.linear.chi2_by_segment, self.fit.linear.chi2_by_segment
         poor = before > DESCRIPTION.doubted * given.evidence
         return not poor.any() or bool(np.mean(factor * after[poor] < before[poor]) >= 0.5)
