@@ -123,14 +123,17 @@ def behind_pointer(function: Callable[..., None], *examples: Any) -> Any:
 
 @contextmanager
 def _loops_kept() -> Iterator[None]:
-    """Compile without unrolling of loops.
+    """Compile without unrolling of loops, if this version of Numba permits it.
 
     The compiler unrolls a short loop over few lanes before it converts loops to vector instructions, so that the loop
-    stays scalar.
+    stays scalar. Numba has no option for this, and its names may change: the kernels are then slower, but the same.
     """
     module: Any = codegen
+    create = getattr(module, "create_pass_builder", None)
+    if create is None:
+        yield
+        return
     with global_compiler_lock:
-        create = module.create_pass_builder
         module.create_pass_builder = partial(_without_unrolling, create)
         try:
             yield
@@ -139,7 +142,10 @@ def _loops_kept() -> Iterator[None]:
 
 
 def _without_unrolling(create: Callable[..., Any], machine: Any, **options: Any) -> Any:
-    settings: Any = create(machine, **options)._pto
+    builder = create(machine, **options)
+    settings: Any = getattr(builder, "_pto", None)
+    if settings is None:
+        return builder
     settings.loop_unrolling = False
     return llvm.create_pass_builder(machine, settings)
 

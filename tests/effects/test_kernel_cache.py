@@ -5,10 +5,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from numba.core import codegen
 from numba.core import config as numba_config
 
 import dpr_lab
 from dpr_lab.kernel_cache import KEPT, KERNEL_SOURCES, PRUNE_AFTER_S, choose_cache, open_cache, prune, source_hash
+from dpr_lab.kernels import _loops_kept
 
 PACKAGE = Path(dpr_lab.__file__).parent
 
@@ -138,6 +140,15 @@ def test_recent_cache_folders_are_kept_however_many(tmp_path):
 
 def test_the_cache_of_other_numba_programs_keeps_its_folder():
     assert "dpr-lab" not in str(numba_config.CACHE_DIR)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_a_version_of_numba_without_the_changed_names_compiles_as_usual(monkeypatch):
+    monkeypatch.setattr(codegen, "create_pass_builder", lambda machine: machine)
+    with _loops_kept():
+        assert codegen.create_pass_builder("builder") == "builder"
+    monkeypatch.delattr(codegen, "create_pass_builder")
+    with _loops_kept():
+        assert not hasattr(codegen, "create_pass_builder")
 
 
 FULL_DISK = """
