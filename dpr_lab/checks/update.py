@@ -26,7 +26,7 @@ from dpr_lab.gap.advice.check_kind import CheckAnswer, Result, expected_bits, lo
 from dpr_lab.gap.advice.measurement import CHECK
 from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.result.causes import NamedEffect, RivalEffect
-from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
+from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone, recommended
 from dpr_lab.gap.result.diagnosis import Diagnosis, Verdict
 
 
@@ -167,7 +167,7 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
             "probabilities": moved,
             "sentence": sentence,
             "remedies": _remedies(diagnosis, done),
-            "advice": [check.sentences for check in remaining_checks if check.informative],
+            "advice": [check.sentences for check in recommended(remaining_checks)],
             "checks": remaining_checks,
             "checks_done": [*diagnosis.checks_done, done],
         }

@@ -212,10 +212,10 @@ def _show_next(diagnosis: "Diagnosis", out: Path | None, *, verbose: bool) -> No
     line("Next recordings and checks")
     for number, step in enumerate(next_steps(diagnosis), 1):
         line(f"{number}. {step}")
-    if not diagnosis.checks:
+    if not check_tables.informative(diagnosis.checks):
         return
     if verbose:
-        report_table("Recommended checks", check_tables.check_table(diagnosis))
+        report_table("Possible checks", check_tables.check_table(diagnosis))
     line(check_tables.how_to_record(diagnosis, "DIAGNOSIS.json" if out is None else str(out / RECORD)))
 
 

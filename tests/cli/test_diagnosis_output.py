@@ -22,7 +22,7 @@ def printed(capsys: pytest.CaptureFixture[str], *, verbose: bool, probability: f
 
 def test_the_short_output_has_no_table_of_details(capsys: pytest.CaptureFixture[str]) -> None:
     short, whole = printed(capsys, verbose=False), printed(capsys, verbose=True)
-    for title in ("Contributions of the effects", "Alternatives", "Recommended checks"):
+    for title in ("Contributions of the effects", "Alternatives", "Possible checks"):
         assert title not in short
         assert title in whole
     assert "the 6 smallest of 9" in short
@@ -40,7 +40,7 @@ def test_a_step_names_its_check_and_the_command_its_file(capsys: pytest.CaptureF
     short = printed(capsys, verbose=False)
     [step] = (line for line in short.splitlines() if line.startswith("1. "))
     assert step.startswith(f"1. {EFFECTS[CLOCK].bench_check}")
-    assert step.endswith("[check 1-abcd, expected information 1.00 bits]")
+    assert step.endswith("[check 1-abcd, expected information at most 1.00 bits; or instead: check 2-abcd]")
     assert "dpr-lab check out/diagnosis.json CHECK, followed by --value " in short
 
 

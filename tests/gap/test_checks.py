@@ -55,8 +55,8 @@ def test_indistinguishable_effects_get_bench_measurements_with_ids(diagnosis: Di
     assert all(check.expected and check.expected.value for check in measured.values())
     assert all(check.kind == "measurement" and 0.5 < check.expected_bits <= 1 for check in measured.values())
     assert len({check.id for check in diagnosis.checks}) == len(diagnosis.checks)
-    assert diagnosis.advice == [check.sentences for check in diagnosis.checks if check.informative]
-    bits = [check.expected_bits for check in diagnosis.checks]
+    assert diagnosis.advice == [diagnosis.checks[0].sentences]  # one check at a time decides one question
+    bits = [check.priority for check in diagnosis.checks]
     assert bits == sorted(bits, reverse=True)
     assert set(diagnosis.to_json()["checks"][0]) >= {"id", "kind", "text", "splits", "expected_bits"}
 
@@ -113,7 +113,8 @@ def test_one_release_that_answers_two_questions_is_one_check_with_the_larger_inf
 
 def test_a_recommendation_states_instruction_and_purpose() -> None:
     check = release_between("a", "b", 0.9)
-    assert check.sentences == "a release. This distinguishes a from b."
+    assert check.sentences == "Record a release. This distinguishes a from b."  # the text is that of version 0.2
+    assert check.model_copy(update={"splits": ["a"]}).sentences == "Record a release."
     three = check.model_copy(update={"text": "Lay a level. Read it.", "splits": ["a", "b", "c"]})
     assert three.sentences == "Lay a level. Read it. This distinguishes a, b and c from each other."
 

@@ -119,13 +119,52 @@ def test_the_summary_of_the_report_does_not_list_increments_that_may_be_zero(dia
     assert "0.100 mN m (-0.100 to 0.300)" in details
 
 
-def test_the_most_informative_checks_are_recommended(diagnosis):
-    bits = (0.6, 0.5, 0.4, 0.3)
-    result = diagnosis(checks=[{**RELEASE, "id": f"{k}-ab", "expected_bits": b} for k, b in enumerate(bits, 1)])
-    *steps, remainder = next_steps(result)
+def test_the_best_check_of_each_effect_is_recommended(diagnosis):
+    bits = {"1-ab": 0.3, "2-ab": 0.6, "3-ab": 0.01}
+    result = diagnosis(checks=[{**RELEASE, "id": name, "expected_bits": b} for name, b in bits.items()])
     purpose = f"Record a release. This distinguishes {COULOMB} from {named('stribeck_joint1')}."
-    assert steps == [f"{purpose} [check {k}-ab, expected information {b:.2f} bits]" for k, b in enumerate(bits[:3], 1)]
-    assert remainder.startswith("The remainder")
+    details = "check 2-ab, expected information 0.60 bits; or instead: check 1-ab"
+    assert next_steps(result)[0] == f"{purpose} [{details}]"
+    assert next_steps(result)[1].startswith("The remainder")
+
+
+def test_at_most_three_checks_are_recommended(diagnosis):
+    causes = ("a", "b", "c", "d")
+    result = diagnosis(checks=[{**RELEASE, "id": f"{cause}-ab", "about": cause} for cause in causes])
+    assert [step.split("[")[-1][:10] for step in next_steps(result)[:-1]] == ["check a-ab", "check b-ab", "check c-ab"]
+
+
+def test_a_recording_precedes_a_measurement_with_as_much_information(diagnosis):
+    quantity = {"name": "torque", "unit": "N m", "symbol": "C", "parameters": ["torque_Nm"]}
+    bench = {**RELEASE, "id": "2-ab", "kind": "measurement", "measures": "coulomb_joint1", "quantity": quantity}
+    measured = diagnosis(checks=[{**bench, "expected_bits": 0.62}, RELEASE])
+    assert "[check 1-ab, expected information 0.60 bits; or instead: check 2-ab]" in next_steps(measured)[0]
+    measured = diagnosis(checks=[{**bench, "expected_bits": 0.7}, RELEASE])
+    assert "[check 2-ab, expected information at most 0.70 bits; or" in next_steps(measured)[0]
+
+
+def test_advice_of_a_file_without_checks_is_shown(diagnosis):
+    steps = next_steps(diagnosis(verdict="named", checks=[], advice=["Record a release for coulomb_joint1."]))
+    assert steps == [f"Record a release for {COULOMB}."]
+
+
+@pytest.mark.parametrize(
+    ("after", "words"),
+    [
+        (
+            {"coulomb_joint1": 0.1, "stribeck_joint1": 0.8, "unexplained": 0.1},
+            "Diagnose again with --without coul",
+        ),
+        (
+            {"coulomb_joint1": 0.1, "stribeck_joint1": 0.1, "unexplained": 0.8},
+            "None of the candidates explains",
+        ),
+    ],
+)
+def test_a_check_that_refutes_the_cause_comes_first(diagnosis, after, words):
+    done = {"check": RELEASE, "result": "recorded", "before": after, "after": after}
+    (step,) = next_steps(diagnosis(verdict="named", checks=[], checks_done=[done]))
+    assert step.startswith(words)
 
 
 def test_a_check_without_information_is_only_in_the_table(diagnosis):

@@ -35,6 +35,12 @@ MENU = {
     ),
 }
 """Releases that an operator could record, by their description."""
+MENU_OF_ONE_ROD = {
+    text.replace("both rods", "the rod").replace("rods rest", "rod rests"): release
+    for text, release in MENU.items()
+    if release.added_mass is None
+}
+"""The same for a rig with the inner rod alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,11 +121,16 @@ def expected_recordings(recordings: Recordings, chosen: Hypothesis, names: Seque
         chosen: the selected model
         names: the effects
     """
-    return [_expected(recordings, chosen, text, names) for text in MENU]
+    menu = MENU_OF_ONE_ROD if all(recorded.setup.alone for recorded in recordings.records) else MENU
+    length = recordings.rig.L2
+    possible = {text: r for text, r in menu.items() if not r.added_mass or not length or r.added_mass.position < length}
+    return [_expected(recordings, chosen, text, release, names) for text, release in possible.items()]
 
 
-def _expected(recordings: Recordings, chosen: Hypothesis, text: str, names: Sequence[str]) -> ExpectedRecording:
-    trial, initial = simulated_release(recordings, chosen, MENU[text])
+def _expected(
+    recordings: Recordings, chosen: Hypothesis, text: str, release: AdvisedRelease, names: Sequence[str]
+) -> ExpectedRecording:
+    trial, initial = simulated_release(recordings, chosen, release)
     always_free = [p for p in chosen.fit.free if p.block == "ratios" or p.effect in trial.always]
     parameters = {name: [*effect_parameters(EFFECTS[name])] for name in names}
     known = [*always_free, *trial.all_free(())]
@@ -135,7 +146,7 @@ def _expected(recordings: Recordings, chosen: Hypothesis, text: str, names: Sequ
         influences[name] = _Influence(free, sizes, A[:, columns], compensation[..., columns])
         first += len(free)
     problem = replace(trial, prior=None)
-    return ExpectedRecording(text, MENU[text], influences, always_free, A[:, : len(known)], problem, estimate)
+    return ExpectedRecording(text, release, influences, always_free, A[:, : len(known)], problem, estimate)
 
 
 def simulated_release(recordings: Recordings, chosen: Hypothesis, choice: AdvisedRelease) -> tuple[Problem, Array]:

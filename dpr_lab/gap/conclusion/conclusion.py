@@ -15,7 +15,7 @@ from dpr_lab.gap.conclusion.ratios import ratio_fields, scale
 from dpr_lab.gap.conclusion.sentence import sentence
 from dpr_lab.gap.conclusion.verdict import listed_causes, verdict
 from dpr_lab.gap.hypothesis.detectable import visible
-from dpr_lab.gap.result.checks import AdvisedCheck
+from dpr_lab.gap.result.checks import AdvisedCheck, recommended
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.finding import SensorFinding
@@ -67,7 +67,7 @@ def conclude(state: Transferred, advised: Sequence[AdvisedCheck], evidence: Evid
         absorbed=state.selection.absorbed,
         sensor_findings=_sensor_findings(state),
         remedies=remedies(named, sizes, state.fitted.recordings.constants),
-        advice=[check.sentences for check in checks if check.informative],
+        advice=[check.sentences for check in recommended(checks)],
         checks=checks,
         **ratio_fields(state),
         chi2_per_dof=residuals.chi2 / residuals.dof,
@@ -88,11 +88,11 @@ def conclude(state: Transferred, advised: Sequence[AdvisedCheck], evidence: Evid
 def _checks(
     state: Transferred, advised: Iterable[AdvisedCheck], named: Sequence[str], scale: Scale
 ) -> list[AdvisedCheck]:
-    """Return the checks with information on named effects, most informative first, each with a unique identifier."""
+    """Return the checks with information on named effects, the best first, each with a unique identifier."""
     estimate = state.selection.chosen.estimate
     digest = hashlib.sha256(estimate.ratios.tobytes() + estimate.params.tobytes()).hexdigest()[:4]
     checks = merged(check for check in advised if check.about in named)
-    checks = sorted((check for check in checks if check.expected_bits > 0), key=lambda check: -check.expected_bits)
+    checks = sorted((check for check in checks if check.expected_bits > 0), key=lambda check: -check.priority)
     return [
         check.model_copy(update={"id": f"{k}-{digest}", "expected": expected_size(state.selection, scale, check)})
         for k, check in enumerate(checks, 1)

@@ -1,5 +1,6 @@
 """Recommended checks, and the results of completed checks."""
 
+from collections.abc import Iterable
 from typing import Any, Self
 
 from pydantic import model_validator
@@ -9,6 +10,11 @@ from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.gap.result.saved import Interval, Number, Saved
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.shown import listed
+
+LEAST_BITS = 0.05
+"""Least expected information of a recommended check, bits: the entropy of the probabilities 0.994 and 0.006."""
+MOST = 3
+"""Maximum number of recommended checks."""
 
 
 class AdvisedRelease(Saved):
@@ -96,15 +102,22 @@ class AdvisedCheck(Saved):
         """Instruction and purpose: `Record a release from near upright. This distinguishes a from b.`."""
         pair = len(self.splits) == 2
         causes = " from ".join(self.splits) if pair else f"{listed(self.splits)} from each other"
-        return f"{self.text.removesuffix('.')}. This distinguishes {causes}."
+        purpose = f" This distinguishes {causes}." if len(self.splits) > 1 else ""
+        older = "Record " if self.text.startswith("a release") else ""  # files of version 0.2 describe the release only
+        return f"{older}{self.text.removesuffix('.')}.{purpose}"
 
     @property
     def informative(self) -> bool:
-        """Whether the expected information is at least 0.05 bits.
+        """Whether the expected information is at least `LEAST_BITS`."""
+        return self.expected_bits >= LEAST_BITS
 
-        This is the entropy of the probabilities 0.994 and 0.006.
+    @property
+    def priority(self) -> float:
+        """Expected information in bits; a recording, which needs no tool, precedes an equally informative measurement.
+
+        The information of a measurement is that of an exact one.
         """
-        return self.expected_bits >= 0.05
+        return self.expected_bits + LEAST_BITS * (self.quantity is None)
 
     @property
     def measurand(self) -> Quantity:
@@ -140,6 +153,18 @@ class AdvisedCheck(Saved):
 
 def _amplitudes(effect: str) -> dict[str, EffectParameter]:
     return {parameter.name: parameter for parameter in EFFECTS[effect].amplitudes} if effect in EFFECTS else {}
+
+
+def recommended(checks: Iterable[AdvisedCheck]) -> list[AdvisedCheck]:
+    """Return the best informative check of each named effect, at most `MOST`, the best first.
+
+    A check changes the information of the other checks of this effect, so one at a time is recommended.
+    """
+    best: dict[str, AdvisedCheck] = {}
+    for check in sorted(checks, key=lambda check: -check.priority):
+        if check.informative:
+            best.setdefault(check.about, check)
+    return [*best.values()][:MOST]
 
 
 NONE_OF_THEM = "unexplained"

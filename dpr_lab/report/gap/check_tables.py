@@ -19,10 +19,10 @@ MOVED_NOTE = (
 )
 EXPECTED_NOTE = (
     "Expected result: size and 90 % interval if the measured effect is the cause, or the size that the recordings"
-    " exclude if they determine no size. A size is excluded given that all named effects act. If the measured effect is"
-    " not the cause, the expected result is about zero. Expected information: at most the entropy of the probabilities."
-    " It is nearly zero if one cause is already far more probable, also if the predictions differ by many standard"
-    " deviations."
+    " exclude if they determine no size. This limit assumes that all named effects act. If the measured effect is not"
+    " the cause, the expected result is about zero. Expected information: at most the entropy of the probabilities, and"
+    " for a measurement that of an exact one. It is nearly zero if one cause is already far more probable, also if the"
+    " predictions differ by many standard deviations."
 )
 
 
@@ -74,10 +74,10 @@ def bits(information: float) -> str:
     "expected information (bits)",
     caption=EXPECTED_NOTE,
     style="prose",
-    title="Recommended checks",
+    title="Possible checks",
 )
 def check_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Return one row for each recommended check."""
+    """Return one row for each check with information, also if it is not recommended."""
     return [
         (
             check.id,

@@ -121,7 +121,7 @@ def _actions(diagnosis: Diagnosis) -> Iterator[Block]:
         yield Items([in_words(text) for text in diagnosis.remedies])
         yield Heading("Next recordings and checks")
     yield Items(next_steps(diagnosis), numbered=True)
-    if diagnosis.checks:
+    if check_tables.informative(diagnosis.checks):
         checks = check_tables.check_table(diagnosis)
         yield replace(checks, caption=f"{checks.caption} {check_tables.how_to_record(diagnosis, 'diagnosis.json')}")
 

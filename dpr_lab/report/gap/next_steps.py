@@ -1,19 +1,21 @@
 """Next steps after a diagnosis: recordings, checks, and advice for an open verdict."""
 
+from collections.abc import Iterator
+
+from dpr_lab.checks.update import likeliest
 from dpr_lab.gap.result.causes import PROBABLE
+from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, recommended
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.planning.stopping import STOPPING, recorded_releases, reservation, undecided
 from dpr_lab.report.gap.check_tables import bits
 from dpr_lab.report.gap.tables import per_reading
 from dpr_lab.report.words import in_words, named
-
-MOST = 3
-"""Maximum number of listed checks; the table of checks contains all of them."""
+from dpr_lab.shown import listed
 
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:
-    """Return the most informative checks with their identifiers, and advice for an open verdict."""
+    """Return the recommended checks with their identifiers, and advice for an open verdict."""
     partly = "The remainder has another cause, or the named effect has another form: inspect the rig."
     if diagnosis.only_uncertain:
         partly = "The causes are uncertain: record further releases (dpr-lab plan proposes them)."
@@ -34,14 +36,13 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         "unexplained": unknown,
         "inconclusive": "Record further releases as the verdict says (dpr-lab plan proposes them).",
     }
-    last = [unexplained[diagnosis.verdict]] if diagnosis.verdict in unexplained else []
-    informative = [check for check in diagnosis.checks if check.informative]
-    advised = [
-        f"{in_words(check.sentences)} [check {check.id}, expected information {bits(check.expected_bits)} bits]"
-        for check in informative[:MOST]
-    ]
-    if advised or last:
-        return [*advised, *last]
+    checked = list(_after_checks(diagnosis))
+    last = [unexplained[diagnosis.verdict]] if diagnosis.verdict in unexplained and not checked else []
+    advised = [in_words(text) for text in diagnosis.advice]  # of files without checks
+    if diagnosis.checks or diagnosis.checks_done:
+        advised = [_step(diagnosis, check) for check in recommended(diagnosis.checks)]
+    if checked or advised or last:
+        return [*checked, *advised, *last]
     if reason := undecided(diagnosis):
         return [f"Record a further release (dpr-lab plan proposes it): {in_words(reason)}."]
     if untested := reservation(diagnosis):
@@ -49,3 +50,27 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         return [f"The causes are decided. {in_words(untested)} {optional}"]
     optional = " Optional: a further release confirms the result under other conditions."
     return [f"No further recording or check is needed.{optional * (recorded_releases(diagnosis) < STOPPING.fewest)}"]
+
+
+def _after_checks(diagnosis: Diagnosis) -> Iterator[str]:
+    """Yield the consequence of each named effect's last check, if another cause is now the most probable."""
+    latest = {done.check.about: done for done in diagnosis.checks_done}
+    for about, done in latest.items():
+        best = likeliest(done.after)
+        if best == NONE_OF_THEM:
+            yield (
+                "None of the candidates explains the result of the check. Repeat the check first. If the result is"
+                " right, diagnose again with all effects of the library, or inspect the rig where the gap is largest."
+            )
+        elif best != about:
+            yield f"Diagnose again with --without {about}: {named(best)} is now more probable."
+
+
+def _step(diagnosis: Diagnosis, check: AdvisedCheck) -> str:
+    """Return a recommended check with its identifier, expected information and alternatives."""
+    others = [c.id for c in diagnosis.checks if c.about == check.about and c.informative and c.id != check.id]
+    exact = "at most " if check.quantity else ""
+    details = f"check {check.id}, expected information {exact}{bits(check.expected_bits)} bits"
+    if others:
+        details += f"; or instead: check{'s' * (len(others) > 1)} {listed(others)}"
+    return f"{in_words(check.sentences)} [{details}]"

@@ -210,7 +210,8 @@ def open_table(diagnosis: Diagnosis) -> PageTable | None:
     """Return the alternatives of each named effect that has a probable one; None if there is no such effect."""
     names = {alternative.instead_of for alternative in diagnosis.rivals if alternative.probability >= PROBABLE}
     effects = [effect for effect in diagnosis.effects if effect.name in names]
-    return standing_table(diagnosis.model_copy(update={"effects": effects}), most=0) if names else None
+    shown = effects or (names and not diagnosis.effects)
+    return standing_table(diagnosis.model_copy(update={"effects": effects}), most=0) if shown else None
 
 
 def _candidates(diagnosis: Diagnosis) -> Iterator[_Candidate]:
