@@ -1,6 +1,7 @@
 """Recommended checks, and the results of completed checks."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any, Self
 
 from pydantic import model_validator
@@ -11,10 +12,18 @@ from dpr_lab.gap.result.saved import Interval, Number, Saved
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.shown import listed
 
-LEAST_BITS = 0.05
-"""Least expected information of a recommended check, bits: the entropy of the probabilities 0.994 and 0.006."""
-MOST = 3
-"""Maximum number of recommended checks."""
+
+@dataclass(frozen=True, slots=True)
+class Recommendation:
+    """Settings of the recommended checks."""
+
+    bits: float = 0.05
+    """Minimum expected information of a check, bits: the entropy of the probabilities 0.994 and 0.006."""
+    most: int = 3
+    """Maximum number of checks."""
+
+
+RECOMMENDATION = Recommendation()
 
 
 class AdvisedRelease(Saved):
@@ -108,8 +117,8 @@ class AdvisedCheck(Saved):
 
     @property
     def informative(self) -> bool:
-        """Whether the expected information is at least `LEAST_BITS`."""
-        return self.expected_bits >= LEAST_BITS
+        """Whether the expected information is at least `RECOMMENDATION.bits`."""
+        return self.expected_bits >= RECOMMENDATION.bits
 
     @property
     def priority(self) -> float:
@@ -117,7 +126,7 @@ class AdvisedCheck(Saved):
 
         The information of a measurement is that of an exact one.
         """
-        return self.expected_bits + LEAST_BITS * (self.quantity is None)
+        return self.expected_bits + RECOMMENDATION.bits * (self.quantity is None)
 
     @property
     def measurand(self) -> Quantity:
@@ -156,7 +165,7 @@ def _amplitudes(effect: str) -> dict[str, EffectParameter]:
 
 
 def recommended(checks: Iterable[AdvisedCheck]) -> list[AdvisedCheck]:
-    """Return the best informative check of each named effect, at most `MOST`, the best first.
+    """Return the best informative check of each named effect, at most `RECOMMENDATION.most`, the best first.
 
     A check changes the information of the other checks of this effect, so one at a time is recommended.
     """
@@ -164,7 +173,7 @@ def recommended(checks: Iterable[AdvisedCheck]) -> list[AdvisedCheck]:
     for check in sorted(checks, key=lambda check: -check.priority):
         if check.informative:
             best.setdefault(check.about, check)
-    return [*best.values()][:MOST]
+    return [*best.values()][: RECOMMENDATION.most]
 
 
 NONE_OF_THEM = "unexplained"
