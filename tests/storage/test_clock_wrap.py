@@ -67,6 +67,29 @@ def test_durations_of_rows_are_summed(header: str, rows: list[float], tmp_path: 
     assert f"column {header} contains the durations of the rows" in " ".join(run.notes)
 
 
+@pytest.mark.parametrize("name", ["t", "duration_s"])
+def test_random_durations_are_summed(name: str) -> None:
+    for seed in range(40):
+        durations = 0.005 + np.random.default_rng(seed).uniform(-0.001, 0.001, 300)
+        summed, note = summed_durations(durations, name)
+        assert note
+        np.testing.assert_allclose(summed, np.cumsum(durations) - durations[0])
+
+
+@pytest.mark.parametrize(("header", "first"), [("dt", 0.0), ("duration", 0.0), ("duration", 0.005)])
+def test_durations_may_begin_with_zero(header: str, first: float, tmp_path: Path, paper) -> None:
+    durations = np.r_[first, np.full(len(T) - 1, 0.005)]
+    run = import_csv(table(tmp_path / "a.csv", durations, header, "g"), paper, ImportOptions(keep_rest=True))
+    np.testing.assert_allclose(run.t, T, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["t", "dt"])
+@pytest.mark.parametrize("times", [T + 100 - 5 * (np.arange(len(T)) % 90 == 7), 100 + T % 0.5, T % 1, T])
+def test_true_times_are_not_summed(times: np.ndarray, name: str) -> None:
+    """Times with wrong rows, and counters that wrap."""
+    assert summed_durations(times, name)[1] == ""
+
+
 def test_one_decrease_of_late_times_is_no_duration() -> None:
     late = 1.7e9 + np.repeat([0.0, 1.0, 0.0, 2.0], 9)
     assert summed_durations(late, "t")[1] == ""

@@ -25,6 +25,9 @@ class CounterSettings:
     returns: float = 2.0
     """Minimum sum of all decreases of durations, in ranges of their values. Times that decrease once have at most
     one."""
+    falling: float = 0.25
+    """Minimum share of decreases among the changes of durations. It is 1/2 for random durations, and small for times
+    with a few wrong rows or for a counter that wraps."""
     edge_rows: int = 3
     """Maximum number of rows before or after a decrease that are probably wrong instead of another recording."""
     edge_share: float = 10.0
@@ -67,11 +70,13 @@ def summed_durations(t: Array, name: str) -> tuple[Array, str]:
     Each duration ends at its row. NaN values are kept. `name` is the name of the column in the note.
     """
     known = np.flatnonzero(np.isfinite(t))
-    values, steps = t[known], np.diff(t[known])
-    spread = float(np.ptp(values)) if len(values) else 0.0
-    durations = -steps[steps < 0].sum() > SETTINGS.returns * spread > 0 or (spread == 0 and is_duration(name))
-    growing = 2 * np.count_nonzero(steps <= 0) < len(steps)
-    if not durations or growing or values.min(initial=np.inf) <= 0 or spread > np.median(values):
+    values, later = t[known], t[known[1:]]  # the first duration may be 0
+    steps = np.diff(later)
+    spread = float(np.ptp(later)) if len(later) else 0.0
+    returns = -steps[steps < 0].sum() > SETTINGS.returns * spread > 0
+    durations = is_duration(name) or (returns and later.min() > 0 and spread <= np.median(later))
+    growing = np.count_nonzero(steps < 0) < SETTINGS.falling * np.count_nonzero(steps)
+    if not durations or growing or values.min(initial=0.0) < 0:
         return t, ""
     summed = t.copy()
     summed[known] = np.cumsum(values) - values[0]

@@ -22,7 +22,7 @@ NO_ROD = "joint 2, without a rod"
 """Name of the substitute column for joint 2 of a rig with one rod."""
 
 _TIME_NAME = r"(t|(date|clock|host|elapsed)?time(stamp)?|clock|elapsed|tout|zeit|temps|tempo|tiempo)?({unit})?(?<=.)"
-_DURATION = "(dt|deltat|timestep)({unit})?"
+_DURATION = "(dt|deltat(ime)?|timestep|duration)({unit})?"
 """Pattern of the duration of a row, used only without a column of times."""
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds|millis", "us": "us|usec|microseconds|micros"}
 _ANGLE_UNIT = r"(rad(?:ians?)?|deg|degrees?|degr[eé]s|gra(?:us|dos|di|den|d))"
