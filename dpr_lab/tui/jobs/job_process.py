@@ -8,6 +8,7 @@ from typing import Any
 
 from textual.dom import DOMNode
 from textual.message import Message
+from textual.worker import Worker
 
 from dpr_lab.child_process import ChildFunction
 from dpr_lab.tui.jobs.job_control import work
@@ -96,26 +97,41 @@ class JobHeard(Message, bubble=False):
     event: JobEvent
 
 
+class _Reception(Worker[None]):
+    """Worker that posts the events of a job to a node; if it is cancelled, so is the job."""
+
+    def __init__(self, owner: DOMNode, job: JobProcess) -> None:
+        super().__init__(owner, self._receive, group="job", exit_on_error=False)
+        self._job = job
+
+    def cancel(self) -> None:
+        """Cancel the worker and the job, also before the first step of the worker."""
+        super().cancel()
+        self._job.cancel()
+
+    async def _receive(self) -> None:
+        try:
+            await asyncio.to_thread(self._listen)
+        finally:
+            self._job.cancel()
+
+    def _listen(self) -> None:
+        for event in self._job.events():
+            self.node.post_message(JobHeard(self._job, event))
+
+
 def start_job(owner: DOMNode, function: Callable[..., Any], **arguments: Any) -> JobProcess:
     """Start a `JobProcess`, whose events are posted to `owner` as `JobHeard` messages.
 
-    The job is cancelled when `owner` is removed.
+    The job is cancelled when `owner` is removed, and at once if it was removed before.
 
     Raises:
         SafetyStop: the page is read-only, and the job does more than read.
     """
     refuse_job(getattr(owner.app, "read_only", False), function)
     job = JobProcess(function, **arguments)
-
-    def listen() -> None:
-        for event in job.events():
-            owner.post_message(JobHeard(job, event))
-
-    async def follow() -> None:
-        try:
-            await asyncio.to_thread(listen)
-        finally:
-            job.cancel()
-
-    owner.run_worker(follow, exit_on_error=False, group="job")
+    reception = _Reception(owner, job)
+    owner.workers.add_worker(reception, exclusive=False)
+    if not owner.is_attached:
+        reception.cancel()
     return job

@@ -4,14 +4,17 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
+from multiprocessing import Pipe
 from typing import Any
 
 import pytest
 from textual.app import App
+from textual.pilot import Pilot
 from textual.widgets import Static
 
 from dpr_lab.errors import RunError
 from dpr_lab.progress import compiling
+from dpr_lab.tui.jobs import job_process
 from dpr_lab.tui.jobs.job_control import JobControl
 from dpr_lab.tui.jobs.job_events import JobCancelled, JobCompiling, JobEvent, JobFailed, JobFinished, JobProgress
 from dpr_lab.tui.jobs.job_process import JobProcess, start_job
@@ -173,13 +176,59 @@ def test_work_never_writes_on_the_screen(begin, capfd: pytest.CaptureFixture[str
     assert capfd.readouterr() == ("", "")
 
 
-async def test_a_job_is_cancelled_when_its_widget_is_removed(until) -> None:
-    app = App[None]()
-    async with app.run_test() as pilot:
+class Connected:
+    """Process that only keeps its pipe open until it is terminated; a real one starts in seconds on a busy machine."""
+
+    exit_code = -15
+
+    def __init__(self, *_: Any) -> None:
+        self.pipe, self._theirs = Pipe()
+        self.alive = True
+
+    def terminate(self) -> None:
+        self.alive = False
+        self._theirs.close()
+
+    def wait(self, patience_s: float) -> None:
+        pass
+
+    def end(self, patience_s: float) -> None:
+        self.pipe.close()
+
+
+async def removed_later(pilot: Pilot[None], owner: Static) -> JobProcess:
+    job = start_job(owner, tell_pid)
+    await pilot.pause()
+    assert job.alive
+    await owner.remove()
+    return job
+
+
+async def removed_at_once(pilot: Pilot[None], owner: Static) -> JobProcess:
+    job = start_job(owner, tell_pid)
+    await owner.remove()
+    return job
+
+
+async def ended_before_the_first_step(pilot: Pilot[None], owner: Static) -> JobProcess:
+    job = start_job(owner, tell_pid)
+    pilot.app.workers.cancel_node(owner)
+    return job
+
+
+async def removed_before(pilot: Pilot[None], owner: Static) -> JobProcess:
+    await owner.remove()
+    return start_job(owner, tell_pid)
+
+
+@pytest.mark.parametrize("end", [removed_later, removed_at_once, ended_before_the_first_step, removed_before])
+async def test_no_job_outlives_its_widget(monkeypatch: pytest.MonkeyPatch, end) -> None:
+    monkeypatch.setattr(job_process, "ChildFunction", Connected)
+    async with App[None]().run_test() as pilot:
         owner = Static()
-        await app.mount(owner)
-        job = start_job(owner, tell_pid)
+        await pilot.app.mount(owner)
+        job = await end(pilot, owner)
         await pilot.pause()
-        assert job.alive
-        await owner.remove()
-        await until(pilot, lambda: not job.alive)
+        alive = job.alive
+        job.cancel()
+        assert not alive
