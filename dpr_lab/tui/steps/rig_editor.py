@@ -1,6 +1,5 @@
 """Editor for a rig file; the text is checked before it is saved."""
 
-from functools import partial
 from pathlib import Path
 
 from textual.app import ComposeResult
@@ -60,7 +59,10 @@ class RigEditor(Guarded, ModalScreen[Path | None]):
         if self.query_one(TextArea).text == self._text:
             self.dismiss(None)
         else:
-            confirm(self.app, "Close and discard the changes?", "Leave", "Stay", partial(self.dismiss, None))
+            confirm(self.app, "Close and discard the changes?", "Leave", "Stay", self._discard)
+
+    def _discard(self) -> None:
+        self.dismiss(None)  # not returned: Textual would await it, and a screen cannot await its own end
 
     def action_save(self) -> None:
         """Check the text, and write it atomically."""

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from textual.app import App, ComposeResult
 from textual.widgets import Input, OptionList, Static, TextArea
 
 from dpr_lab.configs import BUILTIN
@@ -65,3 +66,20 @@ async def test_rigs_used_before_are_offered_first(lab, until, tmp_path: Path) ->
         await pilot.press("y")
         await until(pilot, lambda: not isinstance(pilot.app.screen, RigEditor))
         assert pilot.app.workspace.rig == str(mine)
+
+
+async def test_changes_are_discarded_without_an_error(until, tmp_path: Path) -> None:
+    class Alone(RigEditor):
+        def compose(self) -> ComposeResult:
+            yield TextArea("rate_hz = 1\n")
+
+    mine = tmp_path / "mine.toml"
+    mine.touch()
+    app, editor = App[None](), Alone(mine)
+    async with app.run_test() as pilot:
+        app.push_screen(editor)
+        await until(pilot, lambda: app.screen is editor)
+        editor.call_next(editor.action_leave)  # as a key: Textual awaits what it starts in this message queue
+        await until(pilot, lambda: isinstance(app.screen, Question))
+        await pilot.press("y")
+        await until(pilot, lambda: app.screen is not editor)
