@@ -165,18 +165,20 @@ async def test_help_shows_the_step_and_its_keys(tmp_path: Path) -> None:
             assert not isinstance(app.screen, HelpScreen)
 
 
-async def test_quitting_asks_only_when_something_would_be_lost(tmp_path: Path) -> None:
+async def test_quitting_asks_only_when_something_would_be_lost(until, tmp_path: Path) -> None:
     app = faulty(tmp_path)
     async with app.run_test(size=(80, 24)) as pilot:
         faulty_step = app.query_one(Faulty)
         faulty_step.stake = "The search ends without a result."
         await pilot.press("ctrl+q")
-        assert isinstance(app.screen, Question)
+        await until(pilot, lambda: isinstance(app.screen, Question))
         assert "Quit now? The search ends without a result." in str(app.screen.query_one(Static).render())
         await pilot.press("n")
         assert app.is_running
         assert not isinstance(app.screen, Question)
-        await pilot.press("ctrl+q", "y")
+        await pilot.press("ctrl+q")
+        await until(pilot, lambda: isinstance(app.screen, Question))
+        await pilot.press("y")
         await pilot.pause()
         assert app.return_code == 0
     calm = faulty(tmp_path)

@@ -210,8 +210,10 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         from dpr_lab.report.gap.tables import sentence
         from dpr_lab.report.words import in_words
 
-        for name, drawn in (("which", which_view), ("far", far_view), ("next", next_view)):
-            self.put(f"{name}-text", drawn(diagnosis, self.workspace.unit))
+        unit, file = self.workspace.unit, "DIAGNOSIS.json" if self._file is None else str(self._file)
+        self.put("which-text", which_view(diagnosis, unit))
+        self.put("far-text", far_view(diagnosis, unit))
+        self.put("next-text", next_view(diagnosis, unit, file))
         picker, places = self.query_one("#place", Select), diagnosis.where
         number = picker.value if isinstance(picker.value, int) and picker.value < len(places) else 0
         picker.set_options(

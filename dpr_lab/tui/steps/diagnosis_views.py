@@ -45,8 +45,11 @@ def _effect(row: Sequence[str]) -> Group:
     figures = f": probability {probability}, unique contribution {share}"
     below = [f"indistinguishable from: {twins}"] if twins != gap_tables.ALONE else []
     below.append(f"size, 90 % interval: {parameters}")
-    indented = (Padding(Text(line), (0, 0, 0, 4)) for line in below)
-    return Group(Text(name, "bold").append(figures, "not bold"), *indented, "")
+    return Group(Text(name, "bold").append(figures, "not bold"), *map(_indented, below), "")
+
+
+def _indented(line: str) -> Padding:
+    return Padding(Text(line), (0, 0, 0, 4))
 
 
 def far_view(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
@@ -94,15 +97,30 @@ def far_view(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
     )
 
 
-def next_view(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
-    """Draw the recommendations, the minimum detectable effects and the assumptions."""
+def next_view(diagnosis: "Diagnosis", unit: AngleUnit, file: str = "DIAGNOSIS.json") -> Group:
+    """Draw the recommendations, the checks, the minimum detectable effects and the assumptions.
+
+    Args:
+        diagnosis: the diagnosis
+        unit: unit of angles
+        file: file of the diagnosis, for the command that records the result of a check
+    """
+    from dpr_lab.report.gap import check_tables
     from dpr_lab.report.gap import tables as gap_tables
     from dpr_lab.report.gap.next_steps import next_steps
     from dpr_lab.report.words import in_words
 
+    checks = check_tables.check_table(diagnosis)
+    below: list[RenderableType] = [Text(checks.title, "bold")] if checks else []
+    for row in checks.rows:  # one block per check: a table with these cells needs more than 80 columns
+        cells = zip(checks.columns[1:], row[1:], strict=True)
+        below += [Text(f"check {row[0]}"), *(_indented(f"{column}: {cell}") for column, cell in cells)]
+    if checks:
+        below += [Text(checks.caption, "dim"), Text(check_tables.how_to_record(diagnosis, file)), ""]
     return Group(
         sentences("Recommended actions", [in_words(text) for text in diagnosis.remedies]),
         sentences("Next recordings and checks", next_steps(diagnosis), numbered=True),
+        *below,
         report_table("Minimum detectable effects", gap_tables.detectable_table(diagnosis, unit)),
         sentences("Assumptions", [in_words(text) for text in diagnosis.assumptions]),
     )

@@ -48,16 +48,17 @@ Estimates the parameters of the rig from the selected runs: a global search insi
 local fit down to the noise floor.
 
 - **objective** `segments` restarts the simulation every quarter second, so that chaos does not disturb the search;
-  `paper` is the published E(Z) of one free run over the whole record.
+  `paper` simulates each record in one piece from the release, and adds the squared errors of all angles and speeds,
+  which the publication calls E(Z).
 - **search** is the search algorithm; **seed** makes its result repeatable.
 - **torques** (`{identify.torque}`): selects measured or commanded torques for runs that contain both.
 - A search that is stopped early continues with the local fit from its best individual. A cancelled search has no
   result.
 
-A free swing determines five ratios. *Nine parameters* shows which of the nine parameters are determined, and by which
-data. *Identifiability* shows the measurements that determine the others. With a free or driven arm, a local fit
-estimates the ratios of rods, arm and drive. This fit starts from the values of the rig file. The model is written to
-`model.json` in the folder of the workspace.
+A free swing determines only ratios. *Nine parameters*, or *Absolute values* with a free or driven arm, shows the values
+in SI units, and which data determine each value. *Identifiability* shows what the recordings do not determine, and
+which measurements help. With a free or driven arm, a local fit estimates the ratios of rods, arm and drive. This fit
+starts from the values of the rig file. The model is written to `model.json` in the folder of the workspace.
 """
     BINDINGS = bindings("identify")
     DEFAULT_CSS = """

@@ -40,6 +40,7 @@ class ResultStep(JobStep, Generic[Result]):
 
     def ended(self, why: str) -> None:
         """State why there is no new result; the previous result and its sentence remain."""
+        self._unit = self.workspace.unit
         previous = "" if self.result is None else f"; the previous one is shown. {self.draw(self.result)}"
         self.say(f"Ended without a {'new ' if previous else ''}{self.RESULT}: {why}{previous}")
 

@@ -251,6 +251,14 @@ async def test_cancelled_work_keeps_the_verdict_from_before(lab, fixed_diagnosis
         assert sentence(load_diagnosis(fixed_diagnosis)) in result
 
 
+async def test_a_new_unit_does_not_hide_that_the_work_was_cancelled(lab, fixed_diagnosis: Path) -> None:
+    async with lab(DiagnoseStep, diagnosis=fixed_diagnosis) as pilot:
+        pilot.app.workspace.angles = RADIANS.name  # during the work
+        step(pilot.app).ended("cancelled")
+        step(pilot.app).enter()
+        assert "Ended without a new diagnosis: cancelled" in " ".join(text(pilot.app, "#state").split())
+
+
 def test_an_interval_that_opens_at_the_edges_does_not_flatten_the_curve() -> None:
     value = np.array([0.0, 1.0, -1.0, 0.5, 0.0])
     (low, high), clipped = signal_scale(value, np.array([300.0, 0.1, 0.1, 0.1, np.nan]))

@@ -29,6 +29,12 @@ def step(app: App[None]) -> IdentifyStep:
     return app.query_one(IdentifyStep)
 
 
+def test_the_help_holds_for_every_rig_and_explains_its_symbols() -> None:
+    words = " ".join(IdentifyStep.HELP.split())
+    assert "*Nine parameters*, or *Absolute values* with a free or driven arm" in words  # the two titles of the tab
+    assert "squared errors of all angles and speeds, which the publication calls E(Z)" in words
+
+
 @pytest.mark.slow
 async def test_from_runs_to_a_saved_model(lab, until, recorded: list[Path]) -> None:
     async with lab(IdentifyStep, runs=recorded) as pilot:
