@@ -20,11 +20,13 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError, unknown_name
 from dpr_lab.gap.advice.advise import kind_of
 from dpr_lab.gap.advice.check_kind import CheckAnswer, Result, expected_bits, log_mean
-from dpr_lab.gap.advice.measurement import CHECK
+from dpr_lab.gap.advice.measurement import CHECK, has
 from dpr_lab.gap.classes.calibration import CALIBRATION
+from dpr_lab.gap.conclusion.causes import to_rule_out
 from dpr_lab.gap.result.causes import NamedEffect, RivalEffect
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone, recommended
 from dpr_lab.gap.result.diagnosis import Diagnosis, Verdict
@@ -156,7 +158,8 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
     )
     effects, rivals = _standing(diagnosis, check.about, after)
     moved = {**diagnosis.probabilities, **after, NONE_OF_THEM: _outside(diagnosis, done)}
-    moved[check.about] = next(effect.probability for effect in effects if effect.name == check.about)
+    standing = next(effect for effect in effects if effect.name == check.about)
+    moved[check.about] = standing.probability
     kind, sentence = conclusion(diagnosis, done, result.explained)
     remaining_checks = remaining(diagnosis, done)
     return diagnosis.model_copy(
@@ -166,7 +169,7 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
             "rivals": rivals,
             "probabilities": moved,
             "sentence": sentence,
-            "remedies": _remedies(diagnosis, done),
+            "remedies": _remedies(diagnosis, done, standing),
             "advice": [check.sentences for check in recommended(remaining_checks)],
             "checks": remaining_checks,
             "checks_done": [*diagnosis.checks_done, done],
@@ -187,13 +190,23 @@ def remaining(diagnosis: Diagnosis, done: CheckDone) -> list[AdvisedCheck]:
 def _reweighed(check: AdvisedCheck, done: CheckDone) -> AdvisedCheck:
     if check.about != done.check.about:
         return check
-    target = check.measures or check.about
-    alternatives = [name for name in check.splits if name != target]
-    before, after = (
-        expected_bits([p.get(target, 0.0), sum(p.get(name, 0.0) for name in alternatives)], np.inf)
-        for p in (done.before, done.after)
-    )
+    before, after = (expected_bits(_sides(check, p), np.inf) for p in (done.before, done.after))
     return check.model_copy(update={"expected_bits": check.expected_bits * (after / before if before > 0 else 0.0)})
+
+
+def _sides(check: AdvisedCheck, probabilities: Mapping[str, float]) -> tuple[float, float]:
+    """Return the probabilities of the two answers of a check.
+
+    A measurement distinguishes the causes with the measured amplitude from all others, including a cause outside the
+    candidates. A recording distinguishes the named effect from the other causes of the check.
+    """
+    first, second = {check.about}, {*check.splits} - {check.about}
+    if check.measures:
+        amplitude = check.amplitudes[0].name
+        first = {name for name in probabilities if name in EFFECTS and has(name, check.measures, amplitude)}
+        second = {*probabilities} - first
+    present, absent = (sum(probabilities.get(name, 0.0) for name in names) for names in (first, second))
+    return present, absent
 
 
 def _outside(diagnosis: Diagnosis, done: CheckDone) -> float:
@@ -203,12 +216,20 @@ def _outside(diagnosis: Diagnosis, done: CheckDone) -> float:
     return max([*checked.values(), *([diagnosis.probabilities.get(NONE_OF_THEM, 0.0)] if unchecked else [])])
 
 
-def _remedies(diagnosis: Diagnosis, done: CheckDone) -> list[str]:
-    """Return the remedies of the named effects that remain the most probable causes."""
-    about = done.check.about
-    if likeliest(done.after) == about:
-        return diagnosis.remedies
-    return [remedy for remedy in diagnosis.remedies if not remedy.startswith(f"For {about}:")]
+def _remedies(diagnosis: Diagnosis, done: CheckDone, standing: NamedEffect) -> list[str]:
+    """Return the remedies of the named effects that remain the most probable causes.
+
+    The remedy of the checked effect states the members of its class that remain.
+    """
+    about = standing.name
+    before, after = to_rule_out(_named(diagnosis, about)), to_rule_out(standing)
+    its_remedies = (f"For {about}:", f"Add {about} to the simulator")
+    if likeliest(done.after) != about:
+        return [remedy for remedy in diagnosis.remedies if not remedy.startswith(its_remedies)]
+    return [
+        remedy.replace(f"{before}.", f"{after}.") if remedy.startswith(its_remedies) else remedy
+        for remedy in diagnosis.remedies
+    ]
 
 
 def _standing(

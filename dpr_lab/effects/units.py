@@ -31,6 +31,21 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 }
 """Conversion factors to the unit of a parameter, by this unit and by accepted unit (without spaces and signs)."""
 
+DISPLAYED: Mapping[str, tuple[str, float]] = {
+    "N m": ("mN m", 1e3),
+    "N m/rad": ("mN m/rad", 1e3),
+    "N m/rad^3": ("mN m/rad³", 1e3),
+    "N m s/rad": ("mN m s/rad", 1e3),
+    "m": ("mm", 1e3),
+    "s": ("ms", 1e3),
+    "rad": ("mrad", 1e3),
+    "m/s^2": ("m/s²", 1.0),
+    "kg m^2": ("kg cm²", 1e4),
+    "kg/m^2": ("g/m²", 1e3),
+    "1": ("%", 1e2),
+}
+"""Displayed unit and factor to it, for each SI unit of an amplitude."""
+
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf(?:inity)?)\b)(.*)", re.IGNORECASE)
 _SPELLINGS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "°": "deg", "*": "", "·": "", "⋅": "", "^": ""})
 

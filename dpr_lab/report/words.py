@@ -7,22 +7,9 @@ import re
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import EffectParameter
+from dpr_lab.effects.units import DISPLAYED
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import three, with_interval, with_unit
-
-_DISPLAYED = {
-    "N m": ("mN m", 1e3),
-    "N m/rad": ("mN m/rad", 1e3),
-    "N m/rad^3": ("mN m/rad³", 1e3),
-    "N m s/rad": ("mN m s/rad", 1e3),
-    "m": ("mm", 1e3),
-    "s": ("ms", 1e3),
-    "m/s^2": ("m/s²", 1.0),
-    "kg m^2": ("kg cm²", 1e4),
-    "kg/m^2": ("g/m²", 1e3),
-    "1": ("%", 1e2),
-}
-"""Displayed unit and factor to it, for each SI unit of an amplitude."""
 
 _IDENTIFIER = re.compile(rf"(?<![\[\w])(?<!--without )({'|'.join(sorted(EFFECTS, key=len, reverse=True))})(?!\w)")
 _PLACE = re.compile(r"\b(joint|encoder)([012])\b")
@@ -99,8 +86,8 @@ def _displayed_unit(parameter: EffectParameter | None, angles: AngleUnit) -> tup
             return angles.small, angles.small_per_rad
         case EffectParameter(unit="rad/s"):
             return f"{angles.symbol.strip()}/s", angles.per_rad
-        case EffectParameter(role="amplitude", unit=unit) if unit in _DISPLAYED:
-            return _DISPLAYED[unit]
+        case EffectParameter(role="amplitude", unit=unit) if unit in DISPLAYED:
+            return DISPLAYED[unit]
         case EffectParameter(unit="1"):
             return "", 1.0
     return parameter.unit, 1.0

@@ -226,7 +226,7 @@ def test_two_forms_of_one_law_are_distinguished_by_the_amplitude_that_the_wider_
         "parameters": ("extra_at_rest_Nm",),
         "definition": "",
     }
-    assert "Give the extra friction torque at rest, joint 2 (S), in N m." in measured.text
+    assert "Give the extra friction torque at rest, joint 2 (S), in mN m." in measured.text
     after = update(result, measured, CheckAnswer(value=0.0, std=1e-5)).checks_done[0].after
     assert after[names[0]] > 0.9 * sum(after.values())
     asked = next(check for check in result.checks if check.kind == "recording")

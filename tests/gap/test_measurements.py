@@ -11,6 +11,7 @@ from scipy import integrate
 
 from dpr_lab.checks.update import candidates, hypotheses, posterior, update
 from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.units import UNITS, read_quantity
 from dpr_lab.errors import RunError
 from dpr_lab.gap.advice import bench_measurement
 from dpr_lab.gap.advice.check_kind import CheckAnswer, OpenQuestion
@@ -35,7 +36,7 @@ def test_each_member_of_a_class_can_be_measured() -> None:
         tilts[0], dict.fromkeys(tilts, 0.5), one_class=True, chosen=cast("Hypothesis", None), expected=()
     )
     level, encoder = bench_measurement.propose(question, [])
-    assert level.text.endswith("(tilt), in rad.")
+    assert level.text.endswith("(tilt), in mrad.")
     assert encoder.text.startswith("Read encoder 1")
     assert level.splits == encoder.splits == [*tilts]
 
@@ -124,7 +125,7 @@ def friction() -> Diagnosis:
 def test_a_value_of_the_other_torque_is_recognised() -> None:
     diagnosis = friction()
     assert diagnosis.checks[0].quantity == Quantity.of("stribeck_joint2", "extra_at_rest_Nm")
-    expected = r"predicts 0.0061 N m for .*It is 12.2 times the estimate of this quantity, 0.0005 N m .*"
+    expected = r"predicts 6.1 mN m for .*It is 12.2 times the estimate of this quantity, 0.5 mN m .*"
     with pytest.raises(RunError, match=expected + r"Did you measure the Coulomb friction torque while sliding of"):
         update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.0061, std=1e-4))
 
@@ -139,21 +140,65 @@ def test_a_value_of_another_quantity_is_questioned_where_the_one_to_measure_is_n
     asked = r"do not determine the extra friction torque at rest.*Did you measure the Coulomb friction torque of"
     with pytest.raises(RunError, match=asked):
         update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.0009, std=5e-5))
-    with pytest.raises(RunError, match=r"0.006 N m is 6.59 times the Coulomb friction torque of .*, 0.00091 N m"):
+    with pytest.raises(RunError, match=r"6 mN m is 6.59 times the Coulomb friction torque of .*, 0.91 mN m"):
         update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.006, std=1e-4))
     limit = Exclusion(effect=simple, parameter="extra_at_rest_Nm", size=1.06e-3, estimate=0.0, confidence=0.999)
     limited = diagnosis.model_copy(update={"evidence": SimpleNamespace(exclusions=[limit])})
     with pytest.raises(
-        RunError, match=r"at rest, joint 2\. They exclude only sizes of 0.00106 N m or more\. Did you measure"
+        RunError, match=r"at rest, joint 2\. They exclude only sizes of 1.06 mN m or more\. Did you measure"
     ):
         update(limited, limited.checks[0], CheckAnswer(value=0.001, std=2e-4))
     assert check_table(limited).rows[0][3] == "below 1.06 mN m"
     assert "assumes that all named effects act" in check_table(limited).caption
     assert check_table(diagnosis).rows[0][3] == NONE
-    assert '--value "... N m" --std "... N m" (measurement)' in how_to_record(limited, "d.json")  # no number to copy
+    assert '--value "... mN m" --std "... mN m" (measurement)' in how_to_record(limited, "d.json")  # no number to copy
     confirmed = CheckAnswer(value=0.0009, std=5e-5, confirmed=True)
     assert update(diagnosis, diagnosis.checks[0], confirmed).checks_done
     assert update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.0004, std=5e-5)).checks_done
+
+
+def test_the_command_states_the_unit_of_each_measurement() -> None:
+    options = '--value "... %" --std "... %" (check 1-abcd) or --value "... mm" --std "... mm" (check 2-abcd).'
+    assert how_to_record(made(), "d.json").endswith(f"followed by {options}")
+
+
+def test_a_result_has_the_unit_of_the_expected_result() -> None:
+    diagnosis = friction()
+    (done,) = update(diagnosis, diagnosis.checks[0], CheckAnswer(value="0.4 mN m", std="0.05")).checks_done
+    assert done.result == "extra friction torque at rest, joint 2 = 0.4 mN m ± 0.05 mN m"
+    assert done.value == pytest.approx(4e-4)
+    assert diagnosis.checks[0].measurand.label.endswith("(S), in mN m")
+    for effect in EFFECTS.values():
+        quantity = Quantity.of(effect.name, effect.amplitudes[0].name)
+        if quantity.unit in UNITS:
+            assert read_quantity(quantity.shown(0.002), quantity.unit, "") == pytest.approx(0.002), effect.name
+
+
+@pytest.mark.parametrize(
+    ("measured", "value", "remedies"),
+    [
+        (0, SIZES[CLOCK], [f"For {CLOCK}: divide.", "Level the base."]),
+        (0, 0.0, ["Level the base."]),
+        (1, 0.0, [f"For {CLOCK}: divide.", "Level the base."]),
+    ],
+)
+def test_a_settled_class_has_no_cause_left_to_rule_out(measured: int, value: float, remedies: list[str]) -> None:
+    first = f"For {CLOCK}: divide (first rule out {LENGTH}: indistinguishable in these recordings)."
+    diagnosis = made(remedies=[first, "Level the base."])
+    assert update(diagnosis, diagnosis.checks[measured], CheckAnswer(value=value, std=1e-4)).remedies == remedies
+    assert update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.005, std=3e-3)).remedies == diagnosis.remedies
+
+
+def test_a_measurement_of_the_last_candidate_tests_it_against_any_other_cause() -> None:
+    diagnosis = made()
+    result = update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.0, std=1e-4))
+    p = after(result)[LENGTH]
+    assert p > 0.9
+    (left,) = result.checks
+    entropy = -p * math.log2(p) - (1 - p) * math.log2(1 - p)
+    assert left.expected_bits == pytest.approx(entropy, rel=1e-2)
+    assert left.informative
+    assert result.advice == [left.sentences]
 
 
 def test_friction_is_not_negative() -> None:

@@ -15,7 +15,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 
 def form(check: AdvisedCheck) -> str:
     """Return the command-line options that state the result of a measurement."""
-    unit = _example(check).split(" ", 1)[1]
+    unit = check.measurand.displayed_unit
     return f'--value "... {unit}" --std "... {unit}"'
 
 
@@ -65,7 +65,7 @@ def _read(check: AdvisedCheck, answer: CheckAnswer) -> tuple[float, float]:
     value, std = answer.value, answer.std
     assert value is not None
     assert std is not None
-    unit, example = check.measurand.unit, _example(check)
+    unit, example = check.measurand.unit, check.measurand.shown(check.amplitudes[0].typical)
     try:
         if isinstance(std, str) and isinstance(value, str) and not split_quantity(std)[1]:
             std = f"{std} {split_quantity(value)[1]}"
@@ -73,12 +73,6 @@ def _read(check: AdvisedCheck, answer: CheckAnswer) -> tuple[float, float]:
     except ValueError as error:
         raise RunError(f"check {check.id} asks for the {check.measurand.label}: {error}") from error
     return first, second
-
-
-def _example(check: AdvisedCheck) -> str:
-    """Return an example of a value with its unit, for messages to the operator."""
-    unit = check.quantity.unit if check.quantity else ""
-    return "0.1 %" if unit == "1" else f"{check.amplitudes[0].typical:g} {unit}"
 
 
 def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: float) -> None:

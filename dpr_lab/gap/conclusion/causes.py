@@ -140,14 +140,17 @@ def remedies(named: Sequence[NamedEffect], sizes: Mapping[str, Params], rig: Rig
         if remedy is None:
             simulated.append(effect.name)
             continue
-        others = [name for name in effect.members if name != effect.name]
-        unless = f" (first rule out {' and '.join(others)}: indistinguishable in these recordings)" if others else ""
-        sentences.append(
-            f"For {effect.name}: {remedy(sizes[effect.name], rig, EFFECTS[effect.name].joints[0])}{unless}."
-        )
+        repair = remedy(sizes[effect.name], rig, EFFECTS[effect.name].joints[0])
+        sentences.append(f"For {effect.name}: {repair}{to_rule_out(effect)}.")
     if simulated:
         sentences.append(
             f"Add {listed(simulated)} to the simulator: model.json in the folder of this diagnosis, and the"
             " models for other programs, contain the fitted sizes."
         )
     return sentences
+
+
+def to_rule_out(effect: NamedEffect) -> str:
+    """Return the end of a remedy that states the other members of a class; empty if there are none."""
+    others = [name for name in effect.members if name != effect.name]
+    return f" (first rule out {' and '.join(others)}: indistinguishable in these recordings)" if others else ""

@@ -8,6 +8,7 @@ from pydantic import model_validator
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import EffectParameter
+from dpr_lab.effects.units import DISPLAYED
 from dpr_lab.gap.result.saved import Interval, Number, Saved
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.shown import listed
@@ -69,14 +70,24 @@ class Quantity(Saved):
         )
 
     @property
+    def displayed_unit(self) -> str:
+        """Unit in which reports display the quantity, for example `mN m`; `%` for a ratio."""
+        return self._displayed[0]
+
+    @property
     def label(self) -> str:
-        """Name, symbol and unit, for example `extra friction torque at rest, joint 2 (S), in N m`."""
+        """Name, symbol and unit, for example `extra friction torque at rest, joint 2 (S), in mN m`."""
         definition = f" = {self.definition}" if self.definition else ""
-        return f"{self.name} ({self.symbol}{definition}), in {'% or ppm' if self.unit == '1' else self.unit}"
+        return f"{self.name} ({self.symbol}{definition}), in {self.displayed_unit}{' or ppm' * (self.unit == '1')}"
 
     def shown(self, value: float) -> str:
-        """Format a value with its unit, for example `0.0061 N m`; ratios are in percent."""
-        return f"{100 * value:.4g} %" if self.unit == "1" else f"{value:.4g} {self.unit}"
+        """Format a value in SI units with the displayed unit, for example `6.1 mN m`."""
+        unit, factor = self._displayed
+        return f"{factor * value:.4g} {unit}"
+
+    @property
+    def _displayed(self) -> tuple[str, float]:
+        return DISPLAYED.get(self.unit, (self.unit, 1.0))
 
 
 class AdvisedCheck(Saved):

@@ -11,7 +11,7 @@ from dpr_lab.report.angles import RADIANS
 from dpr_lab.report.digits import NONE
 from dpr_lab.report.pages.page import page_table
 from dpr_lab.report.words import in_words, named, size_words
-from dpr_lab.shown import in_command
+from dpr_lab.shown import in_command, listed
 
 MOVED_NOTE = (
     "Bayes factor: ratio by which the result changes the odds of the cause. Above 1 it supports the cause, below 1 it"
@@ -29,14 +29,19 @@ EXPECTED_NOTE = (
 def how_to_record(diagnosis: Diagnosis, file: str) -> str:
     """Compose the command that records the result of a check.
 
-    The command contains the options for each kind of recommended check.
+    The command contains the options for each kind of recommended check. If measurements have different units, it
+    states the options of each measurement.
 
     Args:
         diagnosis: a diagnosis that recommends checks
         file: file of the diagnosis
     """
-    first = {check.kind: check for check in reversed(diagnosis.checks) if check.kind in CHECK_KINDS}
-    options = [f"{CHECK_KINDS[kind].form(first[kind])} ({kind})" for kind in CHECK_KINDS if kind in first]
+    options: list[str] = []
+    for kind, its in CHECK_KINDS.items():
+        forms: dict[str, list[str]] = {}
+        for check in (check for check in diagnosis.checks if check.kind == kind):
+            forms.setdefault(its.form(check), []).append(check.id)
+        options += [f"{form} ({f'check {listed(ids)}' if len(forms) > 1 else kind})" for form, ids in forms.items()]
     return f"To record the result: dpr-lab check {in_command(file)} CHECK, followed by {' or '.join(options)}."
 
 
