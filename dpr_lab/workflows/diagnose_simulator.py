@@ -89,7 +89,10 @@ def diagnose_simulator(
     model = corrected_model(result.diagnosis, runs, rig)
     arm_to_change(model, chain, rig, simulator)
     written = fitted_in_words(model, WORDS[read.format], runs, rig)
-    least = _least_change(result.diagnosis, written, rig, chain, runs)
+    try:
+        least = _least_change(result.diagnosis, written, rig, chain, runs)
+    except ConfigError as error:
+        raise ConfigError(f"{simulator}: {error}") from error
     names = [part.joint.name for part in chain.parts]
     printed = PrintedSimulator(
         file=str(simulator),

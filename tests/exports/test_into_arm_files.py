@@ -8,6 +8,7 @@ import pytest
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports.into import into_file
 from dpr_lab.exports.into.replay import replay_files
+from dpr_lab.exports.into.target import rod_targets
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.simulator_models import read_model
 from dpr_lab.simulator_models.chain import ModelChain
@@ -82,6 +83,13 @@ def test_a_replay_of_one_rod_on_an_arm_shows_both_files(suffix: str, tmp_path: P
     (replay,) = replay_files(file, into_file(model, rig, file), (), model, rig, [recorded(truth, rig)])
     assert replay.after_rad == pytest.approx(replay.lab_rad, rel=0.1)
     assert replay.before_rad > 5 * replay.after_rad
+
+
+def test_each_rod_gets_its_own_target(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file, rig = imported(tmp_path / "own", "xml", text_of("xml", 2))
+    monkeypatch.setattr("dpr_lab.exports.into.rod_targets", lambda *given: rod_targets(*given)[:1])
+    with pytest.raises(ValueError, match="shorter"):  # the target of the arm is not that of the second rod
+        into_file(model_like(rig, rig), rig, file)
 
 
 def test_files_with_other_rods_are_refused(tmp_path: Path) -> None:

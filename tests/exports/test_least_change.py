@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from dpr_lab.errors import ConfigError
 from dpr_lab.exports.corrected import corrected_model
 from dpr_lab.exports.into import WORDS, into_file
 from dpr_lab.exports.into.least_change import LeastChange, _base, _changed_gears, least_change
@@ -83,6 +84,15 @@ def test_a_changed_inertia_is_that_of_the_rod_without_its_rotor(estimated: float
     of_file, rotor = np.array([6.0, 2.0, 2.0, 2.0, 2.0, 2.0]), np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
     base = _base(of_file, rotor, *diagnosed(estimated), gears=np.zeros(0))
     assert base.tolist() == pytest.approx([of_rod, 2.0, 2.0, 2.0, 2.0, 2.0])
+
+
+def test_a_rotor_larger_than_the_identified_inertia_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "robot.xml"
+    file.write_text(ROBOT.replace('name="shoulder"', 'name="shoulder" armature="9"'), encoding="utf-8")
+    model, diagnosis = diagnosed(3.0)
+    model.effects, rig = {}, rig_from_model(file, tmp_path / "rig.toml").file
+    with pytest.raises(ConfigError, match=r"armature 9 kg m.2 of joint 'shoulder' is larger than"):
+        least_change(diagnosis, model, load_rig(rig), double_pendulum(read_model(file)), [])
 
 
 def test_a_gear_changes_by_its_torque_constant_times_the_factor_of_the_masses() -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dpr_lab.errors import ConfigError
 from dpr_lab.exports.corrected import corrected_model
 from dpr_lab.exports.into import WORDS, into_file
 from dpr_lab.exports.into.least_change_of_arm import kept_numbers, least_change_of_arm, numbers_of_file
@@ -15,6 +16,7 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.identification.model import EstimatedValue
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.simulator_models import read_model
+from dpr_lab.simulator_models.chain import ModelChain
 from dpr_lab.simulator_models.double_pendulum import double_pendulum
 
 pytest.importorskip("mujoco")
@@ -68,8 +70,21 @@ def test_a_planted_error_is_the_first_cause_and_alone(planted: str, rods: int, t
 
 @pytest.mark.parametrize("rods", [1, 2])
 def test_the_rotor_of_the_shoulder_changes_no_number_of_the_rod(rods: int, tmp_path: Path) -> None:
-    rotor, text = 0.003, text_of("xml", rods).replace('name="shoulder"', 'name="shoulder" armature="0.003"')
-    file, rig = imported(tmp_path / "own", "xml", text)
+    of_file, model, chain = with_rotor(tmp_path, rods, "0.003", 0.003)
+    assert kept_numbers(of_file, model, chain) == (of_file, pytest.approx(1.0))
+
+
+def test_a_rotor_larger_than_the_identified_inertia_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"armature 0.05 kg m.2 of joint 'shoulder' is larger than .* correct"):
+        kept_numbers(*with_rotor(tmp_path, 1, "0.05", 0.0))
+
+
+def with_rotor(
+    folder: Path, rods: int, armature: str, rotor: float
+) -> tuple[dict[str, float], MovingArmModel, ModelChain]:
+    """Numbers of a file with this armature of the shoulder, model with another rotor, kg m^2, and rods of the file."""
+    text = text_of("xml", rods).replace('name="shoulder"', f'name="shoulder" armature="{armature}"')
+    file, rig = imported(folder / "own", "xml", text)
     chain, model = double_pendulum(read_model(file)), model_like(rig, rig)
     sizes = model.sizes | {"a": model.sizes["a"] + rotor}
     scale = sizes[model.scale]
@@ -82,5 +97,4 @@ def test_the_rotor_of_the_shoulder_changes_no_number_of_the_rod(rods: int, tmp_p
     absolute = {model.scale: model.absolute[model.scale].model_copy(update={"value": scale})}
     model = model.model_copy(update={"ratios": estimates, "absolute": absolute, "swing": list(ratio.values())})
     assert chain.arm is not None
-    of_file = numbers_of_file(chain, chain.arm, rig, model)
-    assert kept_numbers(of_file, model, chain) == (of_file, pytest.approx(1.0))
+    return numbers_of_file(chain, chain.arm, rig, model), model, chain

@@ -14,6 +14,7 @@ from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS, arm_segments, sw
 from dpr_lab.dynamics.prediction import predict, segment_start
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.errors import ConfigError
+from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.exports import FORMATS
 from dpr_lab.exports.fmu import fmu
 from dpr_lab.exports.moving_arm.bodies import arm_bodies
@@ -22,6 +23,7 @@ from dpr_lab.exports.moving_arm.ensemble import sampled_arm_models
 from dpr_lab.exports.moving_arm.python_module import arm_module_text
 from dpr_lab.exports.programs import Replay
 from dpr_lab.fitting.estimate import whole_of
+from dpr_lab.gap.result.saved import Interval
 from dpr_lab.identification.model import EstimatedValue, RigFacts
 from dpr_lab.identification.moving_arm.engine import engine_constants, engine_values
 from dpr_lab.identification.moving_arm.model import MovingArmModel
@@ -286,6 +288,9 @@ def test_the_interval_of_another_scale_belongs_to_its_value():
     refitted = with_intervals(model, {}, np.zeros((0, 0)), fitted)
     assert refitted.absolute["b"].interval90 == pytest.approx(fitted.interval90, rel=1e-4)
     assert refitted.scale_sentence == fitted.sentence
+    determined = {"A/b": Interval(value=11.0, interval90=(10.5, 11.5))}  # a diagnosis without their covariance
+    ratio = with_intervals(model, determined, np.array([]), fitted).ratios["A/b"]
+    assert ratio.std == pytest.approx(0.5 / NORMAL_Q90)
 
 
 def test_the_interval_of_a_changed_ratio_contains_its_value():

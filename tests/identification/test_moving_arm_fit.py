@@ -19,7 +19,13 @@ from dpr_lab.identification.moving_arm.identify import (
     undetermined,
 )
 from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
-from dpr_lab.identification.moving_arm.scale import absolute_values, estimated, scale_of_arm, stated_scale
+from dpr_lab.identification.moving_arm.scale import (
+    absolute_values,
+    estimated,
+    motor_notes,
+    scale_of_arm,
+    stated_scale,
+)
 from dpr_lab.identification.moving_arm.search import searched_start
 from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.report.data_frame import to_dataframe
@@ -124,6 +130,14 @@ def test_a_voltage_drive_of_a_furuta_pendulum_shows_lumped_constants_only():
     assert any("separates kt from R" in note for note in model.notes)
 
 
+def test_values_at_an_assumed_scale_name_this_assumption():
+    rig = load_rig("furuta")
+    unknowns = SimpleNamespace(scale="a", free=("gain",))
+    fit: Any = SimpleNamespace(problem=SimpleNamespace(unknowns=unknowns), value=lambda name: 38.7)
+    notes = motor_notes(fit, scale_of_arm(fit, np.array([[1.0]]), rig), rig, ["gain", "c0"])
+    assert sum("with the assumed a" in note for note in notes) == 2
+
+
 def test_the_bounds_of_a_nominal_kt_give_the_uncertainty_of_the_scale():
     rig = rig_with("driven", "current", kt={"nominal": 0.5, "lower": 0.1, "upper": 2.0})
     unknowns = SimpleNamespace(scale="b", free=("gain",))
@@ -132,10 +146,16 @@ def test_the_bounds_of_a_nominal_kt_give_the_uncertainty_of_the_scale():
     kt = np.random.default_rng(0).uniform(0.1, 2.0, 20_000)
     assert not scale.known
     b = absolute_values({"gain": 100.0}, np.array([[1.0]]), scale, "b", "current")["b"]
-    sentence = stated_scale(b, "b", scale.fixed_by).sentence
-    assert f"assume b = {b.value:.4g} kg m^2" in sentence
+    sentence = stated_scale(b, "b", scale.fixed_by, scale.constants_std).sentence
+    assert f"assume b = {b.value:.4g} kg m^2, from the recorded input of the motor and its nominal" in sentence
     assert f"(90 % interval from its bounds {b.interval90[0]:.4g} to {b.interval90[1]:.4g})" in sentence
     assert scale.relative_std == pytest.approx(np.std(kt) / 0.5, rel=0.02)
+    measured = rig_with("driven", "current", kt={"nominal": 0.5, "measured": 0.5, "std": 0.01})
+    of_kt = scale_of_arm(fit, np.array([[1.0]]), measured)
+    words = stated_scale(b, "b", of_kt.fixed_by, of_kt.constants_std).sentence
+    assert words.startswith("The recordings and measured motor constants determine the scale")
+    torque = scale_of_arm(fit, np.array([[1.0]]), rig_with("driven", "torque"))
+    assert stated_scale(b, "b", torque.fixed_by, torque.constants_std).sentence.startswith("The recordings determine")
 
 
 def test_each_run_has_its_own_chi_square():

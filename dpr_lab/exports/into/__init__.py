@@ -33,7 +33,7 @@ from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import Rig
 from dpr_lab.simulator_models import of_format
-from dpr_lab.simulator_models.chain import ChainRod, ModelChain
+from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
 from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.simulator_models.tree import SimulatorModel, Vector
 from dpr_lab.simulator_models.xml_edit import ChangedAttribute, XmlEdit
@@ -93,8 +93,10 @@ def into_file(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ())
     if isinstance(model, Model) and editor.passive:
         gravity = model.rig.g if read.gravity is None else None
         added = passive_forces(model, rig, expressed, chain, path.name, gravity)
-    targets = [*rod_targets(chain, corrected, added.friction), *([of_arm] if of_arm else [])]
-    hinges = list(zip(chain.parts, targets, strict=False))
+    of_rods = rod_targets(chain, corrected, added.friction)
+    hinges: list[tuple[ChainRod | ChainArm, Target]] = [*zip(chain.rods, of_rods, strict=True)]
+    if chain.arm and of_arm:
+        hinges.append((chain.arm, of_arm))
     body_changes = [
         body_change(read, chain, joints, number, target, path)
         if isinstance(part, ChainRod)
@@ -105,6 +107,7 @@ def into_file(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ())
         text = _edited(editor, text, changes, editor.set_body, part.joint.name, change)
         text = _edited(editor, text, changes, editor.set_joint, part, target)
     _, chain = _read(editor, text, joints, model.rig.g)
+    targets = [target for _, target in hinges]
     refuse_overridden(chain, targets, corrected.rods[0].length, editor.words, editor.overriding())
     return PatchedModel(text, tuple(changes), left_out(model, {*expressed, *added.effects}, editor.name), added)
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.dynamics.base import BASE, base_parameters, ratios
+from dpr_lab.errors import ConfigError
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.exports.bodies import AnyModel, words_of
 from dpr_lab.exports.into.in_file import (
@@ -72,6 +73,9 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
         rig: rig that was made from the simulator file
         chain: the double pendulum of the file
         runs: the diagnosed runs, to rank the causes
+
+    Raises:
+        ConfigError: the rotor of joint 1 in the file is too large.
     """
     effects: Effects = model.effects
     longer = sum(words.get("added_length", 0.0) for words in words_of(effects).values())
@@ -81,6 +85,7 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
     rotor = np.array([chain.rods[0].joint.armature, 0.0, 0.0, 0.0, 0.0, 0.0])
     gears = _gear_factors(effects, diagnosis, runs)
     base = _base(in_order, rotor, model, diagnosis, np.array(list(gears.values())))
+    refuse_rotor(chain, base[0])
     values = with_own_numbers(chain, dict(zip(BASE, base.tolist(), strict=True)), of_file, longer)
     factor = values["b"] / model.base["b"].value
     effects = {name: as_in_file(diagnosis, chain, name, scaled(name, v, factor)) for name, v in effects.items()}
@@ -220,6 +225,20 @@ def _same_gear(diagnosis: Diagnosis) -> float:
     """Return the relative difference up to which a gear counts as unchanged."""
     low, high = diagnosis.scale.interval90 if diagnosis.scale else (1.0, 1.0)
     return max(CHANGE.same, CHANGE.stds * float(np.log(high / low)) / (2 * NORMAL_Q90))
+
+
+def refuse_rotor(chain: ModelChain, a: float) -> None:
+    """Check that the rotor of joint 1 leaves a positive inertia a, kg m^2, of the rods.
+
+    Raises:
+        ConfigError: the armature in the file is larger than the identified inertia.
+    """
+    joint = chain.rods[0].joint
+    if a <= 0:
+        raise ConfigError(
+            f"armature {joint.armature:g} kg m^2 of joint {joint.name!r} is larger than the identified inertia about"
+            f" this joint, {a + joint.armature:.4g} kg m^2: correct the armature in the file"
+        )
 
 
 def with_own_numbers(chain: ModelChain, values: Values, of_file: Values, longer: float) -> dict[str, float]:

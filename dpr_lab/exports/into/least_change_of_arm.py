@@ -26,7 +26,14 @@ from dpr_lab.exports.into.in_file import (
     scaled,
     unseen,
 )
-from dpr_lab.exports.into.least_change import LeastChange, Values, changed_rods, ranked_change, with_own_numbers
+from dpr_lab.exports.into.least_change import (
+    LeastChange,
+    Values,
+    changed_rods,
+    ranked_change,
+    refuse_rotor,
+    with_own_numbers,
+)
 from dpr_lab.exports.moving_arm.corrected import with_swing
 from dpr_lab.exports.moving_arm.replay import follow_with_arm
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -62,6 +69,9 @@ def least_change_of_arm(
         rig: rig that was made from the simulator file
         chain: rods and arm of the file
         runs: the diagnosed runs, to rank the causes
+
+    Raises:
+        ConfigError: the rotor of joint 1 in the file is too large.
     """
     assert chain.arm is not None
     model = model.with_arm_effects()
@@ -120,6 +130,7 @@ def kept_numbers(of_file: Values, model: MovingArmModel, chain: ModelChain) -> t
     for name in tolerance:
         if not stays(name, s):
             values[name] = u[name] * (1.0 if name == "L0" else s) - rotor.get(name, 0.0)
+    refuse_rotor(chain, values["a"])
     values = with_own_numbers(chain, values, of_file, 0.0)
     factor = (values[model.scale] + rotor.get(model.scale, 0.0)) / model.absolute[model.scale].value
     return values | ({"b": values["a"]} if model.scale == "a" else {}), factor

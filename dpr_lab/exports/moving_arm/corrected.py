@@ -120,12 +120,16 @@ def _arm_values(
 
     Args:
         determined: the ratios with their intervals, which are moved to the values in `swing`
-        covariance: (n, n) covariance of these ratios
+        covariance: (n, n) covariance of these ratios; empty: independent, with the errors of their intervals
         swing: (12,) `SWING_PARAMETERS`, divided by the scale
         kind: kind of the input of the arm; empty without an input
         scale: scale of absolute values
     """
-    std, (low, high) = np.sqrt(np.diag(covariance)).tolist(), scale.interval90
+    low, high = scale.interval90
+    if not covariance.size:  # a diagnosis of an earlier version
+        ends = np.array([interval.interval90 for interval in determined.values()]).reshape(-1, 2)
+        covariance = np.diag((np.diff(ends)[:, 0] / (2 * NORMAL_Q90)) ** 2)
+    std = np.sqrt(np.diag(covariance)).tolist()
     estimates = {
         name: EstimatedValue(value=interval.value, std=error, interval90=interval.interval90)
         for (name, interval), error in zip(determined.items(), std, strict=True)

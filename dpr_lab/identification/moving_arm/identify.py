@@ -68,7 +68,9 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
         covariance=covariance.tolist(),
         unknowns=names,
         absolute=absolute,
-        scale_sentence=stated_scale(absolute[unknowns.scale], unknowns.scale, scale.fixed_by).sentence,
+        scale_sentence=stated_scale(
+            absolute[unknowns.scale], unknowns.scale, scale.fixed_by, scale.constants_std
+        ).sentence,
         swing=fit.p.tolist(),
         fit=_summary(fit, recordings),
         runs=runs_used(runs, fit),

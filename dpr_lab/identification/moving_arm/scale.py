@@ -40,6 +40,11 @@ class ArmScale:
         """Source as in `Scale`: the drive in the recordings, measured values, or bounds of the rig file."""
         return ("data" if self.by_gain else "measured") if self.known else "bound"
 
+    @property
+    def constants_std(self) -> float:
+        """Relative standard deviation due to motor constants, as in `Scale`."""
+        return self.relative_std if self.by_gain else 0.0
+
 
 def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
     """Determine the scale from a drive of known torque, otherwise from the rig file."""
@@ -59,11 +64,15 @@ def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
 
 
 def stated_scale(
-    inertia: EstimatedValue, name: Literal["a", "b"], fixed_by: Literal["data", "measured", "bound"]
+    inertia: EstimatedValue,
+    name: Literal["a", "b"],
+    fixed_by: Literal["data", "measured", "bound"],
+    constants_std: float = 0.0,
 ) -> Scale:
-    """Return the scale of absolute values from their inertia `name`, a or b."""
+    """Return the scale of absolute values from their inertia `name`, a or b, and its source as in `Scale`."""
     value, (low, high) = inertia.value, inertia.interval90
-    return Scale(b=value, interval90=(max(low, 1e-3 * value), high), fixed_by=fixed_by, inertia=name)
+    interval = max(low, 1e-3 * value), high
+    return Scale(b=value, interval90=interval, fixed_by=fixed_by, inertia=name, constants_std=constants_std)
 
 
 def _relative_std(rig: Rig) -> float:
@@ -146,6 +155,7 @@ def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig, determined: Collection[s
     if motor.input != "voltage":
         return geared if motor.input == "current" else []
     gain = fit.value("gain") * scale.value
+    assumed = "" if scale.known else f" with the assumed {unknowns.scale}"
     missing = [name for name in ("kt", "ke", "R") if getattr(motor, name) is None]
     lumped = f"[motor] of the rig file does not give {', '.join(missing)}: only lumped constants are known."
     notes = [
@@ -159,14 +169,14 @@ def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig, determined: Collection[s
     if motor.kt is not None and motor.R is not None:
         expected = best(motor.kt, 0.0) / best(motor.R, 1.0)
         notes.append(
-            f"kt/R is {gain / motor.gear:.4g} N m/V from the recordings and {expected:.4g} N m/V from the rig file"
-            f" ({100 * (gain / motor.gear / expected - 1):+.1f} %)."
+            f"kt/R is {gain / motor.gear:.4g} N m/V from the recordings{assumed} and {expected:.4g} N m/V from the rig"
+            f" file ({100 * (gain / motor.gear / expected - 1):+.1f} %)."
         )
     if motor.ke is not None and "c0" in determined:
         share = best(motor.ke, 0.0) * gain * motor.gear
         total = fit.value("c0") * scale.value
         notes.append(
             f"With ke of the rig file, the back-EMF contributes {share:.3g} N m s/rad to c0, and friction"
-            f" {total - share:.3g}."
+            f" {total - share:.3g}{assumed}."
         )
     return notes

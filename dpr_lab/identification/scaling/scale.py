@@ -38,7 +38,7 @@ class Scale(BaseModel):
     inertia: Literal["a", "b"] = "b"
     """Name of the inertia: `b` of the outer rod about joint 2, or `a` of the inner rod about joint 1 if it is alone."""
     constants_std: NonNegative = 0.0
-    """Relative standard deviation of b due to measured constants that are not fitted, such as motor constants."""
+    """Relative standard deviation of b due to motor constants of the rig file; 0 if b does not depend on them."""
 
     @property
     def known(self) -> bool:
@@ -59,13 +59,15 @@ class Scale(BaseModel):
         low, high = self.interval90
         known = f"{self.inertia} = {self.b:.4g} kg m^2 (90 % interval {low:.4g} to {high:.4g})"
         if self.fixed_by == "data":
-            return f"The recordings determine the scale of masses, inertias and torques: {known}."
+            sources = "The recordings" + (" and measured motor constants" if self.constants_std else "")
+            return f"{sources} determine the scale of masses, inertias and torques: {known}."
         if self.fixed_by == "measured":
             return f"Measured values of the rig file determine the scale of masses, inertias and torques: {known}."
+        values = "recorded input of the motor and its nominal constants in" if self.constants_std else "values of"
         return (
             f"Only the ratios of masses, inertias and torques to {self.inertia}, the inertia of the"
             f" {ROD_OF[self.inertia]}, are identified. Absolute values assume {self.inertia} = {self.b:.4g} kg m^2,"
-            f" from the values of the rig file (90 % interval from its bounds {low:.4g} to {high:.4g})."
+            f" from the {values} the rig file (90 % interval from its bounds {low:.4g} to {high:.4g})."
         )
 
     def as_inertia(self, inertia: Literal["a", "b"], factor: float) -> "Scale":
