@@ -188,13 +188,13 @@ def rest_fault(motion: RodMotion, part: FreePart) -> str:
     """
     t, rods = motion.t[part.rest : part.start], motion.rods[part.rest : part.start]
     if len(t) < HELD.fewest:
-        return "too short"
+        return "it is too short"
     noise = np.sqrt(np.mean(np.diff(rods, axis=0) ** 2, axis=0) / 2)
     if not noise.all():
         return "its readings are constant and do not show the noise"
     line = np.vander(t - t.mean(), 2)
     spread = np.std(rods - line @ np.linalg.lstsq(line, rods, rcond=None)[0], axis=0)
-    return "" if (spread <= HELD.restless * noise).all() else "the rods moved during this rest"
+    return "" if (spread <= HELD.restless * noise).all() else "the rods were not completely still"
 
 
 def still_band(motion: RodMotion) -> float:

@@ -259,8 +259,12 @@ def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
     return [f"column {name} is not used, because the arm is free; if it is driven, use --arm driven" for name in unused]
 
 
-def cart_note(table: Table, used: Mapping[str, str], rig: Rig, options: ImportOptions) -> list[str]:
+def cart_note(
+    table: Table, used: Mapping[str, str], rig: Rig, options: ImportOptions
+) -> tuple[list[str], Array | None]:
     """Explain how to import a cart if an unused column contains its position.
+
+    The result is a note and theta_0, rad, if there is such a column.
 
     A cart at the position x is represented by an arm of the length R that turns by theta_0 = -x / R. The pivot of the
     rod then has the acceleration of the cart, because the terms with the squared speed of the arm vanish for a long
@@ -273,7 +277,7 @@ def cart_note(table: Table, used: Mapping[str, str], rig: Rig, options: ImportOp
         options: import options, which contain the unit of the angles and the mode of the arm
     """
     if rig.rods.number != 1 or options.arm != "clamped" or options.unit not in _ANGLES or table.settled:
-        return []
+        return [], None
     tracked = any(_HEIGHT.fullmatch(bare(name)) and varies(column) for name, column in table.columns)
     free = {
         name: match
@@ -284,11 +288,13 @@ def cart_note(table: Table, used: Mapping[str, str], rig: Rig, options: ImportOp
     }
     carts = {name: match for name, match in free.items() if match.re is _CART} or free
     if len(carts) != 1:
-        return []
+        return [], None
     ((name, match),) = carts.items()
-    factor = -_METRES[match[1] or "m"] * _ANGLES[options.unit] / SETTINGS.rail_m
-    return [
+    per_column = -_METRES[match[1] or "m"] / SETTINGS.rail_m
+    note = (
         f"column {name} is not used. If it is the position of a cart that carries the rod, describe the rail as a long"
         f' arm: L0 = {SETTINGS.rail_m:g} in [rig], mode = "prescribed" in [arm]. Then import with --columns'
-        f" theta0={name},theta1={used['theta1']} --scale theta0={factor:.4g}{'' if match[1] else ' (for metres)'}"
-    ]
+        f" theta0={name},theta1={used['theta1']} --scale theta0={per_column * _ANGLES[options.unit]:.4g}"
+        + ("" if match[1] else " (for metres)")
+    )
+    return [note], per_column * table.column(name)

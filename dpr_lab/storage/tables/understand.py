@@ -116,11 +116,12 @@ def understand(
     options = stated_arm(rig, options, path, columns.names)
     _refuse_conventions(table, options)
     t, readings, notes = _readings(table, columns.names, rig, options)
+    of_cart, cart = cart_note(table, columns.names, rig, options)
     inputs = known_inputs(recorded, table.other_lengths, rig, options, path)
     known = {name: torque_column(table, name) for pair in inputs.pairs.values() for name in pair}
     rows, removed = _rows_to_keep(path, t, {**readings, **known}, options)
     inputs.refuse_silent(known, rows, path)
-    notes += [*unused_input(recorded, options.arm), *unnumbered(recorded, inputs.pairs, options)]
+    notes += [*of_cart, *unused_input(recorded, options.arm), *unnumbered(recorded, inputs.pairs, options)]
     drive = set_point(table)
     if inputs.pairs and not any(column[rows].any() for column in known.values()):
         inputs = replace(inputs, pairs={})
@@ -138,7 +139,8 @@ def understand(
     ignored = _ignored(table, [*recorded, *table.other_lengths], options, rows)
     midnight = table.midnights.get(named.get("t", ""), 0.0)
     torques = inputs.torques(known, t, rows)
-    read = _Rows(path, rows, t, values, torques, named, options, ignored, drive, midnight, table.recorded_at)
+    cart = None if cart is None or not np.isfinite(cart[rows]).all() else cart[rows]
+    read = _Rows(path, rows, t, values, torques, named, options, ignored, drive, midnight, table.recorded_at, cart)
     understood = replace(_understood(read, notes, rig, table.kind, inputs.pairs), film_noise=table.film_noise)
     return _at_edges(understood, rig)
 
@@ -160,7 +162,7 @@ def _readings(
     unwrapped = {axis: without_wraps(column, axis, rig, options) for axis, column in readings.items()}
     t, misplaced = stamps_at_gaps(t, unwrapped)
     stamps = filter(None, (carried, summed, rounded, shared, misplaced))
-    return t, readings, [*outliers, *empty, *stamps, *cart_note(table, names, rig, options)]
+    return t, readings, [*outliers, *empty, *stamps]
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,6 +185,8 @@ class _Rows:
     """Zero of times with dates, s since 1970; 0 for other times."""
     recorded_at: str
     """Date, or date and time, in the lines above the numbers; empty if unknown."""
+    cart: Array | None
+    """(kept rows,) position of a cart that carries the rod, as the angle of a long arm, rad; None without a cart."""
 
 
 def _ignored(
@@ -215,7 +219,7 @@ def _understood(
     origin = float(read.t[np.isfinite(read.t)][0])
     driven = next(iter(read.torques.values()), None)
     mounted = as_mounted(theta, rig.rods.mounting, str(path))
-    motion = RodMotion(time, mounted[:, 1:], driven, theta[:, 0] if options.arm != "clamped" else None, origin)
+    motion = RodMotion(time, mounted[:, 1:], driven, theta[:, 0] if options.arm != "clamped" else read.cart, origin)
     whole = FreePart(0, 0, len(time))
     part = whole if options.keep_rest else free_part(motion, str(path))
     pair = next(iter(driving.values()), (PASSIVE, PASSIVE))
@@ -299,7 +303,7 @@ def _cut_notes(t: Array, part: FreePart, fault: str) -> list[str]:
         )
     if part.start > 0:
         rest = f"the {t[part.start] - t[part.rest]:.4g} s of rest before it are"
-        held = f"{rest} excluded: {fault}" if fault else f"{rest} kept for the noise floor"
+        held = f"{rest} excluded, because {fault}" if fault else f"{rest} kept for the noise floor"
         reason = held if part.start > part.rest else "the rows before it are excluded"
         notes.append(
             f"starts at {t[part.start]:.7g} s, when the rods begin to move; {reason} (--keep-rest uses all rows)"
