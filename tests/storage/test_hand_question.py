@@ -37,9 +37,22 @@ def doubts(folder: Path, rig: Rig, angles: np.ndarray) -> list[str]:
 def test_a_hand_that_lifts_the_rod_before_the_release(tmp_path: Path, one: Rig) -> None:
     lifted = np.linspace(1.58, 1.75, 25)
     (doubt,) = doubts(tmp_path, one, np.concatenate([lifted, swing(1.75, friction=1.0)]))
-    begins = re.search(r"--start-s ([\d.]+)", doubt)
+    begins = re.match(r"until ([\d.]+) s, the rod accelerates less than gravity.* exclude this part", doubt)
     assert begins
+    assert f"--start-s {begins[1]}" in doubt
     assert 24 / RATE_HZ <= float(begins[1]) <= 0.6
+
+
+@pytest.mark.parametrize(("lifted", "lasts"), [(1.4, 1.5), (0.4, 1.0)])
+def test_a_rod_that_is_lifted_from_hanging_has_one_option(
+    lifted: float, lasts: float, tmp_path: Path, one: Rig
+) -> None:
+    hand = lifted * np.sin(np.pi / 2 * np.arange(0, lasts, 1 / RATE_HZ) / lasts) ** 2
+    (doubt,) = doubts(tmp_path, one, np.concatenate([hand, swing(lifted)]))
+    begins = re.match(r"use only the swing from [\d.]+ s on \(--start-s ([\d.]+)\)", doubt)
+    assert begins
+    assert lasts - 0.1 < float(begins[1]) < lasts + 0.4
+    assert "--unit" not in doubt
 
 
 @pytest.mark.parametrize(("angle", "friction"), [(0.7, 0.0), (1.6, 3.0), (2.5, 1.0)])

@@ -1,8 +1,9 @@
 """Warnings from the energy of a swing: units, zeros, signs, columns, and known torques."""
 
 import math
+from bisect import bisect_left
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -64,18 +65,22 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
     if residual > unexplained:
         share, rate = f"{percent(residual)} of" if residual < 1 else "more than", table.options.rate_hz
         pace = other_pace(read.t, read.theta[:, 1:], table.rig) if rate and table.free else 1.0
-        filmed = (
+        other = (
             f"; much less with --rate-hz {rate * pace:g}: was this the frame rate of the camera?"
             if rate and pace != 1.0
-            else _nearest(read, residual) or _explained_part(table)
+            else _nearest(read, residual)
         )
-        filmed += table.drive and f"; {table.drive}: record the torques of the motors, or a free swing"
+        part = "" if other else _explained_part(table)
+        drive = table.drive and f"; {table.drive}: record the torques of the motors, or a free swing"
         counted = table.options.unit == "counts"
         angles = "counts_per_rev, zero_counts, --offset" if counted else "--unit, --scale, --zero, --offset, --angles"
         notes.append(
-            f"the energy of the swing changes by {share} the energy exchanged by gravity, and friction and known"
+            f"{part}. The energy of the swing changes by {share} the energy exchanged by gravity, which friction"
+            f" explains only in this part{drive}"
+            if part
+            else f"the energy of the swing changes by {share} the energy exchanged by gravity, and friction and known"
             f" torques do not explain this change: check {angles}, --columns, --time-unit, --torque"
-            f" (in N m) and --arm, and lengths and masses of the rig{filmed}"
+            f" (in N m) and --arm, and lengths and masses of the rig{other}{drive}"
         )
     elif fit is not None and table.free and abs(math.log(fit.time_scale)) >= math.log(SETTINGS.time_scale):
         notes.append(
@@ -113,22 +118,34 @@ def _nearest(read: InterpretedTable, residual: float) -> str:
 def _explained_part(table: InterpretedTable) -> str:
     """Name the longest part of a free swing whose energy is explained.
 
-    The text is the end of a sentence. A coil, a hand or a motor drives the rods in the other part. A sixteenth of the
-    swing next to that part is excluded, too. The text is empty if no part of at least half the swing, and of at least
+    The text is the beginning of a sentence. A coil, a hand or a motor drives the rods in the other part. Half a
+    period next to that part is excluded, too. The text is empty if no part of at least half the swing, and of at least
     one period, is explained.
     """
     rows, before = table.looked_at, table.options.start_s - table.t[0]
     t, rods = table.t[rows], table.theta[rows, 1:]
-    duration_s = t[-1] - t[0]
-    cuts = np.linspace(0, 0.5, 9)[1:] * duration_s
-    for cut, safe in pairwise(cuts[cuts <= duration_s - periods(table.rig)[0]]) if table.free else ():
-        later, earlier = t >= t[0] + cut, t <= t[-1] - cut
-        if residual_near(t[later], rods[later], None, table.rig) <= READ.sure:
+    duration_s, period = t[-1] - t[0], periods(table.rig)[0]
+
+    def residual(cut: float, later: bool) -> float:
+        kept = t >= t[0] + cut if later else t <= t[-1] - cut
+        return residual_near(t[kept], rods[kept], None, table.rig)
+
+    cuts = np.linspace(0, 0.5, 9) * duration_s
+    parts = pairwise(cuts[cuts <= duration_s - period][1:]) if table.free else ()
+    for (cut, longest), later in product(parts, (True, False)):
+        if residual(cut, later) > READ.sure:
+            continue
+        limit = READ.alike * residual(longest, later)  # a remainder of the drive exceeds it
+        finer = np.linspace(cut - cuts[1], longest, 33)
+        clear = finer[bisect_left(finer, True, hi=32, key=lambda shorter: residual(shorter, later) <= limit)]
+        safe = min(clear + period / 2, longest)
+        if later:
             begins = f"{round(t[np.searchsorted(t, t[0] + safe)] + before, 2):g}"
-            return f"; they explain it from {begins} s on (--start-s {begins}): did a drive or a hand act before?"
-        if residual_near(t[earlier], rods[earlier], None, table.rig) <= READ.sure:
-            ends = f"{round(t[np.searchsorted(t, t[-1] - safe, 'right') - 1] - table.t[0], 2):g}"
-            return f"; they explain it in the first {ends} s (--duration-s {ends}): did a drive or a hand act later?"
+            return (
+                f"use only the swing from {begins} s on (--start-s {begins}): before, a drive or a hand probably acted"
+            )
+        ends = f"{round(t[np.searchsorted(t, t[-1] - safe, 'right') - 1] - table.t[0], 2):g}"
+        return f"use only the first {ends} s (--duration-s {ends}): later, a drive or a hand probably acted"
     return ""
 
 

@@ -27,7 +27,7 @@ HAND = HandSettings()
 
 
 def hand_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn if a single rod does not fall at the beginning, although it is not at rest."""
+    """Warn if gravity alone would accelerate a single rod more at the beginning."""
     if table.rig.rods.number != 1 or not table.free:
         return []
     t, angle = table.t[table.looked_at], table.theta[table.looked_at, 1]
@@ -45,7 +45,7 @@ def hand_questions(table: InterpretedTable) -> list[TableQuestion]:
     begins = f"{math.ceil(100 * (t[held - 1] - table.t[0] + table.options.start_s)) / 100:g}"
     return [
         TableQuestion(
-            f"the rod does not fall until {begins} s after the first row, although only gravity should act on it:"
-            f" if a hand moved it, exclude this part (--start-s {begins})"
+            f"until {begins} s, the rod accelerates less than gravity alone would accelerate it. If a hand moved it,"
+            f" exclude this part (--start-s {begins})"
         )
     ]
