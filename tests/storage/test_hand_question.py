@@ -1,4 +1,4 @@
-"""A warning about a hand that moves the rod at the beginning of a table."""
+"""Rods that a hand or a cart moves in a table."""
 
 import math
 import re
@@ -58,3 +58,15 @@ def test_a_rod_that_is_lifted_from_hanging_has_one_option(
 @pytest.mark.parametrize(("angle", "friction"), [(0.7, 0.0), (1.6, 3.0), (2.5, 1.0)])
 def test_a_free_release_is_not_attributed_to_a_hand(tmp_path: Path, one: Rig, angle: float, friction: float) -> None:
     assert doubts(tmp_path, one, swing(angle, friction, noise=0.01)) == []
+
+
+@pytest.mark.parametrize("column", ["x_m", "other"])
+def test_a_rod_on_a_slow_cart_is_not_held(column: str, one: Rig, tmp_path: Path) -> None:
+    t = np.arange(0, 20, 0.04)
+    x, counts = 0.05 * np.sin(0.8 * t), 4096 / (2 * np.pi)
+    angle = 0.0033 * (np.sin(0.8 * t) - 0.8 / 7 * np.exp(-t / 40) * np.sin(7 * t))
+    file = table(tmp_path, f"t,{column},theta", t, x, np.round(angle * counts) / counts)
+    read = understand(file, one, ImportOptions(zero="hanging"))
+    excluded = [note for note in read.notes if "of rest before" in note]
+    assert bool(excluded) == (column == "other")
+    assert all("excluded, because the rods were not completely still" in note for note in excluded)

@@ -377,18 +377,6 @@ def test_the_position_of_a_cart_is_no_angle_and_a_note_states_how_to_use_it(
     assert any(note.endswith(hint) for note in read.notes)
 
 
-@pytest.mark.parametrize("column", ["x_m", "other"])
-def test_a_rod_on_a_slow_cart_is_not_held(column: str, one: Rig, tmp_path: Path) -> None:
-    t = np.arange(0, 20, 0.04)
-    x, counts = 0.05 * np.sin(0.8 * t), 4096 / (2 * np.pi)
-    angle = 0.0033 * (np.sin(0.8 * t) - 0.8 / 7 * np.exp(-t / 40) * np.sin(7 * t))
-    file = table(tmp_path, f"t,{column},theta", t, x, np.round(angle * counts) / counts)
-    read = understand(file, one, ImportOptions(zero="hanging"))
-    excluded = [note for note in read.notes if "of rest before" in note]
-    assert bool(excluded) == (column == "other")
-    assert all("excluded, because the rods were not completely still" in note for note in excluded)
-
-
 def test_the_speed_next_to_an_unnamed_angle_is_not_mistaken_for_it(one: Rig, tmp_path: Path) -> None:
     noise = np.random.default_rng(4).normal(0, 0.2, (2, len(T)))
     speed = -7.2 * np.sin(6 * T) + noise[0]

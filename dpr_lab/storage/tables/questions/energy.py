@@ -127,8 +127,8 @@ def _explained_part(table: InterpretedTable) -> str:
     duration_s, period = t[-1] - t[0], periods(table.rig)[0]
 
     def residual(cut: float, later: bool) -> float:
-        kept = t >= t[0] + cut if later else t <= t[-1] - cut
-        return residual_near(t[kept], rods[kept], None, table.rig)
+        samples = t >= t[0] + cut if later else t <= t[-1] - cut
+        return residual_near(t[samples], rods[samples], None, table.rig)
 
     cuts = np.linspace(0, 0.5, 9) * duration_s
     parts = pairwise(cuts[cuts <= duration_s - period][1:]) if table.free else ()
