@@ -44,6 +44,7 @@ def amplitude_limits(base: BaseParameters, constants: RigConstants) -> Array:
     for effect in EFFECTS.values():
         for parameter in effect.amplitudes:
             limits[param_index(effect.name, parameter.name)] = _limit(effect, parameter, at_joint)
+    limits.setflags(write=False)  # all callers share this array
     return limits
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
-from dpr_lab.estimation.noise import ORDER, difference_std
+from dpr_lab.estimation.noise import NOISE, ORDER, difference_std
 from dpr_lab.run import Run
 
 
@@ -80,6 +80,9 @@ class HeldSettings:
     arm_share: float = 0.1
     """Minimum excursion of a moving arm, relative to its largest excursion. A cart is an arm so long that its angles
     are within the band of the rods."""
+    arm_steps: float = 2.5
+    """Minimum excursion of a moving arm, in rounding steps of its readings. Readings at rest near an edge between two
+    values are wrong by one step in either direction."""
     readings: int = 20_000
     """Maximum number of readings used for the noise estimate."""
     bent: float = 5.0
@@ -312,7 +315,10 @@ def _known_input(motion: RodMotion, first: int, stop: int, band: float) -> bool:
     if motion.arm is None or len(motion.t) <= ORDER:
         return pushed
     noise = HELD.noise * float(difference_std(motion.t, motion.arm[:, None])[0])
-    moves = max(noise, min(band, HELD.arm_share * float(np.ptp(motion.arm))))
+    changes = np.abs(np.diff(motion.arm))
+    # a few wrong readings do not increase the noise estimate, a median
+    rounding = HELD.arm_steps * float(changes.min(initial=np.inf, where=changes > NOISE.rounding_rad))
+    moves = max(noise, rounding, min(band, HELD.arm_share * float(np.ptp(motion.arm))))
     return pushed or float(np.ptp(motion.arm[first:stop])) > moves
 
 

@@ -21,6 +21,9 @@ Indices = Sequence[int] | slice | Integers
 RIDGE = 1e-10
 """Ridge on the diagonal of normal matrices of unit columns: a few hundred times their rounding error."""
 
+MOST_STEPS = 100
+"""Maximum number of steps of an active-set method per coordinate."""
+
 TINY = 1e-140
 """Floor on the column norm; avoids overflow."""
 
@@ -154,7 +157,12 @@ def bounded_solution(H: Array, gradient: Array, lower: Array, upper: Array) -> A
     """Minimise x^T H x / 2 - gradient^T x within bounds by an active-set method.
 
     Coordinates that would cross a bound are fixed at this bound. Then the fixed coordinate with the largest reduction
-    of the cost is released, until no release reduces the cost (Karush-Kuhn-Tucker conditions).
+    of the cost is released, until no release reduces the cost (Karush-Kuhn-Tucker conditions). These sets of fixed
+    coordinates may recur. After 4 k steps, only the first coordinate that reaches a bound on a straight line from the
+    last feasible point is therefore fixed. Each step then reduces the cost, so that no set recurs.
+
+    Source: P. B. Stark & R. L. Parker (1995), Bounded-variable least-squares: an algorithm and applications,
+    Computational Statistics 10, 129-141.
 
     Args:
         H: (k, k) symmetric positive definite
@@ -183,11 +191,13 @@ def _bounded(H: Array, gradient: Array, lower: Array, upper: Array, x: Array) ->
         return False
     if not _clip(lower, upper, free, fixed, x):
         return True
-    for _ in range(4 * k):
+    for step in range(MOST_STEPS * k):
+        if step == 4 * k:
+            fixed[:] = np.minimum(np.maximum(fixed, lower), upper)
         x[:] = fixed
         if not _solve_free(H, gradient, free, x):
             return False
-        if _clip(lower, upper, free, fixed, x):
+        if _advance(lower, upper, free, fixed, x) if step >= 4 * k else _clip(lower, upper, free, fixed, x):
             continue
         release, most = -1, RIDGE * np.abs(gradient).max()
         for i in range(k):
@@ -213,6 +223,26 @@ def _clip(lower: Array, upper: Array, free: Flags, fixed: Array, x: Array) -> bo
         if free[i] and (x[i] < lower[i] or x[i] > upper[i]):
             free[i], fixed[i], crossed = False, min(max(x[i], lower[i]), upper[i]), True
     return crossed
+
+
+@subroutine
+def _advance(lower: Array, upper: Array, free: Flags, feasible: Array, x: Array) -> bool:
+    """Move the feasible point towards x until a free coordinate reaches a bound.
+
+    This coordinate is fixed. The result is whether there is one.
+    """
+    share, first = 1.0, -1
+    for i in range(len(x)):
+        if free[i] and (x[i] < lower[i] or x[i] > upper[i]):
+            part = (min(max(x[i], lower[i]), upper[i]) - feasible[i]) / (x[i] - feasible[i])
+            if part < share or first < 0:
+                share, first = part, i
+    for i in range(len(x)):
+        bound = min(max(x[i], lower[i]), upper[i])
+        feasible[i] = bound if i == first else feasible[i] + share * (x[i] - feasible[i])
+    if first >= 0:
+        free[first] = False
+    return first >= 0
 
 
 @subroutine

@@ -252,6 +252,8 @@ def test_backlash_of_the_arm_s_gear_agrees_with_a_motor_in_mujoco(both, mode):
 def test_a_saturated_drive_is_within_the_limits_of_a_rig_and_a_huge_friction_exceeds_them():
     a, b, d, e1, c1, c2 = BASE[:6]
     limits = amplitude_limits(BaseParameters(a, b, d, e1, d * CONSTANTS.g / CONSTANTS.L1, c1, c2), CONSTANTS)
+    with pytest.raises(ValueError, match="read-only"):  # all problems of a diagnosis share this array
+        limits *= 2.0
     saturated = effect_params({"saturation_joint0": {"share": 1.0, "limit_Nm": 0.01}})
     assert oversized(saturated, limits) == ()
     friction = limits[param_index("coulomb_joint0", "torque_Nm")]

@@ -146,6 +146,15 @@ def test_a_short_rest_before_the_release_is_found_in_a_noisy_film(rest_s: float)
         assert abs(t[part.start] - rest_s) < 0.06
 
 
+def test_an_arm_at_rest_with_rare_readings_of_other_counts_does_not_move() -> None:
+    """Fewer than 7 % of such readings do not increase the noise estimate, which is a median."""
+    t = np.arange(0.0, 6.0, 0.005)
+    rod = np.round((np.pi + 1.3 * np.cos(5.0 * np.maximum(t - 2.0, 0.0))) * 8192 / (2 * np.pi)) * 2 * np.pi / 8192
+    rare = np.random.default_rng(0).choice([-1, 0, 1], size=len(t), p=[0.01, 0.98, 0.01])
+    part = free_part(RodMotion(t, np.column_stack([rod, rod]), None, rare * 2 * np.pi / 8192), "a clamped arm")
+    assert part.start == pytest.approx(400, abs=5)
+
+
 @pytest.mark.parametrize(("travel", "parts"), [(0.01, 1), (0.0, 2)])
 def test_a_rod_that_a_cart_carries_is_not_held(travel: float, parts: int) -> None:
     """A cart is a long arm: its angles are within the band of the rods, although the cart moves."""

@@ -52,6 +52,27 @@ def test_bounded_solution_agrees_with_an_independent_solver(rng):
         assert result == pytest.approx(reference, abs=1e-9)
 
 
+def test_a_bounded_solution_is_optimal_where_the_sets_of_fixed_coordinates_recur():
+    """They recur in the problems 631 and 991, which have nearly collinear columns."""
+    rng = np.random.default_rng(0)
+    for number in range(992):
+        k = rng.integers(1, 10)
+        A = rng.standard_normal((k + rng.integers(0, 20), k)) @ np.diag(10.0 ** rng.uniform(-0.5, 0.5, k))
+        if k > 2:
+            A[:, 1] = A[:, 0] * rng.standard_normal() + A[:, 1] * 10**-0.5
+        b = rng.standard_normal(len(A))
+        lower = np.where(rng.random(k) < 0.4, -np.inf, rng.uniform(-2, 0.3, k))
+        upper = np.where(rng.random(k) < 0.4, np.inf, np.maximum(lower, 0) + rng.uniform(0, 1, k))
+        if number < 200 or number in (631, 991):
+            H, gradient = A.T @ A + 1e-14 * np.sum(A**2) * np.eye(k), A.T @ b
+            root = np.linalg.cholesky(H)
+            reference = lsq_linear(root.T, np.linalg.solve(root, gradient), (lower, upper), method="bvls", tol=1e-14).x
+            result = bounded_solution(H, gradient, lower, upper)
+            assert result == pytest.approx(reference, rel=1e-5, abs=1e-7), number
+            best = reference @ H @ reference / 2 - gradient @ reference
+            assert result @ H @ result / 2 - gradient @ result <= best + 1e-8 * abs(best)
+
+
 def test_a_bounded_solution_with_a_singular_matrix_is_refused():
     with pytest.raises(np.linalg.LinAlgError):
         bounded_solution(np.ones((2, 2)), np.ones(2), np.full(2, -1.0), np.full(2, 1.0))
