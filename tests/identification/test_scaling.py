@@ -183,3 +183,21 @@ def test_values_that_only_bounds_fix_have_an_interval_inside_those_bounds(paper:
 )
 def test_the_ratio_of_any_unit_of_a_plugin_has_a_unit(unit: str, ratio_unit: str) -> None:
     assert EffectParameter("size", unit, 1e-3).ratio_unit == ratio_unit
+
+
+@pytest.mark.parametrize(
+    ("value", "interval", "to", "moved"),
+    [
+        (1.0, (0.8, 1.2), -0.5, (-0.7, -0.3)),
+        (0.1, (0.0, 0.25), -0.5, (-0.6, -0.35)),
+        (-0.1, (-0.3, 0.0), 0.5, (0.3, 0.6)),
+        (0.1, (0.05, 0.25), 0.01, (0.0, 0.16)),
+        (0.1, (0.0, 0.25), 0.2, (0.0, 0.35)),
+        (-0.1, (-0.3, 0.0), -0.2, (-0.4, 0.0)),
+    ],
+)
+def test_a_moved_interval_contains_the_value(
+    value: float, interval: tuple[float, float], to: float, moved: tuple[float, float]
+) -> None:
+    estimate = EstimatedValue(value=value, std=0.1, interval90=interval).moved(to)
+    assert estimate.interval90 == pytest.approx(moved)

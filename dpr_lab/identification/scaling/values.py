@@ -35,10 +35,15 @@ class EstimatedValue(ModelPart):
     def moved(self, value: float) -> "EstimatedValue":
         """Return the estimate with another value; the interval is moved by the difference.
 
-        An end at zero stays, and an interval without negative values does not obtain any.
+        An end at zero stays, and an interval without negative values does not obtain any, unless the value is then
+        outside.
         """
-        low, high = (end and end + value - self.value for end in self.interval90)
-        low = max(low, 0.0) if self.interval90[0] >= 0.0 else low
+        (lowest, highest), change = self.interval90, value - self.value
+        low, high = lowest + change, highest + change
+        if min(lowest, value) >= 0.0:
+            low = max(low, 0.0) if lowest else 0.0
+        if highest == 0.0 and value <= 0.0:
+            high = 0.0
         return self.model_copy(update={"value": value, "interval90": (low, high)})
 
 
