@@ -1,11 +1,13 @@
 """Single forecasts of a decision, stored in a CSV file that later runs extend."""
 
 import csv
+import io
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
 from itertools import groupby
 from pathlib import Path
 
+from dpr_lab import __version__
 from dpr_lab.trials.score import Claim
 
 
@@ -29,17 +31,22 @@ class Forecast:
     probability: float | None
     true: bool | None
     """Whether these releases decided the causes."""
+    version: str = __version__
+    """Version of dpr-lab that made the forecast."""
 
 
 COLUMNS = tuple(field.name for field in fields(Forecast))
 
 
 def stored(file: Path, plants: str) -> list[Forecast]:
-    """Read the forecasts of one type of plants; a file that does not exist contains none."""
+    """Read the forecasts of this version for one type of plants; a file that does not exist contains none."""
     if not file.exists():
         return []
     with file.open(newline="", encoding="utf-8") as lines:
-        rows = [row for row in csv.DictReader(lines) if row["plants"] == plants]
+        table = csv.DictReader(lines)
+        if tuple(table.fieldnames or ()) != COLUMNS:
+            raise SystemExit(f"{file} has other columns than {', '.join(COLUMNS)}: use another file (--file)")
+        rows = [row for row in table if (row["plants"], row["version"]) == (plants, __version__)]
     return [
         Forecast(
             plants=plants,
@@ -57,17 +64,18 @@ def stored(file: Path, plants: str) -> list[Forecast]:
 
 
 def store(file: Path, forecasts: Iterable[Forecast]) -> None:
-    """Append the forecasts of one plant, so that a stopped run loses at most this plant."""
+    """Append the forecasts of one plant in one write, so that a stopped run loses at most this plant."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    new = not file.exists()
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    if not file.exists():
+        writer.writeheader()
+    for forecast in forecasts:
+        probability = "" if forecast.probability is None else f"{forecast.probability:.6g}"
+        true = "" if forecast.true is None else "yes" if forecast.true else "no"
+        writer.writerow(asdict(forecast) | {"probability": probability, "true": true})
     with file.open("a", newline="", encoding="utf-8") as lines:
-        writer = csv.DictWriter(lines, COLUMNS, lineterminator="\n")
-        if new:
-            writer.writeheader()
-        for forecast in forecasts:
-            probability = "" if forecast.probability is None else f"{forecast.probability:.6g}"
-            true = "" if forecast.true is None else "yes" if forecast.true else "no"
-            writer.writerow(asdict(forecast) | {"probability": probability, "true": true})
+        lines.write(text.getvalue())
 
 
 def claims_by_plant(forecasts: Sequence[Forecast]) -> list[list[Claim]]:

@@ -10,7 +10,7 @@ calibration error is found by drawing plants with replacement. With `--adaptive`
 plan. With `--own`, the plants are those of the simulated device.
 
 Each plant is appended to the CSV file of `--file` (`_stored_forecasts.py`). The table is that of all plants in the file
-with the same options. A later run skips these plants; `--plants 0` prints the table only.
+with the same options and version. A later run skips these plants; `--plants 0` prints the table only.
 
 The net calibration error is defined in `benchmarks/_net_calibration.py`. With `--adaptive`, it was 0.040 on 76 plants
 (seeds 3106050 to 3106125; 249 forecasts; calibration error 0.069, of an exact forecast 0.051). On 24 own plants

@@ -80,8 +80,8 @@ SETS: dict[str, Callable[[Path], tuple[Rig, list[Run]]]] = {
 
 
 def choices(runs: Sequence[Run], fitted: int) -> list[tuple[int, ...]]:
-    """Return the indices of the fitted recordings of each choice; at least one recording is held out."""
-    return list(combinations(range(len(runs)), fitted)) if len(runs) > fitted else []
+    """Return the indices of the fitted recordings of each choice."""
+    return list(combinations(range(len(runs)), fitted))
 
 
 def covered_shares(rig: Rig, runs: Sequence[Run], fitted: int = 1) -> list[float]:
@@ -170,10 +170,13 @@ def main() -> None:
     parser.add_argument("--only", default="", help="use only sets whose name begins with this text")
     args = parser.parse_args()
     each = [(name, *read(args.data)) for name, read in SETS.items() if name.startswith(args.only)]
+    each = [(name, rig, runs[:3] if args.quick else runs) for name, rig, runs in each]
+    for name, _, runs in each:
+        if not 0 < args.fitted < len(runs):
+            parser.error(f"--fitted must be from 1 to {len(runs) - 1}: {name} has {len(runs)} recordings, one held out")
     every = list[list[Bar]]()
     for name, rig, runs in each:
-        fixed = FIXED[name.split()[0]] if args.fixed else ()
-        every.append(bars(name, rig, runs[:3] if args.quick else runs, args.fitted, fixed))
+        every.append(bars(name, rig, runs, args.fitted, FIXED[name.split()[0]] if args.fixed else ()))
     show("plan on real recordings", [bar for some in every for bar in some], args.json)
 
 

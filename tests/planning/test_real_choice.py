@@ -28,3 +28,16 @@ def test_the_recording_that_reaches_the_others_is_fitted_first(monkeypatch: pyte
     with_wide, without_wide, both = plan_real.covered_shares(None, runs, 2)
     assert with_wide == both == 1.0
     assert without_wide < 0.3
+
+
+def test_without_a_held_out_recording_the_number_of_fitted_ones_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    import plan_real
+
+    monkeypatch.setattr(plan_real, "SETS", {"multiarm": lambda folder: (None, [None] * 5)})
+    monkeypatch.setattr("sys.argv", ["plan_real.py", "--data", ".", "--quick", "--fitted", "3"])
+    with pytest.raises(SystemExit):
+        plan_real.main()
+    assert "--fitted must be from 1 to 2: multiarm has 3 recordings" in capsys.readouterr().err

@@ -24,4 +24,18 @@ def test_a_later_run_extends_the_file_and_a_plant_without_forecast_counts(
     store(file, [one, undecided])
     store(file, [ended, replace(one, plants="single:faint", seed=9)])
     assert stored(file, "mujoco") == [one, undecided, ended]
+    store(file, [replace(one, version="0.1.0")])
+    with pytest.raises(ZeroDivisionError):  # a plant is stored completely or not at all
+        store(file, (replace(one, further=1 // number) for number in (1, 0)))
+    assert stored(file, "mujoco") == [one, undecided, ended]
     assert claims_by_plant(stored(file, "mujoco")) == [[], [Claim(0.25, True), Claim(0.5, False)]]
+
+
+def test_a_file_without_versions_is_not_extended(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    from _stored_forecasts import stored
+
+    file = tmp_path / "forecasts.csv"
+    file.write_text("plants,date,seed,recorded,verdict,plan,further,probability,true\n")
+    with pytest.raises(SystemExit, match="use another file"):
+        stored(file, "mujoco")
