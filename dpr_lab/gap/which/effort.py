@@ -33,6 +33,8 @@ class Effort:
     """
     replacements: int = 2
     """Number of candidates that are fitted as replacements of each effect."""
+    nearly: float = 0.9
+    """Minimum cosine similarity and relative score of further replacements, while a residual remains."""
     leading: float = 0.5
     """Minimum score of an effect, relative to the best score, for which several of its shapes are fitted."""
 

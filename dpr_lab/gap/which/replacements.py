@@ -154,8 +154,9 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
     """Fit the sets in which an alternative replaces an effect, and return all fitted sets.
 
     Alternatives are indistinguishable by the linear scores, or have the largest scores, or are simpler forms while a
-    residual remains. If an indistinguishable effect fits worse, its fit ended in a local minimum and is repeated from
-    the selected solution.
+    residual remains. A fit can reduce the cost by much more than its linear score. While a residual remains, effects
+    with a similar signature and nearly the score of the effect are therefore fitted, too. If an indistinguishable
+    effect fits worse, its fit ended in a local minimum and is repeated from the selected solution.
     """
     if not chosen.at_noise_floor:
         for simpler in simpler_forms(sets, chosen):
@@ -170,7 +171,19 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
         for score in test.ranking[: EFFORT.replacements]:
             if score.effect.name != name and smaller.cost - score.gain < chosen.cost:
                 sets.with_one(smaller, score)
+        if not chosen.at_noise_floor:
+            for score in _similar(test, name):
+                sets.with_one(smaller, score)
     return sets.fits
+
+
+def _similar(test: ScoreTest, name: str) -> Iterator[Score]:
+    """Yield the scores of other effects with a similar signature and nearly the score of the effect."""
+    if (own := test.of(name)) is not None:
+        for score in test.ranking:
+            alike = score.gain > EFFORT.nearly * own.gain and test.cosine(own, score) > EFFORT.nearly
+            if alike and score.effect.name != name:
+                yield score
 
 
 def _indistinguishable(test: ScoreTest, name: str) -> Iterator[Score]:
