@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
 
@@ -333,3 +334,22 @@ def test_the_documentation_lists_every_move() -> None:
     page = (Path(__file__).parents[2] / "docs" / "how-the-diagnosis-decides.md").read_text(encoding="utf-8")
     for move in EVERY_MOVE:
         assert f"| {move.name} | {move.purpose} |" in page
+
+
+@pytest.mark.parametrize(("at_floor", "expected"), [(False, ["similar"]), (True, [])])
+def test_a_similar_effect_with_nearly_the_score_is_fitted_while_a_residual_remains(
+    monkeypatch: pytest.MonkeyPatch, at_floor: bool, expected: list[str]
+) -> None:
+    """The fit of `named` reduced the cost from 100 to 1, although its linear score promised a reduction of 20."""
+    gains = {"better": 30.0, "second": 25.0, "named": 20.0, "similar": 19.0, "other shape": 19.0, "weaker": 10.0}
+    cosines = {"similar": 0.95, "weaker": 0.95}
+    scores = {name: SimpleNamespace(effect=SimpleNamespace(name=name), gain=gain) for name, gain in gains.items()}
+    test = Mock(ranking=[*scores.values()], of=scores.get, cosine=lambda _, other: cosines.get(other.effect.name, 0.0))
+    sets, fitted = Mock(), list[str]()
+    sets.without.return_value = SimpleNamespace(cost=100.0)
+    sets.test.return_value = test
+    sets.with_one = lambda _, score: fitted.append(score.effect.name)
+    monkeypatch.setattr(replacements, "simpler_forms", lambda *_: [])
+    monkeypatch.setattr(replacements, "_indistinguishable", lambda *_: [])
+    fit_alternatives(sets, Mock(effects=("named",), at_noise_floor=at_floor, cost=1.0))
+    assert fitted == expected
