@@ -44,7 +44,7 @@ def test_alternatives_are_weighted_by_their_costs_and_the_prior_of_a_drift(monke
     alternatives = [Alternative(name, 0.5, 100.0 + cost) for name, cost in costs.items()]
     monkeypatch.setattr(posterior, "_class_members", lambda *_: ({"stribeck_joint2": 0.3}, ("friction_curve_joint2",)))
     monkeypatch.setattr(posterior, "_alternatives", lambda *_: alternatives)
-    monkeypatch.setattr(posterior, "prior_odds", lambda _, model: 0.1 if "drift" in model else 1.0)
+    monkeypatch.setattr(posterior, "prior_odds", lambda _, model, members: 0.1 if "drift" in model else 1.0)
     monkeypatch.setattr(posterior, "plausibility", lambda *_: 0.1)
     monkeypatch.setattr(posterior, "outside", lambda *_, **__: 0.2)
     selection: Any = Mock(
@@ -107,7 +107,24 @@ def test_an_alternative_is_an_effect_that_replaces_the_named_one_in_a_fitted_set
 @pytest.mark.parametrize(("decay", "odds"), [(True, CALIBRATION.drifting), (False, 1.0)])
 def test_a_drift_along_one_decay_is_improbable(monkeypatch: pytest.MonkeyPatch, decay: bool, odds: float) -> None:
     monkeypatch.setattr(posterior, "follows_decay", lambda *_: decay)
-    assert prior_odds(Mock(), Mock()) == odds
+    key = frozenset({"spring_joint2"})
+    assert prior_odds(Mock(chosen=Mock(key=key)), Mock(key=key), (NAME,)) == odds
+
+
+@pytest.mark.parametrize(
+    ("added", "member", "odds"),
+    [
+        ("encoder_offset_joint2", NAME, CALIBRATION.universal),
+        ("encoder_offset_joint2", "encoder_offset_joint1", 1.0),
+        ("spring_joint2", NAME, 1.0),
+    ],
+)
+def test_an_effect_that_every_rig_has_is_more_probable(
+    monkeypatch: pytest.MonkeyPatch, added: str, member: str, odds: float
+) -> None:
+    monkeypatch.setattr(posterior, "follows_decay", lambda *_: False)
+    selection: Any = Mock(chosen=Mock(key=frozenset({member, "base_tilt"})))
+    assert prior_odds(selection, Mock(key=frozenset({added, "base_tilt"})), (member,)) == odds
 
 
 def test_a_richer_form_is_charged_the_indifference_beyond_chance(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,7 +23,7 @@ from dpr_lab.gap.which.effort import Effort
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forward import Beam, forward_selection
 from dpr_lab.gap.which.moves import START
-from dpr_lab.gap.which.replacements import fit_alternatives
+from dpr_lab.gap.which.replacements import BETTER_ALTERNATIVE, fit_alternatives
 from dpr_lab.gap.which.restarts import escaped
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply_move, apply_moves
 from dpr_lab.gap.which.select import forward, short_segments
@@ -343,7 +343,10 @@ def test_a_similar_effect_with_nearly_the_score_is_fitted_while_a_residual_remai
     """The fit of `named` reduced the cost from 100 to 1, although its linear score promised a reduction of 20."""
     gains = {"better": 30.0, "second": 25.0, "named": 20.0, "similar": 19.0, "other shape": 19.0, "weaker": 10.0}
     cosines = {"similar": 0.95, "weaker": 0.95}
-    scores = {name: SimpleNamespace(effect=SimpleNamespace(name=name), gain=gain) for name, gain in gains.items()}
+    scores = {
+        name: SimpleNamespace(effect=SimpleNamespace(name=name, universal=False), gain=gain)
+        for name, gain in gains.items()
+    }
     test = Mock(ranking=[*scores.values()], of=scores.get, cosine=lambda _, other: cosines.get(other.effect.name, 0.0))
     sets, fitted = Mock(), list[str]()
     sets.without.return_value = SimpleNamespace(cost=100.0)
@@ -353,3 +356,22 @@ def test_a_similar_effect_with_nearly_the_score_is_fitted_while_a_residual_remai
     monkeypatch.setattr(replacements, "_indistinguishable", lambda *_: [])
     fit_alternatives(sets, Mock(effects=("named",), at_noise_floor=at_floor, cost=1.0))
     assert fitted == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "cost", "accepted"),
+    [
+        ("encoder_offset_joint1", 99.0, True),
+        ("encoder_offset_joint1", 101.0, False),
+        ("detent_joint1", 99.0, False),
+        ("detent_joint1", 60.0, True),
+    ],
+)
+def test_an_effect_that_every_rig_has_needs_no_significant_advantage(
+    monkeypatch: pytest.MonkeyPatch, name: str, cost: float, accepted: bool
+) -> None:
+    monkeypatch.setattr(replacements, "significance", lambda *_: 30.0)
+    monkeypatch.setattr(replacements, "explains_as_much", lambda *_: False)
+    current: Any = Mock(cost=100.0, key=frozenset({"spring_joint1", "base_tilt"}))
+    model: Any = Mock(cost=cost, key=frozenset({name, "base_tilt"}))
+    assert BETTER_ALTERNATIVE.accept(Mock(), current, Proposal(model)).accepted == accepted

@@ -12,7 +12,7 @@ The probability of a class is the softmax of the predictive costs of the selecte
 another effect replaces the named one, and of the set without it. The softmax is multiplied by the probability that the
 cause is in the library (`outside`), and later by the factors of the validation
 (`dpr_lab.gap.transfer.transfer.judged`). No other set is more probable than the selected one: the search would have
-selected a significantly better set.
+selected a significantly better set. An effect that every rig has, such as a zero error, has larger prior odds.
 """
 
 import math
@@ -79,7 +79,8 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
     scaled = -added_cost / CALIBRATION.unit(chosen.inflation)
     weights = np.exp(np.clip(scaled, -CALIBRATION.negligible, CALIBRATION.negligible))
     replaced = (selection.fitted[replacements.key(alternative.name)] for alternative in alternatives)
-    weights[1:-1] *= [prior_odds(selection, model) for model in replaced]
+    prior_ratios = [prior_odds(selection, model, (name, *plausibilities)) for model in replaced]
+    weights[1:-1] = np.minimum(weights[1:-1] * prior_ratios, 1.0)
     of_outside = outside(selection, name, members=plausibilities)
     weights *= (1 - of_outside) / weights.sum()
     return EffectPosterior(
@@ -220,9 +221,22 @@ def _added_cost(replacements: _Replacements, alternative: Alternative) -> float:
     return added + form_indifference(replacements.selection.bare, chosen) - chosen.chance
 
 
-def prior_odds(selection: Selection, model: Hypothesis) -> float:
-    """Return the prior odds of a set against the selected set, below one for a drift that follows a missing loss."""
-    return CALIBRATION.drifting if follows_decay(selection.bare, model, selection.chosen) else 1.0
+def prior_odds(selection: Selection, model: Hypothesis, members: Iterable[str]) -> float:
+    """Return the prior odds of a set against the selected set.
+
+    They are below one for a drift that follows a missing loss, and above one if an effect that every rig has replaces
+    a class without such an effect.
+
+    Args:
+        selection: the selected set
+        model: the other set
+        members: the class that it replaces
+    """
+    if follows_decay(selection.bare, model, selection.chosen):
+        return CALIBRATION.drifting
+    added = model.key - selection.chosen.key
+    common = any(EFFECTS[name].universal for name in added) and not any(EFFECTS[name].universal for name in members)
+    return CALIBRATION.universal if common else 1.0
 
 
 def outside(selection: Selection, name: str = "", *, members: Iterable[str] = ()) -> float:

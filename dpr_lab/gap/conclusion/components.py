@@ -58,7 +58,7 @@ def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
     models = {**others, chosen.key: chosen}
     unit = CALIBRATION.unit(chosen.inflation)
     weights = {
-        key: prior_odds(selection, model) * float(np.exp(-_worse(model, chosen) / unit))
+        key: min(prior_odds(selection, model, chosen.key - key) * float(np.exp(-_worse(model, chosen) / unit)), 1.0)
         for key, model in models.items()
     }
     ranked = sorted(models, key=lambda key: (-weights[key], key != chosen.key))

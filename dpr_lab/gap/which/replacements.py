@@ -104,7 +104,16 @@ def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) ->
         return Decision(False, "fewer parameters explain about as much")
     if current.cost - best.cost > chance:
         return Decision(True, f"the criterion falls by more than {chance:.3g}")
+    if current.cost > best.cost and _is_more_common(best, current):
+        return Decision(True, "the criterion falls, and every rig has the other effect")
     return Decision(False, f"the criterion falls by less than {chance:.3g}, which is not significant")
+
+
+def _is_more_common(model: Hypothesis, current: Hypothesis) -> bool:
+    """Return whether effects that every rig has replace as many effects that few rigs have."""
+    added, removed = model.key - current.key, current.key - model.key
+    common = all(EFFECTS[name].universal for name in added) and not any(EFFECTS[name].universal for name in removed)
+    return common and len(added) == len(removed)
 
 
 BETTER_ALTERNATIVE = Move(
@@ -171,8 +180,8 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
         for score in test.ranking[: EFFORT.replacements]:
             if score.effect.name != name and smaller.cost - score.gain < chosen.cost:
                 sets.with_one(smaller, score)
-        if not chosen.at_noise_floor:
-            for score in _similar(test, name):
+        for score in _similar(test, name):
+            if score.effect.universal or not chosen.at_noise_floor:
                 sets.with_one(smaller, score)
     return sets.fits
 
@@ -181,7 +190,8 @@ def _similar(test: ScoreTest, name: str) -> Iterator[Score]:
     """Yield the scores of other effects with a similar signature and nearly the score of the effect."""
     if (own := test.of(name)) is not None:
         for score in test.ranking:
-            alike = score.gain > EFFORT.nearly * own.gain and test.cosine(own, score) > EFFORT.nearly
+            nearly = EFFORT.nearly_universal if score.effect.universal else EFFORT.nearly
+            alike = score.gain > nearly * own.gain and test.cosine(own, score) > nearly
             if alike and score.effect.name != name:
                 yield score
 
