@@ -174,7 +174,8 @@ def bounded_solution(H: Array, gradient: Array, lower: Array, upper: Array) -> A
         numpy.linalg.LinAlgError: the matrix is singular.
     """
     x = np.empty(len(gradient))
-    if not _bounded(*map(np.ascontiguousarray, (H, gradient, lower, upper)), x):
+    H, gradient, lower, upper = map(np.ascontiguousarray, (H, gradient, lower, upper))
+    if not _bounded(H, gradient, lower, upper, x):
         raise np.linalg.LinAlgError("singular matrix")
     return x
 

@@ -188,10 +188,10 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
 
 def _similar(test: ScoreTest, name: str) -> Iterator[Score]:
     """Yield the scores of other effects with a similar signature and nearly the score of the effect."""
-    if (own := test.of(name)) is not None:
+    if (named := test.of(name)) is not None:
         for score in test.ranking:
             nearly = EFFORT.nearly_universal if score.effect.universal else EFFORT.nearly
-            alike = score.gain > nearly * own.gain and test.cosine(own, score) > nearly
+            alike = score.gain > nearly * named.gain and test.cosine(named, score) > nearly
             if alike and score.effect.name != name:
                 yield score
 
