@@ -26,7 +26,7 @@ from dpr_lab.gap.advice.advise import kind_of
 from dpr_lab.gap.advice.check_kind import CheckAnswer, Result, expected_bits, log_mean
 from dpr_lab.gap.advice.measurement import CHECK, has
 from dpr_lab.gap.classes.calibration import CALIBRATION
-from dpr_lab.gap.conclusion.causes import to_rule_out
+from dpr_lab.gap.conclusion.causes import to_rule_out, to_simulator
 from dpr_lab.gap.result.causes import NamedEffect, RivalEffect
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone, recommended
 from dpr_lab.gap.result.diagnosis import Diagnosis, Verdict
@@ -178,13 +178,13 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
 
 
 def remaining(diagnosis: Diagnosis, done: CheckDone) -> list[AdvisedCheck]:
-    """Return the checks that remain to be done, most informative first.
+    """Return the checks that remain to be done, the best first.
 
     The expected information of an ideal measurement is the remaining entropy. For any other check, its fraction of the
     entropy is assumed to be the same as before the result.
     """
     open_checks = [_reweighed(check, done) for check in diagnosis.checks if check.id != done.check.id]
-    return sorted(open_checks, key=lambda check: -check.expected_bits)
+    return sorted(open_checks, key=lambda check: -check.priority)
 
 
 def _reweighed(check: AdvisedCheck, done: CheckDone) -> AdvisedCheck:
@@ -223,11 +223,12 @@ def _remedies(diagnosis: Diagnosis, done: CheckDone, standing: NamedEffect) -> l
     """
     about = standing.name
     before, after = to_rule_out(_named(diagnosis, about)), to_rule_out(standing)
-    its_remedies = (f"For {about}:", f"Add {about} to the simulator")
+    its_repair = f"For {about}:"
     if likeliest(done.after) != about:
-        return [remedy for remedy in diagnosis.remedies if not remedy.startswith(its_remedies)]
+        repairs = [remedy for remedy in diagnosis.remedies if not remedy.startswith((its_repair, "Add "))]
+        return [*repairs, *to_simulator(effect for effect in diagnosis.effects if effect.name != about)]
     return [
-        remedy.replace(f"{before}.", f"{after}.") if remedy.startswith(its_remedies) else remedy
+        remedy.replace(f"{before}.", f"{after}.") if remedy.startswith(its_repair) else remedy
         for remedy in diagnosis.remedies
     ]
 

@@ -107,6 +107,8 @@ class RodMotion:
     """(n, 2) known torques, N m; None for a free swing."""
     arm: Array | None = None
     """(n,) angle of an arm with prescribed motion, rad; None for a clamped arm."""
+    cart: Array | None = None
+    """(n,) column that may be the position of a cart, in any unit; it is not known to be one."""
     origin: float | None = None
     """Time to which the option --start-s refers; None: the first sample."""
 
@@ -312,14 +314,15 @@ def _known_input(motion: RodMotion, first: int, stop: int, band: float) -> bool:
     if motion.torques is not None:
         largest = np.abs(motion.torques).max(axis=1)
         pushed = bool(np.median(largest[first:stop]) > HELD.driven_share * largest.max())
-    if motion.arm is None or len(motion.t) <= ORDER:
+    arm = motion.cart if motion.arm is None else motion.arm
+    if arm is None or len(motion.t) <= ORDER:
         return pushed
-    noise = HELD.noise * float(difference_std(motion.t, motion.arm[:, None])[0])
-    changes = np.abs(np.diff(motion.arm))
+    noise = HELD.noise * float(difference_std(motion.t, arm[:, None])[0])
+    changes = np.abs(np.diff(arm))
     # a few wrong readings do not increase the noise estimate, a median
     rounding = HELD.arm_steps * float(changes.min(initial=np.inf, where=changes > NOISE.rounding_rad))
-    moves = max(noise, rounding, min(band, HELD.arm_share * float(np.ptp(motion.arm))))
-    return pushed or float(np.ptp(motion.arm[first:stop])) > moves
+    moves = max(noise, rounding, min(band, HELD.arm_share * float(np.ptp(arm))))
+    return pushed or float(np.ptp(arm[first:stop])) > moves
 
 
 def _swings(motion: RodMotion, first: int, stop: int, band: float) -> bool:

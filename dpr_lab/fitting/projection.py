@@ -159,7 +159,7 @@ def bounded_solution(H: Array, gradient: Array, lower: Array, upper: Array) -> A
     Coordinates that would cross a bound are fixed at this bound. Then the fixed coordinate with the largest reduction
     of the cost is released, until no release reduces the cost (Karush-Kuhn-Tucker conditions). These sets of fixed
     coordinates may recur. After 4 k steps, only the first coordinate that reaches a bound on a straight line from the
-    last feasible point is therefore fixed. Each step then reduces the cost, so that no set recurs.
+    last feasible point is therefore fixed. No step then increases the cost, and the number of steps is limited.
 
     Source: P. B. Stark & R. L. Parker (1995), Bounded-variable least-squares: an algorithm and applications,
     Computational Statistics 10, 129-141.

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from dpr_lab.checks.update import candidates, hypotheses, posterior, update
+from dpr_lab.checks.update import _remedies, candidates, hypotheses, posterior, update
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.units import UNITS, read_quantity
 from dpr_lab.errors import RunError
 from dpr_lab.gap.advice import bench_measurement
 from dpr_lab.gap.advice.check_kind import CheckAnswer, OpenQuestion
 from dpr_lab.gap.advice.measurement import CHECK, Predictions, predictions
+from dpr_lab.gap.conclusion.causes import to_simulator
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.checks import NONE_OF_THEM, Quantity
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -296,3 +297,12 @@ def test_every_effect_states_the_quantity_to_measure() -> None:
             assert {*quantity.parameters} <= {amplitude.name for amplitude in effect.amplitudes}
         for quantity in effect.quantities:
             assert len({p.unit for p in effect.amplitudes if p.name in quantity.parameters}) == 1
+
+
+def test_a_refuted_effect_is_not_added_to_the_simulator() -> None:
+    first = made().effects[0].model_copy(update={"name": "coulomb_joint1", "members": ["coulomb_joint1"]})
+    second = first.model_copy(update={"name": "air_drag_outer", "members": ["air_drag_outer"]})
+    diagnosis = made().model_copy(update={"effects": [first, second], "remedies": to_simulator([first, second])})
+    assert "coulomb_joint1 and air_drag_outer" in diagnosis.remedies[0]
+    done: Any = SimpleNamespace(after={"coulomb_joint1": 0.1, "stribeck_joint1": 0.9})
+    assert _remedies(diagnosis, done, first) == to_simulator([second])

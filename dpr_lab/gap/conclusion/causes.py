@@ -1,6 +1,6 @@
 """Named effects with sizes and probabilities, their alternatives, the components they form, and their remedies."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import reduce
 from typing import Any
 
@@ -132,22 +132,19 @@ def remedies(named: Sequence[NamedEffect], sizes: Mapping[str, Params], rig: Rig
         rig: values of the rig file
     """
     sentences: list[str] = []
-    simulated: list[str] = []
     for effect in named:
         remedy = EFFECTS[effect.name].remedy
-        if effect.probability < VERDICT.rather:
-            continue
-        if remedy is None:
-            simulated.append(effect.name)
-            continue
-        repair = remedy(sizes[effect.name], rig, EFFECTS[effect.name].joints[0])
-        sentences.append(f"For {effect.name}: {repair}{to_rule_out(effect)}.")
-    if simulated:
-        sentences.append(
-            f"Add {listed(simulated)} to the simulator: model.json in the folder of this diagnosis, and the"
-            " models for other programs, contain the fitted sizes."
-        )
-    return sentences
+        if remedy is not None and effect.probability >= VERDICT.rather:
+            repair = remedy(sizes[effect.name], rig, EFFECTS[effect.name].joints[0])
+            sentences.append(f"For {effect.name}: {repair}{to_rule_out(effect)}.")
+    return [*sentences, *to_simulator(named)]
+
+
+def to_simulator(named: Iterable[NamedEffect]) -> list[str]:
+    """Return the sentence on the probable effects without a repair; empty if there are none."""
+    simulated = [e.name for e in named if EFFECTS[e.name].remedy is None and e.probability >= VERDICT.rather]
+    folder = "model.json in the folder of this diagnosis, and the models for other programs, contain the fitted sizes."
+    return [f"Add {listed(simulated)} to the simulator: {folder}"] if simulated else []
 
 
 def to_rule_out(effect: NamedEffect) -> str:

@@ -90,7 +90,7 @@ class Diagnosis(Shown, Saved):
     advice: list[str]
     """The next recording or measurement, in sentences."""
     checks: list[AdvisedCheck] = []
-    """Recommended checks as data; `dpr-lab check` accepts their results."""
+    """Possible checks as data, the best first; `dpr-lab check` accepts their results."""
     checks_done: list[CheckDone] = []
     """Results of the completed checks, latest last."""
     parent: str = ""

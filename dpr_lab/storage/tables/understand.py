@@ -219,7 +219,8 @@ def _understood(
     origin = float(read.t[np.isfinite(read.t)][0])
     driven = next(iter(read.torques.values()), None)
     mounted = as_mounted(theta, rig.rods.mounting, str(path))
-    motion = RodMotion(time, mounted[:, 1:], driven, theta[:, 0] if options.arm != "clamped" else read.cart, origin)
+    arm = theta[:, 0] if options.arm != "clamped" else None
+    motion = RodMotion(time, mounted[:, 1:], driven, arm, read.cart, origin)
     whole = FreePart(0, 0, len(time))
     part = whole if options.keep_rest else free_part(motion, str(path))
     pair = next(iter(driving.values()), (PASSIVE, PASSIVE))

@@ -110,12 +110,14 @@ def next_view(diagnosis: "Diagnosis", unit: AngleUnit, file: str = "DIAGNOSIS.js
     from dpr_lab.report.gap.next_steps import next_steps
     from dpr_lab.report.words import in_words
 
-    checks = check_tables.check_table(diagnosis)
-    below: list[RenderableType] = [Text(checks.title, "bold")] if checks else []
-    for row in checks.rows:  # one block per check: a table with these cells needs more than 80 columns
+    checks, below = check_tables.check_table(diagnosis), list[RenderableType]()
+    informative = check_tables.informative(diagnosis.checks)
+    if informative:
+        below.append(Text(checks.title, "bold"))
+    for row in checks.rows if informative else ():  # one block per check: a table needs more than 80 columns
         cells = zip(checks.columns[1:], row[1:], strict=True)
         below += [Text(f"check {row[0]}"), *(_indented(f"{column}: {cell}") for column, cell in cells)]
-    if checks:
+    if informative:
         below += [Text(checks.caption, "dim"), Text(check_tables.how_to_record(diagnosis, file)), ""]
     return Group(
         sentences("Recommended actions", [in_words(text) for text in diagnosis.remedies]),

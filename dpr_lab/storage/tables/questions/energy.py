@@ -75,8 +75,8 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
         counted = table.options.unit == "counts"
         angles = "counts_per_rev, zero_counts, --offset" if counted else "--unit, --scale, --zero, --offset, --angles"
         notes.append(
-            f"{part}. The energy of the swing changes by {share} the energy exchanged by gravity, which friction"
-            f" explains only in this part{drive}"
+            f"{part}. In the whole swing, the energy changes by {share} the energy exchanged by gravity; friction and"
+            f" known torques explain the change only in this part{drive}"
             if part
             else f"the energy of the swing changes by {share} the energy exchanged by gravity, and friction and known"
             f" torques do not explain this change: check {angles}, --columns, --time-unit, --torque"
