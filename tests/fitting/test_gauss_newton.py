@@ -8,10 +8,11 @@ from scipy.optimize import lsq_linear
 from dpr_lab.dynamics.base import base_parameters, ratios
 from dpr_lab.effects import EFFECTS, effect_params, param_index
 from dpr_lab.fitting import gauss_newton
+from dpr_lab.fitting.bounded import bounded_solution
 from dpr_lab.fitting.estimate import effect_parameters
 from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, StopReason, fit
 from dpr_lab.fitting.linearise import linearise
-from dpr_lab.fitting.projection import ColumnSpace, bounded_solution
+from dpr_lab.fitting.projection import ColumnSpace, _compiled
 from dpr_lab.fitting.robust import refit_lost, relative_chi2
 from dpr_lab.gap.hypothesis.cross_validation import folds, left_out_chi2, predictive_loss
 from dpr_lab.gap.hypothesis.hypothesis import free_parameters
@@ -71,6 +72,7 @@ def test_a_bounded_solution_is_optimal_where_the_sets_of_fixed_coordinates_recur
             assert result == pytest.approx(reference, rel=1e-5, abs=1e-7), number
             best = reference @ H @ reference / 2 - gradient @ reference
             assert result @ H @ result / 2 - gradient @ result <= best + 1e-8 * abs(best)
+            assert (bounded_solution(H, gradient, lower, upper, run=_compiled) == result).all()
 
 
 def test_a_bounded_solution_with_a_singular_matrix_is_refused():
