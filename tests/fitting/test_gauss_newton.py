@@ -7,8 +7,8 @@ from scipy.optimize import lsq_linear
 
 from dpr_lab.dynamics.base import base_parameters, ratios
 from dpr_lab.effects import EFFECTS, effect_params, param_index
+from dpr_lab.estimation.bounded import bounded_solution
 from dpr_lab.fitting import gauss_newton
-from dpr_lab.fitting.bounded import bounded_solution
 from dpr_lab.fitting.estimate import effect_parameters
 from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, StopReason, fit
 from dpr_lab.fitting.linearise import linearise

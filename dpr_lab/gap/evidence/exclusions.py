@@ -29,8 +29,8 @@ from dpr_lab.arrays import Array
 from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
 from dpr_lab.effects import param_index
 from dpr_lab.effects.effect import Effect
+from dpr_lab.estimation.bounded import RIDGE
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.bounded import RIDGE
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.linearise import Linearisation, linearise
 from dpr_lab.fitting.problem import Problem
