@@ -12,7 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.errors import RunError
-from dpr_lab.fitting.spread import NORMAL_MAD
+from dpr_lab.fitting.uncompiled import NORMAL_MAD
 from dpr_lab.joint_angles import JointAngles
 from dpr_lab.rig import Rig
 from dpr_lab.run import FilmNoise, Run

@@ -24,7 +24,7 @@ from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import Trajectory, trajectory
-from dpr_lab.fitting.spread import NORMAL_MAD
+from dpr_lab.fitting.uncompiled import NORMAL_MAD
 from dpr_lab.fitting.whitening import Disturbance
 from dpr_lab.setup import PRESCRIBED, ArmMotion, Setup, Torques
 

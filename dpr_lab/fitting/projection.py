@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dpr_lab.arrays import Array, Integers
-from dpr_lab.estimation.bounded import RIDGE, advance, bounded, bounded_solution, clip, solve_free
+from dpr_lab.fitting.uncompiled import RIDGE, advance, bounded, bounded_solution, clip, solve_free
 from dpr_lab.kernels import njit, subroutine
 
 Indices = Sequence[int] | slice | Integers

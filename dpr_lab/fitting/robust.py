@@ -7,7 +7,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON, Fit, GaussNewton, descend, fit
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.spread import NORMAL_MAD
+from dpr_lab.fitting.uncompiled import NORMAL_MAD
 
 
 def without_outstanding(

@@ -7,13 +7,13 @@ from scipy.optimize import lsq_linear
 
 from dpr_lab.dynamics.base import base_parameters, ratios
 from dpr_lab.effects import EFFECTS, effect_params, param_index
-from dpr_lab.estimation.bounded import bounded_solution
 from dpr_lab.fitting import gauss_newton
 from dpr_lab.fitting.estimate import effect_parameters
 from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, StopReason, fit
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.projection import ColumnSpace, _compiled
 from dpr_lab.fitting.robust import refit_lost, relative_chi2
+from dpr_lab.fitting.uncompiled import bounded_solution
 from dpr_lab.gap.hypothesis.cross_validation import folds, left_out_chi2, predictive_loss
 from dpr_lab.gap.hypothesis.hypothesis import free_parameters
 from dpr_lab.gap.hypothesis.residuals import residual_statistics

@@ -29,13 +29,13 @@ from dpr_lab.arrays import Array
 from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
 from dpr_lab.effects import param_index
 from dpr_lab.effects.effect import Effect
-from dpr_lab.estimation.bounded import RIDGE
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.linearise import Linearisation, linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace, SmallSets
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
+from dpr_lab.fitting.uncompiled import RIDGE
 from dpr_lab.gap.hypothesis.detectable import SEEN, linear_exclusions
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.scan import SCAN, FittedColumns, one_amplitude

@@ -18,7 +18,7 @@ from dpr_lab.effects.effect import Recorded
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.spread import NORMAL_MAD
+from dpr_lab.fitting.uncompiled import NORMAL_MAD
 from dpr_lab.gap.screen.record import Record
 
 

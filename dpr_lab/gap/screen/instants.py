@@ -17,7 +17,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from dpr_lab.arrays import Array, Flags, Integers, neighbours
 from dpr_lab.estimation.noise import ORDER, difference_weights
-from dpr_lab.fitting.spread import NORMAL_MAD
+from dpr_lab.fitting.uncompiled import NORMAL_MAD
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.estimation.bounded import RIDGE
 from dpr_lab.fitting.linearise import Linearisation
 from dpr_lab.fitting.projection import ColumnSpace
+from dpr_lab.fitting.uncompiled import RIDGE
 from dpr_lab.gap.where.coordinates import beyond_fit
 
 

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import base_of_run, whole_parameters
-from dpr_lab.estimation.bounded import RIDGE, bounded_solution
+from dpr_lab.fitting.uncompiled import RIDGE, bounded_solution
 from dpr_lab.identification.misread.local_motion import LocalMotion, LocalMotionSettings, local_motion, shows_a_period
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Setup

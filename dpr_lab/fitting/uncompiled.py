@@ -1,6 +1,7 @@
-"""Bounded least squares from normal equations, in plain loops that can be compiled.
+"""Numbers and functions of a fit that other packages use without Numba.
 
-`fitting.projection` compiles them. The import of a table uses them as they are, and so starts without a compiler.
+`fitting.projection` compiles the bounded least squares. The import of a table uses the same loops in plain Python, and
+so starts without a compiler.
 """
 
 from collections.abc import Callable
@@ -8,6 +9,9 @@ from collections.abc import Callable
 import numpy as np
 
 from dpr_lab.arrays import Array, Flags
+
+NORMAL_MAD = 1.482602218505602
+"""Ratio of the standard deviation of a normal variable to the median of its absolute value."""
 
 RIDGE = 1e-10
 """Ridge on the diagonal of normal matrices of unit columns: a few hundred times their rounding error."""
