@@ -70,3 +70,8 @@ def test_a_rod_on_a_slow_cart_is_not_held(column: str, one: Rig, tmp_path: Path)
     excluded = [note for note in read.notes if "of rest before" in note]
     assert bool(excluded) == (column == "other")
     assert all("excluded, because the rods were not completely still" in note for note in excluded)
+
+
+def test_a_rod_that_never_accelerates_as_gravity_requires_has_no_free_part(tmp_path: Path, one: Rig) -> None:
+    turned = 1.0 + 0.35 * np.sin(np.arange(0, 6, 1 / RATE_HZ))
+    assert not [doubt for doubt in doubts(tmp_path, one, turned) if "accelerates less" in doubt]

@@ -15,6 +15,8 @@ class HandSettings:
 
     window: float = 0.2
     """Duration over which the acceleration is estimated, in periods of small swings."""
+    steps: int = 8
+    """Number of starts within this duration at which the acceleration is estimated."""
     fewest_rows: int = 6
     """Minimum number of rows in this duration."""
     away: float = 0.5
@@ -32,9 +34,11 @@ def hand_questions(table: InterpretedTable) -> list[TableQuestion]:
         return []
     t, angle = table.t[table.looked_at], table.theta[table.looked_at, 1]
     period, held = periods(table.rig)[0], 0
-    for first, last in enumerate(np.searchsorted(t, t + HAND.window * period)):
+    ends = np.searchsorted(t, t + HAND.window * period)
+    for first in range(0, len(t), max(1, int(ends[0]) // HAND.steps)):
+        last = int(ends[first])
         if last - first < HAND.fewest_rows:
-            break
+            return []  # too few rows, or the rod never accelerates as gravity requires
         parabola = np.polyfit(t[first:last] - t[first], angle[first:last], 2)
         sine = abs(math.sin(angle[first:last].mean()))
         if sine < HAND.away or 2 * abs(parabola[0]) > HAND.share * sine * (2 * np.pi / period) ** 2:
