@@ -50,10 +50,10 @@ def known_name(name: str, known: Iterable[str], worded: Callable[[str], str] = s
         known: the existing identifiers
         worded: function that returns the description of an identifier
     """
-    wanted, names = " ".join(name.lower().split()), list(known)
+    words_of_text, names = " ".join(name.lower().split()), list(known)
     for candidate in names:
         words = worded(candidate).lower()
-        if wanted in (candidate.lower(), words, words.removesuffix(f" [{candidate.lower()}]")):
+        if words_of_text in (candidate.lower(), words, words.removesuffix(f" [{candidate.lower()}]")):
             return candidate
     return None
 
@@ -101,16 +101,16 @@ def unknown_name(
     return f"{problem}; nearest of {len(names)}: {between.join(words for _, words in ranked[:nearest])}"
 
 
-def _similarity(given: str, known: str, words: str) -> float:
+def _similarity(name: str, known: str, words: str) -> float:
     """Return the similarity of a text to a name or its description, 0 to 1.
 
     The similarity is 1 if the name or its description starts with the text.
     """
-    given = given.lower().strip()
+    name = name.lower().strip()
     texts = known.lower(), words.lower().removesuffix(f" [{known.lower()}]")
-    if given and any(text.startswith(given) for text in texts):
+    if name and any(text.startswith(name) for text in texts):
         return 1.0
-    return max(difflib.SequenceMatcher(None, given, text).ratio() for text in texts)
+    return max(difflib.SequenceMatcher(None, name, text).ratio() for text in texts)
 
 
 class DprError(Exception):

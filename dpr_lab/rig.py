@@ -48,9 +48,9 @@ def refuse_other_parameters(names: Iterable[str]) -> None:
     Raises:
         ValueError: one of `PARAMETERS` is missing, or a name is unknown.
     """
-    given = list(names)
-    missing = [name for name in PARAMETERS if name not in given]
-    unknown = [name for name in given if name not in PARAMETERS]
+    given_names = list(names)
+    missing = [name for name in PARAMETERS if name not in given_names]
+    unknown = [name for name in given_names if name not in PARAMETERS]
     if missing or unknown:
         raise ValueError(
             f"parameters must be exactly {', '.join(PARAMETERS)};"
@@ -155,12 +155,12 @@ class Rig(Shown, RigTable):
         match table:
             case {"rods": {"mounted": "inner" | "outer" as mounted}, "parameters": dict(parameters)}:
                 mounted_rod, missing_rod = ("1", "2") if mounted == "inner" else ("2", "1")
-                alike = {
+                copied = {
                     f"{q}{missing_rod}": parameters[f"{q}{mounted_rod}"]
                     for q in "lmcJ"
                     if f"{q}{mounted_rod}" in parameters
                 }
-                table = {**table, "parameters": {"mb": NO_ENCODER, **alike, **parameters}}
+                table = {**table, "parameters": {"mb": NO_ENCODER, **copied, **parameters}}
         match table:
             case {"rods": {"mounted": "inner" | "outer"}, "poses": dict(poses)}:
                 follow = {

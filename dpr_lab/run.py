@@ -234,11 +234,11 @@ class Run(Shown):
 
 def as_runs(runs: Run | Iterable[Run]) -> tuple[Run, ...]:
     """Return one or several runs as a tuple; refuse file names."""
-    given: tuple[Any, ...] = (runs,) if isinstance(runs, Run | str | Path) else tuple(runs)
-    for run in given:
+    as_given: tuple[Any, ...] = (runs,) if isinstance(runs, Run | str | Path) else tuple(runs)
+    for run in as_given:
         if isinstance(run, str | Path):
             raise RunError(f"{run}: is the name of a file, not a run: read the file with load_run")
-    return given
+    return as_given
 
 
 def with_distinct_names(runs: Iterable[Run]) -> tuple[Run, ...]:
@@ -307,10 +307,12 @@ def as_mounted(theta: Array, mounting: Mounting, name: str) -> Array:
     """
     turned = elbow_turn(theta, mounting)
     if turned > MOUNTED.still:
-        given = "the elbow is specified as clamped" if mounting == "clamped" else f"only the {mounting} rod is mounted"
+        mounting_words = (
+            "the elbow is specified as clamped" if mounting == "clamped" else f"only the {mounting} rod is mounted"
+        )
         raise RunError(
-            f"{name}: joint 2 turns by {turned:.2f} rad although {given}. If both rods swing, remove --rods and"
-            " --elbow; if one rod swings, name its column theta1"
+            f"{name}: joint 2 turns by {turned:.2f} rad although {mounting_words}. If both rods swing, remove --rods"
+            " and --elbow; if one rod swings, name its column theta1"
         )
     return theta[:, [0, 1, 1]] if mounting in ("inner", "outer") else theta
 

@@ -32,15 +32,15 @@ def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon
         diagnosis: the diagnosis with the corrected model
         horizon_s: duration of the free run, s
     """
-    long = [run for run in with_distinct_names(runs) if run.t[-1] >= horizon_s]
-    if not long:
+    long_runs = [run for run in with_distinct_names(runs) if run.t[-1] >= horizon_s]
+    if not long_runs:
         return {}
     params = effect_params(diagnosis.model_effects)
-    if [run.name for run in long] != list(diagnosis.gap.closed_held_out.per_run):
+    if [run.name for run in long_runs] != list(diagnosis.gap.closed_held_out.per_run):
         params = without_events(params)
     estimate = Estimate.of(diagnosis.unknowns, params, np.zeros((0, 4)))
-    recordings = without_disturbances(recordings_as_in(diagnosis, long, rig), estimate.ratios)
+    recordings = without_disturbances(recordings_as_in(diagnosis, long_runs, rig), estimate.ratios)
     errors = free_runs(recordings, estimate, horizon_s).errors
     # a recording that ends at the horizon begins later, and its last readings before the horizon may be lost
-    shortage = {run.name: 2 * THINNING.after_release_s + 5 * float(np.median(np.diff(run.t))) for run in long}
+    shortage = {run.name: 2 * THINNING.after_release_s + 5 * float(np.median(np.diff(run.t))) for run in long_runs}
     return {name: error.rms_rad for name, error in errors.items() if error.t[-1] >= horizon_s - shortage[name]}

@@ -257,11 +257,11 @@ def _scale_factors(diagnosis: Diagnosis, power: int) -> list[float]:
 
 
 def _untrusted(diagnosis: Diagnosis) -> str:
-    """Return the reason why a diagnosis has no valid intervals; the text is empty if it has."""
+    """Return the reason why a diagnosis has no valid intervals; empty if they are valid."""
     if diagnosis.hints:
         return f"the description of the recordings is probably wrong: {diagnosis.hints[0]}"
     reasons = {
-        "inconclusive": "the recordings cannot show a gap or decide its cause",
+        "inconclusive": "the recordings cannot show a gap, or cannot decide its cause",
         "unexplained": "no effect explains the gap, so the intervals are not valid",
         "partly_explained": "part of the gap is unexplained, so the intervals are not valid",
     }
@@ -286,7 +286,7 @@ def _confused(diagnosis: Diagnosis, effect: str) -> str:
 
 
 def _undetermined(diagnosis: Diagnosis, ratio: str) -> str:
-    """Return the reason why the recordings do not determine a ratio; the text is empty if they do.
+    """Return the reason why the recordings do not determine a ratio; empty for a determined ratio.
 
     For example, recordings of one rod alone determine only some ratios.
     """

@@ -111,7 +111,7 @@ class Limits(RigTable):
     @field_validator("effects", "ratios", mode="before")
     @classmethod
     def _known_names(cls, table: object, field: ValidationInfo) -> object:
-        """Check the names first, so that a fault in an entry of an unknown name is not reported instead."""
+        """Refuse unknown names before their entries are validated, because the name is the actual fault."""
         kind, names = ("effect", EFFECTS) if field.field_name == "effects" else ("ratio", RATIO_UNITS)
         for name, entries in table.items() if isinstance(table, dict) else ():
             _known(kind, name, names)

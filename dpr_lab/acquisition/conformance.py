@@ -213,28 +213,27 @@ def _step(peer: _Peer, step: Step, where: str) -> str:
     The text is empty if the device does not deviate.
     """
     if "silent_s" in step:
-        asked, answers = f"{step['silent_s']} s of silence", peer.fall_silent(step["silent_s"])
+        request, answers = f"{step['silent_s']} s of silence", peer.fall_silent(step["silent_s"])
     elif "frame" in step:
-        identifier, data = step["frame"]
-        asked, answers = f"frame {identifier:#x} {data}", peer.tell(Frame(identifier, bytes.fromhex(data)))
+        identifier, payload = step["frame"]
+        request, answers = f"frame {identifier:#x} {payload}", peer.tell(Frame(identifier, bytes.fromhex(payload)))
     else:
         name, fields = step["send"]
-        asked, answers = name, peer.ask(MESSAGES[name](**fields))
+        request, answers = name, peer.ask(MESSAGES[name](**fields))
     expected = [(MESSAGES[name], fields) for name, fields in step["answers"]]
     if [type(answer) for answer in answers] != [kind for kind, _ in expected]:
-        return (
-            f"{where}, {asked}: answered {_names(answers)}, not {', '.join(n for n, _ in step['answers']) or 'nothing'}"
-        )
+        required = ", ".join(name for name, _ in step["answers"]) or "nothing"
+        return f"{where}, {request}: answered {_names(answers)}, not {required}"
     for answer, (_, fields) in zip(answers, expected, strict=True):
         values = {name: getattr(answer, name) for name in fields}
         if values != fields:
-            return f"{where}, {asked}: the device answered {answer}, but the required values are {fields}"
+            return f"{where}, {request}: the device answered {answer}, but the required values are {fields}"
     if "then" in step:
         state, latched, fault = step["then"]
         status = peer.status()
         if (status.state, status.latched, status.fault) != (State[state], latched, Fault[fault]):
             reported = f"{status.state.name}, latched {status.latched}, fault {status.fault.name}"
-            return f"{where}, after {asked}: reports {reported}"
+            return f"{where}, after {request}: reports {reported}"
     return ""
 
 

@@ -30,9 +30,9 @@ def no_answer(url: str, timeout: float, capacities: Sequence[Capacity], invalid_
 
     Args:
         url: link of the device
-        timeout: time that was waited, s
-        capacities: capacities of the link, with their speeds
-        invalid_bytes: number of received bytes if no valid frame has arrived; otherwise 0
+        timeout: waiting time, s
+        capacities: capacities of the link; their names state its speed
+        invalid_bytes: number of bytes received without a valid frame; 0 if a valid frame arrived
     """
     speeds = " and ".join(capacity.name for capacity in capacities)
     if invalid_bytes:

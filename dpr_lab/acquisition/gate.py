@@ -61,7 +61,7 @@ class QualityReport:
 
 
 @dataclass(frozen=True, slots=True)
-class DeviceWord:
+class DeviceState:
     """Information from the device about a recording, in addition to the samples."""
 
     real_time: bool
@@ -86,7 +86,7 @@ class JudgedRun:
     hanging: RodPair | None = None
     """Deviation of the hanging rods from the vertical before they were raised, rad; None if not measured."""
     limits: QualityLimits = QUALITY_LIMITS
-    word: DeviceWord | None = None
+    word: DeviceState | None = None
     """Information from the device; None for a table, or a run recorded without a device."""
 
     @property
@@ -208,7 +208,7 @@ def _gap(judged: JudgedRun) -> Check | None:
     if not len(steps):
         return None
     worst = float(np.round(steps.max())) - 1
-    sentence = f"the longest gap misses {worst:.0f} samples in a row (limit {limit}): check cable and rate"
+    sentence = f"the longest gap has {worst:.0f} missing samples (limit {limit}): check cable and rate"
     return Check("gap", worst <= limit, worst, limit, "samples", sentence)
 
 

@@ -51,7 +51,7 @@ class RestReading:
     restless: str
     """Reason why the rods may not be released; empty if a release is permitted."""
     arm: str = ""
-    """Reason why a movable arm forbids the release; empty if it does not."""
+    """Reason why a movable arm forbids the release; empty if the arm permits it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from dpr_lab.acquisition.arrivals import Arrivals
 from dpr_lab.acquisition.batch import AnyRow, Batch, arrays, torques_of
-from dpr_lab.acquisition.gate import DeviceWord, JudgedRun, QualityReport, judge
+from dpr_lab.acquisition.gate import DeviceState, JudgedRun, QualityReport, judge
 from dpr_lab.acquisition.interrupts import unbroken
 from dpr_lab.acquisition.rest import RodAngles, RodPair, pose_error
 from dpr_lab.acquisition.settings import QUALITY_LIMITS, QualityLimits
@@ -168,7 +168,7 @@ class Recording:
         )
 
     def _judged(self, run: Run, duration: float) -> QualityReport:
-        word = DeviceWord(self._in_real_time, self._no_clock_fit, self._statuses, self._latched)
+        word = DeviceState(self._in_real_time, self._no_clock_fit, self._statuses, self._latched)
         return judge(JudgedRun(run, self.rig, duration, self._hanging, self._limits, word))
 
     def since(self, first: int) -> tuple[Array, Array]:
@@ -198,7 +198,7 @@ class Recording:
         Every missing tick counts once: as damaged or overrun if the link or the device reported the loss, otherwise as
         `tick_gap`.
         """
-        lost = {cause: now - self._lost_before.get(cause, 0) for cause, now in self._lost.items()}
+        lost = {cause: count - self._lost_before.get(cause, 0) for cause, count in self._lost.items()}
         explained = sum(number for cause, number in lost.items() if cause != "tick_gap")
         return {**lost, "tick_gap": max(0, self.samples.missing - explained)}
 
@@ -263,7 +263,7 @@ class Recording:
     def _motor_notes(self) -> tuple[str, ...]:
         """Return a note if the device drives an arm that is described as free.
 
-        The result is empty if it does not.
+        The result is empty for a device without such a drive.
         """
         if not self._motor or self.release_tick is None:
             return ()

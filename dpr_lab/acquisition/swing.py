@@ -212,13 +212,13 @@ class _Pace:
         Raises:
             DeviceLost: the device is far too slow.
         """
-        waited, came = now - self._at, self._recording.t - self._t
-        if waited < self._window_s:
+        elapsed_s, received_s = now - self._at, self._recording.t - self._t
+        if elapsed_s < self._window_s:
             return
-        if came < self._slowest * waited:
+        if received_s < self._slowest * elapsed_s:
             raise DeviceLost(
-                f"{self._url}: in {waited:.0f} s only {came:.2g} s of samples arrived: the device does not sample at"
-                f" {self._recording.rate_hz:g} Hz; check its sample timer"
+                f"{self._url}: in {elapsed_s:.0f} s only {received_s:.2g} s of samples arrived: the device does not"
+                f" sample at {self._recording.rate_hz:g} Hz; check its sample timer"
             )
         self._at, self._t = now, self._recording.t
 

@@ -55,6 +55,6 @@ def compare_code(
         reasons |= dict.fromkeys(LIBRARIES, "the certificate was made with another version")
     versions = [(name, getattr(certified, name), current[name], reason) for name, reason in reasons.items()]
     return [
-        Verified(f"made with: {name}", version, now, version == now, "" if version == now else reason)
-        for name, version, now, reason in versions
+        Verified(f"made with: {name}", version, installed, version == installed, "" if version == installed else reason)
+        for name, version, installed, reason in versions
     ]

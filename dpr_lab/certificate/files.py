@@ -48,9 +48,9 @@ def compare_limits(certificate: Certificate, folder: Path) -> list[Verified]:
     path, certified = folder / certificate.limits.file, certificate.limits.sha256
     if not path.is_file():
         return [Verified(certificate.limits.file, certified[:12], None, False, "does not exist")]
-    now = sha256_of(path)
-    reason = "" if now == certified else "is not the certified file"
-    return [Verified(certificate.limits.file, certified[:12], now[:12], now == certified, reason)]
+    sha256 = sha256_of(path)
+    reason = "" if sha256 == certified else "is not the certified file"
+    return [Verified(certificate.limits.file, certified[:12], sha256[:12], sha256 == certified, reason)]
 
 
 def _relative(path: Path, folder: Path) -> str:
@@ -64,25 +64,25 @@ def compare_recording(certified: CertifiedRecording, folder: Path) -> Verified:
     readings.
     """
     try:
-        holds, now, reason = _compare(certified, folder / certified.file)
+        holds, sha256, reason = _compare(certified, folder / certified.file)
     except RunError as error:
-        holds, now, reason = False, None, str(error)
+        holds, sha256, reason = False, None, str(error)
     except OSError as error:
-        holds, now, reason = False, None, f"cannot be read: {error.strerror}"
-    return Verified(certified.file, certified.sha256[:12], now, holds, reason)
+        holds, sha256, reason = False, None, f"cannot be read: {error.strerror}"
+    return Verified(certified.file, certified.sha256[:12], sha256, holds, reason)
 
 
 def _compare(certified: CertifiedRecording, path: Path) -> tuple[bool, str | None, str]:
     """Compare a file with the certified recording; return agreement, hash, and reason."""
     if not path.is_file():
         return False, None, "does not exist"
-    now = sha256_of(path)
-    same_file = now == certified.sha256
+    sha256 = sha256_of(path)
+    same_file = sha256 == certified.sha256
     if not same_file and not _has_readings(path, certified.readings):
-        return False, now[:12], "is not the certified file"
+        return False, sha256[:12], "is not the certified file"
     if same_file and load_run(path).readings_sha256 != certified.readings:
-        return False, now[:12], "does not contain the certified readings"
-    return True, now[:12], "" if same_file else "another file with the same readings"
+        return False, sha256[:12], "does not contain the certified readings"
+    return True, sha256[:12], "" if same_file else "another file with the same readings"
 
 
 def _has_readings(path: Path, readings: str) -> bool:
@@ -99,8 +99,8 @@ def compare_rig(certificate: Certificate, folder: Path) -> Verified:
         ConfigError: the file does not exist or is not valid.
     """
     try:
-        now, certified = load_rig(certificate.rig_in(folder)).sha256, certificate.rig.sha256
+        sha256, certified = load_rig(certificate.rig_in(folder)).sha256, certificate.rig.sha256
     except OSError as error:
         raise ConfigError(f"{certificate.rig.file}: cannot be read: {error.strerror}") from error
-    reason = "" if now == certified else "is not the certified file"
-    return Verified(certificate.rig.file, certified[:12], now[:12], now == certified, reason)
+    reason = "" if sha256 == certified else "is not the certified file"
+    return Verified(certificate.rig.file, certified[:12], sha256[:12], sha256 == certified, reason)

@@ -39,16 +39,16 @@ def load_private_key(path: Path, passphrase: Callable[[], str] | None = None) ->
     from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-    data = _key_file(path)
-    if b"PUBLIC KEY" in data or data.startswith(b"ssh-"):
+    content = _key_file(path)
+    if b"PUBLIC KEY" in content or content.startswith(b"ssh-"):
         raise ConfigError(f"{path}: is a public key. --sign requires the private key")
     try:
-        key = _private(data, None)
+        key = _private(content, None)
     except TypeError as error:  # the key is protected by a passphrase
         if passphrase is None:
             raise ConfigError(f"{path}: is protected by a passphrase. Run the command on a terminal") from error
         try:
-            key = _private(data, passphrase().encode())
+            key = _private(content, passphrase().encode())
         except (ValueError, TypeError) as wrong:
             raise ConfigError(f"{path}: cannot be opened with this passphrase") from wrong
         except UnsupportedAlgorithm as missing:  # the library lacks bcrypt, which OpenSSH keys need
@@ -60,11 +60,11 @@ def load_private_key(path: Path, passphrase: Callable[[], str] | None = None) ->
     return key
 
 
-def _private(data: bytes, password: bytes | None) -> object:
+def _private(content: bytes, password: bytes | None) -> object:
     from cryptography.hazmat.primitives.serialization import load_pem_private_key, load_ssh_private_key
 
-    load = load_ssh_private_key if b"BEGIN OPENSSH PRIVATE KEY" in data else load_pem_private_key
-    return load(data, password)
+    load = load_ssh_private_key if b"BEGIN OPENSSH PRIVATE KEY" in content else load_pem_private_key
+    return load(content, password)
 
 
 def load_public_key(path: Path) -> str:

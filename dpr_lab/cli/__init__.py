@@ -163,9 +163,9 @@ class Interrupt(KeyboardInterrupt):
 
     def __del__(self) -> None:
         if not (Interrupt.heard or sys.is_finalizing()):  # at the end a thread cannot start, and would be waited for
-            again = threading.Timer(0.05, _interrupt_main_thread)  # an immediate timer would fire inside this handler
-            again.daemon = True
-            again.start()
+            timer = threading.Timer(0.05, _interrupt_main_thread)  # an immediate timer would fire inside this handler
+            timer.daemon = True
+            timer.start()
 
 
 def _say_unraisable(

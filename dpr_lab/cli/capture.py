@@ -121,17 +121,17 @@ def release_question(*, ask: bool) -> "Confirm":
     """
     if not ask:
         return lambda: True
-    asked = False
+    waiting = False
 
     def confirm() -> bool | None:
-        nonlocal asked
-        if not asked:
-            asked = True
+        nonlocal waiting
+        if not waiting:
+            waiting = True
             _discard_typed()
             say("at the pose and at rest: press Enter to RELEASE, Ctrl-C to stop")
         if not select.select([sys.stdin], [], [], 0)[0]:
             return None
-        asked = False
+        waiting = False
         return {"": False, "\n": True}.get(sys.stdin.readline())
 
     return confirm

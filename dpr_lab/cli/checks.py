@@ -84,7 +84,7 @@ class Choices:
         Raises:
             BadParameter: an unknown name.
         """
-        return None if value is None else [self._known(name) for given in value for name in self._split(given)]
+        return None if value is None else [self._known(name) for text in value for name in self._split(text)]
 
     def _split(self, value: str) -> list[str]:
         """Split a list at commas, but not in descriptions such as 'Coulomb friction, joint 1'."""
@@ -97,19 +97,17 @@ class Choices:
                 parts.append(part)
         return parts
 
-    def _known(self, given: str) -> str:
-        name = known_name(given, self.names, self.worded)
+    def _known(self, text: str) -> str:
+        name = known_name(text, self.names, self.worded)
         if name is None:
-            message = unknown_name(
-                f"no {self.what} named {given.strip() or repr(given)}", given, self.names, self.worded
-            )
+            message = unknown_name(f"no {self.what} named {text.strip() or repr(text)}", text, self.names, self.worded)
             raise typer.BadParameter(folded(message, sys.stderr, len("Error: Invalid value for '--objective': ")))
         return name
 
 
-def names_in(given: str | None) -> tuple[str, ...] | None:
+def names_in(text: str | None) -> tuple[str, ...] | None:
     """Return the names in a text that is separated by commas, or None for None."""
-    return None if given is None else tuple(name.strip() for name in given.split(",") if name.strip())
+    return None if text is None else tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def complete_rig(incomplete: str) -> list[str]:

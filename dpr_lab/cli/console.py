@@ -94,14 +94,14 @@ def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:
     from rich.cells import cell_len
 
     widths = [max(cell_len(word) for cell in column for word in [*cell.split(), ""]) for column in columns]
-    wanted = [max(cell_len(part) for cell in column for part in cell.split("\n")) for column in columns]
+    unwrapped = [max(cell_len(part) for cell in column for part in cell.split("\n")) for column in columns]
     spare = room - sum(widths)
     if spare < 0:
         return None
-    missing = sorted(range(len(columns)), key=lambda i: wanted[i] - widths[i])
+    missing = sorted(range(len(columns)), key=lambda i: unwrapped[i] - widths[i])
     for narrower, i in enumerate(missing):  # narrow columns first; the others share the remaining width
-        given = min(wanted[i] - widths[i], spare // (len(columns) - narrower))
-        widths[i], spare = widths[i] + given, spare - given
+        added = min(unwrapped[i] - widths[i], spare // (len(columns) - narrower))
+        widths[i], spare = widths[i] + added, spare - added
     return widths
 
 

@@ -32,7 +32,7 @@ def demo(
 ) -> None:
     """Record, identify, compare and diagnose a simulated double pendulum.
 
-    The diagnosis is of a second plant, whose effect is hidden until the end.
+    A second plant is then diagnosed, whose effect is hidden until the end.
 
     The simulated device is a separate process with its own plant; its true values are requested only at the end. The
     first demo on a computer compiles the kernels, which takes a minute or two.

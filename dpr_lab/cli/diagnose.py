@@ -57,7 +57,7 @@ def diagnose(
     fail_on: Annotated[
         str | None,
         typer.Option(
-            help="Conditions of exit code 1, separated by commas: gap (simulation and rig differ), unexplained (part"
+            help="Conditions for exit code 1, separated by commas: gap (simulation and rig differ), unexplained (part"
             " of the gap is unexplained), unsure (a named effect has a probability below 90 %), sensor (a sensor"
             " fault). The code is always 1 if the verdict is inconclusive, or if the description of the recordings"
             " is probably wrong.",
@@ -229,7 +229,7 @@ def show_files(files: "Mapping[str, str]") -> None:
         path = Path(file)
         folders.setdefault(path.parent, {}).setdefault(path.name, []).append(name)
     for folder, named in folders.items():
-        say(f"files in {folder}: " + ", ".join(f"{name} ({', '.join(what)})" for name, what in named.items()))
+        say(f"files in {folder}: " + ", ".join(f"{name} ({', '.join(contents)})" for name, contents in named.items()))
 
 
 def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:

@@ -48,7 +48,7 @@ def doctor(
 ) -> None:
     """Check ports, buses, packages, permissions and the device.
 
-    For each problem a remedy is stated.
+    A remedy is stated for each problem.
 
     Example: dpr-lab doctor --link sim:// --rig paper
     """
@@ -125,8 +125,8 @@ def _plugins() -> Iterator[SystemCheck]:
 
     for plugin in announced():
         reason = reason_skipped(plugin)
-        what = f"plugin {plugin.name} ({plugin.group})"
-        yield SystemCheck(what, "wrong" if reason else "ok", reason or f"{plugin.package} {plugin.version}")
+        label = f"plugin {plugin.name} ({plugin.group})"
+        yield SystemCheck(label, "wrong" if reason else "ok", reason or f"{plugin.package} {plugin.version}")
 
 
 def _disk() -> SystemCheck:

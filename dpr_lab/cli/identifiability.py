@@ -24,7 +24,7 @@ def identifiability(
     torque: TorqueKind = None,
     as_json: Json = False,
 ) -> None:
-    """Find the parameters that recordings identify.
+    """Find the parameters that the recordings identify.
 
     For the other parameters, bench measurements are recommended.
 

@@ -98,10 +98,10 @@ def _options(typed: Mapping[str, Any]) -> ImportOptions:
         BadParameter: a value is not valid or outside its limits.
     """
     readers = {option.name: option for option in typed_options() if option.reads_text}
-    given = {name: value for name, value in typed.items() if value or name not in readers}
+    entered = {name: value for name, value in typed.items() if value or name not in readers}
     try:
         values = {
-            name: readers[name].read(",".join(value)) if name in readers else value for name, value in given.items()
+            name: readers[name].read(",".join(value)) if name in readers else value for name, value in entered.items()
         }
         if values["recorded_at"]:
             values["recorded_at"] = parse_recorded_at(values["recorded_at"])

@@ -103,8 +103,8 @@ class Listener:
         Each note is printed once, with the names of its runs.
         """
         for note, names in self._notes.items():
-            more = f" and {len(names) - 3} more" if len(names) > 4 else ""
-            say(f"{', '.join(names[:3] if more else names)}{more}: {note}")
+            ending = f" and {len(names) - 3} more" if len(names) > 4 else ""
+            say(f"{', '.join(names[:3] if ending else names)}{ending}: {note}")
         self._notes.clear()
 
     def _at(self, title: str, done: float, total: float | None, text: str = "") -> None:

@@ -123,14 +123,14 @@ class ArmOptions:
         """Return the motor of the arm, or None if `--input` is not given."""
         from dpr_lab.workflows.rig_drive import MotorMeasures
 
-        stated = {"kt": self.kt, "ke": self.ke, "resistance": self.resistance}
-        given = {name: _measure(f"--{name}", text, MEASURED) for name, text in stated.items() if text}
+        texts = {"kt": self.kt, "ke": self.ke, "resistance": self.resistance}
+        measured = {name: _measure(f"--{name}", text, MEASURED) for name, text in texts.items() if text}
         if self.input is None:
-            if given or self.gear != 1.0:
-                names = ", ".join(f"--{name}" for name in given) or "--gear"
+            if measured or self.gear != 1.0:
+                names = ", ".join(f"--{name}" for name in measured) or "--gear"
                 raise typer.BadParameter(f"{names} requires a driven arm: give --arm driven and --input")
             return None
-        return MotorMeasures(self.input, given.get("kt"), given.get("ke"), given.get("resistance"), self.gear)
+        return MotorMeasures(self.input, measured.get("kt"), measured.get("ke"), measured.get("resistance"), self.gear)
 
 
 @with_groups

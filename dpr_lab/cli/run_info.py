@@ -71,8 +71,8 @@ PARTS = {
     "moved": "smallest motion of an encoder",
     "hanging_before": "distance from the hanging position before the run",
     "hanging_after": "distance from the hanging position after the run",
-    "rate_ppm": "rate error by PING (ppm)",
-    "rate_ppm_std": "standard deviation of the rate error by PING (ppm)",
+    "rate_ppm": "rate error from PING (ppm)",
+    "rate_ppm_std": "standard deviation of the rate error from PING (ppm)",
     "rtt_min": "shortest round trip (s)",
     "n": "PING exchanges",
     "offset": "host time of tick 0 (s)",
@@ -80,8 +80,8 @@ PARTS = {
     "offset_std": "standard deviation of the times of tick 0 (s)",
     "period": "period of a tick (s)",
     "dpr_lab": "dpr-lab",
-    "arrival_ppm": "rate error by the arrival of samples (ppm)",
-    "arrival_margin_ppm": "error bound of the rate error by the arrival of samples (ppm)",
+    "arrival_ppm": "rate error from the arrival of samples (ppm)",
+    "arrival_margin_ppm": "bound on the error of the rate error from arrival (ppm)",
     "file_sha256": "SHA-256 of the table",
     "t_offset_s": "time of the release in the table (s)",
     "columns": "columns of the table:",
@@ -111,9 +111,11 @@ def _imported(extra: Mapping[str, str]) -> str:
         name: stored_object(text) if name in TABLES else text for name, text in extra.items() if text
     }
     if isinstance(options := known.get("options"), Mapping):
-        stated = {name: value for name, value in options.items() if name not in ("arm", "inner")}  # rows of their own
-        given = {name: value for name, value in stated.items() if value not in (None, "", {}, [], False)}
-        known["options"] = [f"--{name.replace('_', '-')} {_option(value)}".rstrip() for name, value in given.items()]
+        remaining = {
+            name: value for name, value in options.items() if name not in ("arm", "inner")
+        }  # rows of their own
+        used = {name: value for name, value in remaining.items() if value not in (None, "", {}, [], False)}
+        known["options"] = [f"--{name.replace('_', '-')} {_option(value)}".rstrip() for name, value in used.items()]
     return _text({name: value for name, value in known.items() if value})
 
 

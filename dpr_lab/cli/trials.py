@@ -111,8 +111,8 @@ def draw(
     from dpr_lab.workflows.trial import draw as draw_trial
 
     with Listener() as listener:
-        wanted = PlantRequest(kind, level, seed, *_centres(rig, plant, arm), arm)
-        trial = draw_trial(wanted, out, listener)
+        request = PlantRequest(kind, level, seed, *_centres(rig, plant, arm), arm)
+        trial = draw_trial(request, out, listener)
     if as_json:
         emit({"trial": out, "seal": trial.seal, "asked": trial.asked, "runs": trial.runs})
         return

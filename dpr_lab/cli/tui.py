@@ -60,8 +60,8 @@ def tui(
     if serve is not None:
         from dpr_lab.tui.web import serve as serve_page
 
-        given = (("--rig", rig), ("--link", link), ("--out", out and out.expanduser()))
-        options = [word for name, value in given if value for word in (name, str(value))]
+        arguments = (("--rig", rig), ("--link", link), ("--out", out and out.expanduser()))
+        options = [word for name, value in arguments if value for word in (name, str(value))]
         allowed = ["--allow-release"] if allow_release else []
         serve_page([sys.executable, "-m", "dpr_lab", "tui", *options, *allowed], serve)
         return

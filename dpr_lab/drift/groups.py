@@ -65,9 +65,9 @@ def grouped(runs: Sequence[Occasion], by: str) -> Grouped:
     keys = KEYS[by]([runs[i] for i in order])
     names = tuple(dict.fromkeys(keys))
     if len(names) < 2:
-        given = f"all {len(runs)} runs are" if len(runs) > 1 else "the run is"
+        subject = f"all {len(runs)} runs are" if len(runs) > 1 else "the run is"
         raise RunError(
-            f"{given} of one {by} ({', '.join(names)}). Give runs of at least two groups, or choose another grouping"
+            f"{subject} of one {by} ({', '.join(names)}). Give runs of at least two groups, or choose another grouping"
             f" with --by {'|'.join(KEYS)}"
         )
     return Grouped(tuple(order), tuple(names.index(key) for key in keys), names)

@@ -50,7 +50,7 @@ def release(run: Run, rig: Rig, model: Model, until: float | None = None) -> Rep
 
 
 def replays(runs: Sequence[Run], rig: Rig, model: AnyModel, like: Sequence[Replay] | None = None) -> tuple[Replay, ...]:
-    """Simulate runs with a model over the times of the replays `like`.
+    """Simulate runs with a model at the times of other replays, `like`.
 
     Raises:
         RunError: a run is too short, or no initial state fits a run.

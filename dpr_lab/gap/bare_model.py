@@ -34,7 +34,7 @@ def nominal_ratios(rig: Rig) -> Array:
 def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Problem, Hypothesis]:
     """Fit the ratios robustly in short first segments, then in segments of the working length (`SegmentLengths`).
 
-    Between the two, isolated outliers are excluded: at a low rate they are visible only in the residual of a model.
+    Isolated outliers are excluded after the first fit: at a low sample rate, only the residual of a model shows them.
 
     Args:
         recordings: the runs

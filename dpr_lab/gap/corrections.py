@@ -62,8 +62,8 @@ def corrected(state: ForwardSelected, search: Callable[[ScreenedRuns], ForwardSe
         (_with_camera, _camera_explains_more),
     ):
         if changed := correct(state.fitted, state.search.current):
-            again = search(changed)
-            state = again if is_better(state, again) else state
+            repeated = search(changed)
+            state = repeated if is_better(state, repeated) else state
     return state
 
 

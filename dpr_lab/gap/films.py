@@ -57,8 +57,8 @@ def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesi
     """
     if not recordings.may_be_films:
         return None
-    tried = [_improved(recordings, problem, model, lines) for lines in NORMALS]
-    gain, shutter = max(tried, key=lambda improved: improved[0])
+    improvements = [_improved(recordings, problem, model, lines) for lines in NORMALS]
+    gain, shutter = max(improvements, key=lambda improved: improved[0])
     least = max(THRESHOLDS.chance * model.residuals.independent_noise, FILM.share * model.bounded_excess)
     return shutter if gain > least else None
 
@@ -81,20 +81,20 @@ def _improved(
     """
     rate_hz = max(record.run.rate_hz for record in recordings.records)
     limit = 1 / (recordings.rods_length * rate_hz)  # reading the length of the rods takes one frame; s/m
-    tried = (RollingShutter(lines=lines, delay_s_per_m=sign * FILM.part * limit) for sign in (1, -1))
-    corrected = (recordings.with_shutter(shutter) for shutter in tried)
+    shutters = (RollingShutter(lines=lines, delay_s_per_m=sign * FILM.part * limit) for sign in (1, -1))
+    corrected = (recordings.with_shutter(shutter) for shutter in shutters)
     after, before = (runs.cut(recordings.working_length)[0].measured for runs in corrected)
     columns = problem.whitened((before - after)[:, :, None] / (2 * FILM.part * limit))
     others = [parameter for effect in ORDINARY for parameter in effect_parameters(effect, limits=problem.limits)]
     free = (*model.fit.free, *(parameter for parameter in others if parameter not in model.fit.free))
     linear = linearise(problem, model.estimate, free)
-    given = beyond_fit(linear, range(len(free)), linear.projected(columns))
-    delay = given.solution(np.array([[-limit], [limit]]))
-    return given.reduction(delay), RollingShutter(lines=lines, delay_s_per_m=float(delay[0]))
+    space = beyond_fit(linear, range(len(free)), linear.projected(columns))
+    delay = space.solution(np.array([[-limit], [limit]]))
+    return space.reduction(delay), RollingShutter(lines=lines, delay_s_per_m=float(delay[0]))
 
 
 def likeliest_camera(recordings: Recordings, problem: Problem, model: Hypothesis) -> float:
-    """Return the likeliest standard deviation of the angle of the picture, rad.
+    """Estimate the standard deviation of the rotation of a film's picture by maximum likelihood, rad.
 
     The result is 0 if encoders gave the readings, or if the likelihood of a fixed camera is not significantly lower.
     """

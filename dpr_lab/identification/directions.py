@@ -71,8 +71,8 @@ def _simple_directions(free: Array, names: Sequence[str]) -> Iterator[Array]:
     if np.linalg.norm(scale - free @ (free.T @ scale)) < UNREACHED:
         yield scale
     for count in range(len(free) - 1, 0, -1) if free.size else ():
-        still = list(combinations(range(len(free)), count))[::-1]
-        s, Vt = _decompose(free[np.array(still)])
+        subsets = list(combinations(range(len(free)), count))[::-1]
+        s, Vt = _decompose(free[np.array(subsets)])
         yield from Vt[np.sum(s < 1e-6, axis=1) == 1, -1] @ free.T
     yield from free.T
 
@@ -87,7 +87,7 @@ def _readable(direction: Array, names: Sequence[str]) -> dict[str, float]:
 
 def described(direction: Mapping[str, float]) -> str:
     """Format a free direction, for example `m1, m2 +1 %, l2 -0.5 %`."""
-    alike: dict[str, list[str]] = {}
+    names_by_change: dict[str, list[str]] = {}
     for name, change in direction.items():
-        alike.setdefault(f"{100 * change:+.2g} %", []).append(name)
-    return ", ".join(f"{', '.join(names)} {change}" for change, names in alike.items())
+        names_by_change.setdefault(f"{100 * change:+.2g} %", []).append(name)
+    return ", ".join(f"{', '.join(names)} {change}" for change, names in names_by_change.items())

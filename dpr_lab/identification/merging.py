@@ -130,15 +130,15 @@ def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece]
     first, second = _piece(ratio_fit, index), _piece(ratio_fit, index + 1)
     taken = _followed(ratio_fit, index, tolerance)
     if taken == end - border:
-        first, rest = replace(first, end=end, step=min(first.step, second.step)), []
+        first, remaining = replace(first, end=end, step=min(first.step, second.step)), []
     elif taken >= SETTINGS.worth_moving * (end - border) and end - border - taken >= MIN_SAMPLES:
         begin = border + taken
         states = _states(ratio_fit, index + 1, t[border : begin + 1], second.step)
-        first, rest = replace(first, end=begin), [replace(second, initial=states[-1])]
+        first, remaining = replace(first, end=begin), [replace(second, initial=states[-1])]
     else:
         return None
     step = _step_for(ratio_fit, index, first)
-    return None if step is None else [replace(first, step=step), *rest]
+    return None if step is None else [replace(first, step=step), *remaining]
 
 
 def _step_for(ratio_fit: RatioFit, index: int, piece: _Piece) -> float | None:

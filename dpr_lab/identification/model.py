@@ -342,9 +342,9 @@ class Model(FittedModel):
             RunError: the model belongs to another rig.
         """
         if (self.rig.name, self.rig.L1) != (rig.name, rig.L1):
-            fitted, given = (f"{facts.name}, L1 = {facts.L1:g} m" for facts in (self.rig, rig))
+            fitted, expected = (f"{facts.name}, L1 = {facts.L1:g} m" for facts in (self.rig, rig))
             advice = "use the rig file of this model, or identify this rig first"
-            raise RunError(f"the model belongs to rig {fitted}, not to {given}: {advice}")
+            raise RunError(f"the model belongs to rig {fitted}, not to {expected}: {advice}")
         return self.unknowns
 
 

@@ -176,7 +176,7 @@ class Posterior:
         return Z
 
     def intervals(self, b: float) -> dict[str, Interval90]:
-        """Compute the 90 % intervals of the nine parameters, extended to their values at the inertia b in use.
+        """Compute the 90 % intervals of the nine parameters, extended to include their values at the inertia b in use.
 
         Only the interval of a friction coefficient that the recordings determine may exceed the bounds of the rig file.
         """
@@ -216,7 +216,7 @@ class Posterior:
         return float(value[place]), float(np.sqrt(max(slopes[place] @ self.covariance @ slopes[place], 0.0)))
 
     def _of_base(self, place: int, value: float, *, alone: bool) -> Interval90:
-        """Return the 90 % interval of a base parameter, extended to the value in use."""
+        """Return the 90 % interval of a base parameter, extended to include the value in use."""
         lower, upper = (_base(edge, self.rig, alone)[0][place] for edge in _edges(self.rig))
         return _interval(*self._moments(place, alone=alone), lower, upper, value)
 
@@ -326,7 +326,7 @@ def _updated(values: Array, errors: Array, places: Sequence[int], rig: Rig, alon
 def _interval(median: float, log_std: float, lower: float, upper: float, value: float) -> Interval90:
     """Clip a lognormal 90 % interval to the bounds.
 
-    The interval is then extended to the value in use.
+    The interval is then extended to include the value in use.
     """
     low, high = lognormal90(median, log_std)
     return float(min(max(low, lower), value)), float(max(min(high, upper), value))

@@ -126,21 +126,21 @@ def run_search(case: SearchCase, rig: Rig, settings: IgaSettings) -> SearchResul
     )
 
 
-def run_searches(wanted: Sequence[SearchCase], rig: Rig, settings: IgaSettings, workers: int) -> Iterator[SearchResult]:
+def run_searches(cases: Sequence[SearchCase], rig: Rig, settings: IgaSettings, workers: int) -> Iterator[SearchResult]:
     """Run searches in parallel, each on one core, and yield their results as they end.
 
     Separate processes are more efficient than the threads of one search, whose batches are often too small for all
     cores.
 
     Args:
-        wanted: the searches
+        cases: the searches
         rig: bounds, lengths, poses
         settings: the published settings, possibly with fewer generations
         workers: number of processes; if it is 1, the searches run in this process
     """
     if workers == 1:
-        yield from (run_search(case, rig, settings) for case in wanted)
+        yield from (run_search(case, rig, settings) for case in cases)
         return
     with worker_pool(workers) as pool:
-        for done in as_completed([pool.submit(run_search, case, rig, settings) for case in wanted]):
+        for done in as_completed([pool.submit(run_search, case, rig, settings) for case in cases]):
             yield done.result()

@@ -66,21 +66,21 @@ def reproduce(
     """
     if seeds < 1 or not readings or not set(readings) <= set(READINGS):
         raise ValueError(f"needs at least one seed and readings among {', '.join(READINGS)}")
-    wanted = search_cases(seeds, readings)
+    cases = search_cases(seeds, readings)
     finished: dict[SearchCase, SearchResult] = {}
-    for search in run_searches(wanted, rig, settings, min(workers, len(wanted))):
+    for search in run_searches(cases, rig, settings, min(workers, len(cases))):
         finished[search.case] = search
         if on_search:
             on_search(search)
-    results = [finished[case] for case in wanted]
-    ours = recompute(rig)
+    results = [finished[case] for case in cases]
+    recomputed = recompute(rig)
     return Reproduction(
         settings=settings,
         results=tuple(results),
-        ours=ours,
-        tables=tuple(all_tables(ours, results, rig)),
+        ours=recomputed,
+        tables=tuple(all_tables(recomputed, results, rig)),
         verdicts=tuple(verdicts(results, rig)),
-        contradictions=tuple(contradictions(ours, rig)),
+        contradictions=tuple(contradictions(recomputed, rig)),
     )
 
 

@@ -160,7 +160,7 @@ def reached_speeds(releases: Sequence[CandidateRelease], model: PresentModel) ->
     return dict(zip(("joint0", "joint1", "joint2"), reached.tolist(), strict=True))
 
 
-def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Problem, Array]:
+def problem_of_releases(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Problem, Array]:
     """Build the fit problem of releases of equal duration, with all readings zero.
 
     A segment starts one sample (`PAD`) before its first reading. The first segment starts at the release.
@@ -188,7 +188,7 @@ def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Arr
         Jacobian (releases, segments, m, k) of the unknowns, and (releases, segments, m, 2) of the zero errors of the
         encoders
     """
-    problem, states = laid_out(batch, model)
+    problem, states = problem_of_releases(batch, model)
     estimate = model.estimate.changed(initial=states)
     slopes = problem.slopes(estimate, model.columns)
     linear = linearise(problem, estimate, model.columns, problem.measured, slopes)
@@ -204,8 +204,8 @@ def horizon_s(release: CandidateRelease, model: PresentModel) -> float:
     swings = segments([t] * 3, range(3), [release.setup] * 3, SWING.step_s)
     starts = np.tile(release.start, (3, 1))
     starts[[1, 2], [0, 1]] += SWING.nudge_rad
-    now = model.estimate
-    angles = predict(now.whole, now.params, model.rods.constants, swings, starts, arm=swings.arm_moves)
+    estimate = model.estimate
+    angles = predict(estimate.whole, estimate.params, model.rods.constants, swings, starts, arm=swings.arm_moves)
     first, *nudged = angles.reshape(3, len(t), -1)
     by_pose = (np.array(nudged) - first) / SWING.nudge_rad
     spread = model.placement_rad * np.sqrt(np.sum(by_pose**2, axis=0)).max(axis=1)

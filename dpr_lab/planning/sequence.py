@@ -86,14 +86,14 @@ class Planner:
         known = self.objective.known
         remaining_min = np.inf if budget_min is None else budget_min
         pool, steps = self._pool(remaining_min), list[SequenceStep]()
-        now = SequenceSoFar(known.information, known.made, mounted_now(known.rig), remaining_min)
+        state = SequenceSoFar(known.information, known.made, mounted_now(known.rig), remaining_min)
         for _ in range(count):
-            chosen = self._best(pool, now)
+            chosen = self._best(pool, state)
             if chosen is None:
-                return self._longer(steps, now.left)
+                return self._longer(steps, state.left)
             pool.append(Informed(chosen.release, chosen.information))
             steps.append(chosen)
-            now = now.after(chosen)
+            state = state.after(chosen)
         return steps
 
     def _longer(self, steps: Sequence[SequenceStep], left: float) -> list[SequenceStep]:
@@ -139,13 +139,13 @@ class Planner:
         if not ranked:
             return None
         for width in (SEARCH.near_rad, SEARCH.near_rad / 2):
-            tried = [
+            neighbours = [
                 other
                 for step in ranked[: SEARCH.best]
                 if step.release.torques is None
                 for other in near(step.release, self.limits, width, SEARCH.neighbours, self.rng)
             ]
-            refined = informed(tried, self.objective.known.model)
+            refined = informed(neighbours, self.objective.known.model)
             pool += refined
             ranked = _by_rate([*ranked, *self._ranked(refined, now)])
         return _by_rate(self._averaged(step, now) for step in ranked[: SEARCH.finalists])[0]

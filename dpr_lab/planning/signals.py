@@ -155,15 +155,15 @@ def _within(
     """
     share, torques, of_arm = 1.0, release.torques, release.arm == "driven"
     assert torques is not None
-    moved, rest = ([0], 0.0) if of_arm else ([1, 2], np.array([[np.pi, 0.0], [0.0, 0.0]]))
+    moved, initial = ([0], 0.0) if of_arm else ([1, 2], np.array([[np.pi, 0.0], [0.0, 0.0]]))
     low, high = (of_arm and rig.arm.limits) or (-np.inf, np.inf)
     while share >= SIGNALS.least:
         on_arm = None if torques.on_arm is None else share * torques.on_arm
-        tried = replace(release, torques=replace(torques, joints=share * torques.joints, on_arm=on_arm))
-        angles, speeds = np.split(joint_motion(tried, model)[:, :, moved] - rest, 2, axis=1)
+        candidate = replace(release, torques=replace(torques, joints=share * torques.joints, on_arm=on_arm))
+        angles, speeds = np.split(joint_motion(candidate, model)[:, :, moved] - initial, 2, axis=1)
         inside = (np.abs(angles) <= drive.angle_rad) & (low <= angles) & (angles <= high)
         if (inside & (np.abs(speeds) <= drive.speed_rad_s)).all():
-            return tried
+            return candidate
         share *= SIGNALS.shrink
     return None
 

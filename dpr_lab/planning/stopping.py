@@ -153,8 +153,8 @@ def _most_significant(diagnosis: Diagnosis) -> str:
     """Describe the effects that are not excluded, by decreasing estimate in standard deviations."""
     ranked = sorted(not_excluded(diagnosis), key=lambda tested: -abs(tested.estimate) / tested.size)
     names = list(dict.fromkeys(tested.effect for tested in ranked))
-    rest = len(names) - STOPPING.listed + 1
-    return listed(names if rest <= 1 else [*names[: STOPPING.listed - 1], f"{rest} others"])
+    unlisted = len(names) - STOPPING.listed + 1
+    return listed(names if unlisted <= 1 else [*names[: STOPPING.listed - 1], f"{unlisted} others"])
 
 
 def not_excluded(diagnosis: Diagnosis) -> list[Exclusion]:

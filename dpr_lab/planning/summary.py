@@ -125,11 +125,11 @@ def _forecast(
     objective: Objective,
     steps: Sequence[SequenceStep],
     gained: Sequence[Sequence[Array]],
-    alike: Sequence[Sequence[Flags]],
+    inseparable_by_step: Sequence[Sequence[Flags]],
 ) -> list[float | None]:
     """Return the probability that the causes are decided, for each number of releases.
 
-    It is None before any recording. After each release, the pairs of causes in `alike` count as one cause.
+    It is None before any recording. After each release, its pairs of inseparable causes count as one cause.
     """
     diagnosis, pairs = objective.known.diagnosis, objective.pairs
     if diagnosis is None or not steps:
@@ -140,7 +140,7 @@ def _forecast(
     confirmed = FORECAST.revealed if diagnosis.gap.remainder_Nm else FORECAST.confirmed
     return [
         decision_probability(pairs, d2, number, same, failed, confirmed)
-        for number, (d2, same) in enumerate(zip(gained, alike, strict=True), 1)
+        for number, (d2, same) in enumerate(zip(gained, inseparable_by_step, strict=True), 1)
     ]
 
 
@@ -187,15 +187,15 @@ def inseparable_pairs(objective: Objective, steps: Sequence[SequenceStep]) -> li
     return [np.maximum(d2, d2.T) < FORECAST.separable for d2 in objective.gained(F)]
 
 
-def inseparable(objective: Objective, alike: Sequence[Flags]) -> list[Inseparable]:
+def inseparable(objective: Objective, inseparable_pairs: Sequence[Flags]) -> list[Inseparable]:
     """Return the pairs of causes that the releases do not separate, with their bench checks.
 
     Args:
         objective: the objective
-        alike: (n, n) pairs of inseparable causes, for each named effect
+        inseparable_pairs: (n, n) pairs of inseparable causes, for each named effect
     """
     stuck = list[Inseparable]()
-    for pairs, of_effect in zip(objective.pairs, alike, strict=True):
+    for pairs, of_effect in zip(objective.pairs, inseparable_pairs, strict=True):
         best = int(np.argmax(pairs.probabilities))
         cause, others = pairs.names[best], set(np.flatnonzero(of_effect[best])) - {best}
         if pairs.probabilities[best] < SURE:
@@ -236,10 +236,10 @@ def plan_sentence(
     if diagnosis is not None and state == "enough":
         causes = [effect.name for effect in diagnosis.effects]
         answer = f"the causes are decided ({listed(causes)})" if causes else "no gap of a detectable size"
-        rest = "Further releases only improve the accuracy of sizes and ratios."
+        next_step = "Further releases only improve the accuracy of sizes and ratios."
         if untested := reservation(diagnosis):
-            rest = f"{untested} Optional: record {'release 1' if releases else 'a further release'} to test this."
-        return f"Enough: {answer}. {rest}"
+            next_step = f"{untested} Optional: record {'release 1' if releases else 'a further release'} to test this."
+        return f"Enough: {answer}. {next_step}"
     if not releases:
         return "No release fits the budget."
     note = only_ratios_sentence(reasons, state == "record")

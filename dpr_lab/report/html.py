@@ -22,7 +22,7 @@ FIGURES = {
         " Residuals inside the band and without a pattern are noise; a pattern shows an effect that the model lacks.",
     ),
     "evolution": (
-        "Line charts of cost, fitness and population fitness over the generations of the search.",
+        "Line charts of cost, fitness and population fitness against the generations of the search.",
         "Cost and fitness of the best individual, and fitness of the population, until the local solver starts.",
     ),
 }

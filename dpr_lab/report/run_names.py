@@ -28,8 +28,8 @@ def local_time(utc: str) -> str:
 def recorded(run: Path) -> str:
     """Return the recording time from a name `<utc>_<pose>_<uid8>`, or an empty text for any other name."""
     parts = run.stem.split("_")
-    when = local_time(parts[0])
-    return when if len(parts) > 2 and when != parts[0] else ""
+    time = local_time(parts[0])
+    return time if len(parts) > 2 and time != parts[0] else ""
 
 
 def run_pose(run: Path) -> str:
@@ -45,8 +45,8 @@ def run_name(run: Path) -> str:
 def run_label(stem: str) -> str:
     """Return pose and time from a file name without extension, like `run_name`."""
     file = Path(f"{stem}.mcap")
-    when = recorded(file)
-    return f"{run_pose(file)} ({when})" if when else stem
+    recorded_at = recorded(file)
+    return f"{run_pose(file)} ({recorded_at})" if recorded_at else stem
 
 
 def compared_name(comparison: "Comparison | ArmComparison") -> str:

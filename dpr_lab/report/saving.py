@@ -180,8 +180,8 @@ def write_export(
         DprError: the folder or a file cannot be written, or a package of the format is not installed.
     """
     for file, content in export_format.written(model, rig, lost, check).items():
-        data = content if isinstance(content, bytes) else content.encode("utf-8")
-        write_whole(out / file, partial(Path.write_bytes, data=data))
+        encoded = content if isinstance(content, bytes) else content.encode("utf-8")
+        write_whole(out / file, partial(Path.write_bytes, data=encoded))
     return str(out / export_format.main)
 
 

@@ -45,18 +45,18 @@ class ChangedAttribute:
 class XmlEdit:
     """Text of a file and its pending changes."""
 
-    def __init__(self, data: bytes, name: str) -> None:
+    def __init__(self, content: bytes, name: str) -> None:
         """Read the positions of all elements.
 
         Raises:
             ConfigError: as for `parse_xml`, or the encoding is not UTF-8.
         """
-        parse_xml(data, name)
+        parse_xml(content, name)
         try:
-            data.decode("utf-8")
+            content.decode("utf-8")
         except UnicodeDecodeError as error:
             raise ConfigError(f"{name}: is not encoded in UTF-8: save it with this encoding") from error
-        self.data, self.changes = data, []
+        self.data, self.changes = content, []
         self.tags: list[StartTag] = []
         self._new: dict[int, dict[str, str]] = {}
         self._texts: dict[int, str] = {}
@@ -72,18 +72,18 @@ class XmlEdit:
         def end(tag: str) -> None:
             self.tags[open_tags.pop()].end = parser.CurrentByteIndex
 
-        def text(data: str) -> None:
-            self.tags[open_tags[-1]].text += data
+        def text(content: str) -> None:
+            self.tags[open_tags[-1]].text += content
 
         parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, text
-        parser.Parse(data, True)
+        parser.Parse(content, True)
 
     changes: list[ChangedAttribute]
 
     def find(self, tag: str, **attributes: str) -> int | None:
         """Return the index of the first element with this tag and attributes, or None."""
-        wanted = attributes.items()
-        return next((i for i, t in enumerate(self.tags) if t.tag == tag and wanted <= t.attributes.items()), None)
+        required = attributes.items()
+        return next((i for i, t in enumerate(self.tags) if t.tag == tag and required <= t.attributes.items()), None)
 
     def child(self, parent: int, tag: str) -> int | None:
         """Return the index of the first child with this tag, or None."""
@@ -126,42 +126,42 @@ class XmlEdit:
 
     def text(self) -> bytes:
         """Return the content of the file with the changes."""
-        data = self.data
+        content = self.data
         for index in sorted({*self._new, *self._inserted, *self._texts}, reverse=True):
             first = self.tags[index].first
-            last = _end_of_tag(data, first)
-            tag = data[first:last].decode("utf-8")
+            last = _end_of_tag(content, first)
+            tag = content[first:last].decode("utf-8")
             for name, value in self._new.get(index, {}).items():
                 tag = _with_attribute(tag, name, value)
-            remaining = data[last:]
+            remaining = content[last:]
             if index in self._texts:
                 remaining = remaining[len(self._content(index)) :]
-            within = self._insertion(index, data, first) + escape(self._texts.get(index, ""))
+            within = self._insertion(index, content, first) + escape(self._texts.get(index, ""))
             if within and tag.endswith("/>"):
                 tag, within = tag[:-2].rstrip() + ">", f"{within}</{self.tags[index].tag}>"
-            data = data[:first] + (tag + within).encode("utf-8") + remaining
-        return data
+            content = content[:first] + (tag + within).encode("utf-8") + remaining
+        return content
 
     def _content(self, index: int) -> bytes:
         """Return the content of an element: the bytes between its tags."""
         tag = self.tags[index]
         return self.data[_end_of_tag(self.data, tag.first) : max(tag.end, _end_of_tag(self.data, tag.first))]
 
-    def _insertion(self, index: int, data: bytes, first: int) -> str:
+    def _insertion(self, index: int, content: bytes, first: int) -> str:
         """Return the text of the inserted elements.
 
         Each element is on a separate line, and is indented by two more spaces than its parent.
         """
         if index not in self._inserted:
             return ""
-        line = data[data.rfind(b"\n", 0, first) + 1 : first].decode("utf-8")
+        line = content[content.rfind(b"\n", 0, first) + 1 : first].decode("utf-8")
         indent = line if not line.strip() else ""
         return "".join(f"\n{indent}  {element}" for element in self._inserted[index])
 
 
-def _end_of_tag(data: bytes, first: int) -> int:
+def _end_of_tag(content: bytes, first: int) -> int:
     """Return the position after the `>` of a start tag, ignoring `>` in quotes."""
-    tag = _START_TAG.match(data, first)
+    tag = _START_TAG.match(content, first)
     assert tag is not None
     return tag.end()
 

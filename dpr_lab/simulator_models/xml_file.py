@@ -40,17 +40,17 @@ def read_xml(path: Path, text: bytes | None = None) -> Element:
         return parse_xml(text, str(path))
     try:
         with regular(path, ConfigError).open("rb") as file:
-            data = file.read(XML_LIMITS.bytes + 1)
+            content = file.read(XML_LIMITS.bytes + 1)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from error
-    if len(data) > XML_LIMITS.bytes:
+    if len(content) > XML_LIMITS.bytes:
         raise ConfigError(
             f"{path}: is larger than {XML_LIMITS.bytes // 1_000_000} MB; too large for a model of a pendulum"
         )
-    return parse_xml(data, str(path))
+    return parse_xml(content, str(path))
 
 
-def parse_xml(data: bytes, name: str) -> Element:
+def parse_xml(content: bytes, name: str) -> Element:
     """Parse a document; `name` is the name of the document in messages.
 
     Raises:
@@ -78,21 +78,21 @@ def parse_xml(data: bytes, name: str) -> Element:
     parser.CharacterDataHandler = builder.data
     parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
     try:
-        parser.Parse(data, True)
+        parser.Parse(content, True)
     except (expat.ExpatError, ValueError, LookupError) as error:
         raise ConfigError(f"{name}: is not well-formed XML: {error}") from error
     return builder.close()
 
 
-def with_includes(path: Path, data: bytes | None = None) -> Element:
+def with_includes(path: Path, content: bytes | None = None) -> Element:
     """Read a document, and replace each `<include file="...">` by the content of the included file.
 
-    If `data` is given, it is used instead of the content of the document.
+    If `content` is given, it is used instead of the content of the document.
 
     Raises:
         ConfigError: an include is outside the folder of the model or includes itself, or there are too many.
     """
-    root = read_xml(path) if data is None else parse_xml(data, str(path))
+    root = read_xml(path) if content is None else parse_xml(content, str(path))
     folder = path.resolve().parent
     _include(root, path, folder, (path.resolve(),), [0])
     return root

@@ -128,8 +128,8 @@ def write_hdf5(run: Run, path: Path) -> None:
     with h5py.File(str(path), "w", driver="core", backing_store=False) as file:
         file.attrs.update(about(run))
         for name, column in columns(run).items():
-            data = file.create_dataset(name, data=column, compression="gzip", shuffle=True, fletcher32=True)
-            data.attrs["unit"] = UNITS[name]
+            dataset = file.create_dataset(name, data=column, compression="gzip", shuffle=True, fletcher32=True)
+            dataset.attrs["unit"] = UNITS[name]
         file.flush()
         image = file.id.get_file_image()
     path.write_bytes(image)
@@ -147,10 +147,10 @@ def write_netcdf(run: Run, path: Path) -> None:
     times = ("t_s", table.pop("t_s"), {"units": UNITS["t_s"], "long_name": "time since the release"})
     values = {name: ("t_s", column, {"units": UNITS[name]}) for name, column in table.items()}
     attributes = about(run) | {"complete": int(run.complete)}
-    data = xarray.Dataset(values, coords={"t_s": times}, attrs=attributes)
+    dataset = xarray.Dataset(values, coords={"t_s": times}, attrs=attributes)
     compressed = {name: {"zlib": True, "shuffle": True, "fletcher32": True} for name in values}
     image = io.BytesIO()
-    data.to_netcdf(image, engine="h5netcdf", encoding=compressed)
+    dataset.to_netcdf(image, engine="h5netcdf", encoding=compressed)
     path.write_bytes(image.getvalue())
 
 

@@ -52,13 +52,13 @@ def _decoded(rows: list[dict[str, Any]]) -> Samples:
     )
 
 
-def json_object(data: bytes) -> dict[str, Any]:
+def json_object(content: bytes) -> dict[str, Any]:
     """Parse the content of a message as a JSON object.
 
     Raises:
         STRANGE: the content is not JSON, or is not an object.
     """
-    read = json.loads(data)
+    read = json.loads(content)
     if not isinstance(read, dict):
         raise TypeError("no JSON object")
     return read

@@ -155,9 +155,9 @@ class RunWriter:
         angles = angles if count is None else np.round(angles, SETTINGS.theta_digits)
         self._append(tick, rows, angles, count, _by_kind(torques))
 
-    def raw(self, host_time_ns: int, data: bytes) -> None:
+    def raw(self, host_time_ns: int, payload: bytes) -> None:
         """Append the bytes that were received from the link."""
-        self._add(RAW, self._since_start(host_time_ns), data, host_time_ns)
+        self._add(RAW, self._since_start(host_time_ns), payload, host_time_ns)
         self._flush_when_due()
 
     def event(self, host_time_ns: int, kind: str, tick: int | None = None, detail: str = "") -> None:
@@ -191,8 +191,8 @@ class RunWriter:
     def copy(self, messages: Iterable[Stored]) -> None:
         """Append the messages of a run file that has the same metadata."""
         with self._disk():
-            for topic, log_time, publish_time, data in messages:
-                self._mcap.add_message(self._channels[topic], log_time, data, publish_time)
+            for topic, log_time, publish_time, payload in messages:
+                self._mcap.add_message(self._channels[topic], log_time, payload, publish_time)
                 self.samples_written += topic == SAMPLES
         self._flush_when_due()
 
@@ -255,9 +255,9 @@ class RunWriter:
             channels[topic] = self._mcap.register_channel(topic, "json", schema_id)
         return channels
 
-    def _check_time_source(self, wanted: str) -> None:
-        if self.metadata.time_source != wanted:
-            raise ValueError(f"this run's time_source is {self.metadata.time_source!r}, not {wanted!r}")
+    def _check_time_source(self, source: str) -> None:
+        if self.metadata.time_source != source:
+            raise ValueError(f"this run's time_source is {self.metadata.time_source!r}, not {source!r}")
 
     def _append(
         self,
@@ -307,9 +307,9 @@ class RunWriter:
         self._add(topic, log_time, json.dumps(plain(message), allow_nan=False).encode(), host_time_ns)
         self._flush_when_due()
 
-    def _add(self, topic: str, log_time: int, data: bytes, publish_time: int) -> None:
+    def _add(self, topic: str, log_time: int, payload: bytes, publish_time: int) -> None:
         with self._disk():
-            self._mcap.add_message(self._channels[topic], log_time, data, publish_time)
+            self._mcap.add_message(self._channels[topic], log_time, payload, publish_time)
 
     def _since_start(self, host_time_ns: int) -> int:
         if self._first_host_ns is None:

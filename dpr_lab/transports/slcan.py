@@ -46,11 +46,11 @@ class SlcanDecoder:
 
     def feed(self, data: bytes) -> list[Frame]:
         """Decode received bytes and return the frames of the lines that are now complete."""
-        *lines, rest = (self._rest + data).replace(b"\a", b"\r").split(b"\r")
-        if len(rest) > LONGEST_LINE:
+        *lines, incomplete = (self._rest + data).replace(b"\a", b"\r").split(b"\r")
+        if len(incomplete) > LONGEST_LINE:
             self.errors += 1
-            rest = b""
-        self._rest = rest
+            incomplete = b""
+        self._rest = incomplete
         return [frame for line in lines if (frame := self._frame(line)) is not None]
 
     def _frame(self, line: bytes) -> Frame | None:

@@ -88,7 +88,7 @@ class Failure:
 
 
 @dataclass(frozen=True, slots=True)
-class Tried:
+class CampaignTrials:
     """Results of a campaign."""
 
     outcomes: tuple[TrialOutcome, ...]
@@ -104,7 +104,7 @@ def run_campaign(
     jobs: int = 1,
     scheduler: str | None = None,
     on_trial: Callable[[int, TrialOutcome | Failure | None], None] = lambda done, last: None,
-) -> Tried:
+) -> CampaignTrials:
     """Run the first `n` trials of a campaign that are not in the folder yet.
 
     Args:
@@ -134,7 +134,7 @@ def run_campaign(
                 _append(folder / TRIALS, {"number": case["number"], **result})
                 last = finished[case["number"]] = read_outcome(result["outcome"])
             on_trial(len(finished) + len(failures), last)
-        return Tried(tuple(finished[number] for number in sorted(finished)), tuple(failures))
+        return CampaignTrials(tuple(finished[number] for number in sorted(finished)), tuple(failures))
 
 
 @contextmanager

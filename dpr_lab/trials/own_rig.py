@@ -229,7 +229,7 @@ def _judged(kind: str, truth: Effects, diagnosis: Diagnosis | None, seconds: flo
 
 
 def _summed(trials: Sequence[TrustTrial], seed: int) -> Trust:
-    hidden, clean = ([trial for trial in trials if bool(trial.truth) is wanted] for wanted in (True, False))
+    hidden, clean = ([trial for trial in trials if bool(trial.truth) is has_effect] for has_effect in (True, False))
     cells = Counter(cell for trial in trials for cell in _cells(trial))
     return Trust(
         seed=seed,

@@ -138,12 +138,12 @@ def played(
 
 def _recorded(plant: HeldPlant, rig: Rig, release: CandidateRelease) -> Run:
     """Record a release on a sealed plant, and return the run."""
-    wanted: dict[str, Any] = {"theta1": release.theta1, "theta2": release.theta2, "duration_s": release.duration_s}
+    request: dict[str, Any] = {"theta1": release.theta1, "theta2": release.theta2, "duration_s": release.duration_s}
     if release.added is not None:
-        wanted["added_mass"] = release.added.model_dump()
+        request["added_mass"] = release.added.model_dump()
     if release.arm == "driven" and release.torques is not None:
-        wanted["input"] = {"t": release.torques.t.tolist(), "values": arm_input(release.torques, rig).tolist()}
-    recording = plant.record(wanted)
+        request["input"] = {"t": release.torques.t.tolist(), "values": arm_input(release.torques, rig).tolist()}
+    recording = plant.record(request)
     pose = Pose(theta1=release.theta1, theta2=release.theta2)
     rig_there = rig.model_copy(update={"poses": {recording["pose"]: pose}, "added_mass": release.added})
     return replace(run_of(recording, rig_there), rig_sha256=rig.sha256)

@@ -60,8 +60,8 @@ def accept(
     from dpr_lab.rig import load_rig
 
     rig = load_rig(request.rig)
-    wanted = load_limits(limits, PlanLimits)  # check all inputs before the time-consuming part
-    refuse_impossible_plan(limits, wanted, rig)
+    requirements = load_limits(limits, PlanLimits)  # check all inputs before the time-consuming part
+    refuse_impossible_plan(limits, requirements, rig)
     if request.out:
         check_folder_writable(request.out)
     runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
@@ -70,9 +70,9 @@ def accept(
     else:
         diagnosis = read_diagnosis(diagnosis_file, runs)
         refuse_other_rig_file(diagnosis_file, diagnosis, rig)
-    acceptance = judged(diagnosis, wanted, runs, rig)
+    acceptance = judged(diagnosis, requirements, runs, rig)
     if acceptance.answer == "not decidable":
-        acceptance = with_recordings(acceptance, plan(rig, runs, diagnosis, limits=wanted))
+        acceptance = with_recordings(acceptance, plan(rig, runs, diagnosis, limits=requirements))
     files = _save(acceptance, diagnosis, runs, rig, request.out, on_event) if request.out else {}
     return AcceptResult(acceptance, files)
 

@@ -9,7 +9,7 @@ from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.events import OnEvent, TrialDone, ignore
 
 if TYPE_CHECKING:
-    from dpr_lab.trials.campaign import Campaign, Failure, Tried
+    from dpr_lab.trials.campaign import Campaign, CampaignTrials, Failure
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ def run_campaign(
 
     check_folder_writable(out)
     _refuse_other_kinds(campaign)
-    tried = run_trials(
+    trials = run_trials(
         campaign,
         n,
         out,
@@ -56,8 +56,8 @@ def run_campaign(
         scheduler=scheduler,
         on_trial=lambda done, last: on_event(TrialDone(done, n, last)),
     )
-    summary, files = _saved(tried, campaign, n, out)
-    return CampaignResult(summary, tried.failures, files)
+    summary, files = _saved(trials, campaign, n, out)
+    return CampaignResult(summary, trials.failures, files)
 
 
 def _refuse_other_kinds(campaign: "Campaign") -> None:
@@ -70,7 +70,7 @@ def _refuse_other_kinds(campaign: "Campaign") -> None:
         raise ConfigError(f"kind {others[0]}: not available for plants whose arm moves; choose {available}")
 
 
-def _saved(tried: "Tried", campaign: "Campaign", n: int, out: Path) -> tuple[dict[str, Any], dict[str, str]]:
+def _saved(done: "CampaignTrials", campaign: "Campaign", n: int, out: Path) -> tuple[dict[str, Any], dict[str, str]]:
     """Write summary, figures and page; return the summary, and the paths by name."""
     from dpr_lab.report.saving import write_json
     from dpr_lab.report.trials.figures import save_trial_figures
@@ -78,7 +78,7 @@ def _saved(tried: "Tried", campaign: "Campaign", n: int, out: Path) -> tuple[dic
     from dpr_lab.trials.sequential_summary import read_strategies, sequential_summary
     from dpr_lab.trials.summary import summary
 
-    counted = summary(tried.outcomes)
+    counted = summary(done.outcomes)
     if campaign.strategies:
         counted |= {"strategies": sequential_summary(read_strategies(out, n))}
     figures = save_trial_figures(counted, out)
@@ -86,7 +86,7 @@ def _saved(tried: "Tried", campaign: "Campaign", n: int, out: Path) -> tuple[dic
         f"Kinds of hidden effects, in turn: {', '.join(campaign.kinds)}; size {campaign.level}; drawn around rig"
         f" “{campaign.rig}” and plant “{campaign.plant}”, seeds from {campaign.seed} on."
     )
-    failures = [f"trial {failure.number}: {failure.error}" for failure in tried.failures]
+    failures = [f"trial {failure.number}: {failure.error}" for failure in done.failures]
     page = write_trials_report(counted, setting, failures, out, figures)
     write_json(counted, out / "summary.json")
     return counted, {"page": str(page), "summary": str(out / "summary.json"), "trials": str(out / "trials.jsonl")}

@@ -92,9 +92,9 @@ def certify(
     if request.model is not None:
         raise ConfigError("a certified diagnosis starts from the rig file: remove the model")
     key = load_private_key(sign_with, passphrase) if sign_with else None
-    wanted = load_limits(limits, PlanLimits) if limits else None
+    requirements = load_limits(limits, PlanLimits) if limits else None
     diagnosis = diagnose(request, on_event).diagnosis
-    claims = required_claims(diagnosis, _accepted(diagnosis, wanted, request))
+    claims = required_claims(diagnosis, _accepted(diagnosis, requirements, request))
     certificate = _certificate(request, to.parent, claims, limits)
     if key is not None:
         certificate = sign(certificate, key)
@@ -182,13 +182,13 @@ def verify(
     ]
     if all(line.holds for line in lines):
         request = _request(certificate, path.parent)
-        wanted = load_limits(path.parent / certificate.limits.file, PlanLimits) if certificate.limits else None
+        requirements = load_limits(path.parent / certificate.limits.file, PlanLimits) if certificate.limits else None
         diagnosis = diagnose(request, on_event).diagnosis
-        lines += compare_claims(certificate.claims, diagnosis, _accepted(diagnosis, wanted, request))
+        lines += compare_claims(certificate.claims, diagnosis, _accepted(diagnosis, requirements, request))
     return VerifiedCertificate(choices_of(certificate), origin_of(certificate, current), lines)
 
 
 def _request(certificate: "Certificate", folder: Path) -> DiagnoseRequest:
     choices: dict[str, Any] = dict(certificate.choices)
-    runs, held_out = (certificate.runs(folder, held_out=wanted) for wanted in (False, True))
+    runs, held_out = (certificate.runs(folder, held_out=role) for role in (False, True))
     return DiagnoseRequest(runs, certificate.rig_in(folder), held_out, **choices)

@@ -139,7 +139,7 @@ def _with_trust(
     if not request.trust:
         return diagnosis
     began = time.perf_counter()
-    tried = trust(
+    reliability = trust(
         diagnosis,
         runs,
         rig,
@@ -150,7 +150,7 @@ def _with_trust(
         processes=request.processes or os.cpu_count() or 1,
         on_trial=lambda done: on_event(TrustTrialDone(done, request.trust, time.perf_counter() - began)),
     )
-    return diagnosis.model_copy(update={"trust": tried})
+    return diagnosis.model_copy(update={"trust": reliability})
 
 
 def save_results(
@@ -226,9 +226,9 @@ def chosen_library(names: Sequence[str] | None, without: Sequence[str]) -> "Mapp
     """
     from dpr_lab.effects import EFFECTS
 
-    wanted = list(EFFECTS) if names is None else names
-    refuse_unknown((*wanted, *without), EFFECTS, "effect")
-    library = {name: EFFECTS[name] for name in EFFECTS if name in wanted and name not in without}
+    chosen = list(EFFECTS) if names is None else names
+    refuse_unknown((*chosen, *without), EFFECTS, "effect")
+    library = {name: EFFECTS[name] for name in EFFECTS if name in chosen and name not in without}
     if not library:
         raise ConfigError(
             "--library and --without exclude all effects: add effects to --library, or remove some from --without"

@@ -101,13 +101,13 @@ def export(
                     f" RUN refits the model without them"
                 )
             )
-    refused, bare_rad, lab, tried = (
+    refused, bare_rad, lab, replays = (
         _checked(formats, model, models, runs, rig, on_event) if runs else ({}, None, None, {})
     )
     files = {}
     for name in formats:
         if name not in refused:
-            error = check_of(tried[name], bare_rad) if bare_rad is not None else None
+            error = check_of(replays[name], bare_rad) if bare_rad is not None else None
             files[name] = write_export(FORMATS[name], models[name], rig, out, lost[name], error)
     instead = {name: moving(own_model) for name, own_model in models.items() if own_model is not model}
     with_reasons = {name: reasons for name, reasons in lost.items() if reasons}
@@ -118,7 +118,7 @@ def export(
         refused,
         bare_rad,
         lab,
-        tried,
+        replays,
         torque_kinds(runs),
         _scale(model),
         model.scale_sentence,
@@ -174,21 +174,21 @@ def _checked(
     stages = len(formats) + 1
     on_event(StageBegan(1, stages, "dpr-lab's own simulation"))
     reference = yardstick(model, runs, rig)
-    tried, refused = {}, {}
+    replays, refused = {}, {}
     for number, name in enumerate(formats, 2):
         on_event(StageBegan(number, stages, FORMATS[name].program))
         models[name], swings = reference.held_against(models[name])
         angles = replayed(name, models[name], rig, swings)
-        tried[name] = reference.replayed(
+        replays[name] = reference.replayed(
             swings, [swing.error(theta) for swing, theta in zip(swings, angles, strict=True)]
         )
-        if not tried[name].off_rad <= REPLAY_RULE.worse * reference.bare_rad:
+        if not replays[name].off_rad <= REPLAY_RULE.worse * reference.bare_rad:
             refused[name] = (
-                f"{name} was not written: its error on these runs is {1e3 * tried[name].off_rad:.3g} mrad, but the"
+                f"{name} was not written: its error on these runs is {1e3 * replays[name].off_rad:.3g} mrad, but the"
                 f" error of the bare model is {1e3 * reference.bare_rad:.3g} mrad; diagnose more recordings, or use"
                 " another format"
             )
-    return refused, reference.bare_rad, reference.replayed(reference.own), tried
+    return refused, reference.bare_rad, reference.replayed(reference.own), replays
 
 
 def warn_of_one_rod(model: "AnyModel", rig: "Rig", on_event: OnEvent) -> None:

@@ -91,8 +91,10 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
             runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque)
             diagnosis = read_diagnosis(request.diagnosis, runs)
         else:
-            wanted = DiagnoseRequest(request.runs, request.rig, any_clock=request.any_clock, torque=request.torque)
-            diagnosis = diagnose(wanted, on_event).diagnosis
+            diagnosis_request = DiagnoseRequest(
+                request.runs, request.rig, any_clock=request.any_clock, torque=request.torque
+            )
+            diagnosis = diagnose(diagnosis_request, on_event).diagnosis
             runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
     planned = plan_runs(rig, runs, diagnosis, limits=limits, budget_min=budget, seed=request.seed)
     return write_plan(planned, rig, request.out)

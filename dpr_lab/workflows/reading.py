@@ -87,9 +87,11 @@ def refuse_other_runs(file: Path, diagnosis: "Diagnosis", runs: "Sequence[Run]")
 
     instead = "give its runs, or omit --diagnosis and these runs are diagnosed first"
     closed = diagnosis.gap.closed_held_out
-    fitted, given = {whole(name) for name in closed.per_run}, {run.name for run in runs}
-    if fitted and not fitted <= given <= fitted | {whole(name) for name in closed.held_out}:
-        raise RunError(f"{file}: is a diagnosis of {listed(sorted(fitted))}, not of {listed(sorted(given))}: {instead}")
+    fitted, stated = {whole(name) for name in closed.per_run}, {run.name for run in runs}
+    if fitted and not fitted <= stated <= fitted | {whole(name) for name in closed.held_out}:
+        raise RunError(
+            f"{file}: is a diagnosis of {listed(sorted(fitted))}, not of {listed(sorted(stated))}: {instead}"
+        )
     used = {whole(run.name): run.sha256 for run in diagnosis.evidence.recordings} if diagnosis.evidence else {}
     changed = [run.name for run in runs if run.sha256 and used.get(run.name, run.sha256) not in ("", run.sha256)]
     if changed:

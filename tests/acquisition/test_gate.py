@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from dpr_lab.acquisition.gate import CHECKS, DeviceWord, JudgedRun, QualityReport, fastest_possible, judge
+from dpr_lab.acquisition.gate import CHECKS, DeviceState, JudgedRun, QualityReport, fastest_possible, judge
 from dpr_lab.acquisition.rest import pose_error, rest_motion
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
@@ -13,7 +13,7 @@ from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
 
 RATE_HZ = 1000
-WORD = DeviceWord(real_time=True, no_clock_fit="", statuses=50, latched=0)
+WORD = DeviceState(real_time=True, no_clock_fit="", statuses=50, latched=0)
 
 
 @pytest.fixture
@@ -106,7 +106,7 @@ FAST = {"arrival_ppm": 50_000.0, "arrival_margin_ppm": 4_000.0}
     ],
 )
 def test_what_the_device_reports_is_compared_with_what_arrives(
-    good: Run, rig: Rig, clock: dict[str, float], word: DeviceWord, failed: list[str], says: str
+    good: Run, rig: Rig, clock: dict[str, float], word: DeviceState, failed: list[str], says: str
 ) -> None:
     verdict = judged(replace(good, clock=clock), rig, duration=5.0, word=word)
     assert _failed(verdict) == failed

@@ -10,7 +10,7 @@ from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.identification.expected import Releases, ratio_information
-from dpr_lab.planning.information import horizon_s, informed, laid_out, reached_speeds
+from dpr_lab.planning.information import horizon_s, informed, problem_of_releases, reached_speeds
 from dpr_lab.planning.knowledge import Knowledge, known_before
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.stopping import Causes
@@ -107,7 +107,7 @@ def test_the_distance_of_two_causes_is_the_residual_of_a_least_squares_fit(known
     (one,) = informed([CALM], known.model)
     F = one.information + 1e-9 * np.eye(len(one.information))
     apart = pairs.distances(F)[0, 1]
-    problem, states = laid_out([CALM], known.model)
+    problem, states = problem_of_releases([CALM], known.model)
     at = known.model.estimate.changed(initial=states)
     slopes = problem.slopes(at, known.model.columns)
     A, _ = linearise(problem, at, known.model.columns, problem.measured, slopes).flat

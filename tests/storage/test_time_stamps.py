@@ -121,7 +121,7 @@ def test_rows_with_one_stamp_are_spread_over_the_gap(stale: bool) -> None:
     written[waiting] = true[waiting[:, :1] if stale else waiting[:, -1:]]
     times, note = spread_times(written, {"theta1": np.sin(6 * true)})
     np.testing.assert_allclose(times, true, atol=1e-9)
-    assert note.startswith(f"{3 * len(waiting)} rows have the time of the previous row but other readings")
+    assert note.startswith(f"{3 * len(waiting)} rows next to a gap have the time of the previous row")
 
 
 def test_neighbouring_groups_of_rows_share_no_gap() -> None:

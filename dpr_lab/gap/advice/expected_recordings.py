@@ -158,13 +158,13 @@ def simulated_release(recordings: Recordings, chosen: Hypothesis, choice: Advise
         the problem with the simulated readings, and the initial state
     """
     t = THINNING.after_release_s + np.arange(int(choice.duration_s * RATE_HZ)) / RATE_HZ
-    estimate, like = chosen.estimate, min(recordings.records, key=lambda recorded: recorded.setup.alone)
+    estimate, reference = chosen.estimate, min(recordings.records, key=lambda recorded: recorded.setup.alone)
     start = np.array([[choice.theta1_rad, choice.theta2_rad, 0.0, 0.0]])
-    setup = replace(like.run.setup, added=choice.added_mass)
+    setup = replace(reference.run.setup, added=choice.added_mass)
     angles = predict(estimate.whole, estimate.params, recordings.constants, segments([t], setups=[setup]), start)
-    sigma = np.tile(np.median(like.sigma, axis=0), (len(t), 1))
-    run = replace(like.run, added_mass=choice.added_mass)
-    record = replace(like, run=run, setup=setup, t=t, joints=angles, sigma=sigma, breaks=np.zeros(0))
+    sigma = np.tile(np.median(reference.sigma, axis=0), (len(t), 1))
+    run = replace(reference.run, added_mass=choice.added_mass)
+    record = replace(reference, run=run, setup=setup, t=t, joints=angles, sigma=sigma, breaks=np.zeros(0))
     problem, initial = recordings.only([record]).cut(recordings.working_length)
     initial[0] = start[0]  # the release has its own initial state, not that of the recording
     return problem, initial

@@ -70,8 +70,8 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
         plausibilities, forms, alternatives = dict[str, float](), (), list[Alternative]()
     else:
         plausibilities, forms = _class_members(replacements, named_score, others)
-        rest = {other: others[other] for other in others if other not in plausibilities and other not in forms}
-        alternatives = _alternatives(replacements, named_score, rest)
+        remaining = {other: others[other] for other in others if other not in plausibilities and other not in forms}
+        alternatives = _alternatives(replacements, named_score, remaining)
     prior = np.array([plausibility(chosen.estimate.params, name), *plausibilities.values()])
     costs = [_added_cost(replacements, alternative) for alternative in alternatives]
     without = selection.without_substitute[name].cost_at(chosen.inflation)

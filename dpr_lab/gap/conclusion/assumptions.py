@@ -98,7 +98,7 @@ def _moving_arm(state: Transferred) -> str:
     if kind != "torque":
         known = f"The drive torque follows from the {kind} and the motor constants of the rig file"
     if any(setup.torques and setup.torques.scaled for setup in setups):
-        return f"{text}. {known}. It fixes the scale of all torques."
+        return f"{text}. {known}. This torque fixes the scale of all torques."
     return (
         f"{text}. {known}, and the scale of the rods follows from their measured values. A contradiction"
         " between the two scales is detectable."

@@ -206,8 +206,10 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
     smaller = (chosen.key - {name} for name in chosen.effects)
     # in the selected set, an effect of the angle has changed the gravity torque
     bare = selection.bare.estimate.ratios
-    tried = [(factor, _scaled_fit(problem, chosen, bare, factor, names)) for names in smaller for factor in SCALES]
-    factor, best = min(tried, key=lambda pair: pair[1].cost)
+    scaled_fits = [
+        (factor, _scaled_fit(problem, chosen, bare, factor, names)) for names in smaller for factor in SCALES
+    ]
+    factor, best = min(scaled_fits, key=lambda pair: pair[1].cost)
     if best.cost > chosen.cost + chosen.chance or not _closes(best, selection):
         return ""
     joint, coupled = 2 if rig.rods.mounted == "outer" else 1, rig.rods.mounted == "both"

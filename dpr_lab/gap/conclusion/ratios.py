@@ -107,7 +107,7 @@ def ratio_fields(state: Transferred) -> dict[str, Any]:
 
 
 def scale(state: Transferred) -> Scale:
-    """Return the value of b that absolute sizes assume, fitted or from the rig file.
+    """Return the inertia b that absolute sizes assume: fitted, or from the rig file.
 
     If only the inner rod is mounted, the value of a is stated instead.
     """

@@ -161,8 +161,8 @@ def _shifts(problem: Problem, fit: Fit, inflation: float) -> Iterator[Array]:
         A = np.append(fit.linear.A[:, :, inside], fit.linear.projected(column[:, :, None]), axis=2)
         rows = np.column_stack([prior[:, inside], prior @ direction])
         columns = ColumnSpace.of(A, fit.linear.e).with_prior(rows, np.zeros(len(rows)))
-        rest = columns.given(range(len(inside)), [len(inside)])
-        K, g = float(rest.H[0, 0]) / rest.scale[0] ** 2, float(rest.gradient[0]) / rest.scale[0]
+        reduced = columns.given(range(len(inside)), [len(inside)])
+        K, g = float(reduced.H[0, 0]) / reduced.scale[0] ** 2, float(reduced.gradient[0]) / reduced.scale[0]
         yield direction * _mean_square(g / inflation, K / inflation, farthest) ** 0.5
 
 
@@ -183,8 +183,8 @@ def _farthest(room: Array, direction: Array) -> float:
 
     Values that do not change along the direction are ignored.
     """
-    ahead = np.where(direction > 0.0, room[1], room[0])[direction != 0.0] / direction[direction != 0.0]
-    return float(ahead.min(initial=np.inf))
+    steps = np.where(direction > 0.0, room[1], room[0])[direction != 0.0] / direction[direction != 0.0]
+    return float(steps.min(initial=np.inf))
 
 
 def _mean_square(slope: float, curvature: float, farthest: float) -> float:

@@ -57,7 +57,7 @@ DISTURBANCE = DisturbanceRules()
 
 
 @dataclass(frozen=True, slots=True)
-class LeftOut:
+class ExcludedInterval:
     """Excluded interval of a recording; an infinite end is the end of the recording."""
 
     since: float
@@ -91,7 +91,7 @@ def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
     if any(before is not record for before, record in zip(recordings.records, records, strict=True)):
         recordings = replace(recordings, records=tuple(records))
     estimate = Estimate.of(ratios, recordings.start_params, np.zeros((0, 4)))
-    whole, parts = recordings, [list[LeftOut]() for _ in recordings.records]
+    whole, parts = recordings, [list[ExcludedInterval]() for _ in recordings.records]
     for _ in range(DISTURBANCE.rounds):
         jumps = _jumps(recordings, estimate)
         for run in {jump.run for jump in jumps}:
@@ -104,14 +104,14 @@ def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
     return recordings
 
 
-def _cleaned(whole: Recordings, parts: Sequence[Sequence[LeftOut]]) -> Recordings | None:
+def _cleaned(whole: Recordings, parts: Sequence[Sequence[ExcludedInterval]]) -> Recordings | None:
     """Remove intervals from recordings; return None if a recording loses all segments."""
     records = [_remaining(record, intervals) for record, intervals in zip(whole.records, parts, strict=True)]
     cleaned = tuple(record for record in records if record is not None)
     return replace(whole, records=cleaned) if len(cleaned) == len(records) else None
 
 
-def _remaining(record: Record, parts: Sequence[LeftOut]) -> Record | None:
+def _remaining(record: Record, parts: Sequence[ExcludedInterval]) -> Record | None:
     """Return the record without the given intervals, or None if no segment remains.
 
     If the readings between kicks are the only segments, they are kept.
@@ -169,29 +169,29 @@ def shows(record: Record, jump: Jump) -> bool:
     return jump.joint is not None and shows_step(record, jump.joint, jump.at, jump.size[0])
 
 
-def _intervals(record: Record, jumps: Sequence[Jump]) -> list[LeftOut]:
+def _intervals(record: Record, jumps: Sequence[Jump]) -> list[ExcludedInterval]:
     """Return the intervals to exclude.
 
     The intervals lie around kicks, between a step and its return, and before or after a step that stays.
     """
-    reach, parts = 0.5 * DISTURBANCE.kick_s, list[LeftOut]()
+    reach, parts = 0.5 * DISTURBANCE.kick_s, list[ExcludedInterval]()
     steps = sorted((jump for jump in jumps if jump.joint is not None), key=lambda jump: jump.at)
     while steps:
         first, *steps = steps
-        back = next((step for step in steps if _returns(record, first, step)), None)
-        if back is not None:
-            steps = [step for step in steps if step.at > back.at]
-            parts.append(LeftOut(first.at, back.at, (first, back)))
+        back_step = next((step for step in steps if _returns(record, first, step)), None)
+        if back_step is not None:
+            steps = [step for step in steps if step.at > back_step.at]
+            parts.append(ExcludedInterval(first.at, back_step.at, (first, back_step)))
         elif record.screened.on_grid[first.joint]:
-            parts.append(LeftOut(first.at, first.at, (first,)))
+            parts.append(ExcludedInterval(first.at, first.at, (first,)))
         elif np.mean(record.t < first.at) < 0.5:
-            parts.append(LeftOut(-np.inf, first.at, (first,)))
+            parts.append(ExcludedInterval(-np.inf, first.at, (first,)))
         else:
-            parts.append(LeftOut(first.at, np.inf, (first,)))
+            parts.append(ExcludedInterval(first.at, np.inf, (first,)))
     for kick in (jump for jump in jumps if jump.joint is None):
         since, until = kick.at - reach, kick.at + reach
         of_release = since < record.t[0] + DISTURBANCE.release_s
-        parts.append(LeftOut(-np.inf if of_release else since, until, (kick,)))
+        parts.append(ExcludedInterval(-np.inf if of_release else since, until, (kick,)))
     return parts
 
 
@@ -202,18 +202,18 @@ def _returns(record: Record, first: Jump, later: Jump) -> bool:
     return takes_back and later.at - first.at < DISTURBANCE.while_share * float(np.ptp(record.t))
 
 
-def _merged(parts: Iterable[LeftOut]) -> list[LeftOut]:
+def _merged(parts: Iterable[ExcludedInterval]) -> list[ExcludedInterval]:
     """Merge neighbouring intervals, which are in chronological order."""
-    merged = list[LeftOut]()
+    merged = list[ExcludedInterval]()
     for part in parts:
         if merged and _one_disturbance(merged[-1], part):
             last = merged.pop()
-            part = LeftOut(last.since, max(last.until, part.until), (*last.jumps, *part.jumps))
+            part = ExcludedInterval(last.since, max(last.until, part.until), (*last.jumps, *part.jumps))
         merged.append(part)
     return merged
 
 
-def _one_disturbance(first: LeftOut, later: LeftOut) -> bool:
+def _one_disturbance(first: ExcludedInterval, later: ExcludedInterval) -> bool:
     """Return whether two intervals, in order of time, belong to one disturbance.
 
     Two single kicks after the release may be the ends of a push.
@@ -226,7 +226,7 @@ def _one_disturbance(first: LeftOut, later: LeftOut) -> bool:
     return bool(both_of_release or (single and later.until - first.since < DISTURBANCE.push_s))
 
 
-def _without(record: Record, parts: Sequence[LeftOut]) -> Record:
+def _without(record: Record, parts: Sequence[ExcludedInterval]) -> Record:
     """Return the record without the given intervals, with a finding for each."""
     findings = [_finding(record, part) for part in parts]
     for part in parts:
@@ -234,7 +234,7 @@ def _without(record: Record, parts: Sequence[LeftOut]) -> Record:
     return record.with_findings(findings)
 
 
-def _with_missed_counts(record: Record, part: LeftOut) -> Record:
+def _with_missed_counts(record: Record, part: ExcludedInterval) -> Record:
     """Add a step of missed counts to the record; an effect estimates their number."""
     (step,) = part.jumps
     steps = sorted([*record.screened.breaks, (step.at, int(step.joint or 0))])
@@ -242,7 +242,7 @@ def _with_missed_counts(record: Record, part: LeftOut) -> Record:
     return replace(record, breaks=breaks, screened=replace(record.screened, breaks=tuple(steps)))
 
 
-def _finding(record: Record, part: LeftOut) -> SensorFinding:
+def _finding(record: Record, part: ExcludedInterval) -> SensorFinding:
     first, run = part.jumps[0], record.run.name
     if not part.of_reading:
         at_s = part.since

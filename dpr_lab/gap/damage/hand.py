@@ -59,7 +59,7 @@ HAND = HandRules()
 
 
 def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Record:
-    """Exclude readings that a hand disturbs at the beginning, if there are any.
+    """Exclude the readings at the beginning during which a hand still acts on the rods.
 
     Args:
         recordings: the runs

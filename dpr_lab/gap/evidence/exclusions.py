@@ -66,7 +66,7 @@ def exclusions(problem: Problem, model: Hypothesis, test: ScoreTest, least: Dete
     return excluded
 
 
-def _intervals(all_shapes: "AllShapes", score: Score, given: ColumnSpace) -> dict[str, tuple[float, float]]:
+def _intervals(all_shapes: "AllShapes", score: Score, space: ColumnSpace) -> dict[str, tuple[float, float]]:
     """Return the 90 % interval of each amplitude.
 
     The result is empty if the recordings do not separate the amplitudes. If the shapes of an effect come from the
@@ -78,7 +78,7 @@ def _intervals(all_shapes: "AllShapes", score: Score, given: ColumnSpace) -> dic
         return dict(zip((p.name for p in score.effect.amplitudes), every, strict=True))
     if score.effect.shapes and len(score.columns) > 1:
         return {}
-    return dict(zip(names, joint_intervals(given, all_shapes.model.inflation) or (), strict=False))
+    return dict(zip(names, joint_intervals(space, all_shapes.model.inflation) or (), strict=False))
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,17 +136,17 @@ class AllShapes:
         return _Swings.of(problem, estimate, linearise(problem, estimate, self.model.fit.free))
 
 
-def joint_intervals(given: ColumnSpace, inflation: float) -> list[tuple[float, float]] | None:
+def joint_intervals(space: ColumnSpace, inflation: float) -> list[tuple[float, float]] | None:
     """Return the 90 % interval of each amplitude in a joint fit of all amplitudes.
 
     The result is None if the amplitudes are inseparable.
 
     Args:
-        given: columns of the amplitudes, with the model projected out
+        space: columns of the amplitudes, with the model projected out
         inflation: variance inflation n / n_eff
     """
-    ridged = given.H + RIDGE * np.eye(len(given))
-    intervals = _union(SmallSets(given.scale[None], ridged[None], given.gradient[None]), inflation)
+    ridged = space.H + RIDGE * np.eye(len(space))
+    intervals = _union(SmallSets(space.scale[None], ridged[None], space.gradient[None]), inflation)
     return None if intervals is None else [(low, high) for low, high in intervals.tolist()]
 
 

@@ -99,13 +99,13 @@ def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float |
         score: score of the effect in this test
         sizes: minimum detectable sizes of its amplitudes, see `detectable`
     """
-    given, excluded = test.projected(score.columns), list[Exclusion]()
+    space, excluded = test.projected(score.columns), list[Exclusion]()
     for i, column in enumerate(score.columns):
         parameter = test.free[column].name
         size = sizes.get(parameter)
         if not size:
             continue
-        estimate = float(given.gradient[i] / given.H[i, i] * given.scale[i])
+        estimate = float(space.gradient[i] / space.H[i, i] * space.scale[i])
         confidence = NormalDist().cdf(SIGMAS * (1 - abs(estimate) / size))
         excluded.append(
             Exclusion(
@@ -148,5 +148,5 @@ def _typical(effect: str, parameter: EffectParameter, limits: Array | None) -> f
 
 @cache
 def _laboratory_limits() -> Array:
-    """Return the (SIZE,) maximum sizes on the laboratory rig, to which typical sizes refer."""
+    """Return the (SIZE,) maximum sizes on the rig for which the library states typical sizes."""
     return prior_of(load_rig("paper")).limits

@@ -62,8 +62,8 @@ def stride_ratio(values: Array, floor: float) -> float:
     neighbours, rad. The limit is needed because the reading of a coarse encoder repeats between counts while the rod is
     slow.
     """
-    near, far = spread(sixth(values)), min(spread(sixth(values[k:], 3)) for k in range(3))
-    return far / max(near, floor) if near > 0 else 1.0
+    adjacent, distant = spread(sixth(values)), min(spread(sixth(values[k:], 3)) for k in range(3))
+    return distant / max(adjacent, floor) if adjacent > 0 else 1.0
 
 
 def noise_by_speed(

@@ -345,7 +345,7 @@ def _arm_moves(run: Run) -> bool | None:
     swing = run.swing.theta[:, 0]
     if run.arm_read is False or (run.counts is None and np.ptp(swing) == 0.0):
         return None
-    away = swing - swing.mean()
-    power = float(np.mean(away**2))
-    alike = float(np.mean(away[1:] * away[:-1]))
-    return bool(power > 0.0 and alike > THINNING.arm_moves / np.sqrt(len(away)) * power)
+    deviation = swing - swing.mean()
+    power = float(np.mean(deviation**2))
+    covariance = float(np.mean(deviation[1:] * deviation[:-1]))
+    return bool(power > 0.0 and covariance > THINNING.arm_moves / np.sqrt(len(deviation)) * power)

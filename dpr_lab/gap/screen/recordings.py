@@ -297,17 +297,17 @@ def _initial_states(record: Record, slices: Sequence[slice], relative2: bool) ->
     axes = record.joints.shape[1]
     states = np.empty((len(slices), 2 * axes))
     for size in np.unique(last - first):
-        alike = np.flatnonzero(last - first == size)
-        windows = first[alike, None] + np.arange(size)
-        since_begin = record.t[windows] - begins[alike, None]
+        same_size = np.flatnonzero(last - first == size)
+        windows = first[same_size, None] + np.arange(size)
+        since_begin = record.t[windows] - begins[same_size, None]
         reach = np.abs(since_begin).max(axis=1)
         powers = (since_begin / reach[:, None])[:, :, None] ** np.arange(4)
         across = powers.transpose(0, 2, 1)
         cubic = np.linalg.solve(across @ powers, across @ record.joints[windows])
         angles, speeds = cubic[:, 0], cubic[:, 1] / reach[:, None]
-        states[alike, :2], states[alike, 2:4] = angles[:, :2], speeds[:, :2]
+        states[same_size, :2], states[same_size, 2:4] = angles[:, :2], speeds[:, :2]
         if axes > 2:
-            states[alike, 4], states[alike, 5] = angles[:, 2], speeds[:, 2]
+            states[same_size, 4], states[same_size, 5] = angles[:, 2], speeds[:, 2]
     states[:, [1, 3]] += float(relative2) * states[:, [0, 2]]
     if len(record.run.rest):
         arm = [record.run.rest[:, 0].mean(), 0.0] if axes > 2 else []
@@ -345,6 +345,6 @@ def _near(record: Record, starts: Integers, begins: Array) -> tuple[Integers, In
     first, last = (np.searchsorted(record.t, edges[side]) for side in (part, part + 1))
     i = np.maximum(first, np.searchsorted(record.t, begins - GUESS.near_s, side="right"))
     j = np.minimum(last, np.searchsorted(record.t, begins + GUESS.near_s))
-    few = j - i < GUESS.fewest
-    i = np.where(few, np.maximum(first, starts - GUESS.before), i)
-    return i, np.where(few, np.minimum(last, starts + GUESS.fewest), j)
+    sparse = j - i < GUESS.fewest
+    i = np.where(sparse, np.maximum(first, starts - GUESS.before), i)
+    return i, np.where(sparse, np.minimum(last, starts + GUESS.fewest), j)

@@ -68,7 +68,7 @@ def equivalent_length(whole: Array, setup: Setup, rig: Rig) -> float:
 def _contradiction(record: Record, rig: Rig, ratios: Array) -> str:
     """Describe how the time stamps of a single-rod recording contradict gravity.
 
-    The text is empty if they do not.
+    The text is empty without a contradiction.
     """
     setup = record.run.setup
     swings = are_pieces([record.run.name]) or shows_a_period(record.run.swing.theta[:, 1:])

@@ -61,7 +61,7 @@ def worse_free_run(
         end = before[name].followed_s(WORSE.followed_rad) if name in before else 0.0
         if end >= WORSE.followed_s:
             errors = [runs[name].until(end).squares for runs in (before, after, noise)]
-            squares.append([float(np.mean(np.where(np.isfinite(of), of, np.pi**2))) for of in errors])
+            squares.append([float(np.mean(np.where(np.isfinite(error), error, np.pi**2))) for error in errors])
             ends.append(end)
     if not ends:
         return None

@@ -126,6 +126,6 @@ def under_torque(problem: Problem, reference: Trajectory, joint: int, torque: Ar
     `torque` contains the torques (n, k), N m.
     """
     zeros = np.zeros_like(torque)
-    on = {0: [torque, zeros], 1: [-torque, torque]}.get(joint, [zeros, zeros])
-    torques = [*on, torque if joint in (2, ARM) else zeros][: problem.axes]
+    on_rods = {0: [torque, zeros], 1: [-torque, torque]}.get(joint, [zeros, zeros])
+    torques = [*on_rods, torque if joint in (2, ARM) else zeros][: problem.axes]
     return reference.response(problem, np.stack(torques, axis=1))

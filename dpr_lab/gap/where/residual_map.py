@@ -73,7 +73,10 @@ class ResidualMap:
 
 
 def residual_map(linear: Linearisation, fitted: Sequence[int], columns: Array, knots: Array) -> ResidualMap:
-    """Fit a map by the columns (segments, m, k) of its hat functions; a function without influence is omitted."""
+    """Fit a residual map to the columns (segments, m, k) of its hat functions.
+
+    Hat functions without influence on the readings are omitted.
+    """
     visited = np.any(columns != 0.0, axis=(0, 1))
     columns = columns[:, :, visited]
     alone, space = ColumnSpace.of(columns, linear.e).H, beyond_fit(linear, fitted, columns)

@@ -178,10 +178,10 @@ class FittedSets:
 
     def _from_short_segments(self, model: Hypothesis, score: Score, settings: GaussNewton) -> Hypothesis:
         """Fit one additional effect first to short segments, which converges even if the effect is large."""
-        short = self.on_short()
-        start = shaped(model, score).changed(initial=short.bare.estimate.initial)
-        near = descend(short.problem, start, score.free, iterations=EFFORT.short, settings=PRELIMINARY).estimate
-        states = carried(short.problem.segments, near.initial, self.problem.segments, model.estimate.initial)
+        short_sets = self.on_short()
+        start = shaped(model, score).changed(initial=short_sets.bare.estimate.initial)
+        near = descend(short_sets.problem, start, score.free, iterations=EFFORT.short, settings=PRELIMINARY).estimate
+        states = carried(short_sets.problem.segments, near.initial, self.problem.segments, model.estimate.initial)
         names = (*model.effects, score.effect.name)
         return refit(self.problem, near.changed(initial=states), names, EFFORT.short, settings=settings)
 

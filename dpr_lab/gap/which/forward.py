@@ -213,7 +213,7 @@ def _doubts(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], mo
 
 
 def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
-    """Return the next best sets, close in excess to the best, that are not other forms of it."""
+    """Return the next best sets of similar excess, except simpler or richer forms of the best set."""
     separate = [model for model in others if not _are_forms(sets, model, best)]
     return [model for model in separate[: BEAM.sets - 1] if model.bounded_excess < BEAM.worse * best.bounded_excess]
 

@@ -17,12 +17,12 @@ from dpr_lab.gap.which.search import Decision, Move, Proposal
 def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     """Accept a replacement that explains as much as the set, within the margin for forms."""
     model, margin = proposal.model, form_indifference(sets.bare, current)
-    alike = (
+    explains_as_much = (
         model.at_noise_floor
         if current.at_noise_floor
         else model.bounded_excess < THRESHOLDS.excess_factor * current.bounded_excess
     )
-    if alike and model.cost - current.cost < margin:
+    if explains_as_much and model.cost - current.cost < margin:
         return Decision(True, f"the criterion grows by less than {margin:.3g}")
     return Decision(False, "explains less")
 
@@ -191,8 +191,8 @@ def _similar(test: ScoreTest, name: str) -> Iterator[Score]:
     if (named := test.of(name)) is not None:
         for score in test.ranking:
             nearly = EFFORT.nearly_universal if score.effect.universal else EFFORT.nearly
-            alike = score.gain > nearly * named.gain and test.cosine(named, score) > nearly
-            if alike and score.effect.name != name:
+            similar = score.gain > nearly * named.gain and test.cosine(named, score) > nearly
+            if similar and score.effect.name != name:
                 yield score
 
 

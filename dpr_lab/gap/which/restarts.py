@@ -29,11 +29,11 @@ def _escaped(sets: FittedSets, model: Hypothesis) -> Hypothesis:
         model = _in_best_order(sets, model)
         model = _better(sets, without_outstanding(sets.problem, model.fit, settings=PRELIMINARY), model)
     if not model.at_noise_floor and model.effects and not sets.is_short:
-        short = sets.on_short()
-        start = model.estimate.changed(initial=short.bare.estimate.initial)
-        near = fit(short.problem, start, model.fit.free, iterations=EFFORT.rough, settings=PRELIMINARY)
-        long = _lengthened(sets, near, model.estimate.initial, iterations=EFFORT.fine)
-        model = _better(sets, without_outstanding(sets.problem, long, settings=beating(model)), model)
+        short_sets = sets.on_short()
+        start = model.estimate.changed(initial=short_sets.bare.estimate.initial)
+        near = fit(short_sets.problem, start, model.fit.free, iterations=EFFORT.rough, settings=PRELIMINARY)
+        lengthened = _lengthened(sets, near, model.estimate.initial, iterations=EFFORT.fine)
+        model = _better(sets, without_outstanding(sets.problem, lengthened, settings=beating(model)), model)
     return model
 
 
@@ -48,8 +48,8 @@ def _lengthened(sets: FittedSets, near: Fit, initial: Array, iterations: int) ->
 
     Missing initial states are taken from `initial`.
     """
-    short = sets.on_short().problem.segments
-    initial_states = carried(short, near.estimate.initial, sets.problem.segments, initial)
+    short_segments = sets.on_short().problem.segments
+    initial_states = carried(short_segments, near.estimate.initial, sets.problem.segments, initial)
     start = near.estimate.changed(initial=initial_states)
     return fit(sets.problem, start, near.free, iterations=iterations, settings=PRELIMINARY)
 
@@ -104,12 +104,12 @@ def replaced(sets: FittedSets, model: Hypothesis, effect: str, other: str) -> Hy
     score = sets.score(smaller, other)
     if score is None:
         return None
-    result = sets.with_one(smaller, score)
-    if result.fit.chi2 > EFFORT.nowhere * smaller.fit.chi2:
-        result = sets.keep(_handed_over(sets, model, effect, other))
-    if model.at_noise_floor and not result.at_noise_floor:
+    candidate = sets.with_one(smaller, score)
+    if candidate.fit.chi2 > EFFORT.nowhere * smaller.fit.chi2:
+        candidate = sets.keep(_handed_over(sets, model, effect, other))
+    if model.at_noise_floor and not candidate.at_noise_floor:
         return imaged(sets, model, effect, score)
-    return result
+    return candidate
 
 
 def _handed_over(sets: FittedSets, model: Hypothesis, effect: str, other: str) -> Hypothesis:

@@ -340,7 +340,11 @@ def _time_scale(kinetic: Array, potential: Array, losses: Array) -> float:
     """
     line = np.column_stack([np.vander(np.linspace(-1, 1, len(kinetic)), 2), losses.T])
     size = np.maximum(np.abs(line).max(axis=0), np.finfo(float).tiny)
-    k, v = (x - line / size @ np.linalg.lstsq(line / size, x, rcond=None)[0] for x in (kinetic, potential))
-    exchanged = -float(k @ v)
-    alike = exchanged > ENERGY.exchanged * float(np.sqrt((k @ k) * (v @ v)))
-    return float(np.sqrt((k @ k) / exchanged)) if alike else np.nan
+    kinetic_part, potential_part = (
+        x - line / size @ np.linalg.lstsq(line / size, x, rcond=None)[0] for x in (kinetic, potential)
+    )
+    exchanged = -float(kinetic_part @ potential_part)
+    correlated = exchanged > ENERGY.exchanged * float(
+        np.sqrt((kinetic_part @ kinetic_part) * (potential_part @ potential_part))
+    )
+    return float(np.sqrt((kinetic_part @ kinetic_part) / exchanged)) if correlated else np.nan

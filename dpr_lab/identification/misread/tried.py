@@ -217,8 +217,8 @@ def _larger_noise(reading: Misreading, runs: Sequence[Run], rig: Rig) -> float:
     for run in runs:
         other = reading.read(run)
         if other is not None and reading.time_factor == 1.0:
-            given, changed = _noise_of_swing(run, rig), _noise_of_swing(other, rig)
-            factors.append(changed / given if given > 0.0 else 1.0)
+            ratio, changed = _noise_of_swing(run, rig), _noise_of_swing(other, rig)
+            factors.append(changed / ratio if ratio > 0.0 else 1.0)
     return max(factors)
 
 
@@ -349,13 +349,13 @@ def _otherwise(
         read = [reading.read(run) for run in runs]
         if all(run_read is None for run_read in read):
             continue
-        alike, factor = [run_read or run for run_read, run in zip(read, runs, strict=True)], reading.time_factor
+        reinterpreted, factor = [run_read or run for run_read, run in zip(read, runs, strict=True)], reading.time_factor
         worst = limit / max(factor, 1.0) ** 4
         try:
-            other = fitted(alike, rig, quick=True, worst=worst, time_factor=factor)
+            other = fitted(reinterpreted, rig, quick=True, worst=worst, time_factor=factor)
         except RunError:  # without motion or samples in this interpretation
             continue
-        if other is not None and other.chi2_per_dof < worst and not impossible_fit(other, alike, rig):
+        if other is not None and other.chi2_per_dof < worst and not impossible_fit(other, reinterpreted, rig):
             yield reading, other
 
 
@@ -379,8 +379,8 @@ def _slowness(run: Run, rig: Rig) -> float:
     middle of the range. A motion within a tenth of the range around its middle is not a passage.
     """
     angle, t = run.swing.theta[:, 1], run.swing.t
-    away = (angle - 0.5 * (angle.max() + angle.min())) / max(float(np.ptp(angle)), 1e-12)
-    sides = np.sign(away[np.abs(away) > 0.05])
+    deviation = (angle - 0.5 * (angle.max() + angle.min())) / max(float(np.ptp(angle)), 1e-12)
+    sides = np.sign(deviation[np.abs(deviation) > 0.05])
     passages = np.count_nonzero(np.diff(sides))
     slowness = float(np.ptp(t)) / max(passages, 1) / (np.pi * np.sqrt(rig.L1 / rig.g))
     return float(np.clip(slowness, 1.0, 8.0)) if slowness > SETTINGS.slow else 1.0

@@ -132,8 +132,8 @@ def stop_sentence(run: Run, rig: Rig) -> str:
     for end, angle, contacts in stops(run.t, run.theta[:, 0]):
         often = f"{len(contacts)} times" if len(contacts) > 1 else "and stays there"
         return (
-            f"{name}: the arm hits a stop at theta0 = {angle:.3g} rad, its {end} angle, {often}: its speed changes"
-            f" abruptly there, first at {contacts[0]:.2f} s. {_without_stop(contacts[0])}"
+            f"{name}: the arm hits a stop at theta0 = {angle:.3g} rad, its {end} angle, {often}, first at"
+            f" {contacts[0]:.2f} s: the speed of the arm changes abruptly there. {_without_stop(contacts[0])}"
         )
     if soft := soft_stop(run, rig):
         return (

@@ -74,9 +74,9 @@ def _range(name: str, problem: ArmProblem, rng: np.random.Generator) -> tuple[fl
     if name == "gain":
         gain = start or nominal_gain(rig) / unknowns.scale_value or 1.0
         return gain / ARM_SEARCH.wide, gain * ARM_SEARCH.wide
-    given: Parameter | None = getattr(rig.arm, name, None)
-    if given is not None and given.lower is not None and given.upper is not None:
-        return _positive(given.lower / float(drawn[:, 1].max()), given.upper / float(drawn[:, 1].min()))
+    parameter: Parameter | None = getattr(rig.arm, name, None)
+    if parameter is not None and parameter.lower is not None and parameter.upper is not None:
+        return _positive(parameter.lower / float(drawn[:, 1].max()), parameter.upper / float(drawn[:, 1].min()))
     return _positive(start / ARM_SEARCH.wide, start * ARM_SEARCH.wide)
 
 

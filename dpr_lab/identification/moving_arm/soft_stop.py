@@ -95,12 +95,12 @@ def soft_stop(run: Run, rig: Rig) -> ArmStop | None:
     terms = _terms(motion, run, rig.rods.number)
     basis = np.linalg.qr(terms / np.maximum(np.linalg.norm(terms, axis=0), 1e-300))[0]
     angle, alpha = motion.rods[:, 0], motion.alpha[:, 0]
-    rest = alpha - basis @ (basis.T @ alpha)
-    best = max(_pairs(_trials(angle, basis)), key=lambda pair: _reduction(pair, rest), default=())
-    reduction = _reduction(best, rest)
-    if not best or reduction < max(SOFT_STOP.better, SOFT_STOP.separated * _smooth_reduction(angle, basis, rest)):
+    residual = alpha - basis @ (basis.T @ alpha)
+    best = max(_pairs(_trials(angle, basis)), key=lambda pair: _reduction(pair, residual), default=())
+    reduction = _reduction(best, residual)
+    if not best or reduction < max(SOFT_STOP.better, SOFT_STOP.separated * _smooth_reduction(angle, basis, residual)):
         return None
-    stop = max(best, key=lambda trial: _reduction((trial,), rest))
+    stop = max(best, key=lambda trial: _reduction((trial,), residual))
     entered = np.flatnonzero(np.diff(stop.beyond.astype(int), prepend=0) == 1)
     if len(entered) < (1 if reduction > SOFT_STOP.certain else SOFT_STOP.contacts):
         return None
@@ -148,7 +148,7 @@ def _pairs(trials: tuple[list[_Trial], list[_Trial]]) -> list[tuple[_Trial, ...]
     return [*((trial,) for trial in (*largest, *smallest)), *product(largest, smallest)]
 
 
-def _smooth_reduction(angle: Array, basis: Array, rest: Array) -> float:
+def _smooth_reduction(angle: Array, basis: Array, residual: Array) -> float:
     """Compute the factor by which a smooth torque on the arm reduces the sum of squares of a residual.
 
     The torque is K2 q^2 + K3 q^3 with fitted K2 and K3. q is the deviation of the angle from its mean, divided by the
@@ -157,18 +157,18 @@ def _smooth_reduction(angle: Array, basis: Array, rest: Array) -> float:
     Args:
         angle: (k,) angle of the arm, rad
         basis: (k, n) orthonormal basis of the other terms of the equation, which is projected out
-        rest: (k,) residual
+        residual: (k,) residual
     """
     relative = (angle - angle.mean()) / np.ptp(angle)
     columns = np.column_stack([relative**2, relative**3])
     columns -= basis @ (basis.T @ columns)
-    remainder = rest - columns @ np.linalg.lstsq(columns, rest, rcond=None)[0]
-    total = float(rest @ rest)
+    remainder = residual - columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]
+    total = float(residual @ residual)
     return total / max(float(remainder @ remainder), 1e-12 * total, 1e-300)
 
 
-def _reduction(stops: tuple[_Trial, ...], rest: Array) -> float:
-    """Compute by which factor stops reduce the residual `rest` (k,).
+def _reduction(stops: tuple[_Trial, ...], residual: Array) -> float:
+    """Compute by which factor stops reduce the residual `residual` (k,).
 
     The factor is 1 if a stop would push outwards.
     """
@@ -176,8 +176,8 @@ def _reduction(stops: tuple[_Trial, ...], rest: Array) -> float:
         return 1.0
     columns = np.column_stack([stop.column for stop in stops])
     products = columns.T @ columns
-    stiffness = np.linalg.lstsq(products, columns.T @ rest, rcond=None)[0]
+    stiffness = np.linalg.lstsq(products, columns.T @ residual, rcond=None)[0]
     if not (stiffness > 0).all():
         return 1.0
-    total = float(rest @ rest)
+    total = float(residual @ residual)
     return total / max(total - float(stiffness @ products @ stiffness), 1e-12 * total, 1e-300)

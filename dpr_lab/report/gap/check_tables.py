@@ -37,10 +37,10 @@ def how_to_record(diagnosis: Diagnosis, file: str) -> str:
         file: file of the diagnosis
     """
     options: list[str] = []
-    for kind, its in CHECK_KINDS.items():
+    for kind, kinds in CHECK_KINDS.items():
         forms: dict[str, list[str]] = {}
         for check in (check for check in diagnosis.checks if check.kind == kind):
-            forms.setdefault(its.form(check), []).append(check.id)
+            forms.setdefault(kinds.form(check), []).append(check.id)
         options += [f"{form} ({f'check {listed(ids)}' if len(forms) > 1 else kind})" for form, ids in forms.items()]
     return f"To record the result: dpr-lab check {in_command(file)} CHECK, followed by {' or '.join(options)}."
 

@@ -21,17 +21,17 @@ from dpr_lab.report.words import in_words
 
 FIGURES = {
     "where": (
-        "Line charts of torque or encoder error over joint angle, speed, time or load.",
+        "Line charts of torque or encoder error against joint angle, speed, time or load.",
         "Torque or encoder error that would explain the gap, with 90 % intervals. Effects of the ratios and of the"
-        " initial states are projected out, for example a straight line of a torque over speed (viscous friction).",
+        " initial states are projected out, for example a straight line of a torque against speed (viscous friction).",
     ),
     "waterfall": (
         "Bar chart of the gap after each effect is added.",
         "Gap (rms above the noise) after each added effect, the largest contribution first.",
     ),
     "gap_horizon": (
-        "Line chart of the gap of the bare and of the corrected model over the segment length.",
-        "Gap (rms above the noise) over the length of segments with free initial states.",
+        "Line chart of the gap of the bare and of the corrected model against the segment length.",
+        "Gap (rms above the noise) against the length of segments with free initial states.",
     ),
 }
 

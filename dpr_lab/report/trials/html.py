@@ -20,7 +20,7 @@ FIGURES = {
         " effect was named. Shade: share of the row.",
     ),
     "reliability": (
-        "Line chart of the observed frequency over the stated probability; the table contains its values.",
+        "Line chart of the observed frequency against the stated probability; the table contains its values.",
         "Share of correct claims among the claims with a stated probability. Dotted line: perfect calibration.",
     ),
 }

@@ -109,11 +109,11 @@ def table_of(path: Path, kind: str, arrays: Mapping[str, NDArray], take: Sequenc
     Raises:
         RunError: there is no array of numbers, no array with a requested name, or too many numbers.
     """
-    wanted = _wanted(path, arrays, take)
-    columns = dict(_columns(wanted))
+    selected = _wanted(path, arrays, take)
+    columns = dict(_columns(selected))
     if not columns:
-        held = ", ".join(f"{printable(name)} {_shape(array)}" for name, array in arrays.items()) or "nothing"
-        raise RunError(f"{path}: contains no columns of numbers; it contains: {held[:500]}")
+        contents = ", ".join(f"{printable(name)} {_shape(array)}" for name, array in arrays.items()) or "nothing"
+        raise RunError(f"{path}: contains no columns of numbers; it contains: {contents[:500]}")
     refuse_large(path, sum(map(len, columns.values())))
     last = Counter(name.rsplit("/", 1)[-1] for name in columns)
     short = {name: name if last[name.rsplit("/", 1)[-1]] > 1 else name.rsplit("/", 1)[-1] for name in columns}
@@ -136,11 +136,11 @@ def _wanted(path: Path, arrays: Mapping[str, NDArray], take: Sequence[str]) -> M
         if not any(_within(other, name) for other in arrays):
             available = ", ".join(map(printable, arrays))
             raise RunError(f"{path}: contains nothing named {name!r}; it contains: {available[:500] or 'none'}")
-    return {name: a for name, a in arrays.items() if not take or any(_within(name, wanted) for wanted in take)}
+    return {name: a for name, a in arrays.items() if not take or any(_within(name, selected) for selected in take)}
 
 
-def _within(name: str, wanted: str) -> bool:
-    return name == wanted or name.startswith(f"{wanted}/")
+def _within(name: str, group: str) -> bool:
+    return name == group or name.startswith(f"{group}/")
 
 
 def _columns(arrays: Mapping[str, NDArray]) -> Iterator[tuple[str, NDArray]]:

@@ -213,8 +213,8 @@ def _expanded(chunk: Chunk) -> Chunk:
     if chunk.compression == "lz4":
         import lz4.frame
 
-        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
-        return replace(chunk, compression="", data=data)
+        expanded = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+        return replace(chunk, compression="", data=expanded)
     return chunk
 
 
@@ -234,5 +234,5 @@ def _sqlite_messages(path: Path) -> Iterator[Stamped]:
             "SELECT name, timestamp, data FROM messages JOIN topics ON topics.id = topic_id"
             " WHERE topics.type = ? AND serialization_format = ? ORDER BY timestamp"
         )
-        for name, stamp, data in bag.execute(query, kinds):
-            yield str(name), int(stamp), bytes(data)
+        for name, stamp, message in bag.execute(query, kinds):
+            yield str(name), int(stamp), bytes(message)

@@ -85,12 +85,15 @@ def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:
             f"{path}: the rod of {axis} changes its length by {percent(scatter / length)}: these points"
             f" are not its ends; select them with --take {WANTED}"
         )
-    away = np.clip(lengths - length, -LENGTHS.wild * scatter, LENGTHS.wild * scatter)
-    by_pose = _by_pose(rods, away)
-    away -= by_pose
+    deviation = np.clip(lengths - length, -LENGTHS.wild * scatter, LENGTHS.wild * scatter)
+    by_pose = _by_pose(rods, deviation)
+    deviation -= by_pose
     off = np.abs(lengths - length - by_pose)
-    scatter, varies = float(median_abs_deviation(away[np.isfinite(away)], scale=ndtri(0.75))), float(np.ptp(by_pose))
-    alike = _autocorrelation(away)
+    scatter, varies = (
+        float(median_abs_deviation(deviation[np.isfinite(deviation)], scale=ndtri(0.75))),
+        float(np.ptp(by_pose)),
+    )
+    alike = _autocorrelation(deviation)
     significant = alike > LENGTHS.correlated / np.sqrt(len(valid))
     correlation = min(alike, LENGTHS.most_alike) if significant else 0.0
     wrong = off > max(LENGTHS.wrong[0] * scatter, LENGTHS.wrong[1] * length)
@@ -116,8 +119,8 @@ def _by_pose(rods: Sequence[Array], lengths: Array) -> Array:
     A[~np.isfinite(A).all(axis=1)] = 0.0
     valid = A.any(axis=1) & np.isfinite(lengths)
     by_pose = A @ np.linalg.lstsq(A[valid], lengths[valid], rcond=1e-6)[0]
-    alike = max(_autocorrelation(lengths - by_pose), 0.0)
-    independent, unknowns = valid.sum() * (1 - alike) / (1 + alike), A.shape[1]
+    correlation = max(_autocorrelation(lengths - by_pose), 0.0)
+    independent, unknowns = valid.sum() * (1 - correlation) / (1 + correlation), A.shape[1]
     if independent < LENGTHS.frames_per_unknown * unknowns:
         return np.zeros(len(lengths))
     explained, left = np.var(by_pose[valid]), np.var(lengths[valid] - by_pose[valid])

@@ -183,13 +183,13 @@ def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[s
     return replace(options, arm=mode, inner=inner)
 
 
-def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path: object) -> tuple[str, float]:
+def find_input(names: Sequence[str], motor: MotorTable, stated: str | None, path: object) -> tuple[str, float]:
     """Find the column of a driven arm's input, and its factor to SI units.
 
     Args:
         names: names of the columns
         motor: kind of the input
-        given: name of the column, if stated
+        stated: name of the column, if stated
         path: path of the table
 
     Raises:
@@ -197,9 +197,9 @@ def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path:
     """
     units = _UNITS[motor.input]
     matches = _columns_of(motor.input, names)
-    if given is not None and given not in names:
-        raise RunError(f"{path}: no column is named {given!r} (input); the table has: {listed(names)}")
-    chosen = list(matches or _matching(_UNNAMED, names)) if given is None else [given]
+    if stated is not None and stated not in names:
+        raise RunError(f"{path}: no column is named {stated!r} (input); the table has: {listed(names)}")
+    chosen = list(matches or _matching(_UNNAMED, names)) if stated is None else [stated]
     if len(chosen) != 1:
         which = f"could be any of {', '.join(chosen)}" if chosen else "was not found"
         raise RunError(

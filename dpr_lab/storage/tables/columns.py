@@ -50,8 +50,8 @@ _ONE_ROD = re.compile(
 _PLACE = re.compile("pos(ition)?([cm]?m)?")
 """Pattern of a position: the position of a cart if another column is an angle, otherwise the angle of the rod."""
 _COORDINATE = re.compile(r"\W*[xy][\W_]*([cm]?m|px|pixels?)?\W*|.*[\W_][xy][\W_]*([cm]?m|px|pixels?)\W*", re.I)
-_SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
-_SAID_UNIT = re.compile(
+_TIME_UNIT_IN_NAME = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
+_UNIT_IN_NAME = re.compile(
     r"((?<![a-z])rad|(?<![a-z])counts|(?<!m)(?<!milli)deg)(ians|rees|r[eé]s)?(?![a-z])|[°º˚]|gra(us|dos|di|den|d)(?![a-z])"
 )
 _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
@@ -152,35 +152,37 @@ def _angles(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
 
 
 def stated_columns(table: Table, options: ImportOptions, one_rod: bool) -> tuple[Table, dict[str, str], ImportOptions]:
-    """Return a table, its stated columns of time and angles, and the options with the names of all stated columns.
+    """Resolve the columns that the options state.
 
-    A missing rod gets a constant angle.
+    Returns:
+        the table, with a constant angle for a missing rod; the stated columns of time and angles; the options with
+        column names instead of numbers
     """
     table, columns = numbered(table, options.columns)
-    given = {quantity: name for quantity, name in columns.items() if quantity in ("t", *AXES)}
-    refuse_long_form(table, given)
+    stated = {quantity: name for quantity, name in columns.items() if quantity in ("t", *AXES)}
+    refuse_long_form(table, stated)
     if one_rod:
-        table, given = with_still_joint2(table, given, options.rate_hz is None)
-    return table, given, replace(options, columns=columns)
+        table, stated = with_still_joint2(table, stated, options.rate_hz is None)
+    return table, stated, replace(options, columns=columns)
 
 
-def find_columns(table: Table, given: Mapping[str, str], options: ImportOptions) -> Columns:
+def find_columns(table: Table, stated: Mapping[str, str], options: ImportOptions) -> Columns:
     """Find the columns of time and angles by options, by names, or by position.
 
     Args:
         table: the table
-        given: stated column names of t, theta0, theta1 and theta2
+        stated: stated column names of t, theta0, theta1 and theta2
         options: units, scales and sample rate; a unit of None stands for the unit in the column names, or for rad or s
 
     Raises:
         RunError: a column is missing, is used twice, has another length, or states a unit other than the given one.
     """
     names = [*table.names, *table.other_lengths]
-    unit = options.unit or ("counts" if _is_counted(table, given.get("theta1", "")) else _said_unit(names, given))
-    time_unit = options.time_unit or _said_time_unit(names, given)
-    named, notes = guess_columns(names, unit, time_unit) | dict(given), ()
-    named = {quantity: name for quantity, name in named.items() if quantity in given or name not in given.values()}
-    if joints := _of_joint_states(names, given):
+    unit = options.unit or ("counts" if _is_counted(table, stated.get("theta1", "")) else _unit_in_names(names, stated))
+    time_unit = options.time_unit or _time_unit_in_names(names, stated)
+    named, notes = guess_columns(names, unit, time_unit) | dict(stated), ()
+    named = {quantity: name for quantity, name in named.items() if quantity in stated or name not in stated.values()}
+    if joints := _of_joint_states(names, stated):
         named = {quantity: name for quantity, name in named.items() if name not in joints.values()} | joints
         notes = (f"columns {', '.join(joints.values())} are interpreted as {', '.join(joints)}",)
     elif not {"theta1", "theta2"} & set(named):
@@ -189,13 +191,13 @@ def find_columns(table: Table, given: Mapping[str, str], options: ImportOptions)
         named |= by_place
     if options.rate_hz is not None:
         named.pop("t", None)
-    _refuse(table, named, given, options.rate_hz is None)
+    _refuse(table, named, stated, options.rate_hz is None)
     _check_units(table, named, unit, time_unit)
     refuse_scaled_units(table, named, options)
     return Columns(named, unit, time_unit, notes)
 
 
-def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tuple[Table, dict[str, str]]:
+def with_still_joint2(table: Table, stated: Mapping[str, str], timed: bool) -> tuple[Table, dict[str, str]]:
     """Add a constant column for the missing joint 2 to a table of one rod.
 
     The result is the table and the column names of its quantities. The name of the rod's column may lack a number. If
@@ -203,28 +205,28 @@ def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tu
     count as a second rod, because it may be another recording.
     """
     guessed = [guess_columns(table.names, unit) for unit in ("rad", "counts")]
-    if "theta2" in given or ("theta1" not in given and any("theta2" in guess for guess in guessed)):
-        return table, dict(given)
-    clock = _clock(table, given) if timed else {}
-    given, notes = clock | dict(given), table.notes
-    given |= {} if {"theta0", "theta1"} & set(given) else _on_arm(table.names)
+    if "theta2" in stated or ("theta1" not in stated and any("theta2" in guess for guess in guessed)):
+        return table, dict(stated)
+    clock = _clock(table, stated) if timed else {}
+    stated, notes = clock | dict(stated), table.notes
+    stated |= {} if {"theta0", "theta1"} & set(stated) else _on_arm(table.names)
     alone = _angles(table.names, [_ONE_ROD.pattern, f"({_ONE_ROD.pattern})unwrapped"])
     moving = {name for name, column in table.columns if varies(column)}
     places = {name for name in alone if _PLACE.fullmatch(bare(name))}
     letters = {name for name in alone if len(bare(name)) == 1}  # a single letter such as `Q` may denote an input
     for unlikely in (places, set(alone) - moving, letters):
         alone = [name for name in alone if name not in unlikely] or alone
-    if "theta1" not in given and not any("theta1" in guess for guess in guessed):
+    if "theta1" not in stated and not any("theta1" in guess for guess in guessed):
         if len(alone) != 1:
-            alone = _only_varying(table, given)
+            alone = _only_varying(table, stated)
             reason = "because no other column that varies can be an angle"
             if any(map(str.isdecimal, alone)):
                 reason += ". If it is a distance or a voltage, export the angle, or the x and y of the point"
             notes = (*notes, *(f"interpreted as theta1: {name}, {reason}" for name in alone))
-        given |= dict(zip(("theta1",), alone, strict=False))
+        stated |= dict(zip(("theta1",), alone, strict=False))
     values = (*table.values, np.zeros(len(table.lines)))
     grown = replace(table, names=(*table.names, NO_ROD), values=values, strange=(*table.strange, ""), notes=notes)
-    return grown, {**given, "theta2": NO_ROD}
+    return grown, {**stated, "theta2": NO_ROD}
 
 
 def _on_arm(names: Sequence[str]) -> dict[str, str]:
@@ -234,20 +236,20 @@ def _on_arm(names: Sequence[str]) -> dict[str, str]:
     return {quantity: matches[0] for quantity, matches in named.items()} if single else {}
 
 
-def _clock(table: Table, given: Mapping[str, str]) -> dict[str, str]:
+def _clock(table: Table, stated: Mapping[str, str]) -> dict[str, str]:
     """Find an increasing column that is the time although no name states it.
 
     Only the first column is tested. If the columns have no names, the last column can also be the time.
     """
-    if table.settled or "t" in given or any(map(is_time, table.names)) or counter(table):
+    if table.settled or "t" in stated or any(map(is_time, table.names)) or counter(table):
         return {}
     unnamed = all(_NO_NAME.fullmatch(name) for name in table.names)
     place = -1 if unnamed and not never_falls(table.values[0]) else 0
     name, timelike = table.names[place], (unnamed and not place) or runs(table.values[place])
-    return {"t": name} if timelike and len(table.names) > 1 and name not in given.values() else {}
+    return {"t": name} if timelike and len(table.names) > 1 and name not in stated.values() else {}
 
 
-def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
+def _only_varying(table: Table, stated: Mapping[str, str]) -> list[str]:
     """Find the only column that varies, apart from the time; empty for several.
 
     Raises:
@@ -255,12 +257,12 @@ def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
     """
     if table.settled:
         return []
-    clock = given.get("t", "")
+    clock = stated.get("t", "")
     only_two = bool(clock) and len(table.names) == 2  # the angle of a rod that falls over also increases steadily
     varying = [
         name
         for name, column in table.columns
-        if name not in given.values() and not is_time(name) and not _ERROR.fullmatch(bare(name))
+        if name not in stated.values() and not is_time(name) and not _ERROR.fullmatch(bare(name))
         if (only_two or not runs(column)) and varies(column)
     ]
     varying = [name for name in varying if not names_no_angle(name)] or varying
@@ -274,14 +276,14 @@ def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
     return varying if len(varying) == 1 and not names_no_angle(varying[0]) else []
 
 
-def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], timed: bool) -> None:
+def _refuse(table: Table, named: Mapping[str, str], stated: Mapping[str, str], timed: bool) -> None:
     names = [*table.names, *table.other_lengths]
     named_so = [name for name in names if name not in ("", NO_ROD)]
     available = f"the table has: {listed(named_so[: LIMITS.named])}"
     available += f" and {len(named_so) - LIMITS.named} more" if len(named_so) > LIMITS.named else ""
     unnameable = any("," in name or name.endswith("(without a name)") or names.count(name) > 1 for name in named_so)
     number = "; NAME can be the number of the column" if unnameable else ""
-    for quantity, name in given.items():
+    for quantity, name in stated.items():
         if names.count(name) != 1:
             count = names.count(name) or "no"
             raise RunError(
@@ -329,10 +331,10 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
         )
 
 
-def _said_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
-    angles = guess_columns(names, "rad") | dict(given)
-    stated = [_SAID_UNIT.search(angles[axis].lower()) for axis in AXES if axis in angles]
-    units = {match[1] or "deg" for match in stated if match}
+def _unit_in_names(names: Sequence[str], stated: Mapping[str, str]) -> str:
+    angles = guess_columns(names, "rad") | dict(stated)
+    matches = [_UNIT_IN_NAME.search(angles[axis].lower()) for axis in AXES if axis in angles]
+    units = {match[1] or "deg" for match in matches if match}
     if len(units) == 1:
         return units.pop()
     counted = guess_columns(names, "counts")
@@ -345,10 +347,10 @@ def _is_counted(table: Table, name: str) -> bool:
     return bool(counted) and bool((np.mod(table.values[table.names.index(name)], 1.0) == 0.0).all())
 
 
-def _said_time_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
-    if "t" in given:
-        stated = _SAID_TIME_UNIT.search(given["t"].lower())
-        return stated[1] if stated else "s"
+def _time_unit_in_names(names: Sequence[str], stated: Mapping[str, str]) -> str:
+    if "t" in stated:
+        match = _TIME_UNIT_IN_NAME.search(stated["t"].lower())
+        return match[1] if match else "s"
     return next((unit for unit in TO_SECONDS if "t" in guess_columns(names, time_unit=unit)), "s")
 
 
@@ -365,13 +367,13 @@ def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, s
     return named | dict(zip(AXES[-len(others) :], others, strict=True))
 
 
-def _of_joint_states(names: Sequence[str], given: Mapping[str, str]) -> dict[str, str]:
+def _of_joint_states(names: Sequence[str], stated: Mapping[str, str]) -> dict[str, str]:
     """Assign the columns of a ROS joint state to the axes, in their order.
 
     The columns are assigned to the rods, or to the arm and the rods. Nothing is assigned if the names of the joints
     contain numbers that identify the axes.
     """
-    if {"theta0", "theta1"} & set(given):
+    if {"theta0", "theta1"} & set(stated):
         return {}
     rods = AXES[1:2] if NO_ROD in names else AXES[1:]
     for pattern in _JOINT_STATES:
@@ -385,10 +387,10 @@ def _of_joint_states(names: Sequence[str], given: Mapping[str, str]) -> dict[str
 
 def _check_units(table: Table, named: Mapping[str, str], unit: str, time_unit: str) -> None:
     for quantity, name in named.items():
-        pattern, given = (_SAID_TIME_UNIT, time_unit) if quantity == "t" else (_SAID_UNIT, unit)
-        stated = pattern.search(name.lower())
-        if stated and (stated[1] or "deg") != given:
+        pattern, stated_unit = (_TIME_UNIT_IN_NAME, time_unit) if quantity == "t" else (_UNIT_IN_NAME, unit)
+        match = pattern.search(name.lower())
+        if match and (match[1] or "deg") != stated_unit:
             raise RunError(
-                f"{table.path}: column {name!r} states {stated[0]}, but the given unit is {given}: remove the"
+                f"{table.path}: column {name!r} states {match[0]}, but the given unit is {stated_unit}: remove the"
                 " option, or correct the name in the table"
             )

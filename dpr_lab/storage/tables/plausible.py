@@ -253,10 +253,10 @@ def _leaps(angles: Array, rows: int) -> Flags:
     # Both ends are extended so that the first and last rows can be outliers too.
     x = np.concatenate([angles[rows : rows + 1], angles, angles[-rows - 1 : -rows]])
     jump_there, back = x[1:-rows] - x[: -rows - 1], x[rows + 1 :] - x[rows:-1]
-    away = (np.abs(jump_there) > PLAUSIBLE.jump) & (np.abs(back) > PLAUSIBLE.jump) & (jump_there * back < 0)
-    away &= np.abs(x[rows + 1 :] - x[: -rows - 1]) < PLAUSIBLE.jump
+    implausible = (np.abs(jump_there) > PLAUSIBLE.jump) & (np.abs(back) > PLAUSIBLE.jump) & (jump_there * back < 0)
+    implausible &= np.abs(x[rows + 1 :] - x[: -rows - 1]) < PLAUSIBLE.jump
     leaping = np.zeros(len(angles), dtype=np.bool_)
-    for first in np.flatnonzero(away):
+    for first in np.flatnonzero(implausible):
         leaping[first : first + rows] = True
     others = angles[~leaping]
     if not leaping.any() or not len(others):

@@ -183,26 +183,26 @@ def balanced_readings(read: InterpretedTable) -> list[OtherReading]:
     def balance(values: Values, options: ImportOptions) -> TorqueBalance | None:
         return torque_balance(read.t, read.rods(values, options), read.torques, read.rig)
 
-    given = balance(read.values, read.options)
-    if given is None or (residual := given.residual()) <= READ.balanced:
+    equations = balance(read.values, read.options)
+    if equations is None or (residual := equations.residual()) <= READ.balanced:
         return []
-    tried: list[tuple[float, OtherReading]] = []
-    nearest = given.zeros(nearest=True)
-    balancing = nearest if residual <= READ.near_balance else given.zeros()
+    residuals: list[tuple[float, OtherReading]] = []
+    nearest = equations.zeros(nearest=True)
+    balancing = nearest if residual <= READ.near_balance else equations.zeros()
     zeros = _with_zeros(read, _by_energy(read, balancing))
     for reading in (*other_readings(read), *(() if read.drive else (zeros,))):
         other = None if reading.time_factor != 1 else balance(reading.values, reading.options)
         if other is not None:
-            tried.append((other.residual(), reading))
-    best = min((unbalance for unbalance, _ in tried), default=np.inf)
+            residuals.append((other.residual(), reading))
+    best = min((unbalance for unbalance, _ in residuals), default=np.inf)
     limit = min(READ.sure_balance, residual / READ.better_balance, READ.alike_balance * best)
-    alike = [reading for unbalance, reading in sorted(tried, key=lambda pair: pair[0]) if unbalance <= limit]
-    named = [reading for reading in alike if reading is not zeros] or alike
+    balanced = [reading for unbalance, reading in sorted(residuals, key=lambda pair: pair[0]) if unbalance <= limit]
+    named = [reading for reading in balanced if reading is not zeros] or balanced
     if named:
         return fewest_changes(named)
-    far = np.abs(nearest).max() >= READ.wrong_zero_rad and not read.drive
-    far = far and given.residual(nearest) <= min(READ.sure_balance, residual / READ.better_zero)
-    return [_with_zeros(read, _by_energy(read, nearest))] if far else []
+    wrong_zero = np.abs(nearest).max() >= READ.wrong_zero_rad and not read.drive
+    wrong_zero = wrong_zero and equations.residual(nearest) <= min(READ.sure_balance, residual / READ.better_zero)
+    return [_with_zeros(read, _by_energy(read, nearest))] if wrong_zero else []
 
 
 def _by_energy(read: InterpretedTable, balancing: tuple[float, float]) -> tuple[float, float]:

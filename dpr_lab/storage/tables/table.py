@@ -388,10 +388,10 @@ def own_name(name: str) -> str:
 
     An example is `X` for `VideoAnalysis: X` in a table of Logger Pro.
     """
-    rest = name.partition(": ")[2].strip()
-    if not rest and name.endswith("/position"):  # name in ROS: topic, joint, quantity
+    unit = name.partition(": ")[2].strip()
+    if not unit and name.endswith("/position"):  # name in ROS: topic, joint, quantity
         return "/".join(name.split("/")[-2:])
-    return name if not rest or ONLY_UNIT.fullmatch(rest) else rest
+    return name if not unit or ONLY_UNIT.fullmatch(unit) else unit
 
 
 def bare(name: str) -> str:

@@ -192,8 +192,8 @@ def spread_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
             spread[first:end] = t[first] + gap * places
             moved += rows - 1
     note = (
-        f"{moved} rows have the time of the previous row but other readings, next to a gap: they are spread evenly over"
-        " the gap"
+        f"{moved} rows next to a gap have the time of the previous row but other readings: their times are spread"
+        " evenly over the gap"
     )
     return (spread, note) if moved else (t, "")
 
@@ -257,8 +257,8 @@ def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]
         return t, ""
     first, instant = moved[0]
     return corrected, (
-        f"time stamps on the wrong side of a gap: {len(moved)}. These readings continue the motion on the other side"
-        f" and are moved to that side, the first from {t[first]:.7g} to {instant:.7g} s"
+        f"time stamps on the wrong side of a gap: {len(moved)}. The readings of these rows continue the motion on"
+        f" the other side of the gap, so the rows are moved there, the first from {t[first]:.7g} to {instant:.7g} s"
     )
 
 

@@ -42,7 +42,7 @@ Pairs = Mapping[str, tuple[str, str]]
 
 
 def find_torques(
-    names: Sequence[str], source: str | None, given: Mapping[str, str], path: object, *, alone: bool = False
+    names: Sequence[str], source: str | None, stated: Mapping[str, str], path: object, *, alone: bool = False
 ) -> Pairs:
     """Find the torque columns of both joints; a free swing has an empty mapping.
 
@@ -52,7 +52,7 @@ def find_torques(
     Args:
         names: names of the columns
         source: `measured` or `commanded`, if only this kind is requested; `none` for no torques; None for all
-        given: stated names of the columns of `tau1` and `tau2`
+        stated: stated names of the columns of `tau1` and `tau2`
         path: path of the table
         alone: whether there is only joint 1, whose torque then needs no number
 
@@ -62,35 +62,35 @@ def find_torques(
     """
     if source == "none":
         return {}
-    if stated := {joint: given[joint] for joint in JOINTS if joint in given}:
-        return _stated(names, source, stated, path)
+    if named := {joint: stated[joint] for joint in JOINTS if joint in stated}:
+        return _stated(names, source, named, path)
     matches = {name: match for name in names if (match := _named(name))}
     numbered = {name: match for name, match in matches.items() if match[2]}
     matches = matches if alone and not numbered else numbered
     kinds = {name: KIND_WORDS.get(match[1] or match[3] or "", "") for name, match in matches.items()}
     others = [kind for kind in KINDS if kind not in kinds.values()]
-    unsaid = (source if len(others) == 2 else others[0] if others else None) or ""
+    other_kind = (source if len(others) == 2 else others[0] if others else None) or ""
     by_kind: dict[str, dict[str, str]] = {kind: {} for kind in ("", *KINDS)}
     driven = {name: match[2] or "1" for name, match in matches.items()}
     for name, joint in driven.items():
-        of_kind = by_kind[kinds[name] or unsaid]
+        of_kind = by_kind[kinds[name] or other_kind]
         if joint in of_kind:
             raise RunError(
                 f"{path}: {of_kind[joint]} and {name} contain the same torque: remove one of the two columns"
             )
         of_kind[joint] = name
-    wanted = (source,) if source in KINDS else KINDS if by_kind["measured"] or by_kind["commanded"] else ("",)
-    chosen = {kind: by_kind[kind] for kind in wanted if by_kind[kind]}
+    kinds_used = (source,) if source in KINDS else KINDS if by_kind["measured"] or by_kind["commanded"] else ("",)
+    chosen = {kind: by_kind[kind] for kind in kinds_used if by_kind[kind]}
     if source in KINDS and not chosen:
         raise RunError(f"{path}: has no column of {source} torques; its columns: {', '.join(names)}")
     by_joint = {joint: name for name, joint in driven.items()}
     for kind, pair in chosen.items():
         for joint in by_joint.keys() - pair.keys():
-            stated = ",".join(f"tau{other}={column}" for other, column in pair.items())
+            option = ",".join(f"tau{other}={column}" for other, column in pair.items())
             raise RunError(
                 f"{path}: joint {joint} has a torque ({by_joint[joint]}), but no {kind} torque like"
                 f" {', '.join(pair.values())}: choose one kind for both joints with --torque, or, if joint {joint} has"
-                f" no drive, name the other column (--columns {stated})"
+                f" no drive, name the other column (--columns {option})"
             )
     return {kind: (pair.get("1", PASSIVE), pair.get("2", PASSIVE)) for kind, pair in chosen.items()}
 

@@ -108,8 +108,8 @@ def understand(
     path = Path(file)
     named_angles = not set(AXES).isdisjoint(options.columns)
     table = read_any(path, options.take, on_progress, points=not named_angles)
-    table, given, options = stated_columns(table, options, rig.rods.mounted != "both")
-    columns = find_columns(table, given, options)
+    table, stated, options = stated_columns(table, options, rig.rods.mounted != "both")
+    columns = find_columns(table, stated, options)
     recorded = [name for name, column in table.columns if name != NO_ROD and not np.isnan(column).all()]
     table = rows_of_angles(table, [name for axis, name in columns.names.items() if axis != "t" and name != NO_ROD])
     options = replace(options, unit=columns.unit, time_unit=columns.time_unit)
@@ -303,8 +303,8 @@ def _cut_notes(t: Array, part: FreePart, fault: str) -> list[str]:
             f" {-t[0]:g}"
         )
     if part.start > 0:
-        rest = f"the {t[part.start] - t[part.rest]:.4g} s of rest before it are"
-        held = f"{rest} excluded, because {fault}" if fault else f"{rest} kept for the noise floor"
+        subject = f"the {t[part.start] - t[part.rest]:.4g} s of rest before it are"
+        held = f"{subject} excluded, because {fault}" if fault else f"{subject} kept for the noise floor"
         reason = held if part.start > part.rest else "the rows before it are excluded"
         notes.append(
             f"starts at {t[part.start]:.7g} s, when the rods begin to move; {reason} (--keep-rest uses all rows)"

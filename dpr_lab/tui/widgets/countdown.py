@@ -122,17 +122,17 @@ class Countdown(ModalScreen[bool]):
     def _show(self) -> None:
         """Show the number of the countdown, or the code that the operator must first type."""
         self.query_one(Digits).display = not self._to_type
-        asked = Content(f"RELEASING {self._pose} in")
+        heading = Content(f"RELEASING {self._pose} in")
         if self._to_type:
             typed, left = self._code[: -len(self._to_type)], self._to_type
-            asked = Content.assemble(
+            heading = Content.assemble(
                 f"RELEASE {self._pose}: type ",
                 (typed, "dim"),
                 (left, "bold reverse"),
                 f"\n\nThe latch opens {self.SECONDS} s after the last letter. {self._multiplexer} confirms"
                 " frames even if nobody is attached, so the code shows that you see this screen.\n",
             )
-        self.query_one("#asked", Static).update(asked)
+        self.query_one("#asked", Static).update(heading)
 
     async def _count(self) -> None:
         try:

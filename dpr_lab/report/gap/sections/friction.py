@@ -95,7 +95,7 @@ FRICTION = EvidenceSection(
     title="Friction torque",
     words=friction_words,
     figure=friction_figure,
-    alternative="Line charts of the friction torque of each joint over its speed, with its 90 % interval.",
+    alternative="Line charts of the friction torque of each joint against its speed, with its 90 % interval.",
     caption="Friction torque of each joint, up to the speed that it reaches in both directions: viscous friction, the"
     " named friction laws and a free-form curve, fitted together. The band is the 90 % interval at each speed.",
     symbols="T(u) = c u + sum of the friction laws at the speed u, positive against a positive speed, at the assumed b."

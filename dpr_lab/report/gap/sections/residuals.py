@@ -126,7 +126,7 @@ RESIDUALS = EvidenceSection(
     figure=residual_figure,
     alternative="Autocorrelation and normal quantiles of the residuals of each joint, for both models.",
     caption="Left: autocorrelation of the residuals within segments. Right: quantiles of the residuals, in standard"
-    " deviations of the noise, over those of a normal distribution; the axes cover the range of the corrected model."
+    " deviations of the noise, against those of a normal distribution; the axes cover the range of the corrected model."
     " Segments"
     " of 0.5 s of the fitted recordings, with free initial states.",
     tables=(

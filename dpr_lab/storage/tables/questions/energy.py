@@ -150,9 +150,9 @@ def _explained_part(table: InterpretedTable) -> str:
 
 
 def _turned(read: InterpretedTable) -> list[OtherReading]:
-    """Interpret the hanging position of a free rod as an unusual angle.
+    """List the interpretation in which a free rod hangs at an angle other than 0 or half a turn.
 
-    An unusual angle is neither 0 nor half a turn. The list is empty if there is no such interpretation. If the rod
+    The list is empty if there is no such interpretation. If the rod
     hangs at 90 degrees of the table, the doubled angles also look like an energy-conserving swing about the hanging
     position.
     """
@@ -166,11 +166,11 @@ def _turned(read: InterpretedTable) -> list[OtherReading]:
 
 
 def _refuse_unit_of_time(table: InterpretedTable, scale: float) -> None:
-    now = table.options.time_unit or "s"
+    unit_used = table.options.time_unit or "s"
     if not 0 < scale < np.inf or 1 / SETTINGS.other_unit < scale < SETTINGS.other_unit or table.options.rate_hz:
         return
-    unit = min(TO_SECONDS, key=lambda name: abs(math.log(TO_SECONDS[name] / TO_SECONDS[now] / scale)))
-    if unit != now:
+    unit = min(TO_SECONDS, key=lambda name: abs(math.log(TO_SECONDS[name] / TO_SECONDS[unit_used] / scale)))
+    if unit != unit_used:
         raise RunError(_unit_of_time(table, unit, scale))
 
 
@@ -183,14 +183,14 @@ def _unit_of_time(table: InterpretedTable, unit: str, scale: float | None = None
         scale: true duration divided by the duration in the current unit, if the energy determines it. Whole numbers
             whose scale agrees with no unit are the numbers of rows, if the smallest step divides all steps.
     """
-    now = TO_SECONDS[table.options.time_unit or "s"]
+    factor = TO_SECONDS[table.options.time_unit or "s"]
     duration_s = table.t[-1] - table.t[0]
-    steps = np.diff(table.t) / now
+    steps = np.diff(table.t) / factor
     step = np.gcd.reduce(np.rint(steps).astype(np.int64))
     numbered = np.allclose(steps, np.rint(steps)) and 0 < step == np.rint(steps.min())
     causes, rows = f"the times are in {unit} (--time-unit {unit})", "the column numbers the rows or frames (--rate-hz"
-    if numbered and scale is not None and abs(math.log(TO_SECONDS[unit] / now / scale)) > math.log(READ.alike):
-        causes = f"{rows}, about {float(f'{1 / (now * scale * step):.2g}'):g} Hz), or {causes}"
+    if numbered and scale is not None and abs(math.log(TO_SECONDS[unit] / factor / scale)) > math.log(READ.alike):
+        causes = f"{rows}, about {float(f'{1 / (factor * scale * step):.2g}'):g} Hz), or {causes}"
     elif numbered and step == 1:
         causes += f", or {rows})"
     ending = f": {causes}, or the angles are in another unit (--unit, --scale)"

@@ -61,7 +61,7 @@ def gap_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def _parts(table: InterpretedTable, t: Array, after: int) -> str:
-    """Return the options that import the rows `t` before and from the row `after`."""
+    """Return the import options of the two parts of a table: before and after the gap that ends at row `after`."""
     begin, end = t[[after - 1, after]] - table.t[0]
     lasts = begin + np.median(np.diff(t))  # the row at the end of a duration is excluded
     return f"--duration-s {lasts:.6g}; --start-s {table.options.start_s + end:.6g}"

@@ -1,4 +1,4 @@
-"""Columns that are given by number, and refusal of tables whose column names need an answer of the user."""
+"""Resolve columns that are given by number, and refuse tables with ambiguous column names."""
 
 import re
 from collections.abc import Mapping
@@ -34,14 +34,15 @@ _GRAD = re.compile(r"(?!.*winkel).*grad(?![a-z])", re.I)
 _SENSOR = re.compile("(sensor|joint|channel|signal|variable)s?(id|name|no|number)?")
 
 
-def numbered(table: Table, given: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
-    """Replace stated column numbers, from 1, by the names of these columns, unless a column has this name.
+def numbered(table: Table, stated: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
+    """Replace stated column numbers, counted from 1, by the names of these columns.
 
-    A column that is given by its number, and whose name another column has too, is renamed.
+    A number that is the name of a column is not replaced. If several columns have the name of a numbered column, the
+    numbered column is renamed.
     """
-    names, columns, midnights = [*table.names], dict(given), dict(table.midnights)
+    names, columns, midnights = [*table.names], dict(stated), dict(table.midnights)
     every = [*names, *table.other_lengths]
-    for quantity, text in given.items():
+    for quantity, text in stated.items():
         if text in every or not (text.isdecimal() and 1 <= int(text) <= len(every)):
             continue
         columns[quantity] = name = every[int(text) - 1]
@@ -54,8 +55,8 @@ def numbered(table: Table, given: Mapping[str, str]) -> tuple[Table, dict[str, s
 def without_scaled_unit(name: str) -> str:
     """Remove a unit with a factor from a column name, unless nothing else remains of the name."""
     for pattern, *_ in _SCALED_UNITS:
-        if re.search(r"[^\W\d_]", rest := pattern.sub("", name)):
-            name = rest
+        if re.search(r"[^\W\d_]", remainder := pattern.sub("", name)):
+            name = remainder
     return name
 
 
@@ -79,14 +80,14 @@ def refuse_scaled_units(table: Table, named: Mapping[str, str], options: ImportO
             )
 
 
-def refuse_long_form(table: Table, given: Mapping[str, str]) -> None:
+def refuse_long_form(table: Table, stated: Mapping[str, str]) -> None:
     """Refuse a table with one row per sensor.
 
     Raises:
         RunError: one column contains the names of few sensors, and another their values.
     """
     values = [name for name in table.names if bare(name) == "value"]
-    if "theta1" in given or not values:
+    if "theta1" in stated or not values:
         return
     for name, column in table.columns:
         if _SENSOR.fullmatch(bare(name)) and np.unique(column).size <= len(AXES):

@@ -28,7 +28,7 @@ def pose_questions(table: InterpretedTable) -> list[TableQuestion]:
     began = np.median(table.theta[table.rest, 1:], axis=0)
     deviations = {name: apart(began, pose.theta[1:]) / pose.tolerance for name, pose in table.rig.poses.items()}
     pose = table.rig.poses[table.options.pose]
-    if (away := deviations[table.options.pose]) <= SETTINGS.pose[0]:
+    if (deviation := deviations[table.options.pose]) <= SETTINGS.pose[0]:
         return []
     began_at, asked_for = (f"theta1 = {a:.2f}, theta2 = {b:.2f} rad" for a, b in (began, pose.theta[1:]))
     near = [name for name, distance in deviations.items() if distance <= SETTINGS.pose[0]]
@@ -45,7 +45,7 @@ def pose_questions(table: InterpretedTable) -> list[TableQuestion]:
         mend = f"it would if {'; or '.join(other.sentence for other in others)}"
         words = others[0].mend if len(others) == 1 else ()
     sentence = f"the swing starts at {began_at}, not in pose {table.options.pose} ({asked_for}): {mend}"
-    if away > SETTINGS.pose[1]:
+    if deviation > SETTINGS.pose[1]:
         raise RunError(f"{table.path}: {sentence}")
     return [TableQuestion(sentence, words)]
 

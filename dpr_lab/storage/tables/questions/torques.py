@@ -21,8 +21,8 @@ def better_torques(fit: EnergyFit, read: InterpretedTable) -> list[TableQuestion
     Another interpretation has another sign, unit or order, or no torques. The list is empty without an interpretation
     that is clearly better than that of `fit`.
     """
-    tried = [(energy_residual(replace(read, torques=torques), other), other) for torques, other in _others(read)]
-    residual, best = min(tried, key=lambda pair: pair[0], default=(np.inf, None))
+    residuals = [(energy_residual(replace(read, torques=torques), other), other) for torques, other in _others(read)]
+    residual, best = min(residuals, key=lambda pair: pair[0], default=(np.inf, None))
     if best is None or residual >= min(READ.sure, fit.residual / READ.better):
         return []
     return [read_otherwise(BROKEN, [best])]
