@@ -32,7 +32,7 @@ from dpr_lab.exports.ensemble.amplitudes import beyond_fitted, fitted_amplitudes
 from dpr_lab.exports.ensemble.bands import PredictiveBand, predictive_band
 from dpr_lab.exports.ensemble.calibrate import widened
 from dpr_lab.exports.ensemble.left_out import factor_without
-from dpr_lab.exports.ensemble.sampled import posterior_of, sampled_models
+from dpr_lab.exports.ensemble.sampled import ensemble_posterior, sampled_models
 from dpr_lab.exports.ensemble.scatter import scatter_of_ratios
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.posterior import PosteriorComponent
@@ -67,13 +67,13 @@ def diagnosed(fitted: list[Run], rig: Rig) -> Fitted:
     diagnosis = diagnose(fitted, rig)
     model = corrected_model(diagnosis, fitted, rig)
     assert isinstance(model, Model)
-    return model, posterior_of(model, diagnosis), diagnosis.verdict
+    return model, ensemble_posterior(model, diagnosis), diagnosis.verdict
 
 
 def identified(fitted: list[Run], rig: Rig) -> Fitted:
     """Model and posterior of an identification, without effects."""
     model = identify(fitted, rig)
-    return model, posterior_of(model, None, scatter_of_ratios(model, fitted, rig)), "identify"
+    return model, ensemble_posterior(model, None, scatter_of_ratios(model, fitted, rig)), "identify"
 
 
 def bands(

@@ -47,10 +47,9 @@ class Shown(ABC):
 
     def _repr_html_(self) -> str:
         """Return HTML for a notebook."""
-        rows = self._rows()
-        head, body = rows[:1], rows[1:]
-        table = "".join(_row(row, "th") for row in head) + "".join(_row(row, "td") for row in body)
-        return f"<p>{escape(self._heading())}</p><table>{table}</table>"
+        heading, rows = f"<p>{escape(self._heading())}</p>", self._rows()
+        table = "".join(_row(row, "td" if i else "th") for i, row in enumerate(rows))
+        return f"{heading}<table>{table}</table>" if table else heading
 
 
 def listed(names: Sequence[str]) -> str:

@@ -20,6 +20,7 @@ from dpr_lab.gap.advice import recording
 from dpr_lab.gap.advice.check_kind import CheckAnswer
 from dpr_lab.gap.result.checks import AdvisedCheck
 from dpr_lab.run import Run
+from dpr_lab.shown import Shown
 from dpr_lab.workflows.accept import judged
 from tests.a_diagnosis import CLOCK, made, measurement
 
@@ -244,3 +245,11 @@ def test_a_table_that_was_imported_twice_is_one_recording() -> None:
 def test_an_unknown_choice_of_an_import_is_refused() -> None:
     with pytest.raises(ValueError, match="zero must be upright or hanging, not 'sideways'"):
         dpr.ImportOptions(zero="sideways")  # type: ignore[arg-type]
+
+
+def test_a_result_without_rows_shows_no_empty_table() -> None:
+    class Nothing(Shown):
+        def _heading(self) -> str:
+            return "no release is necessary"
+
+    assert Nothing()._repr_html_() == "<p>no release is necessary</p>"

@@ -107,7 +107,7 @@ def export_ensemble(
     from dpr_lab.exports.ensemble.bands import level_of
     from dpr_lab.exports.ensemble.calibrate import calibrated, widened
     from dpr_lab.exports.ensemble.left_out import factor_without
-    from dpr_lab.exports.ensemble.sampled import posterior_of
+    from dpr_lab.exports.ensemble.sampled import ensemble_posterior
     from dpr_lab.exports.ensemble.scatter import scatter_of_ratios
     from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.report.saving import write_export, write_json
@@ -128,7 +128,7 @@ def export_ensemble(
         fitted = _fitted_runs(model, rig)
         if diagnosis is None and fitted:
             scatter = scatter_of_ratios(model, fitted, rig)
-        posterior = posterior_of(model, diagnosis, scatter)
+        posterior = ensemble_posterior(model, diagnosis, scatter)
         factor_of_fit = factor_without(model, posterior, fitted, rig, seed)
         ensemble = _of_rods(model, widened(posterior, factor_of_fit), fitted, rig, seed)
     factor = calibrated(ensemble.drawn, ensemble.band, runs) if runs else 1.0

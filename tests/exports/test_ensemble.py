@@ -13,7 +13,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.exports.ensemble import bands
 from dpr_lab.exports.ensemble.bands import BANDS, fewest_models, level_of, predictive_band, quantiles_of
 from dpr_lab.exports.ensemble.calibrate import CALIBRATED, calibrated, pooled, widened
-from dpr_lab.exports.ensemble.sampled import drawn_values, posterior_of, sampled_models
+from dpr_lab.exports.ensemble.sampled import drawn_values, ensemble_posterior, sampled_models
 from dpr_lab.exports.ensemble.scatter import scatter_of_ratios
 from dpr_lab.exports.ensemble.starts import drawn_starts
 from dpr_lab.fitting.estimate import Estimate, unknown_ratios
@@ -98,8 +98,8 @@ def test_ratios_of_an_identification_scatter_if_its_recordings_differ(model: Mod
     assert alike.left_out == pytest.approx(np.repeat([identified.ratio_values], 3, axis=0), rel=0.02)
     scatter = scatter_of_ratios(identified, [*same[:2], other[2]], rig)
     assert scatter.between[3, 3] ** 0.5 > 0.05 * identified.ratios["c1/b"].value
-    (wider,) = posterior_of(identified, None, scatter)
-    (own,) = posterior_of(identified, None)
+    (wider,) = ensemble_posterior(identified, None, scatter)
+    (own,) = ensemble_posterior(identified, None)
     assert wider.left_out[2][3] < 0.95 * wider.left_out[0][3]  # without the recording with more friction
     assert np.array(wider.between)[3, 3] == scatter.between[3, 3]
     assert wider.predictive[3, 3] == pytest.approx(own.predictive[3, 3] + scatter.between[3, 3])
@@ -197,8 +197,8 @@ def test_a_posterior_without_physical_draws_is_refused(model: Model) -> None:
 
 def test_a_diagnosis_without_a_posterior_is_refused(model: Model) -> None:
     with pytest.raises(RunError, match="diagnose the recordings again"):
-        posterior_of(model, made())
-    (own,) = posterior_of(model, None)
+        ensemble_posterior(model, made())
+    (own,) = ensemble_posterior(model, None)
     assert own.free == list(RATIOS)
 
 

@@ -53,7 +53,7 @@ def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: in
     return models
 
 
-def posterior_of(
+def ensemble_posterior(
     model: Model, diagnosis: Diagnosis | None, scatter: RatioScatter | None = None
 ) -> list[PosteriorComponent]:
     """Return the posterior of a diagnosis, or a posterior from the covariance of the ratios.
