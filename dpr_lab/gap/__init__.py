@@ -34,7 +34,8 @@ Reading order. About 8,100 words contain the rules of this choice:
 About 6,700 words contain the stages: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`, `which.select`,
 `corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 68,100 words. Each has the
 computations of one decision, and can be read when it is changed. Two of them belong to no single stage: `damage`
-(disturbances, and rods moved by a hand, which the fit of the bare model removes) and `films` (corrections of films).
+(outliers, disturbances, and rods moved by a hand, which the fit of the bare model removes; steps of a reading) and
+`films` (corrections of films).
 
 Terms of all modules:
 

@@ -14,8 +14,8 @@ from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.robust import refit_lost, student_weights
 from dpr_lab.gap.damage.disturbances import without_disturbances
+from dpr_lab.gap.damage.outliers import lone_readings
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
-from dpr_lab.gap.hypothesis.residuals import lone_readings
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.screen.tracking_noise import tracking_noise
 from dpr_lab.identification.prior_update import posterior_of

@@ -1,5 +1,8 @@
 """Corrections of the recordings that forward selection implies, each followed by a new search.
 
+A correction returns the fitted state with corrected recordings, as a `ScreenedRuns`: the search fits the bare model
+again. It returns None if the recordings need no correction.
+
 noise of torques    smaller than estimated from the recorded torques, or zero
 earlier torques     torques that act before their rows, which looks like a negative delay
 rolling shutter     correction of the readings of a film

@@ -197,8 +197,8 @@ def _transferred(selected: Selected) -> Transferred:
     freely = {
         name: free_runs(everything, model.estimate, free=model.fit.free) for name, model in selection.models.items()
     }
-    transferred = transfer(selected, freely)
-    described = description(recordings.records, rig, problem, selection, transferred)
+    outcome = transfer(selected, freely)
+    described = description(recordings.records, rig, problem, selection, outcome)
     if not described.withholds:
         refuse_rising(problem, chosen)
     budget = gap_budget(recordings, everything, problem, selection)
@@ -206,13 +206,11 @@ def _transferred(selected: Selected) -> Transferred:
     return Transferred(
         fitted=fitted,
         selection=selection,
-        posteriors=judged(
-            transferred, selected.posteriors, forced=described.forced, remainder=not chosen.at_noise_floor
-        ),
+        posteriors=judged(outcome, selected.posteriors, forced=described.forced, remainder=not chosen.at_noise_floor),
         free_runs=freely,
-        transfer=transferred,
+        transfer=outcome,
         description=described,
         remainder=remainder,
-        gap=gap(selected, transferred, freely, budget, remainder),
+        gap=gap(selected, outcome, freely, budget, remainder),
         covariance=whole_covariance(problem, chosen, rig, remainder),
     )

@@ -74,8 +74,8 @@ def test_a_real_curve_stays(fitted: Callable[..., FittedSets]) -> None:
 def test_effects_are_compared_with_the_gap_that_the_right_length_leaves(fitted: Callable[..., FittedSets]) -> None:
     sets = fitted([law("coulomb", 0, 5.0)], (LENGTH, FRICTION), rods=2, length=1.01)
     both = grown(sets, LENGTH, FRICTION)
-    assert sets.described(both).effects == (LENGTH,)
-    assert sets.described(sets.without(both, LENGTH)) is sets.bare
+    assert sets.corrected_bare(both).effects == (LENGTH,)
+    assert sets.corrected_bare(sets.without(both, LENGTH)) is sets.bare
 
 
 @pytest.mark.slow
@@ -145,7 +145,7 @@ def sets_of(*models: Hypothesis, impossible: frozenset[str] = frozenset()) -> An
     """Fitted sets with stated results; the set `impossible` has a size that is typical of another cause."""
     fits = {model.key: model for model in models}
     sets = SimpleNamespace(fits=fits, bare=models[0], library=EFFECTS, expected=frozenset())
-    sets.described, sets.unexpected = lambda model: models[0], lambda model: list(model.effects)
+    sets.corrected_bare, sets.unexpected = lambda model: models[0], lambda model: list(model.effects)
     sets.without = sets.without_substitute = lambda model, name: fits[model.key - {name}]
     sets.as_possible = lambda model, other: model.key != impossible or other.key == impossible
     sets.imitating = lambda model: model.effects if model.key == impossible else ()

@@ -14,7 +14,7 @@ from dpr_lab.gap.conclusion.ratios import determined
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.transfer.out_of_sample import block, reduction, share
 from dpr_lab.gap.transfer.outcome import Transfer
-from dpr_lab.gap.transfer.transfer import _of_fitted, _sum, judged
+from dpr_lab.gap.transfer.transfer import _relative_to_fitted, _sum, judged
 from dpr_lab.identification.scaling.scale import Scale
 
 
@@ -75,7 +75,7 @@ def test_the_share_on_held_out_data_is_relative_to_the_fitted_share(fitted, held
         bare=Fake(residuals=Fake(excess=1.0)), chosen=Fake(residuals=Fake(excess=(1.0 - fitted) ** 2))
     )
     closed = Interval(value=held_out, interval90=(-1.0, 1.0))
-    assert _of_fitted(closed, selection) == pytest.approx(ratio)
+    assert _relative_to_fitted(closed, selection) == pytest.approx(ratio)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.rig_constants import rig_constants
-from dpr_lab.gap.hypothesis.steps import ReadingStep, apparent_steps, is_sharp, shows_step, visible_steps
+from dpr_lab.gap.damage.steps import ReadingStep, apparent_steps, is_sharp, shows_step, visible_steps
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run

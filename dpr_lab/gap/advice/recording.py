@@ -13,10 +13,10 @@ from dpr_lab.gap.advice.expected_recordings import ExpectedRecording
 from dpr_lab.gap.advice.measurement import CHECK
 from dpr_lab.gap.bare_model import fit_bare_model
 from dpr_lab.gap.classes.calibration import CALIBRATION
+from dpr_lab.gap.damage.steps import recorded_properties
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.hypothesis.refits import refit_with
 from dpr_lab.gap.hypothesis.score_test import score_test
-from dpr_lab.gap.hypothesis.steps import recorded
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.as_diagnosed import recordings_as_in
@@ -129,7 +129,7 @@ def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: Chec
         initial = others_model.estimate.changed(params=effect_params(others))
         free = free_parameters(initial, tuple(others), problem)
         others_model = hypothesis(problem, others, fit(problem, initial, free, iterations=CHECK.iterations))
-    known = recorded(recordings.records, problem, others_model.fit)
+    known = recorded_properties(recordings.records, problem, others_model.fit)
     test = score_test(problem, others_model.fit, [EFFECTS[name] for name in names], known)
     return {
         name: refit_with(problem, others_model, test, score, CHECK.iterations)

@@ -60,7 +60,7 @@ DESCRIPTION = DescriptionRules()
 
 
 def description(
-    records: Sequence[Record], rig: Rig, problem: Problem, selection: Selection, transferred: Transfer
+    records: Sequence[Record], rig: Rig, problem: Problem, selection: Selection, transfer: Transfer
 ) -> Description:
     """Test other descriptions of the recordings, unless the effects plausibly explain the gap.
 
@@ -71,7 +71,7 @@ def description(
         rig: rig of the runs according to its file
         problem: segments of the fitted runs
         selection: the selected set of effects
-        transferred: results of the set on held-out recordings
+        transfer: results of the set on held-out recordings
     """
     of_points = all(record.run.film_noise is not None for record in records)  # a direction has no scale
     if hint := _wrong_gravity(rig, selection) or (not of_points and other_scale(problem, selection, rig)):
@@ -80,7 +80,7 @@ def description(
         return Description(hint, selection.chosen.effects == (INPUT_DELAY.name,))
     if moves(record.run for record in records):  # other interpretations were tested before (`gap.screen.input`)
         return _stopped(records, rig, selection)
-    open_ = not selection.chosen.at_noise_floor or transferred.withdrawn or transferred.oversized
+    open_ = not selection.chosen.at_noise_floor or transfer.withdrawn or transfer.oversized
     residuals = selection.bare.residuals
     # With a wrong sign of its motion, an arm acts on small swings like a spring, which closes a small gap too.
     carried = any(record.run.arm is not None for record in records) and selection.chosen.effects

@@ -87,12 +87,12 @@ def _unexplained(state: Transferred, budget: Budget) -> str:
 
     Either no effect fits, or the closest effects explain too little, or they explain only the fitted runs.
     """
-    selection, posteriors, transferred = state.selection, state.posteriors, state.transfer
+    selection, posteriors, transfer = state.selection, state.posteriors, state.transfer
     share, remainder = selection.share_explained, _in_noise(selection.chosen.residuals.noise_ratio)
-    if not posteriors and only_held_out_gap(selection.chosen, transferred):
+    if not posteriors and only_held_out_gap(selection.chosen, transfer):
         return (
             "Unexplained: the fitted recordings show no gap, but the held-out recordings show a gap of"
-            f" {_in_noise(transferred.gap_ratio)}. Fit these recordings too, or check that nothing on the rig"
+            f" {_in_noise(transfer.gap_ratio)}. Fit these recordings too, or check that nothing on the rig"
             " was changed."
         )
     if set(selection.chosen.effects) <= selection.expected and gap_is_small(selection.bare):
@@ -100,24 +100,24 @@ def _unexplained(state: Transferred, budget: Budget) -> str:
             f"Unexplained: segments of {state.fitted.recordings.working_length:.2g} s {ONLY_FREE_RUN}."
             f" {_free_run(budget)} A fitted ratio may absorb the cause in segments{most_deviating(state)}."
         )
-    if not posteriors and transferred.too_short:
+    if not posteriors and transfer.too_short:
         return (
             f"Unexplained: a gap of {remainder}. This release of {np.ptp(state.fitted.problem.t):.2g} s is too short to"
             " exclude the effects of the library."
         )
     if not posteriors:
-        where = " in this release" if transferred.basis == "one release" else ""
+        where = " in this release" if transfer.basis == "one release" else ""
         return f"Unexplained: a gap of {remainder}, and no effect of the library fits it{where}."
     closest, several = _classes(posteriors), len(posteriors) > 1
     verb = "explain" if several else "explains"
     if share >= VERDICT.partly_share:
-        alone = transferred.basis == "one release"
-        doubt = "not in the quarters that were not fitted" if alone else "not in other recordings"
-        if not fitted_only(posteriors, transferred):
+        one_release = transfer.basis == "one release"
+        doubt = "not in the quarters that were not fitted" if one_release else "not in other recordings"
+        if not fitted_only(posteriors, transfer):
             doubt = f"a remainder of {remainder} makes a cause outside the library more probable"
         return (
             f"Unexplained: {closest} {verb} {percent(share)} of the excess chi-square in the fitted"
-            f" recordings, but {doubt}. {how_far(transferred)}"
+            f" recordings, but {doubt}. {how_far(transfer)}"
         )
     candidate = "candidates" if several else "candidate"
     return f"Unexplained: the closest {candidate}, {closest}, {verb} only {percent(share)} of the excess chi-square."
@@ -134,12 +134,12 @@ def _rounded(value: float) -> str:
     return f"{float(f'{value:.2g}'):g}"
 
 
-def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
+def _remainder(chosen: Hypothesis, transfer: Transfer) -> str:
     """Describe the remainder, or an increased error of the free run, which takes precedence."""
-    if transferred.worse_free_run:
-        errors = transferred.worse_free_run
+    if transfer.worse_free_run:
+        errors = transfer.worse_free_run
         before, after = 1e3 * errors.before_rad, 1e3 * errors.after_rad
-        compared = "held-out runs" if transferred.held_out else "recordings"
+        compared = "held-out runs" if transfer.held_out else "recordings"
         return (
             f"But the free run of the {compared} becomes worse, from {before:.3g} to {after:.3g} mrad rms in the first"
             f" {errors.until_s:.2g} s."
@@ -173,31 +173,31 @@ def _free_run(budget: Budget) -> str:
     )
 
 
-def how_far(transferred: Transfer) -> str:
+def how_far(transfer: Transfer) -> str:
     """State by how much the gap closes on held-out data, and which data these are."""
-    if not transferred.tested:
+    if not transfer.tested:
         return "The recordings are too short to predict one part from another, so no data validate this result."
-    estimate, (low, high) = transferred.closed.value, transferred.closed.interval90
-    if held_out_gap_invisible(transferred):
-        return f"{_tested_on(transferred)} the gap is too small to show a reduction."
+    estimate, (low, high) = transfer.closed.value, transfer.closed.interval90
+    if held_out_gap_invisible(transfer):
+        return f"{_tested_on(transfer)} the gap is too small to show a reduction."
     if low > VERDICT.nearly_all:
         limit = percent(VERDICT.nearly_all, 1)
-        return f"{_tested_on(transferred)} the gap closes by more than {limit} (90 % interval above {limit})."
+        return f"{_tested_on(transfer)} the gap closes by more than {limit} (90 % interval above {limit})."
     digits = int(high - low < VERDICT.narrow)
     interval = f"90 % interval {percent(low, digits)} to {percent(high, digits)}"
-    if estimate > 0 and low < VERDICT.closes and transferred.basis == "one release":
+    if estimate > 0 and low < VERDICT.closes and transfer.basis == "one release":
         return (
             f"The quarters of the only release do not show how far the gap closes ({percent(estimate)}, {interval}):"
             " record a second release."
         )
     if estimate > 0:
-        return f"{_tested_on(transferred)} the gap closes by {percent(estimate, digits)} ({interval})."
-    return f"{_tested_on(transferred)} the gap does not close ({percent(estimate)}, {interval})."
+        return f"{_tested_on(transfer)} the gap closes by {percent(estimate, digits)} ({interval})."
+    return f"{_tested_on(transfer)} the gap does not close ({percent(estimate)}, {interval})."
 
 
-def _tested_on(transferred: Transfer) -> str:
-    pieces = transferred.basis == "held-out runs" and are_pieces(transferred.held_out)
-    return "On held-out pieces of the recording" if pieces else _BASIS[transferred.basis]
+def _tested_on(transfer: Transfer) -> str:
+    pieces = transfer.basis == "held-out runs" and are_pieces(transfer.held_out)
+    return "On held-out pieces of the recording" if pieces else _BASIS[transfer.basis]
 
 
 _BASIS = {

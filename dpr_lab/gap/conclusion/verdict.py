@@ -69,7 +69,7 @@ def verdict(state: Transferred, visible_counts: tuple[int, int], budget: Budget)
     """
     if state.description.withholds:
         return "unexplained"
-    kind, (detectable, effects) = _verdict(state), visible_counts
+    kind, (detectable, effects) = _by_tests(state), visible_counts
     if kind == "no_gap" and budget.worst and budget.worst.shows_gap:
         return "unexplained"
     if kind == "partly_explained" and _too_short_to_decide(state):
@@ -88,28 +88,29 @@ def _too_short_to_decide(state: Transferred) -> bool:
     return max(cause.probability for cause in causes) < VERDICT.rather
 
 
-def _verdict(state: Transferred) -> Verdict:
-    selection, posteriors, transferred = state.selection, state.posteriors, state.transfer
+def _by_tests(state: Transferred) -> Verdict:
+    """Return the verdict of sizes, probabilities and held-out recordings."""
+    selection, posteriors, transfer = state.selection, state.posteriors, state.transfer
     chosen, share = selection.chosen, selection.share_explained
     if not chosen.effects:
-        return "no_gap" if gap_is_small(chosen) and not only_held_out_gap(chosen, transferred) else "unexplained"
+        return "no_gap" if gap_is_small(chosen) and not only_held_out_gap(chosen, transfer) else "unexplained"
     complete = share >= THRESHOLDS.explained or chosen.at_noise_floor
     sure = max(posterior.probability for posterior in posteriors) >= VERDICT.sure
-    if chosen.residuals.z < VERDICT.noise and complete and sure and _passes_all_tests(transferred):
+    if chosen.residuals.z < VERDICT.noise and complete and sure and _passes_all_tests(transfer):
         return "named"
     likely = any(cause.outside <= VERDICT.outside * cause.probability for cause in listed_causes(posteriors))
-    if (complete or share >= VERDICT.partly_share) and likely and not fitted_only(posteriors, transferred):
+    if (complete or share >= VERDICT.partly_share) and likely and not fitted_only(posteriors, transfer):
         return "partly_explained"
     only_expected = set(chosen.effects) <= selection.expected
     return "no_gap" if gap_is_small(selection.bare) and only_expected else "unexplained"
 
 
-def _passes_all_tests(transferred: Transfer) -> bool:
+def _passes_all_tests(transfer: Transfer) -> bool:
     """Return whether sizes, free runs and other recordings do not contradict the effects."""
-    if transferred.worse_free_run or transferred.oversized:
+    if transfer.worse_free_run or transfer.oversized:
         return False
-    tested = transferred.tested and transferred.basis != "one release"
-    return not tested or (not transferred.withdrawn and shows_reduction(transferred))
+    tested = transfer.tested and transfer.basis != "one release"
+    return not tested or (not transfer.withdrawn and shows_reduction(transfer))
 
 
 def gap_is_small(model: Hypothesis) -> bool:
@@ -117,38 +118,38 @@ def gap_is_small(model: Hypothesis) -> bool:
     return model.at_noise_floor or model.residuals.noise_ratio < VERDICT.gap_from
 
 
-def only_held_out_gap(chosen: Hypothesis, transferred: Transfer) -> bool:
+def only_held_out_gap(chosen: Hypothesis, transfer: Transfer) -> bool:
     """Return whether the held-out recordings show a gap, but not the fitted recordings."""
-    on_held_out = transferred.basis == "held-out runs" and transferred.gap_ratio > VERDICT.held_out_gap
+    on_held_out = transfer.basis == "held-out runs" and transfer.gap_ratio > VERDICT.held_out_gap
     return on_held_out and gap_is_small(chosen)
 
 
-def shows_reduction(transferred: Transfer) -> bool:
+def shows_reduction(transfer: Transfer) -> bool:
     """Return whether held-out data show that the gap closes.
 
     If the gap is far below the noise, it is sufficient that the interval of the share reaches the minimum. If the noise
     hides the whole gap, the tests of the effects decide alone.
     """
-    closed = transferred.closed
-    if transferred.gap_ratio == 0.0:
+    closed = transfer.closed
+    if transfer.gap_ratio == 0.0:
         return True
-    far_below_noise = 0.0 < closed.value and transferred.gap_ratio < VERDICT.gap_from
+    far_below_noise = 0.0 < closed.value and transfer.gap_ratio < VERDICT.gap_from
     return (closed.interval90[1] if far_below_noise else closed.value) >= VERDICT.closes
 
 
-def fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) -> bool:
+def fitted_only(posteriors: Sequence[EffectPosterior], transfer: Transfer) -> bool:
     """Return whether the effects reduce the gap only on the fitted recordings."""
-    if not transferred.tested:
+    if not transfer.tested:
         return False
-    tested = transferred.basis != "one release"
+    tested = transfer.basis != "one release"
     improbable = max(posterior.probability for posterior in posteriors) < VERDICT.rather
-    no_reduction = transferred.closed.value <= 0 and not held_out_gap_invisible(transferred) and (tested or improbable)
-    return no_reduction or (tested and len(transferred.withdrawn) == len(posteriors))
+    no_reduction = transfer.closed.value <= 0 and not held_out_gap_invisible(transfer) and (tested or improbable)
+    return no_reduction or (tested and len(transfer.withdrawn) == len(posteriors))
 
 
-def held_out_gap_invisible(transferred: Transfer) -> bool:
+def held_out_gap_invisible(transfer: Transfer) -> bool:
     """Return whether held-out data show no gap, and neither confirm nor refute the effects."""
-    return transferred.closed.value <= 0 and transferred.closed.interval90[1] >= VERDICT.closes
+    return transfer.closed.value <= 0 and transfer.closed.interval90[1] >= VERDICT.closes
 
 
 def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:

@@ -22,7 +22,7 @@ from dpr_lab.fitting.cut import MIN_SAMPLES, cut
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.gap.damage.hand import fitted_starts, without_hand
 from dpr_lab.gap.damage.jumps import JUMP, Jump, jumps_of_segments, outstanding
-from dpr_lab.gap.hypothesis.steps import shows_step
+from dpr_lab.gap.damage.steps import shows_step
 from dpr_lab.gap.result.finding import SensorFinding
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings

@@ -26,7 +26,7 @@ from dpr_lab.arrays import Array, Integers
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
-from dpr_lab.gap.hypothesis.steps import STEPS, step_gains, sums_to_end
+from dpr_lab.gap.damage.steps import STEPS, step_gains, sums_to_end
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,23 +111,20 @@ def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[J
     reference = trajectory(problem, fitted.estimate, spacing=TRAJECTORY.coarse_s)
     rough = _Changes.of(problem, fitted, reference, JUMP.kick_torques)
     smooth = _Changes.of(problem, fitted, reference, JUMP.step_torques)
-    kicks, lone = rough.kicks(), smooth.lone()
-    kicked = _highest_near(problem.t, kicks[0])
-    steps = [smooth.steps(joint) for joint in range(2)]
-    best = np.argmax([gain for gain, _ in steps], axis=0)
-    gains = np.max([gain for gain, _ in steps], axis=0)
-    certain = (np.max([rough.steps(joint)[0] for joint in range(2)], axis=0) > kicked) & (gains > lone)
+    of_kick, impulses = rough.kicks()
+    of_steps, sizes = np.stack([smooth.steps(joint) for joint in range(2)], axis=1)  # both (joints, samples)
+    joints, of_step = np.argmax(of_steps, axis=0).tolist(), np.max(of_steps, axis=0)
+    beyond_kick = np.max([rough.steps(joint)[0] for joint in range(2)], axis=0) > _highest_near(problem.t, of_kick)
+    certain = beyond_kick & (of_step > smooth.lone())
     instants = problem.t - 0.5 * np.diff(problem.t, prepend=problem.t[0])
-    of_rods, of_readings = list[Jump](), list[Jump]()
-    for s, (first, last) in enumerate(pairwise(problem.segments.offsets.tolist())):
-        run, span = int(problem.segments.run[s]), (float(problem.t[first]), float(problem.t[last - 1]))
-        i = first + int(np.argmax(kicks[0][first:last]))
-        changes = _speeds(reference, i, kicks[1][i])
-        of_rods.append(Jump(float(kicks[0][i]), run, float(instants[i]), None, changes, span))
-        i = first + int(np.argmax(gains[first:last]))
-        joint = int(best[i])
-        size = (float(steps[joint][1][i]),)
-        of_readings.append(Jump(float(gains[i]), run, float(instants[i]), joint if certain[i] else None, size, span))
+    of_rods, of_readings, ends = list[Jump](), list[Jump](), pairwise(problem.segments.offsets.tolist())
+    for run, (first, last) in zip(problem.segments.run.tolist(), ends, strict=True):
+        span = float(problem.t[first]), float(problem.t[last - 1])
+        i = first + int(np.argmax(of_kick[first:last]))
+        of_rods.append(Jump(float(of_kick[i]), run, float(instants[i]), None, _speeds(reference, i, impulses[i]), span))
+        i = first + int(np.argmax(of_step[first:last]))
+        joint, size = joints[i] if certain[i] else None, (float(sizes[joints[i], i]),)
+        of_readings.append(Jump(float(of_step[i]), run, float(instants[i]), joint, size, span))
     return of_rods, of_readings
 
 

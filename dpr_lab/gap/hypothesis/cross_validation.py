@@ -127,7 +127,7 @@ class _Folds:
         k = self.A.shape[2]
         return sum((part.H for part in parts), np.eye(k)), sum((part.gradient for part in parts), np.zeros(k))
 
-    def seen_by_one_alone(self, fold: Fold, V: Array) -> Flags:
+    def free_in(self, fold: Fold, V: Array) -> Flags:
         """Return a (free,) mask of the parameters that are free in a held-out run.
 
         Like its initial state, two kinds of parameters are free: the encoder zeros that are set before the run, and the
@@ -166,9 +166,9 @@ def left_out_chi2(fit: Fit, fold: Integers) -> Array:
         H, gradient = parts.without(left_out)
         V = np.asarray(np.linalg.inv(H), dtype=np.float64)
         error = parts.e[left_out.segments] - parts.A[left_out.segments] @ (V @ gradient)
-        if (directions := parts.seen_by_one_alone(left_out, V)).any():
+        if (free := parts.free_in(left_out, V)).any():
             # parameters that are correlated with the free ones change with them
-            columns = parts.A[left_out.segments] @ (V[:, directions] @ np.linalg.inv(V[np.ix_(directions, directions)]))
+            columns = parts.A[left_out.segments] @ (V[:, free] @ np.linalg.inv(V[np.ix_(free, free)]))
             error = (
                 error - columns @ np.linalg.lstsq(columns.reshape(-1, columns.shape[2]), error.ravel(), rcond=None)[0]
             )

@@ -1,12 +1,10 @@
 """Residuals of a fit relative to the noise, and the effective number of independent values."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from dpr_lab.arrays import Array, Flags
-from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.arrays import Array
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 
@@ -22,15 +20,6 @@ class NoiseAssumptions:
 
     At a larger autocorrelation, a record of seconds would have an effective sample size of one.
     """
-    lone: float = 8.0
-    """Minimum deviation of an isolated outlier from its neighbours, in standard deviations."""
-    lone_among: float = 6.0
-    """Minimum ratio of the deviation of an isolated outlier to the deviations of its neighbours."""
-    lone_quantile: float = 0.8
-    """Quantile that represents the deviations of the neighbours; a second outlier among them then does not hide the
-    first."""
-    line: int = 7
-    """Number of residuals to which a robust line is fitted: the three readings of an outlier are a minority."""
     wildest: float = 1e6
     """Residual of the readings in a segment that cannot be simulated, in standard deviations.
 
@@ -125,37 +114,3 @@ def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
         autocorrelation=1 - rough / mean if mean > 0 else 0.0,
         noise_correlation=rho,
     )
-
-
-def lone_readings(problem: Problem, estimate: Estimate) -> Flags:
-    """Return the (samples, 2) mask of isolated outliers of up to three readings.
-
-    A robust straight line (Theil and Sen) is fitted to the seven residuals around a reading. An outlier is far from
-    this line, farther than its neighbours, and the next residuals return to the previous level. In contrast, the
-    residual of a missing effect is smooth, large for some time, or a step.
-    """
-    r = np.nan_to_num(problem.weight * (problem.measured - problem.predict(estimate)))
-    off, across = np.zeros_like(r), np.full_like(r, np.inf)
-    for first, last in pairwise(problem.segments.offsets.tolist()):
-        off[first:last] = _off_a_line(r[first:last])
-        across[first + 3 : last - 3] = np.abs(r[first + 6 : last] - r[first : last - 6])
-    offsets = np.concatenate([np.arange(-12, -3), np.arange(4, 13)])
-    neighbours = np.clip(np.arange(len(r))[:, None] + offsets, 0, len(r) - 1)
-    usual = np.quantile(off[neighbours], ASSUMPTIONS.lone_quantile, axis=1)
-    return off > np.maximum(np.maximum(ASSUMPTIONS.lone, ASSUMPTIONS.lone_among * usual), 2 * across)
-
-
-def _off_a_line(values: Array) -> Array:
-    """Return the (n, 2) deviation of each value from a robust line through seven values.
-
-    The value is one of the seven, in the middle if possible.
-    """
-    width = ASSUMPTIONS.line
-    if len(values) < width:
-        return np.zeros_like(values)
-    begin = np.clip(np.arange(len(values)) - width // 2, 0, len(values) - width)
-    window = values[begin[:, None] + np.arange(width)]
-    i, j = np.triu_indices(width, 1)
-    slope = np.median((window[:, j] - window[:, i]) / (j - i)[:, None], axis=1)
-    level = np.median(window - slope[:, None] * np.arange(width)[:, None], axis=1)
-    return np.abs(values - level - slope * (np.arange(len(values)) - begin)[:, None])

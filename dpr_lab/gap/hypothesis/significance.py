@@ -83,7 +83,7 @@ def most_excess(bare: Hypothesis, before: Hypothesis) -> float:
     return max(excess / THRESHOLDS.excess_factor, excess - THRESHOLDS.large * bare.bounded_excess)
 
 
-def need(described: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:
+def need(bare: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:
     """Return the ratio of the evidence for an effect to the required evidence.
 
     Above the noise floor, the evidence is the factor by which the excess increases without the effect. The required
@@ -91,7 +91,7 @@ def need(described: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float
     small effect, and `necessary_factor` for any other effect.
 
     Args:
-        described: model whose excess is the whole gap (`FittedSets.described`)
+        bare: model whose excess is the whole gap (`FittedSets.corrected_bare`)
         model: set with the effect
         smaller: set without the effect
     """
@@ -99,7 +99,7 @@ def need(described: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float
     if model.at_noise_floor:
         return loss / model.chance
     growth, factor = smaller.residuals.excess - model.bounded_excess, smaller.residuals.excess / model.bounded_excess
-    share = growth / described.bounded_excess
+    share = growth / bare.bounded_excess
     if share > THRESHOLDS.large or loss > segment_scatter(smaller, model):
         return factor / THRESHOLDS.excess_factor
     if share < THRESHOLDS.small and factor < THRESHOLDS.necessary_factor_if_small:

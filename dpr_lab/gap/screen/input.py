@@ -92,18 +92,18 @@ def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
     """
     rig, e1 = recordings.rig, BASE.index("e1")
     return any(
-        base_of_run(fitted.estimate.whole, recording.setup, rig.L1, rig.g)[e1] < 0.0 for recording in recordings.records
+        base_of_run(fitted.estimate.whole, record.setup, rig.L1, rig.g)[e1] < 0.0 for record in recordings.records
     )
 
 
 def _refuse_other_modes(recordings: Recordings) -> None:
-    for recording in recordings.records:
-        run, moves = recording.run, recording.setup.arm_moves
+    for record in recordings.records:
+        run, moves = record.run, record.setup.arm_moves
         if moves:
-            turn = float(np.ptp(recording.joints[:, -1]))
+            turn = float(np.ptp(record.joints[:, -1]))
         else:  # without a few wrong readings
             turn = float(np.subtract(*np.quantile(run.swing.theta[:, 0], INPUT.most_readings)))
-        if moves and turn < INPUT.still * float(np.median(recording.sigma[:, -1])):
+        if moves and turn < INPUT.still * float(np.median(record.sigma[:, -1])):
             raise RunError(
                 f"{run.file or run.name}: its arm is {run.arm_mode}, but encoder 0 stands still (range"
                 f" {turn:.2g} rad). If the arm was held, import with --arm clamped; otherwise check the"
@@ -139,7 +139,7 @@ def _reinterpreted(recordings: Recordings, other: ScaledReadings) -> Recordings:
     hanging = recordings.rig.encoders.joint_angles.hanging
     return recordings.only([
         replace(
-            recording, joints=other.of_joints(recording.joints, hanging), sigma=other.of_sigma(recording.sigma)
+            record, joints=other.of_joints(record.joints, hanging), sigma=other.of_sigma(record.sigma)
         )
-        for recording in recordings.records
+        for record in recordings.records
     ])  # fmt: skip

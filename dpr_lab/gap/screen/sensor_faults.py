@@ -118,11 +118,8 @@ def screen(run: Run, rig: Rig) -> Screened:
     Raises:
         RunError: too few samples to estimate the noise.
     """
-    queued, waiting = _queued(run, rig)
-    run, stamped = _on_true_instants(run, rig)
-    late, swing, period = queued[run.t >= 0.0], run.swing, 1.0 / run.rate_hz
-    t, joints, on_time = swing.t, rig.encoders.joint_angles.of_rods(swing.theta[:, 1:]), ~late
-    late[on_time], delayed = _late(run, t[on_time], joints[on_time])
+    run, late, findings = _timed(run, rig)
+    t, joints, period = run.swing.t, rig.encoders.joint_angles.of_rods(run.swing.theta[:, 1:]), 1.0 / run.rate_hz
     count = count_size(run, rig)[1:]
     still, shared = same_rounding(run, joints, rig.radians_per_count[1:])
     dithered, on_grid = has_dither(run, rig, count, still), is_on_grid(run, rig, joints)
@@ -134,7 +131,7 @@ def screen(run: Run, rig: Rig) -> Screened:
     wild, stale = too_fast(t, joints), np.zeros(joints.shape, dtype=np.bool_)
     stale[~late] = repeated(t[~late], joints[~late], noise, jitter, period)
     keep = ~(wild | stale | late[:, None])
-    findings = [*waiting, *stamped, *delayed, *_gaps(run.name, t, period), *_levels(run, rig, at_rest, dithered)]
+    findings += [*_gaps(run.name, t, period), *_levels(run, rig, at_rest, dithered)]
     breaks: list[tuple[float, int]] = []
     slow, fast = periods(rig)
     slowest = slow / SCREEN.rows_in_period if run.setup.held else fast / SCREEN.rows_in_short_period
@@ -188,6 +185,20 @@ def with_arm(screened: Screened, rig: Rig) -> Screened:
         on_grid=np.append(screened.on_grid, False),
         findings=(*screened.findings, *findings),
     )
+
+
+def _timed(run: Run, rig: Rig) -> tuple[Run, Flags, list[SensorFinding]]:
+    """Correct the time stamps of a run, and detect readings that were taken at an unknown instant.
+
+    Returns:
+        the run with its true instants, the mask of these readings in its swing, and the findings
+    """
+    queued, waiting = _queued(run, rig)
+    run, stamped = _on_true_instants(run, rig)
+    late, swing = queued[run.t >= 0.0], run.swing
+    on_time = ~late
+    late[on_time], delayed = _late(run, swing.t[on_time], rig.encoders.joint_angles.of_rods(swing.theta[on_time, 1:]))
+    return run, late, [*waiting, *stamped, *delayed]
 
 
 def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[SensorFinding]]:

@@ -30,7 +30,7 @@ TWO_DIGITS = GaussNewton(converged=1e-3, converged_frozen=1e-4)
 
 def gap(
     state: Selected,
-    transferred: Transfer,
+    transfer: Transfer,
     freely: Mapping[str, FreeRuns],
     budget: GapBudget,
     remainder: Discrepancy | None,
@@ -39,7 +39,7 @@ def gap(
 
     Args:
         state: the state with the selected set of effects
-        transferred: performance of the selected set on held-out recordings
+        transfer: performance of the selected set on held-out recordings
         freely: free runs of the models before and after the correction along all recordings, held-out ones included
         budget: reproducible and other shares of the gap
         remainder: discrepancy term of the selected set; None if only noise remains
@@ -53,10 +53,10 @@ def gap(
         after_rad=gap_rad(problem, chosen),
         explained_share=selection.share_explained,
         closed_held_out=ClosedShare(
-            estimate=transferred.closed.value,
-            interval90=transferred.closed.interval90,
-            per_run={name: share.value for name, share in transferred.left_out.items()},
-            held_out={name: share.value for name, share in transferred.held_out.items()},
+            estimate=transfer.closed.value,
+            interval90=transfer.closed.interval90,
+            per_run={name: share.value for name, share in transfer.left_out.items()},
+            held_out={name: share.value for name, share in transfer.held_out.items()},
         ),
         by_horizon=by_horizon(state.fitted.recordings, problem, selection.models),
         free_run_rad={

@@ -176,9 +176,9 @@ class _Test:
 
 def _failed(test: _Test, selection: Selection, pairs: Mapping[str, Array], closed: Interval) -> Iterator[str]:
     """Yield the effects that do not carry over, from their pairs and the share that all effects together close."""
-    least_kept = TRANSFER.kept * (_of_fitted(closed, selection) if closed.value >= TRANSFER.comparable else 1.0)
+    ratio = _relative_to_fitted(closed, selection) if closed.value >= TRANSFER.comparable else 1.0
     for name, smaller in selection.without_substitute.items():
-        if not test.carries_over(pairs[name], least_kept * _share_of_fitted(smaller, selection.chosen)):
+        if not test.carries_over(pairs[name], TRANSFER.kept * ratio * _fitted_share(smaller, selection.chosen)):
             yield name
 
 
@@ -219,13 +219,13 @@ def _signed_rank(blocks: Array) -> float:
     return float((ranks * np.sign(blocks)).sum() / np.sqrt(np.sum(ranks**2)))
 
 
-def _of_fitted(closed: Interval, selection: Selection) -> float:
+def _relative_to_fitted(closed: Interval, selection: Selection) -> float:
     """Return the ratio of the closed share of the held-out gap to that of the fitted gap."""
-    fitted = _share_of_fitted(selection.bare, selection.chosen)
+    fitted = _fitted_share(selection.bare, selection.chosen)
     return float(np.clip(closed.value / max(fitted, TRANSFER.least_fitted), 0.0, 1.0))
 
 
-def _share_of_fitted(smaller: Hypothesis, chosen: Hypothesis) -> float:
+def _fitted_share(smaller: Hypothesis, chosen: Hypothesis) -> float:
     """Return by which share the chosen set reduces the gap of the smaller set."""
     return share(np.array([[smaller.residuals.excess], [chosen.residuals.excess]]))
 

@@ -16,6 +16,7 @@ from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.gauss_newton import GaussNewton, descend, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.robust import relative_chi2
+from dpr_lab.gap.damage.steps import recorded_properties
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.hypothesis.imitation import substitute_curve
 from dpr_lab.gap.hypothesis.refits import (
@@ -28,7 +29,6 @@ from dpr_lab.gap.hypothesis.refits import (
     shaped,
 )
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, score_test
-from dpr_lab.gap.hypothesis.steps import recorded
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.sizes import off_axis, rises, significantly_oversized, springs_like_scale
@@ -37,7 +37,7 @@ from dpr_lab.progress import FitBegan, ScoreTestBegan
 Progress = Callable[[FitBegan | ScoreTestBegan], None]
 
 Arguments = tuple[Hypothesis] | tuple[Hypothesis, ScoreTest, Score] | tuple[Hypothesis, str, Score]
-"""Arguments of a fit: of a repeated fit, of the best shape of an additional effect, or of `substitutes.imaged`."""
+"""Arguments of a fit: of a repeated fit, of the best shape of an additional effect, or of `restarts.imaged`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ class FittedSets:
         """Return the effects of a set for which the recordings are the only evidence."""
         return [name for name in model.effects if name not in self.expected]
 
-    def described(self, model: Hypothesis) -> Hypothesis:
+    def corrected_bare(self, model: Hypothesis) -> Hypothesis:
         """Return the bare model plus the effects that correct the rig file or time stamps.
 
         The other effects explain parts of the gap that remains with this model. An error of the description may cause a
@@ -141,8 +141,8 @@ class FittedSets:
         The result is None if the recordings cannot show the effect. An effect with several shapes is compared with all
         other effects (`_from_shapes`).
         """
-        alone = effect in self.library and not self.library[effect].shapes
-        return (self._tested(model, {effect}) if alone else self.test(model)).of(effect)
+        shapeless = effect in self.library and not self.library[effect].shapes
+        return (self._tested(model, {effect}) if shapeless else self.test(model)).of(effect)
 
     def _tested(self, model: Hypothesis, effects: Set[str]) -> ScoreTest:
         """Return the score test of a set that contains at least the given effects.
@@ -157,7 +157,7 @@ class FittedSets:
             fitted = model.fit if test is None or outdated else test.fit
             tested = effects if test is None else effects | test.tested
             library = [effect for name, effect in self.library.items() if name in tested]
-            known = recorded(self.recordings.records, self.problem, fitted)
+            known = recorded_properties(self.recordings.records, self.problem, fitted)
             self._tests[model.key] = test = score_test(self.problem, fitted, library, known)
         return test
 

@@ -42,8 +42,13 @@ READINGS_PER_FORM = 8
 def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: str) -> float | None:
     """Return the own share of an effect, 0 to 1.
 
-    It is the part of the reduction that no other form of the effects in the smaller set explains. The share is 1 if the
-    recordings are too short to determine the other forms. The share is None if the effect was not tested.
+    It is the part of the reduction that no other form of the effects in the smaller set explains. With the reduction
+    G(...) of chi2 by the fitted parameters p, the effect c and the other forms o together,
+
+        own share = (G(p, c, o) - G(p, o)) / (G(p, c) - G(p))
+
+    The share is 1 if the recordings are too short to determine the other forms. The share is None if the effect was not
+    tested.
 
     Args:
         problem: segments and noise
@@ -65,11 +70,11 @@ def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: st
     of_fitted, of_own, of_forms = np.split(np.arange(len(space)), np.cumsum([fitted.shape[2], new.shape[2]]))
     if len(of_forms) * READINGS_PER_FORM > linear.e.size:
         return 1.0
-    before, alone, others, with_both = (
+    of_p, of_pc, of_po, of_pco = (
         space.chosen(np.concatenate(columns)).gain()
         for columns in ([of_fitted], [of_fitted, of_own], [of_fitted, of_forms], [of_fitted, of_own, of_forms])
     )
-    return float(np.clip((with_both - others) / (alone - before), 0.0, 1.0)) if alone > before else 0.0
+    return float(np.clip((of_pco - of_po) / (of_pc - of_p), 0.0, 1.0)) if of_pc > of_p else 0.0
 
 
 def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, name: str, tested: Effect) -> Array:

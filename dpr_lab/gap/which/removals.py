@@ -34,7 +34,7 @@ def _smaller_adequate(sets: FittedSets, current: Hypothesis) -> Iterator[Proposa
 def _explains_nearly_as_much(sets: FittedSets, model: Hypothesis, current: Hypothesis) -> bool:
     """Return whether a smaller set is as likely as the current set and lacks no large effect."""
     lost = model.bounded_excess - current.bounded_excess
-    if lost >= THRESHOLDS.large * sets.described(current).bounded_excess:
+    if lost >= THRESHOLDS.large * sets.corrected_bare(current).bounded_excess:
         return False
     if model.bounded_excess >= THRESHOLDS.necessary_factor * current.bounded_excess:
         return False
@@ -58,8 +58,8 @@ def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Pro
         return
     removable = [name for name in sets.unexpected(current) if sets.as_possible(sets.without(current, name), current)]
     if removable:
-        described = sets.described(current)
-        needs = {name: need(described, current, sets.without_substitute(current, name)) for name in removable}
+        bare = sets.corrected_bare(current)
+        needs = {name: need(bare, current, sets.without_substitute(current, name)) for name in removable}
         least = min(needs, key=lambda name: needs[name])
         yield Proposal(sets.without(current, least), needs[least])
 

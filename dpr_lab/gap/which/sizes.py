@@ -71,14 +71,14 @@ def significantly_oversized(model: Hypothesis, limits: Array | None) -> tuple[st
     """
     params = model.estimate.params
 
-    def possible(name: str) -> bool:
+    def impossible(name: str) -> bool:
         effect, sizes = EFFECTS[name], named_params(params)[name]
-        if effect.possible(sizes):  # the sizes are possible together, so one of them is at its limit
-            return False
+        if effect.possible(sizes):  # together, so one of them is at its limit
+            return True
         errors = {p.name: half_width(model, name, p.name) or 0.0 for p in effect.amplitudes}
-        return not impossible_together(effect, sizes, errors)
+        return impossible_together(effect, sizes, errors)
 
-    return tuple(name for name in oversized(params, limits) if not possible(name))
+    return tuple(name for name in oversized(params, limits) if impossible(name))
 
 
 def impossible_together(effect: Effect, sizes: Params, errors: Mapping[str, float]) -> bool:

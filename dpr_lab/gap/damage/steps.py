@@ -75,7 +75,7 @@ class ReadingStep(NamedTuple):
     """Size of the step, rad."""
 
 
-def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
+def recorded_properties(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
     """Collect the properties of the recordings from which shapes of effects are proposed."""
     screened = [(axis, run, instant) for run, record in enumerate(records) for instant, axis in record.screened.breaks]
     return Recorded(
