@@ -1,5 +1,7 @@
 """Write docs/effects.md from the library itself: `python docs/effects.py`."""
 
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
 from dpr_lab.effects import EFFECTS
@@ -23,6 +25,8 @@ third of the limit as standard deviation. An amplitude that the recordings canno
 or the initial states is not fitted; the diagnosis lists it in `absorbed`. An effect with an amplitude at its limit is
 not named, because the true cause is a different effect.
 
+An effect that acts in the same way at joints 1 and 2 is described once, with i as the number of the joint.
+
 | site | effects |
 |---|---|
 """
@@ -35,7 +39,29 @@ def page() -> str:
     for effect in EFFECTS.values():
         sites.setdefault(effect.site, []).append(f"`{effect.name}`")
     overview = [f"| {site} | {', '.join(names)} |" for site, names in sites.items()]
-    return "\n".join([HEAD + "\n".join(overview), "", *map(section, EFFECTS.values()), *families, ""])
+    return "\n".join([HEAD + "\n".join(overview), "", *sections(), *families, ""])
+
+
+def sections() -> Iterator[str]:
+    """Text of each effect, or one text of both effects if they differ only in the number of the joint."""
+    merged = set()
+    for name, effect in EFFECTS.items():
+        other = EFFECTS.get(f"{name[:-1]}2", effect)
+        text = both_joints(section(effect), section(other))
+        if other is not effect and text:
+            merged.add(other.name)
+            text = text.replace(f"`{name[:-1]}i`", f"`{name}`, `{other.name}`", 1)
+            yield re.sub(r"(joint|link)i`", r"\1<i>`", text)
+        elif name not in merged:
+            yield section(effect)
+
+
+def both_joints(first: str, second: str) -> str:
+    """Return the common text with i as the number of the joint; empty if the texts differ in anything else."""
+    pairs = list(zip(first, second, strict=False))
+    if len(first) != len(second) or {pair for pair in pairs if pair[0] != pair[1]} != {("1", "2")}:
+        return ""
+    return "".join(one if one == two else "i" for one, two in pairs)
 
 
 def section(effect: Effect) -> str:
