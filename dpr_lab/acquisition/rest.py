@@ -3,7 +3,7 @@
 import numpy as np
 
 from dpr_lab.acquisition.settings import RestLimits
-from dpr_lab.arrays import Array
+from dpr_lab.arrays import Array, without_turns
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Pose
 
@@ -64,7 +64,7 @@ def pose_error(theta: Array, pose: Pose) -> Array:
     Returns:
         (..., 2) measured minus required angle of inner and outer rod in [-pi, pi), rad
     """
-    return (theta[..., 1:] - pose.theta[1:] + np.pi) % (2 * np.pi) - np.pi
+    return without_turns(theta[..., 1:] - pose.theta[1:])
 
 
 def elbow_error(theta: Array, pose: Pose) -> float:
@@ -73,4 +73,4 @@ def elbow_error(theta: Array, pose: Pose) -> float:
     `theta` contains (3,) absolute angles.
     """
     inner, outer = pose_error(theta, pose)
-    return float((outer - inner + np.pi) % (2 * np.pi) - np.pi)
+    return float(without_turns(outer - inner))

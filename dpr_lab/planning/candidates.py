@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dpr_lab.arrays import Array
+from dpr_lab.arrays import Array, without_turns
 from dpr_lab.gap.screen.pieces import PIECES
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.release import CandidateRelease, MountedParts
@@ -102,7 +102,7 @@ def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> floa
     The fraction is 1 if no release in `made` is similar.
     """
     same = [other for other in made if _kind(other) == _kind(release)]
-    turns = [(release.start - other.start + np.pi)[:2] % (2 * np.pi) - np.pi for other in same]  # modulo full turns
+    turns = [without_turns(release.start - other.start)[:2] for other in same]
     apart = min((float(np.hypot(*turn)) for turn in turns), default=np.inf)
     return 1.0 - SEARCH.repeated * float(np.exp(-0.5 * (apart / SEARCH.alike_rad) ** 2))
 

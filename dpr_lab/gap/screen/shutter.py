@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from dpr_lab.arrays import Array
+from dpr_lab.arrays import Array, without_turns
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.gap.result.saved import Number, Saved
 from dpr_lab.joint_angles import JointAngles
@@ -59,7 +59,7 @@ class RollingShutter(Saved):
         tip = elbow + _end(theta[:, 1], constants.L2)
         rod2 = CubicSpline(t + self.delay_s_per_m * tip @ normal, tip)(t) - _end(theta1, constants.L1)
         turned = np.arctan2(-rod2[:, 0], rod2[:, 1]) - theta[:, 1]
-        theta2 = theta[:, 1] + np.remainder(turned + np.pi, 2 * np.pi) - np.pi
+        theta2 = theta[:, 1] + without_turns(turned)
         return joints.of_rods(np.column_stack([theta1, theta2]))
 
 

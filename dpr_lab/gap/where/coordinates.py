@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from dpr_lab.arrays import Array
+from dpr_lab.arrays import Array, without_turns
 from dpr_lab.effects.effect import ARM
 from dpr_lab.fitting.linearise import Linearisation
 from dpr_lab.fitting.problem import Problem
@@ -81,7 +81,7 @@ def hats(x: Array, knots: Array) -> Array:
 def angle_hats(angle: Array) -> tuple[Array, Array]:
     """Return the (n, k) hat functions around the circle, and the angles of their knots."""
     knots = np.linspace(-math.pi, math.pi, BINS + 1)
-    weights = hats((angle + math.pi) % (2 * math.pi) - math.pi, knots)
+    weights = hats(without_turns(angle), knots)
     weights[:, 0] += weights[:, -1]
     return weights[:, :-1], knots[:-1]
 

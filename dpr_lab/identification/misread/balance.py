@@ -24,7 +24,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dpr_lab.arrays import Array
+from dpr_lab.arrays import Array, without_turns
 from dpr_lab.dynamics.base import base_of_run, whole_parameters
 from dpr_lab.fitting.uncompiled import RIDGE, bounded_solution
 from dpr_lab.identification.misread.local_motion import LocalMotion, LocalMotionSettings, local_motion, shows_a_period
@@ -225,7 +225,7 @@ def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = 
         for start in starts
     )
     best = min(searches, key=lambda result: result.fun)
-    inner, outer = np.broadcast_to(np.remainder(best.x + np.pi, 2 * np.pi) - np.pi, 2).tolist()
+    inner, outer = np.broadcast_to(without_turns(best.x), 2).tolist()
     return inner, outer
 
 

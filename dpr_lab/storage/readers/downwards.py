@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dpr_lab.arrays import Array
+from dpr_lab.arrays import Array, correlation
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,4 @@ def _falling(points: Array, lag: int) -> float:
     half = max(1, lag // SETTINGS.frames_of_speed)
     speed2 = ((points[:, 2 * half :] - points[:, : -2 * half]) ** 2).sum(axis=2)
     faster, higher = (values[:, lag:] - values[:, :-lag] for values in (speed2, points[:, half:-half, 1]))
-    valid = np.isfinite(faster) & np.isfinite(higher)
-    faster, higher = faster[valid], higher[valid]
-    power = float(np.sqrt((faster**2).sum() * (higher**2).sum()))
-    return float((faster * higher).sum()) / power if power > 0 else 0.0
+    return correlation(faster.ravel(), higher.ravel())

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dpr_lab.arrays import Array, Flags
+from dpr_lab.arrays import Array, Flags, correlation
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig
 from dpr_lab.storage.tables.columns import AXES, TO_RADIANS, TO_SECONDS
@@ -291,7 +291,8 @@ def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool
     steps, moved = t[rows + 1] - t[rows], np.abs(theta[rows + 1, 1:] - theta[rows, 1:])
     heights = np.cos(theta[rows, 1:])
     above = upright & (np.median(heights, axis=0) > 0)
-    falls = rods == 1 and _correlation((moved[:, 0] / steps) ** 2, heights[:, 0]) < PLAUSIBLE.falls
+    faster, higher = (moved[:, 0] / steps) ** 2, heights[:, 0]
+    falls = rods == 1 and correlation(faster - faster.mean(), higher - higher.mean()) < PLAUSIBLE.falls
     speed = float(np.quantile(moved.max(axis=1) / steps, 0.1))
     turns, points = ("the rod turns", "the rod points") if rods == 1 else ("the rods turn", "both rods point")
     counted = in_radians and bool((np.abs(moved[:, :rods] - np.round(moved[:, :rods])) < PLAUSIBLE.whole).all())
@@ -310,12 +311,6 @@ def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool
     ]
     impossible = fast if speed > PLAUSIBLE.speed else far if turned > PLAUSIBLE.back * 2 * np.pi else []
     return impossible + (inverted if above.all() and not falls else [])
-
-
-def _correlation(a: Array, b: Array) -> float:
-    """Return the correlation of two samples (n,); 0 if one of them is constant."""
-    spread = float(a.std() * b.std())
-    return float(np.mean((a - a.mean()) * (b - b.mean()))) / spread if spread > 0 else 0.0
 
 
 def _between_turning_points(angle: Array) -> float:

@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dpr_lab.arrays import without_turns
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, energy_zeros
 from dpr_lab.identification.misread.torque_balance import TorqueBalance, torque_balance
 from dpr_lab.storage.tables.angles import Values
@@ -214,7 +215,7 @@ def _by_energy(read: InterpretedTable, balancing: tuple[float, float]) -> tuple[
     if read.rig.rods.mounting == "both" or read.torques is not None:
         return balancing
     added = _conserving_zeros(read)
-    if added is None or abs((added[0] - balancing[0] + np.pi) % (2 * np.pi) - np.pi) > READ.wrong_zero_rad:
+    if added is None or abs(without_turns(added[0] - balancing[0])) > READ.wrong_zero_rad:
         return balancing
     return added
 
@@ -231,7 +232,7 @@ def _with_zeros(read: InterpretedTable, added: ArrayLike) -> OtherReading:
         if from_pi.max() < READ.wrong_zero_rad:
             return _changed(read, zero=True)
         return with_zeros(read, added)
-    turned = (rig.encoders.joint_angles.of_rods(added) + np.pi) % (2 * np.pi) - np.pi
+    turned = without_turns(rig.encoders.joint_angles.of_rods(added))
     counts = np.round(turned / np.asarray(rig.radians_per_count)[1:])
     moved = {axis: values[axis] + count for axis, count in zip(AXES[1:], counts, strict=True)}
     zeros = [round(zero) for zero in np.asarray(rig.encoders.zero_counts)[1:] - counts]
@@ -253,12 +254,12 @@ def with_zeros(read: InterpretedTable, added: ArrayLike, tolerance: float = 0.0)
         added: (2,) offsets, rad
         tolerance: largest difference, rad, for which an offset is replaced by the nearest usual zero error
     """
-    turned = (np.asarray(added) + np.pi) % (2 * np.pi) - np.pi
+    turned = without_turns(np.asarray(added))
     usual = np.round(turned / READ.usual_zero_rad) * READ.usual_zero_rad
     inner, outer = np.where(np.abs(turned - usual) <= tolerance, usual, turned).tolist()
     values, options = read.values, read.options
     unit = TO_RADIANS[options.unit or "rad"]
-    columns = (inner, (outer - inner + np.pi) % (2 * np.pi) - np.pi if options.angles == "relative" else outer)
+    columns = (inner, without_turns(outer - inner) if options.angles == "relative" else outer)
     digits = 1 if options.unit == "deg" else 3
     offset = tuple(round(zero / unit, digits) if abs(zero) > READ.zero_rad else 0.0 for zero in columns)
     moved = {axis: values[axis] + value for axis, value in zip(AXES[1:], offset, strict=True)}

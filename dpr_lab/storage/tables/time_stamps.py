@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dpr_lab.arrays import Array, Flags
+from dpr_lab.arrays import Array, Flags, correlation
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,14 +285,6 @@ def without_speed(columns: Mapping[str, Array], t: Array) -> list[str]:
     angles = [
         angle
         for angle, speed in (names, names[::-1])
-        if _correlation(np.diff(columns[angle]), steps * columns[speed][1:]) > SETTINGS.speed_correlation
+        if correlation(np.diff(columns[angle]), steps * columns[speed][1:]) > SETTINGS.speed_correlation
     ]
     return angles if len(angles) == 1 else names
-
-
-def _correlation(first: Array, second: Array) -> float:
-    """Compute the correlation of two columns about zero; rows that lack a value are ignored."""
-    known = np.isfinite(first) & np.isfinite(second)
-    x, y = first[known], second[known]
-    size = float(np.sqrt((x @ x) * (y @ y)))
-    return float(x @ y) / size if size > 0 else 0.0

@@ -8,6 +8,7 @@ from textual.content import Content
 
 from dpr_lab.acquisition.holding import RestReading
 from dpr_lab.acquisition.settings import QUALITY_LIMITS
+from dpr_lab.arrays import without_turns
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.rig import Rig
 from dpr_lab.tui.recorder.sighting import Sighting
@@ -114,7 +115,7 @@ def angles_text(theta: Sequence[float], unit: AngleUnit, number: int = 2) -> str
 
 
 def _wrapped(angle: float, middle: float) -> float:
-    return float(middle + np.remainder(angle - middle + np.pi, 2 * np.pi) - np.pi)
+    return float(middle + without_turns(angle - middle))
 
 
 def ordered_text(ordered: float, now: float) -> Content:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dpr_lab.arrays import Array
+from dpr_lab.arrays import Array, without_turns
 from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.readings import (
@@ -94,4 +94,4 @@ def _in_pose(table: InterpretedTable, other: OtherReading) -> bool:
 
 def apart(rods: Array, pose: Array) -> float:
     """Return the largest angle between a rod and its pose, rad, without full turns."""
-    return float(np.abs((rods - pose + np.pi) % (2 * np.pi) - np.pi).max())
+    return float(np.abs(without_turns(rods - pose)).max())
