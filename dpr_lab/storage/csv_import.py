@@ -15,7 +15,8 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import load_run, run_of
-from dpr_lab.storage.samples import Gathered, Samples
+from dpr_lab.storage.row_text import Samples
+from dpr_lab.storage.samples import Gathered
 from dpr_lab.storage.scan import Scan
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.understand import Understood, understand
@@ -67,12 +68,10 @@ def write_run(
     metadata = _metadata(path, rig, swing)
     _in_memory(path, swing, metadata)  # checked before the file is created
     with whole_run(out, metadata) as writer:
-        rows = len(swing.theta)
+        samples, rows = _samples(swing), len(swing.theta)
         for start in range(0, rows, block):
-            part = slice(start, start + block)
-            counts = None if swing.counts is None else swing.counts[part]
-            torques = [torque[part] for torque in swing.torques.values()] or None
-            writer.table(swing.since_first_s[part], swing.theta[part], counts, torques)
+            part = samples.rows(slice(start, start + block))
+            writer.table(part.t, part.theta, part.counts, part.torques)
             on_progress(ImportProgress("write", min(start + block, rows), rows))
         writer.finish(RunSummary(release_tick=swing.release, notes=swing.remarks))
 
@@ -103,6 +102,12 @@ def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
     )
 
 
+def _samples(swing: Understood) -> Samples:
+    n = len(swing.theta)
+    torques = np.reshape([*swing.torques.values()], (len(swing.torques), n, 2))
+    return Samples(np.arange(n), swing.since_first_s, swing.theta, swing.counts, torques)
+
+
 def table_name(path: Path) -> str:
     """Return the run name of an imported file: the file name without suffix.
 
@@ -117,15 +122,13 @@ def _in_memory(path: Path, swing: Understood, metadata: RunMetadata) -> Run:
     if swing.options.arm == "prescribed" and "theta0" not in swing.columns:
         # the column of the arm is missing, so `prescribed_arm` must refuse it
         theta = np.where([True, False, False], np.nan, theta)
-    ticks = np.arange(len(theta))
-    samples = Samples(ticks, swing.since_first_s, theta, swing.counts, tuple(swing.torques.values()))
     stored = Scan(
         path=path,
         size_bytes=0,
         sha256="",
         metadata=metadata,
         rig_sha256=metadata.rig.sha256,
-        read=Gathered(_parts=[samples]),
+        read=Gathered(_parts=[replace(_samples(swing), theta=theta)]),
         summary=RunSummary(release_tick=swing.release, notes=swing.remarks),
     )
     return replace(run_of(stored), name=table_name(path), file=None)

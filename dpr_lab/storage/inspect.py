@@ -11,7 +11,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.storage.layout import INTERRUPTED, SAMPLES, TORQUE_KEYS
 from dpr_lab.storage.metadata import RunSummary
 from dpr_lab.storage.reader import arm_mode, inner_mode, lost_by_gaps, release_row
-from dpr_lab.storage.samples import Samples
+from dpr_lab.storage.row_text import Samples
 from dpr_lab.storage.scan import Scan, no_such_file, scan, stored_messages
 from dpr_lab.storage.sidecar import read_note, read_sidecar, sidecar_of
 from dpr_lab.storage.whole_run import whole_run

@@ -15,7 +15,8 @@ from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import ArmMode, InnerMode
 from dpr_lab.run import FilmNoise, Run, as_mounted
 from dpr_lab.storage.metadata import RunMetadata, numbers
-from dpr_lab.storage.samples import STRANGE, Samples, json_object
+from dpr_lab.storage.row_text import Samples
+from dpr_lab.storage.samples import STRANGE, json_object
 from dpr_lab.storage.scan import Scan, scan
 from dpr_lab.storage.sidecar import read_sidecar
 

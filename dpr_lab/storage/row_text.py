@@ -8,8 +8,9 @@ and read row by row.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -34,6 +35,39 @@ class TextSettings:
 
 SETTINGS = TextSettings()
 Bytes = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Content of the `/samples` channel as arrays."""
+
+    ticks: Integers
+    """(n,) ticks."""
+    t: Array
+    """(n,) time since tick 0, s."""
+    theta: Array
+    """(n, 3) angles computed during the recording, rad."""
+    counts: Integers | None
+    """(n, 3) position counts."""
+    torques: Array
+    """(kinds, n, 2) torques, N m, in the order of `TORQUE_KEYS`; without drives, there is no kind."""
+
+    @property
+    def missing(self) -> int:
+        """Number of ticks between the first and the last sample that have no sample."""
+        return int(self.ticks[-1] - self.ticks[0]) + 1 - len(self.ticks) if len(self.ticks) else 0
+
+    @property
+    def vectors(self) -> dict[str, Array | Integers]:
+        """Values (n, k) of each key of a sample that contains a list."""
+        counted = {} if self.counts is None else {"counts": self.counts}
+        return counted | {"theta": self.theta} | dict(zip(TORQUE_KEYS, self.torques, strict=False))
+
+    def rows(self, rows: slice) -> "Samples":
+        """Return a part of the samples."""
+        counts = None if self.counts is None else self.counts[rows]
+        return Samples(self.ticks[rows], self.t[rows], self.theta[rows], counts, self.torques[:, rows])
+
 
 _QUADS = np.frombuffer("".join(f"{n:04d}" for n in range(10_000)).encode(), dtype=np.uint32)
 """Four-digit texts of 0 to 9999, each stored as one 32-bit integer. Building text in units of four characters takes a
@@ -71,26 +105,10 @@ def message_texts(records: bytes) -> tuple[int, Bytes] | None:
     return int(first["channel"][0]), rows[:, _HEAD.itemsize :]
 
 
-def sample_texts(
-    tick: Integers,
-    t: Array,
-    theta: Array,
-    counts: Integers | None,
-    torques: Array,
-) -> Bytes | None:
-    """Return (n, w) JSON texts of samples; None if a number has no fixed width.
-
-    Args:
-        tick: (n,)
-        t: (n,) s
-        theta: (n, 3) rad
-        counts: (n, 3)
-        torques: (kinds, n, 2) N m
-    """
-    vectors = [("theta", theta)] if counts is None else [("counts", counts), ("theta", theta)]
-    vectors += list(zip(TORQUE_KEYS, torques, strict=False))
-    parts: list[Bytes | str | None] = ['{"tick":', _decimals(tick), ',"t":', _decimals(t)]
-    for key, vector in vectors:
+def sample_texts(samples: Samples) -> Bytes | None:
+    """Return (n, w) JSON texts of samples; None if a number has no fixed width."""
+    parts: list[Bytes | str | None] = ['{"tick":', _decimals(samples.ticks), ',"t":', _decimals(samples.t)]
+    for key, vector in samples.vectors.items():
         for number, column in enumerate(vector.T):
             parts += ["," if number else f',"{key}":[', _decimals(column)]
         parts.append("]")
@@ -98,7 +116,7 @@ def sample_texts(
     if any(part is None for part in parts):
         return None
     columns = (np.frombuffer(part.encode(), dtype=np.uint8) if isinstance(part, str) else part for part in parts)
-    return np.hstack([np.broadcast_to(column, (len(tick), np.shape(column)[-1])) for column in columns])  # pyright: ignore[reportCallIssue, reportArgumentType]
+    return np.hstack([np.broadcast_to(column, (len(samples.t), np.shape(column)[-1])) for column in columns])  # pyright: ignore[reportCallIssue, reportArgumentType]
 
 
 def _decimals(values: Integers | Array) -> Bytes | None:
@@ -150,12 +168,8 @@ _SAMPLE = re.compile(
 )  # fmt: skip
 
 
-def sample_columns(texts: Bytes) -> list[Array | Integers | None] | None:
-    """Parse the texts (n, w) of `sample_texts` to columns (n,).
-
-    The columns are tick, t, counts, theta and torques. A column is None if the texts do not contain it. The result is
-    None if the texts are not from `sample_texts`.
-    """
+def samples_of(texts: Bytes) -> Samples | None:
+    """Parse the texts (n, w) of `sample_texts`; return None for other texts."""
     match = _SAMPLE.fullmatch(texts[0].tobytes())
     if match is None:
         return None
@@ -167,7 +181,20 @@ def sample_columns(texts: Bytes) -> list[Array | Integers | None] | None:
         return None
     present = [start >= 0 for start, _ in spans]
     columns = [_numbers(texts[:, slice(*span)]) if known else None for span, known in zip(spans, present, strict=True)]
-    return columns if [column is not None for column in columns] == present else None
+    if [column is not None for column in columns] != present:
+        return None
+    tick, t, *rest = columns
+    counts, theta, *torques = map(_stacked, (rest[:3], rest[3:6], rest[6:8], rest[8:]))
+    if tick is None or t is None or theta is None or any(x is not None and x.dtype.kind != "i" for x in (tick, counts)):
+        return None
+    known = [pair for pair in torques if pair is not None]
+    return Samples(tick, t, theta, counts, np.reshape(known, (len(known), len(tick), 2)))
+
+
+def _stacked(columns: Sequence[NDArray[Any] | None]) -> NDArray[Any] | None:
+    """Stack k columns to an array (n, k); return None if the columns are missing."""
+    present = [column for column in columns if column is not None]
+    return np.column_stack(present) if present else None
 
 
 def _with_blanks(row: Bytes, start: int, stop: int) -> tuple[int, int]:
@@ -207,26 +234,12 @@ def _numbers(texts: Bytes) -> Array | Integers | None:
     return values / 10.0**decimals if len(points) else values.astype(np.int64)
 
 
-def sample_messages(
-    tick: Integers,
-    t: Array,
-    theta: Array,
-    counts: Integers | None,
-    torques: Array,
-) -> Iterator[bytes]:
-    """Format rows as JSON.
+def sample_messages(samples: Samples) -> Iterator[bytes]:
+    """Format samples as JSON.
 
     This is three times as fast as `json.dumps`.
     """
-    rows = zip(tick.tolist(), t.tolist(), theta.tolist(), strict=True)
-    ends = [""] * len(tick)
-    for key, pairs in zip(TORQUE_KEYS, torques.tolist(), strict=False):
-        ends = [f'{end},"{key}":{pair}' for end, pair in zip(ends, pairs, strict=True)]
-    if counts is None:
-        bare = zip(rows, ends, strict=True)
-        return (f'{{"tick":{i},"t":{seconds},"theta":{angles}{end}}}'.encode() for (i, seconds, angles), end in bare)
-    counted = zip(rows, counts.tolist(), ends, strict=True)
-    return (
-        f'{{"tick":{i},"t":{seconds},"counts":{c},"theta":{angles}{end}}}'.encode()
-        for (i, seconds, angles), c, end in counted
-    )
+    texts = [f'{{"tick":{tick},"t":{t}' for tick, t in zip(samples.ticks.tolist(), samples.t.tolist(), strict=True)]
+    for key, vector in samples.vectors.items():
+        texts = [f'{text},"{key}":{row}' for text, row in zip(texts, vector.tolist(), strict=True)]
+    return (f"{text}}}".encode() for text in texts)

@@ -1,54 +1,30 @@
 """Convert the untrusted messages of a run file to arrays, chunk by chunk."""
 
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.arrays import Array, Integers
 from dpr_lab.errors import RunError
 from dpr_lab.rig import JOINTS
 from dpr_lab.storage.layout import CLOCK, EVENTS, LIMITS, RELEASED, SAMPLES, TORQUE_KEYS, Stored
-from dpr_lab.storage.row_text import sample_columns
+from dpr_lab.storage.row_text import Samples, samples_of
 
 STRANGE = (ValueError, KeyError, TypeError, OverflowError, RecursionError, AttributeError)
 """Exceptions that JSON with unexpected content causes."""
 
 
-@dataclass(frozen=True, slots=True)
-class Samples:
-    """Content of the `/samples` channel as arrays."""
-
-    ticks: Integers
-    """(n,) ticks."""
-    t: Array
-    """(n,) time since tick 0, s."""
-    theta: Array
-    """(n, 3) angles computed during the recording, rad."""
-    counts: Integers | None
-    """(n, 3) position counts."""
-    torques: tuple[Array, ...] = ()
-    """(n, 2) torques of each kind, N m, in the order of `TORQUE_KEYS`."""
-
-    @property
-    def missing(self) -> int:
-        """Number of ticks between the first and the last sample that have no sample."""
-        return int(self.ticks[-1] - self.ticks[0]) + 1 - len(self.ticks) if len(self.ticks) else 0
-
-
 def _decoded(rows: list[dict[str, Any]]) -> Samples:
-    counted = bool(rows) and "counts" in rows[0]
+    n, keys = len(rows), rows[0].keys() if rows else set[str]()
+    torques = [[row[key] for row in rows] for key in TORQUE_KEYS if key in keys]
     return Samples(
-        ticks=_whole([row["tick"] for row in rows], (len(rows),)),
-        t=_finite([row["t"] for row in rows], (len(rows),)),
-        theta=_finite([row["theta"] for row in rows], (len(rows), JOINTS)),
-        counts=_whole([row["counts"] for row in rows], (len(rows), JOINTS)) if counted else None,
-        torques=tuple(
-            _finite([row[key] for row in rows], (len(rows), 2)) for key in TORQUE_KEYS if rows and key in rows[0]
-        ),
+        ticks=_numbers([row["tick"] for row in rows], (n,), "i"),
+        t=_numbers([row["t"] for row in rows], (n,)),
+        theta=_numbers([row["theta"] for row in rows], (n, JOINTS)),
+        counts=_numbers([row["counts"] for row in rows], (n, JOINTS), "i") if "counts" in keys else None,
+        torques=_numbers(torques, (len(torques), n, 2)),
     )
 
 
@@ -100,16 +76,10 @@ class Gathered:
         """
         if self.strange_sample:
             return True
-        columns = sample_columns(texts)
-        if columns is None:
+        samples = samples_of(texts)
+        if samples is None:
             return False
-        tick, t, *rest = columns
-        counts, theta, *torques = map(_stacked, (rest[:3], rest[3:6], rest[6:8], rest[8:]))
-        whole = [tick] if counts is None else [tick, counts]
-        if theta is None or any(column is None or column.dtype.kind != "i" for column in whole):
-            return False
-        known = tuple(pair for pair in torques if pair is not None)
-        self._parts.append(Samples(np.asarray(tick), np.asarray(t), theta, counts, known))
+        self._parts.append(samples)
         return True
 
     @property
@@ -123,8 +93,7 @@ class Gathered:
         with_counts = [part.counts for part in parts if part.counts is not None]
         if len(with_counts) not in (0, len(parts)):
             raise RunError("only some of the samples have counts")
-        with_torques = [part.torques for part in parts]
-        if len(set(map(len, with_torques))) > 1:
+        if len({len(part.torques) for part in parts}) > 1:
             raise RunError("only some of the samples have torques")
         self._parts = [
             Samples(
@@ -132,7 +101,7 @@ class Gathered:
                 np.concatenate([part.t for part in parts]),
                 np.concatenate([part.theta for part in parts]),
                 np.concatenate(with_counts) if with_counts else None,
-                tuple(map(np.concatenate, zip(*with_torques, strict=True))),
+                np.concatenate([part.torques for part in parts], axis=1),
             )
         ]
         return self._parts[0]
@@ -143,21 +112,10 @@ class Gathered:
             self.release_tick = tick if 0 <= tick < LIMITS.ticks else None
 
 
-def _stacked(columns: Sequence[NDArray[Any] | None]) -> NDArray[Any] | None:
-    """Stack k columns to an array (n, k); return None if the columns are missing."""
-    present = [column for column in columns if column is not None]
-    return np.column_stack(present) if present else None
-
-
-def _whole(values: list[Any], shape: tuple[int, ...]) -> Integers:
+def _numbers(values: list[Any], shape: tuple[int, ...], kinds: str = "if") -> NDArray[Any]:
+    """Convert finite numbers to an array of this shape; `kinds` contains the permitted kinds of its type."""
     read = np.array(values if values else np.zeros(shape, dtype=np.int64))
-    if read.shape != shape or read.dtype != np.int64:
-        raise ValueError(f"a value is not a 64-bit integer, or the number of values is not {shape[1:] or 'one'}")
-    return read
-
-
-def _finite(values: list[Any], shape: tuple[int, ...]) -> Array:
-    read = np.array(values if values else np.zeros(shape), dtype=np.float64)
-    if read.shape != shape or not np.isfinite(read).all():
-        raise ValueError(f"a value is not a finite number, or the number of values is not {shape[1:] or 'one'}")
-    return read
+    if read.shape != shape or read.dtype.kind not in kinds or not np.isfinite(read).all():
+        number = "finite number" if "f" in kinds else "64-bit integer"
+        raise ValueError(f"a value is not a {number}, or the number of values is not {shape[1:] or 'one'}")
+    return read if kinds == "i" else read.astype(np.float64)

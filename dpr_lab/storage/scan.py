@@ -38,8 +38,8 @@ from dpr_lab.storage.layout import (
     unsealed,
 )
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
-from dpr_lab.storage.row_text import message_texts
-from dpr_lab.storage.samples import STRANGE, Gathered, Samples, json_object
+from dpr_lab.storage.row_text import Samples, message_texts
+from dpr_lab.storage.samples import STRANGE, Gathered, json_object
 from dpr_lab.storage.sidecar import SIDECAR_SUFFIX
 from dpr_lab.whole_file import regular
 
@@ -222,7 +222,7 @@ def _ending(path: Path, collected: _Collected) -> tuple[RunSummary | None, str, 
         return None, "", None
     try:
         return RunSummary.from_record(end), printable(end["stopped"]), int(end["samples"])
-    except (KeyError, TypeError, ValueError, OverflowError, AttributeError, RecursionError) as error:
+    except STRANGE as error:
         raise RunError(
             f"{path}: its end record does not have the layout of a run: it was written by another program"
         ) from error
@@ -377,7 +377,7 @@ def _description(path: Path, collected: _Collected, damage: str) -> tuple[RunMet
         raise RunError(f"{path}: {damage}. The damage precedes the description of the rig, so the file cannot be read")
     try:
         return RunMetadata.from_record(record, collected.attachments[RIG_ATTACHMENT]), record["rig_sha256"]
-    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+    except STRANGE as error:
         raise RunError(f"{path}: its description does not have the layout of a run: the file was changed") from error
     except RunError as error:
         raise RunError(f"{path}: {error}") from error

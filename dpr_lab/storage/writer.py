@@ -18,7 +18,7 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 from numpy.typing import ArrayLike
 
-from dpr_lab.arrays import Array, Integers
+from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.rig import JOINTS
 from dpr_lab.shown import in_command
@@ -42,7 +42,7 @@ from dpr_lab.storage.layout import (
     sealed,
 )
 from dpr_lab.storage.metadata import RunMetadata, RunSummary, plain
-from dpr_lab.storage.row_text import message_records, sample_messages, sample_texts
+from dpr_lab.storage.row_text import Samples, message_records, sample_messages, sample_texts
 from dpr_lab.storage.sidecar import write_sidecar
 
 
@@ -129,7 +129,7 @@ class RunWriter:
         self._check_time_source("ticks")
         tick, count = np.asarray(ticks, dtype=np.int64), np.asarray(counts, dtype=np.int64)
         theta = np.round(self.metadata.rig.mounted_theta(count.reshape(-1, JOINTS)), SETTINGS.theta_digits)
-        self._append(tick, np.round(tick / self.metadata.rate_hz, 9), theta, count, _by_kind(torques))
+        self._append(Samples(tick, np.round(tick / self.metadata.rate_hz, 9), theta, count, _by_kind(torques)))
 
     def table(
         self, t: ArrayLike, theta: ArrayLike, counts: ArrayLike | None = None, torques: ArrayLike | None = None
@@ -153,7 +153,7 @@ class RunWriter:
         count = None if counts is None else np.asarray(counts, dtype=np.int64)
         angles = np.asarray(theta, dtype=np.float64)
         angles = angles if count is None else np.round(angles, SETTINGS.theta_digits)
-        self._append(tick, rows, angles, count, _by_kind(torques))
+        self._append(Samples(tick, rows, angles, count, _by_kind(torques)))
 
     def raw(self, host_time_ns: int, payload: bytes) -> None:
         """Append the bytes that were received from the link."""
@@ -259,18 +259,12 @@ class RunWriter:
         if self.metadata.time_source != source:
             raise ValueError(f"this run's time_source is {self.metadata.time_source!r}, not {source!r}")
 
-    def _append(
-        self,
-        tick: Integers,
-        t: Array,
-        theta: Array,
-        counts: Integers | None,
-        torques: Array,
-    ) -> None:
+    def _append(self, samples: Samples) -> None:
+        tick, t, theta, torques = samples.ticks, samples.t, samples.theta, samples.torques
         n = len(tick)
         if len(torques) and (torques.shape not in ((1, n, 2), (2, n, 2)) or not np.isfinite(torques).all()):
             raise ValueError(f"{n} ticks need the same number of rows of 2 finite torques, not {torques.shape}")
-        if tick.shape != (n,) or theta.shape != (n, JOINTS) or (counts is not None and counts.shape != (n, JOINTS)):
+        if tick.shape != (n,) or any(x.shape != (n, JOINTS) for x in (theta, samples.counts) if x is not None):
             raise ValueError(f"{n} ticks need the same number of rows of {JOINTS}, not {theta.shape}")
         if not n:
             return
@@ -278,29 +272,26 @@ class RunWriter:
             raise ValueError(f"ticks must increase: {tick[0]} to {tick[-1]} after {self._last_tick}")
         if not (np.isfinite(theta).all() and np.isfinite(t).all() and t.min() >= 0):
             raise ValueError("times must be finite and not negative, angles finite")
-        log_ns = np.round(t * NANOSECONDS).astype(np.int64)
         for start in range(0, n, SETTINGS.block_rows):
-            rows = slice(start, start + SETTINGS.block_rows)
-            block = tick[rows], t[rows], theta[rows], None if counts is None else counts[rows], torques[:, rows]
             with self._disk():
-                self._add_rows(log_ns[rows], *block)
+                self._add_rows(samples.rows(slice(start, start + SETTINGS.block_rows)))
             if start:
                 self.flush()
         self._last_tick = int(tick[-1])
         self.samples_written += n
         self._flush_when_due()
 
-    def _add_rows(self, log_ns: Integers, *rows: Any) -> None:
+    def _add_rows(self, samples: Samples) -> None:
         """Append samples.
 
         Many samples are written as one block if all fit a fixed width; otherwise, they are written one by one.
         """
-        channel = self._channels[SAMPLES]
-        texts = sample_texts(*rows) if len(log_ns) >= SETTINGS.many_rows else None
+        channel, log_ns = self._channels[SAMPLES], np.round(samples.t * NANOSECONDS).astype(np.int64)
+        texts = sample_texts(samples) if len(log_ns) >= SETTINGS.many_rows else None
         if texts is not None and (np.diff(log_ns) >= 0).all():
             write_rows(self._mcap, channel, log_ns, message_records(channel, log_ns, texts))
             return
-        for time_ns, message in zip(log_ns.tolist(), sample_messages(*rows), strict=True):
+        for time_ns, message in zip(log_ns.tolist(), sample_messages(samples), strict=True):
             self._mcap.add_message(channel, time_ns, message, time_ns)
 
     def _add_json(self, topic: str, log_time: int, message: Mapping[str, Any], host_time_ns: int) -> None:

@@ -1,6 +1,7 @@
 """Samples written in blocks: any JSON reader reads them, and all numbers are exact."""
 
 import json
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from dpr_lab.storage.inspect import verify
 from dpr_lab.storage.layout import SAMPLES
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import load_run
-from dpr_lab.storage.row_text import message_records, message_texts, sample_columns, sample_texts
+from dpr_lab.storage.row_text import Samples, message_records, message_texts, sample_texts, samples_of
 from dpr_lab.storage.writer import RunWriter
 
 N = 3000
@@ -29,7 +30,8 @@ COUNTS = RNG.integers(-(10**6), 10**6, (N, 3))
 @pytest.mark.parametrize("counts", [None, COUNTS], ids=["no counts", "counts"])
 @pytest.mark.parametrize("torques", [NO_TORQUES, TORQUES[:1], TORQUES], ids=["free", "one kind", "both"])
 def test_any_reader_of_json_reads_the_rows(counts, torques) -> None:
-    texts = sample_texts(TICK, T, THETA, counts, torques)
+    samples = Samples(TICK, T, THETA, counts, torques)
+    texts = sample_texts(samples)
     assert texts is not None
     rows = [json.loads(row.tobytes()) for row in texts]
     assert [row["tick"] for row in rows] == TICK.tolist()
@@ -38,15 +40,15 @@ def test_any_reader_of_json_reads_the_rows(counts, torques) -> None:
     assert counts is None or [row["counts"] for row in rows] == counts.tolist()
     for key, torque in zip(("tau", "tau_commanded"), torques, strict=False):
         assert [row[key] for row in rows] == torque.tolist()
-    columns = sample_columns(texts)
-    assert columns is not None
-    there = [column for column in columns if column is not None]
-    expected = [TICK, T, *([] if counts is None else counts.T), *THETA.T, *(c for torque in torques for c in torque.T)]
-    assert all(np.array_equal(a, b) for a, b in zip(there, expected, strict=True))
+    again = samples_of(texts)
+    assert again is not None
+    assert again.vectors.keys() == samples.vectors.keys()
+    for field in fields(samples):
+        np.testing.assert_array_equal(getattr(again, field.name), getattr(samples, field.name))
 
 
 def test_records_of_mcap_are_distinguished_from_others() -> None:
-    texts = sample_texts(TICK, T, THETA, None, NO_TORQUES)
+    texts = sample_texts(Samples(TICK, T, THETA, None, NO_TORQUES))
     assert texts is not None
     records = message_records(4, TICK * 1000, texts).tobytes()
     read = message_texts(records)
@@ -62,33 +64,33 @@ def test_what_has_a_text_comes_back_to_the_last_bit(values: list[float]) -> None
     n = len(values)
     theta = np.column_stack([values, np.round(values, 11), np.round(values, 3)])
     theta += 0.0  # no negative zero
-    texts = sample_texts(np.arange(n), np.arange(n) / 4, theta, None, np.zeros((0, n, 2)))
+    texts = sample_texts(Samples(np.arange(n), np.arange(n) / 4, theta, None, np.zeros((0, n, 2))))
     if texts is None:
         assert (np.round(values, 9) != values).any()
         return
-    columns = sample_columns(texts)
-    assert columns is not None
-    np.testing.assert_array_equal(np.column_stack([c for c in columns[5:8] if c is not None]), theta)
+    samples = samples_of(texts)
+    assert samples is not None
+    np.testing.assert_array_equal(samples.theta, theta)
 
 
 @pytest.mark.parametrize(
     ("old", "new"), [(b"1", b"x"), (b".", b","), (b"  1", b"1 1"), (b" -", b"--"), (b"[", b"("), (b"-", b"+")]
 )
 def test_texts_that_are_not_as_they_were_written_are_left_to_json(old: bytes, new: bytes) -> None:
-    texts = sample_texts(TICK[:50], T[:50], -np.abs(THETA[:50]), None, NO_TORQUES[:, :50])
+    texts = sample_texts(Samples(TICK[:50], T[:50], -np.abs(THETA[:50]), None, NO_TORQUES[:, :50]))
     assert texts is not None
     row = texts[1].tobytes()
     assert old in row
     changed = texts.copy()
     changed[1] = np.frombuffer(row.replace(old, new, 1), dtype=np.uint8)
-    assert sample_columns(changed) is None
+    assert samples_of(changed) is None
 
 
 @pytest.mark.parametrize("odd", [1 / 3, 1e-12, 1e16])
 def test_numbers_without_a_short_text_are_written_row_by_row(odd: float, tmp_path: Path, paper) -> None:
     theta = THETA.copy()
     theta[7, 1] = odd
-    assert sample_texts(TICK, T, theta, None, NO_TORQUES) is None
+    assert sample_texts(Samples(TICK, T, theta, None, NO_TORQUES)) is None
     file = written(tmp_path / "a.mcap", paper, theta)
     assert load_run(file).theta[7, 1] == odd
 
