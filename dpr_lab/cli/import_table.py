@@ -17,7 +17,7 @@ from dpr_lab.cli.plugin_listing import PluginListing
 from dpr_lab.storage.tables.options import ImportOptions, TypedOption, parse_recorded_at, typed_options
 
 if TYPE_CHECKING:
-    from dpr_lab.storage.tables.preview import Preview
+    from dpr_lab.storage.tables.understood import Understood
 
 app = typer.Typer(help="Import recordings of other loggers.", cls=Listing, no_args_is_help=True, rich_markup_mode=None)
 
@@ -117,21 +117,21 @@ app.command("table", cls=PluginListing)(import_table)
 app.command("csv", help="The same as `import table`. Example: dpr-lab import csv swing.csv --rig paper")(import_table)
 
 
-def _show(understood: "Preview", as_json: bool) -> None:
+def _show(understood: "Understood", as_json: bool) -> None:
     """Print the interpretation of a table that was not written as a run."""
     from dpr_lab.report.text_plot import text_chart
-    from dpr_lab.storage.tables.preview import chart_title, names_of
+    from dpr_lab.storage.tables.understood import chart_title, names_of
 
     if as_json:
         emit(understood.to_json())
         return
-    title = f"{understood.file.name}: interpretation (no run was written)"
+    title = f"{understood.path.name}: interpretation (no run was written)"
     table(title, ("", "interpretation"), list(understood.facts().items()))
     rows = [[f"{value:.6f}" for value in row] for row in understood.first_rows()]
     table("First rows (rad)", ("t_s", *names_of(understood.joints)), rows)
     for joint in understood.joints:
         line(chart_title(joint))
-        for drawn in text_chart(understood.swing.t, understood.swing.theta[:, joint]):
+        for drawn in text_chart(understood.t, understood.theta[:, joint]):
             line(drawn)
     for note in understood.notes:
         say(note)

@@ -19,7 +19,8 @@ from dpr_lab.storage.row_text import Samples
 from dpr_lab.storage.samples import Gathered
 from dpr_lab.storage.scan import Scan
 from dpr_lab.storage.tables.options import ImportOptions
-from dpr_lab.storage.tables.understand import Understood, understand
+from dpr_lab.storage.tables.understand import understand
+from dpr_lab.storage.tables.understood import Understood
 from dpr_lab.storage.whole_run import whole_run
 
 
@@ -49,24 +50,21 @@ def import_csv(
             table cannot be a swing of the rig (`dpr_lab.storage.tables.questions`).
     """
     swing = understand(file, rig, options, on_progress or unwatched)
-    path = Path(file)
     if out is None:
-        run = _in_memory(path, swing, _metadata(path, rig, swing))
+        run = _in_memory(swing, _metadata(swing))
         return replace(run, sha256=run.readings_sha256)
-    write_run(path, rig, swing, out, on_progress or unwatched)
+    write_run(swing, out, on_progress or unwatched)
     return load_run(out)
 
 
-def write_run(
-    path: Path, rig: Rig, swing: Understood, out: Path | str, on_progress: OnImport = unwatched, block: int = 1 << 17
-) -> None:
+def write_run(swing: Understood, out: Path | str, on_progress: OnImport = unwatched, block: int = 1 << 17) -> None:
     """Write an interpreted table to a run file.
 
     Raises:
         RunError: the file cannot be written, or the motion of the arm cannot be prescribed.
     """
-    metadata = _metadata(path, rig, swing)
-    _in_memory(path, swing, metadata)  # checked before the file is created
+    metadata = _metadata(swing)
+    _in_memory(swing, metadata)  # checked before the file is created
     with whole_run(out, metadata) as writer:
         samples, rows = _samples(swing), len(swing.theta)
         for start in range(0, rows, block):
@@ -76,8 +74,8 @@ def write_run(
         writer.finish(RunSummary(release_tick=swing.release, notes=swing.remarks))
 
 
-def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
-    options, as_dicts = swing.options, ("columns", "scale", "offset")
+def _metadata(swing: Understood) -> RunMetadata:
+    path, rig, options, as_dicts = swing.path, swing.rig, swing.options, ("columns", "scale", "offset")
     return RunMetadata(
         rig=rig,
         pose=options.pose,
@@ -92,7 +90,7 @@ def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
             "t_offset_s": repr(swing.t_offset_s),
             "columns": json.dumps(dict(swing.columns)),
             "torque_kind": next(iter(swing.torques), ""),
-            "input_delay_s": repr(swing.options.input_delay_s),
+            "input_delay_s": repr(options.input_delay_s),
             "arm": options.arm or rig.arm.mode,
             "inner": options.inner or rig.joints.inner,
             "film_noise": "" if swing.film_noise is None else json.dumps(asdict(swing.film_noise)),
@@ -116,14 +114,14 @@ def table_name(path: Path) -> str:
     return Path(path.stem).stem if path.suffix.lower() == ".gz" else path.stem
 
 
-def _in_memory(path: Path, swing: Understood, metadata: RunMetadata) -> Run:
+def _in_memory(swing: Understood, metadata: RunMetadata) -> Run:
     """Create the run that a run file with an interpreted table would contain."""
     theta = swing.theta
     if swing.options.arm == "prescribed" and "theta0" not in swing.columns:
         # the column of the arm is missing, so `prescribed_arm` must refuse it
         theta = np.where([True, False, False], np.nan, theta)
     stored = Scan(
-        path=path,
+        path=swing.path,
         size_bytes=0,
         sha256="",
         metadata=metadata,
@@ -131,4 +129,4 @@ def _in_memory(path: Path, swing: Understood, metadata: RunMetadata) -> Run:
         read=Gathered(_parts=[replace(_samples(swing), theta=theta)]),
         summary=RunSummary(release_tick=swing.release, notes=swing.remarks),
     )
-    return replace(run_of(stored), name=table_name(path), file=None)
+    return replace(run_of(stored), name=table_name(swing.path), file=None)

@@ -9,7 +9,8 @@ MATLAB as struct `run`.
 import io
 import json
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from dpr_lab.arrays import Array, Integers
 from dpr_lab.errors import DprError, RunError
 from dpr_lab.run import Run
 from dpr_lab.storage.layout import NANOSECONDS
+from dpr_lab.whole_file import write_whole
 
 COLUMNS: tuple[str, ...] = ("t_s", "theta0_rad", "theta1_rad", "theta2_rad")
 COUNT_COLUMNS: tuple[str, ...] = ("counts0", "counts1", "counts2")
@@ -52,16 +54,7 @@ def export(run: Run, path: Path | str) -> Path:
         raise RunError(f"{target}: unknown format {target.suffix!r}; known formats: {', '.join(EXPORTERS)}")
     if target.exists():
         raise RunError(f"{target}: exists already; choose another name")
-    partial = target.with_name(f"{target.name}.part")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        write(run, partial)
-        partial.replace(target)
-    except OSError as error:
-        raise RunError(f"{target}: cannot be written: {error.strerror or error}; choose another folder") from error
-    finally:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
+    write_whole(target, partial(write, run), RunError)
     return target
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dpr_lab.storage.inspect import RunInfo
     from dpr_lab.storage.tables.interpreted import TableQuestion
     from dpr_lab.storage.tables.options import ImportOptions
-    from dpr_lab.storage.tables.preview import Preview
+    from dpr_lab.storage.tables.understood import Understood
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,20 +65,17 @@ def import_table(request: ImportRequest, on_event: OnEvent = ignore) -> ImportRe
         ConfigError: the rig is not valid.
         RunError: the table contains no angles that can be interpreted.
     """
-    from dpr_lab.rig import load_rig
     from dpr_lab.storage.csv_import import write_run
-    from dpr_lab.storage.tables.understand import understand
 
     target = request.out
     named = target.suffix == ".mcap" and not target.is_dir()
     file, notes = (target, ()) if named else _unused(target, request.table)
-    rig = with_rods(load_rig(request.rig), request.rods, request.elbow)
-    swing = understand(request.table, rig, request.options, on_event)
-    write_run(request.table, rig, swing, file, on_event)
+    swing = preview_table(request, on_event)
+    write_run(swing, file, on_event)
     return ImportResult(file, len(swing.t), float(swing.t[-1]), (*swing.notes, *notes), swing.questions)
 
 
-def preview_table(request: ImportRequest, on_event: OnEvent = ignore) -> "Preview":
+def preview_table(request: ImportRequest, on_event: OnEvent = ignore) -> "Understood":
     """Interpret a table without writing a run.
 
     Events: `ImportProgress`.
@@ -88,10 +85,10 @@ def preview_table(request: ImportRequest, on_event: OnEvent = ignore) -> "Previe
         RunError: the table contains no angles that can be interpreted.
     """
     from dpr_lab.rig import load_rig
-    from dpr_lab.storage.tables.preview import preview
+    from dpr_lab.storage.tables.understand import understand
 
     rig = with_rods(load_rig(request.rig), request.rods, request.elbow)
-    return preview(request.table, rig, request.options, on_event)
+    return understand(request.table, rig, request.options, on_event)
 
 
 def _unused(folder: Path, table: Path) -> tuple[Path, tuple[str, ...]]:

@@ -137,11 +137,11 @@ def kind_of_file(copy: Copy) -> str:
         from pathlib import Path
         from dpr_lab.rig import load_rig
         from dpr_lab.storage.csv_import import ImportOptions
-        from dpr_lab.storage.tables.preview import preview
+        from dpr_lab.storage.tables.understand import understand
         lines = [f"{k / 100} {3 + k / 200} {3 + k / 100}"[::-1] for k in range(50)]
         (file := Path("a.rev")).write_text("\\n".join(["REVERSED", *lines]))
-        found = preview(file, load_rig("paper"), ImportOptions())
-        print(found.swing.kind, len(found.swing.t), found.swing.rate_hz, found.swing.theta[-1, 2])
+        found = understand(file, load_rig("paper"), ImportOptions())
+        print(found.kind, len(found.t), found.rate_hz, found.theta[-1, 2])
         """
 
 

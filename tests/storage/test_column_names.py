@@ -6,7 +6,7 @@ import pytest
 from dpr_lab.errors import RunError
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.tables.options import typed_options
-from dpr_lab.storage.tables.preview import preview
+from dpr_lab.storage.tables.understand import understand
 from tests.storage.swing_files import RIG, THETA1, THETA2, T, is_the_swing
 
 DEGREES = np.rad2deg(np.array([THETA1, THETA2]))
@@ -94,7 +94,7 @@ def test_a_header_of_one_name_has_one_column(tmp_path):
 
 def test_a_column_without_a_name_is_shown_and_selected_by_its_number(tmp_path, one):
     file = file_of(tmp_path, "time,,speed\n", "{t:.3f},{a:.12g},{b:.12g}\n")
-    shown = preview(file, one, ImportOptions())
+    shown = understand(file, one, ImportOptions())
     assert shown.facts()["columns"] == "t = time, theta1 = column 2 (without a name)"
     assert any("theta1: column 2 (without a name), because no other column" in note for note in shown.notes)
     np.testing.assert_allclose(import_csv(file, one, ImportOptions(columns={"theta1": "3"})).theta[:, 1], THETA2)
@@ -146,7 +146,7 @@ def test_a_relative_reference_is_not_contradicted(tmp_path):
 
     rows = np.column_stack([T, THETA1, THETA2 - THETA1])
     np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,theta1,theta2", comments="")
-    shown = preview(tmp_path / "a.csv", RIG, ImportOptions())
+    shown = understand(tmp_path / "a.csv", RIG, ImportOptions())
     assert "--angles" in shown.mend
     assert not any("theta2 is absolute" in note for note in shown.notes)
 
@@ -155,7 +155,7 @@ def test_one_gap_is_not_plural(tmp_path, one):
     file = file_of(tmp_path, "t,theta1,x\n", "{t:.3f},{a:.12g},{b}\n")
     lines = file.read_text().splitlines()
     file.write_text("\n".join([*lines[:80], *lines[120:]]))
-    assert preview(file, one, ImportOptions()).facts()["rate"].endswith("; 1 gap")
+    assert understand(file, one, ImportOptions()).facts()["rate"].endswith("; 1 gap")
 
 
 @pytest.mark.parametrize(

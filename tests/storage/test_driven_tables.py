@@ -13,8 +13,7 @@ from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.export import export
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import load_run
-from dpr_lab.storage.tables import understand
-from dpr_lab.storage.tables.preview import preview
+from dpr_lab.storage.tables.understand import understand
 from dpr_lab.storage.writer import RunWriter
 from dpr_lab.tui.steps.table_options import parse_options
 from dpr_lab.workflows.events import RunRead
@@ -28,7 +27,7 @@ TAU = np.column_stack([np.sin(5 * T), 0.1 + 0 * T])
 @pytest.fixture(autouse=True)
 def without_doubts(monkeypatch: pytest.MonkeyPatch) -> None:
     """The angles do not follow from these torques; a search for the cause (`test_questions.py`) takes seconds."""
-    monkeypatch.setattr(understand, "questions", lambda _: [])
+    monkeypatch.setattr("dpr_lab.storage.tables.understand.questions", lambda _: [])
 
 
 def table(folder: Path, header: str, *columns: np.ndarray) -> Path:
@@ -99,7 +98,7 @@ MEASURED, COMMANDED = ("tau1_measured_Nm", "tau2_measured_Nm"), ("tau1_commanded
 @pytest.mark.parametrize("first", [MEASURED, ("tau1_Nm", "tau2_Nm"), ("tau_meas1", "tau_meas2")])
 def test_measured_and_commanded_torques_are_shown(paper: Rig, tmp_path: Path, first: tuple[str, str]) -> None:
     file = table(tmp_path, ",".join(COMMANDED + first), 2 * TAU, TAU)
-    shown = preview(file, paper, ImportOptions())
+    shown = understand(file, paper, ImportOptions())
     assert shown.to_json()["torques"] == [
         {"kind": "measured", "columns": list(first)},
         {"kind": "commanded", "columns": list(COMMANDED)},
@@ -125,7 +124,7 @@ def test_of_measured_and_commanded_torques_one_can_be_kept_alone(paper: Rig, tmp
     assert commanded.torques == pytest.approx(2 * TAU)
     free = import_csv(file, paper, ImportOptions(torque="none"))
     assert free.torques is None
-    assert "torques" not in preview(file, paper, ImportOptions(torque="none")).facts()
+    assert "torques" not in understand(file, paper, ImportOptions(torque="none")).facts()
     with pytest.raises(RunError, match="tau1_commanded_Nm and tau_cmd1 contain the same torque"):
         import_csv(table(tmp_path, "tau1_commanded_Nm,tau_cmd1,tau_cmd2", TAU, TAU[:, :1]), paper)
 
@@ -204,7 +203,7 @@ def test_a_joint_without_a_torque_column_is_passive(paper: Rig, tmp_path: Path, 
         run = import_csv(file, paper)
         assert run.torques == pytest.approx(expected)
         assert f"joint {passive} has no torque column: treated as passive, with a torque of zero" in run.notes
-        assert preview(file, paper, ImportOptions()).facts()["torques"].startswith(f"tau{driven}_Nm; up to")
+        assert understand(file, paper, ImportOptions()).facts()["torques"].startswith(f"tau{driven}_Nm; up to")
 
 
 def test_torques_of_the_other_kind_alone_are_refused(paper: Rig, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.export import export
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.tables.options import ImportOptions
-from dpr_lab.storage.tables.preview import preview
+from dpr_lab.storage.tables.understand import understand
 from tests.whole_swing import simulate_arm
 
 RIG = """
@@ -70,7 +70,7 @@ def test_the_input_of_a_driven_arm_is_no_torque_on_the_rods(rig_file, table):
     t, theta0, theta1, theta2, current = np.loadtxt(table, delimiter=",", skiprows=1).T
     large = np.column_stack([t, theta0, theta1, theta2, 0.1 * current])  # mA to A, 100 times
     np.savetxt(table, large, delimiter=",", fmt="%.7f", header="t,theta0,theta1,theta2,u", comments="")
-    assert preview(table, load_rig(rig_file), ImportOptions()).questions == ()
+    assert understand(table, load_rig(rig_file), ImportOptions()).questions == ()
     assert any("driven by the current in column u" in note for note in import_csv(table, load_rig(rig_file)).notes)
 
 
@@ -92,8 +92,8 @@ def test_angles_of_a_moving_arm_in_another_unit_are_named(tmp_path, rig_file, ta
     other = tmp_path / "other.csv"
     np.savetxt(other, rows, delimiter=",", header=table.read_text().splitlines()[0], comments="")
     rig = load_rig(rig_file)
-    assert not preview(table, rig, ImportOptions()).questions
-    questions = preview(other, rig, ImportOptions(unit=stated)).questions
+    assert not understand(table, rig, ImportOptions()).questions
+    questions = understand(other, rig, ImportOptions(unit=stated)).questions
     assert questions[0].mend == ("--unit", named)
     assert f"if the angles are in {named}" in questions[0].sentence
 
@@ -107,7 +107,7 @@ def test_degrees_of_the_arm_or_the_rods_alone_are_named(tmp_path, rig_file, tabl
     rows[:, columns] *= 180 / np.pi
     other = tmp_path / "other.csv"
     np.savetxt(other, rows, delimiter=",", header=table.read_text().splitlines()[0], comments="")
-    (question,) = preview(other, load_rig(rig_file), ImportOptions(unit="rad")).questions
+    (question,) = understand(other, load_rig(rig_file), ImportOptions(unit="rad")).questions
     assert question.mend == ("--scale", mend)
 
 

@@ -10,7 +10,7 @@ from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.report.plain import as_json
 from dpr_lab.rig import Rig
 from dpr_lab.storage.csv_import import import_csv
-from dpr_lab.storage.tables.preview import preview
+from dpr_lab.storage.tables.understand import understand
 from tests.storage.mutated_tables import MUTATIONS, MutatedTable, mutated_tables
 from tests.thinned import FULL, thinned
 
@@ -55,13 +55,13 @@ def test_no_mistake_in_a_table_ends_in_another_error_than_a_sentence(
             run = import_csv(file, paper, table.options)
         except (RunError, ConfigError):
             with pytest.raises((RunError, ConfigError), match=file.name):
-                preview(file, paper, table.options)
+                understand(file, paper, table.options)
         else:
             assert np.isfinite(run.theta).all(), table.name
             assert (np.diff(run.t) > 0).all(), table.name
             if index % 10 and not FULL:
                 continue  # a preview reads the table as the import does
-            as_json(preview(file, paper, table.options).to_json())
+            as_json(understand(file, paper, table.options).to_json())
 
 
 @pytest.mark.slow
@@ -80,4 +80,4 @@ def test_the_unit_of_torques_is_named_only_if_neither_an_option_nor_a_name_state
     file = table.write(tmp_path)
     file.write_text(file.read_text().replace("_Nm", unit))
     options = replace(table.options, scale=scale)
-    assert f"it is if {cause} (" in preview(file, paper, options).questions[0].sentence
+    assert f"it is if {cause} (" in understand(file, paper, options).questions[0].sentence

@@ -15,10 +15,9 @@ from dpr_lab.rig import Rig
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.readers.coordinates import OTHER, in_plane
 from dpr_lab.storage.readers.points import read_text
-from dpr_lab.storage.tables import understand
 from dpr_lab.storage.tables.interpreted import InterpretedTable
-from dpr_lab.storage.tables.preview import preview
 from dpr_lab.storage.tables.questions.questions import refuse_push
+from dpr_lab.storage.tables.understand import understand
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
 
@@ -150,7 +149,7 @@ def test_a_set_point_is_no_sign_of_a_drive_if_the_torques_are_known(tmp_path: Pa
     columns = [T, SWING, SWING + 0.1 * np.sin(T)]
     for torque, drive in ((np.sin(5 * T), ""), (0 * T, "column target is the set point of a controller")):
         file = table(tmp_path, "time,theta1,target,tau1", *columns, torque)
-        with patch.object(understand, "questions", return_value=[]) as asked:
+        with patch("dpr_lab.storage.tables.understand.questions", return_value=[]) as asked:
             import_csv(file, one, ImportOptions(zero="hanging"))
         assert asked.call_args.args[0].drive.startswith(drive)
         assert bool(asked.call_args.args[0].drive) == bool(drive)
@@ -158,16 +157,16 @@ def test_a_set_point_is_no_sign_of_a_drive_if_the_torques_are_known(tmp_path: Pa
 
 def test_a_set_point_is_named_as_a_sign_of_a_drive(tmp_path: Path, one: Rig) -> None:
     file = table(tmp_path, "time,position,goal_position", T, 0.5 * T, 0.5 * T + 0.1 * np.sin(T))
-    questions = preview(file, one, ImportOptions(zero="hanging")).questions
+    questions = understand(file, one, ImportOptions(zero="hanging")).questions
     assert any("column goal_position is the set point of a controller" in question.sentence for question in questions)
 
 
 def test_zeros_are_not_guessed_if_motors_may_drive_the_rods(tmp_path: Path, paper: Rig) -> None:
     swing = record(load_plant("paper", 5), paper, 2.0, 200)[0].swing
     rods = [swing.t, swing.theta[:, 1] + 0.6, swing.theta[:, 2] + 0.6]
-    free = preview(table(tmp_path, "t,theta1,theta2", *rods), paper, ImportOptions())
+    free = understand(table(tmp_path, "t,theta1,theta2", *rods), paper, ImportOptions())
     assert any("--offset" in question.mend for question in free.questions)
-    driven = preview(
+    driven = understand(
         table(tmp_path, "t,theta1,theta2,tau1,tau2", *rods, 0 * swing.t, 0 * swing.t), paper, ImportOptions()
     )
     assert not any("--offset" in question.mend for question in driven.questions)

@@ -15,8 +15,8 @@ from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.inspect import info
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.tables.options import ImportOptions
-from dpr_lab.storage.tables.preview import preview
 from dpr_lab.storage.tables.questions.torques import coarse_torques
+from dpr_lab.storage.tables.understand import understand
 from dpr_lab.storage.writer import RunWriter
 from dpr_lab.workflows.events import ignore
 from dpr_lab.workflows.reading import read_runs
@@ -37,7 +37,7 @@ def test_a_right_table_is_not_questioned(
     base: str, tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
 ) -> None:
     table = tables[f"{base}/none"]
-    understood = preview(table.write(tmp_path), paper, table.options)
+    understood = understand(table.write(tmp_path), paper, table.options)
     assert understood.questions == ()
     assert [note for note in understood.notes if not note.startswith(("driven by", "theta2 is absolute"))] == []
 
@@ -66,7 +66,7 @@ def test_a_right_table_is_not_questioned(
 def test_a_certain_mistake_is_questioned_with_the_option_that_corrects_it(
     name: str, mend: tuple[str, ...], tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
 ) -> None:
-    understood = preview(tables[name].write(tmp_path), paper, tables[name].options)
+    understood = understand(tables[name].write(tmp_path), paper, tables[name].options)
     assert understood.mend == mend
     assert " ".join(mend) in understood.questions[0].sentence
 
@@ -74,7 +74,7 @@ def test_a_certain_mistake_is_questioned_with_the_option_that_corrects_it(
 @pytest.mark.slow
 def test_an_import_notes_the_question_of_its_preview(tables, paper: Rig, tmp_path: Path) -> None:
     table = tables["driven/torque_mNm"]
-    question, *_ = preview(file := table.write(tmp_path), paper, table.options).questions
+    question, *_ = understand(file := table.write(tmp_path), paper, table.options).questions
     assert question.sentence in import_csv(file, paper, table.options).notes
 
 
@@ -109,7 +109,7 @@ def test_torques_of_rows_that_are_far_apart_are_questioned(
     tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
 ) -> None:
     for name, coarse in (("driven/none", False), ("driven/every_tenth", True)):
-        questions = preview(tables[name].write(tmp_path), paper, tables[name].options).questions
+        questions = understand(tables[name].write(tmp_path), paper, tables[name].options).questions
         assert any("do not show when such a change occurs" in question.sentence for question in questions) == coarse
     assert coarse_torques(np.array([[0.0, 0.0], [1.0, 0.0]]), "the input changes").startswith("the input changes")
 
@@ -144,11 +144,11 @@ def test_another_zero_is_questioned_with_the_offset_that_corrects_it(name: str, 
     rows = np.loadtxt(SAMPLES / f"{name}.csv", delimiter=",", skiprows=1) + np.array([0.0, 30.0, -20.0])
     np.savetxt(file, rows, "%.10g", ",", header="time_s,angle1_deg,angle2_deg", comments="")
     rig, given = load_rig(SAMPLES / "bench.toml"), {**RIGHT, "offset": {"theta1": 5.0}}
-    option, value = preview(file, rig, ImportOptions(**given)).mend
+    option, value = understand(file, rig, ImportOptions(**given)).mend
     offset = {axis: float(number) for axis, number in (word.split("=") for word in value.split(","))}
     assert option == "--offset"
     assert offset == pytest.approx({"theta1": -30.0, "theta2": 20.0}, abs=1.0)
-    mended = preview(file, rig, ImportOptions(**{**RIGHT, "offset": offset, "pose": name}))
+    mended = understand(file, rig, ImportOptions(**{**RIGHT, "offset": offset, "pose": name}))
     assert mended.questions == ()
 
 
@@ -170,7 +170,7 @@ def test_a_zero_that_is_off_is_questioned_without_a_named_pose(
     name, added = case
     rows = np.loadtxt(SAMPLES / f"{name}.csv", delimiter=",", skiprows=1) + np.array([0.0, *added])
     np.savetxt(tmp_path / "a.csv", rows, "%.10g", ",", header="time_s,angle1_deg,angle2_deg", comments="")
-    option, value = preview(tmp_path / "a.csv", load_rig(SAMPLES / "bench.toml"), ImportOptions(**RIGHT)).mend
+    option, value = understand(tmp_path / "a.csv", load_rig(SAMPLES / "bench.toml"), ImportOptions(**RIGHT)).mend
     words = dict(word.split("=") for word in value.split(",")) if "=" in value else dict.fromkeys(AXES, value)
     assert option == "--offset"
     assert [float(words.get(axis, 0.0)) for axis in AXES] == pytest.approx([-one for one in added], abs=1.0)
@@ -179,7 +179,7 @@ def test_a_zero_that_is_off_is_questioned_without_a_named_pose(
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["side", "elbow", "low"])
 def test_a_sample_table_is_not_questioned_without_a_named_pose(name: str) -> None:
-    assert preview(SAMPLES / f"{name}.csv", load_rig(SAMPLES / "bench.toml"), ImportOptions(**RIGHT)).questions == ()
+    assert understand(SAMPLES / f"{name}.csv", load_rig(SAMPLES / "bench.toml"), ImportOptions(**RIGHT)).questions == ()
 
 
 @pytest.mark.slow
@@ -198,13 +198,15 @@ def test_a_scale_that_is_off_is_questioned_without_a_named_pose(
 ) -> None:
     rows = np.loadtxt(SAMPLES / f"{name}.csv", delimiter=",", skiprows=1) * [1.0, *factors]
     np.savetxt(tmp_path / "a.csv", rows, "%.10g", ",", header="time_s,angle1_deg,angle2_deg", comments="")
-    assert " ".join(preview(tmp_path / "a.csv", load_rig(SAMPLES / "bench.toml"), ImportOptions(**RIGHT)).mend) == mend
+    assert (
+        " ".join(understand(tmp_path / "a.csv", load_rig(SAMPLES / "bench.toml"), ImportOptions(**RIGHT)).mend) == mend
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "rig"), [("side", "paper"), ("elbow", "multiarm"), ("low", "paper")])
 def test_the_file_of_another_rig_is_questioned(name: str, rig: str) -> None:
-    questions = preview(SAMPLES / f"{name}.csv", load_rig(rig), ImportOptions(**RIGHT)).questions
+    questions = understand(SAMPLES / f"{name}.csv", load_rig(rig), ImportOptions(**RIGHT)).questions
     (question,) = [one for one in questions if "is it the file of the recorded rig" in one.sentence]
     assert f"the rig file {rig!r} allows" in question.sentence
 
@@ -212,7 +214,7 @@ def test_the_file_of_another_rig_is_questioned(name: str, rig: str) -> None:
 def test_a_film_read_too_fast_is_questioned_with_its_rate(tmp_path: Path) -> None:
     write_sample_tables(tmp_path)
     rig, options = load_rig(tmp_path / "bench.toml"), ImportOptions(pose="side", rate_hz=120)
-    (question,) = preview(tmp_path / "film_side.csv", rig, options).questions
+    (question,) = understand(tmp_path / "film_side.csv", rig, options).questions
     low, high = re.findall(r"were (\S+) to (\S+) rows or frames per second", question.sentence)[0]
     assert float(low) < 100 < float(high) < 120
 
@@ -237,7 +239,7 @@ def test_counts_with_another_zero_or_scale_name_the_key_of_the_rig_file(
     rows = np.round(np.loadtxt(file, delimiter=",", skiprows=1) * [1.0, *factors] + [0.0, *turned], 9)
     rows[:, 1:] = np.round(rows[:, 1:])
     np.savetxt(file, rows, "%.10g", ",", header="t,counts1,counts2", comments="")
-    (question,) = preview(file, paper, ImportOptions(unit="counts")).questions
+    (question,) = understand(file, paper, ImportOptions(unit="counts")).questions
     named = question.sentence.partition(" if ")[2]
     if turned == (0, 0):
         assert named == cause
@@ -252,17 +254,17 @@ def test_an_arm_that_moves_but_is_given_as_clamped_is_questioned(paper: Rig, tmp
     swing = record(load_plant("paper", 5).model_copy(update={"arm": arm}), paper, 2.0, 200)[0].swing
     rows = np.column_stack([swing.t, swing.theta])
     np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,theta0,theta1,theta2", comments="")
-    understood = preview(tmp_path / "a.csv", paper, ImportOptions())
+    understood = understand(tmp_path / "a.csv", paper, ImportOptions())
     assert "theta0 moves by" in " ".join(question.sentence for question in understood.questions)
     assert understood.mend == ("--arm", "prescribed")
-    assert preview(tmp_path / "a.csv", paper, ImportOptions(arm="prescribed")).questions == ()
+    assert understand(tmp_path / "a.csv", paper, ImportOptions(arm="prescribed")).questions == ()
 
 
 def test_rows_that_are_kept_although_the_rods_are_held_are_questioned(
     tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
 ) -> None:
     for name, questioned in (("free/none", False), ("free/held_start", True)):
-        understood = preview(tables[name].write(tmp_path), paper, ImportOptions(keep_rest=True))
+        understood = understand(tables[name].write(tmp_path), paper, ImportOptions(keep_rest=True))
         assert any("remove --keep-rest" in one.sentence for one in understood.questions) == questioned
 
 
@@ -289,7 +291,7 @@ def test_a_clamped_elbow_is_read_at_the_scale_of_joint_1(
     theta1, theta2 = swing.theta[:, 1], swing.theta[:, 2]
     rows = np.column_stack([swing.t, factor * (theta1 - np.pi), theta2 - theta1])
     np.savetxt(file, rows, "%.9g", ",", header="t,theta1,theta2", comments="")
-    asked = preview(file, rig, ImportOptions(angles="relative", zero="hanging")).questions
+    asked = understand(file, rig, ImportOptions(angles="relative", zero="hanging")).questions
     assert [question.mend for question in asked] == ([mend] if mend else [])
 
 
@@ -396,5 +398,5 @@ def test_a_zero_that_is_elsewhere_is_named_with_the_offset_that_starts_in_the_po
 def test_a_gravity_that_no_place_on_earth_has_is_questioned(tables, paper: Rig, tmp_path: Path) -> None:
     table = tables["free/none"]
     heavy = paper.model_copy(update={"rig": paper.rig.model_copy(update={"g": 9.0})})
-    (question,) = preview(table.write(tmp_path), heavy, table.options).questions
+    (question,) = understand(table.write(tmp_path), heavy, table.options).questions
     assert question.sentence.startswith("g = 9 m/s^2 in the rig file")

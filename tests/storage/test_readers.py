@@ -10,7 +10,7 @@ import pytest
 from dpr_lab.errors import RunError
 from dpr_lab.rig_tables import Rods
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
-from dpr_lab.storage.tables.preview import preview
+from dpr_lab.storage.tables.understand import understand
 from tests.storage.swing_files import (
     BAGS,
     GUESSED,
@@ -120,7 +120,7 @@ def test_scale_offset_and_wrap(tmp_path: Path) -> None:
 
 def test_a_preview_shows_the_interpretation_and_writes_nothing(tmp_path: Path) -> None:
     file = write_mat(tmp_path / "a.mat", **SWING | {"t": np.where(T > 0.5, T + 0.2, T)})
-    result = preview(file, RIG, ImportOptions(**GUESSED))
+    result = understand(file, RIG, ImportOptions(**GUESSED))
     facts = result.facts()
     assert facts["columns"] == "t = t, theta1 = theta1, theta2 = theta2"
     assert facts["angles"] == "rad, absolute, upright is 0"
@@ -128,14 +128,16 @@ def test_a_preview_shows_the_interpretation_and_writes_nothing(tmp_path: Path) -
     assert result.first_rows()[0] == pytest.approx((0.0, THETA1[0], THETA2[0]))
     assert [path.name for path in tmp_path.iterdir()] == ["a.mat"]
     fast = text(tmp_path / "b.csv", np.column_stack([T, np.degrees(ROWS[:, 1:])]), head="t,theta1,theta2\n")
-    asked = [question.sentence for question in preview(fast, RIG, ImportOptions(**GUESSED)).questions]
+    asked = [question.sentence for question in understand(fast, RIG, ImportOptions(**GUESSED)).questions]
     assert any("--unit" in sentence for sentence in asked), asked
 
 
 def test_the_rate_of_a_preview_does_not_depend_on_the_rounding_of_times(tmp_path: Path) -> None:
     times = np.round(np.arange(len(T)) / 120, 4)  # the median step is 8.3 ms, that is 120.48 Hz
     file = text(tmp_path / "a.csv", np.column_stack([times, ROWS[:, 1:]]), head="t,theta1,theta2\n")
-    assert preview(file, RIG, ImportOptions(**GUESSED)).facts()["rate"].startswith("120 Hz, steps 0.0083 to 0.0084 s")
+    assert (
+        understand(file, RIG, ImportOptions(**GUESSED)).facts()["rate"].startswith("120 Hz, steps 0.0083 to 0.0084 s")
+    )
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,6 @@ from dpr_lab.rig import Rig
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.inspect import info
 from dpr_lab.storage.reader import load_run
-from dpr_lab.storage.tables.preview import preview
 from dpr_lab.storage.tables.understand import understand
 
 
@@ -133,7 +132,7 @@ def friction_swing(one: Rig) -> np.ndarray:
 
 def test_a_right_table_of_one_rod_is_not_questioned(one: Rig, tmp_path: Path) -> None:
     file = table(tmp_path, "t,theta1", friction_swing(one))
-    assert preview(file, one, ImportOptions(zero="hanging")).questions == ()
+    assert understand(file, one, ImportOptions(zero="hanging")).questions == ()
 
 
 @pytest.mark.parametrize(
@@ -151,14 +150,14 @@ def test_a_wrong_reading_of_one_rod_is_questioned(
     one: Rig, tmp_path: Path, scale: float, added: float, mend: str
 ) -> None:
     file = table(tmp_path, "t,theta1", friction_swing(one) * [1.0, scale] + [0.0, added])
-    assert " ".join(preview(file, one, ImportOptions(zero="hanging")).mend).startswith(mend)
+    assert " ".join(understand(file, one, ImportOptions(zero="hanging")).mend).startswith(mend)
 
 
 def test_a_zero_error_that_a_diagnosis_fits_is_not_questioned(one: Rig, tmp_path: Path) -> None:
     """It changes the energy of a small swing by a third of the exchanged energy, but there is no option to propose."""
     t, angle = fallen(0.12, 6.0)
     file = table(tmp_path, "t,theta1", t, angle + 0.018)
-    assert preview(file, one, ImportOptions(zero="hanging")).questions == ()
+    assert understand(file, one, ImportOptions(zero="hanging")).questions == ()
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -168,14 +167,14 @@ def test_a_zero_elsewhere_is_found_in_a_slow_table_with_late_stamps(one: Rig, tm
     late = np.where(rng.random(len(thinned)) < 0.3, rng.exponential(0.15, len(thinned)), 0.0)
     thinned[:, 0] += np.minimum(late, 0.6) * np.median(np.diff(thinned[:, 0]))
     file = table(tmp_path, "t,theta1", thinned + np.array([0.0, 0.9]))
-    option, value = preview(file, one, ImportOptions(zero="hanging")).mend
+    option, value = understand(file, one, ImportOptions(zero="hanging")).mend
     assert option == "--offset"
     assert float(value) == pytest.approx(-0.9, abs=0.03)
 
 
 def test_the_rig_file_of_another_rod_is_questioned(one: Rig, tmp_path: Path) -> None:
     file = table(tmp_path, "t,theta1", friction_swing(one) * [1.65, 1.0])
-    questions = preview(file, one, ImportOptions(zero="hanging")).questions
+    questions = understand(file, one, ImportOptions(zero="hanging")).questions
     assert "is it the file of the recorded rig" in questions[0].sentence
 
 
@@ -190,9 +189,9 @@ def test_a_zero_of_rods_with_a_clamped_elbow_is_questioned(paper: Rig, tmp_path:
     t = np.arange(0, 4, 0.005)
     angle = solve_ivp(slope, (0, 4), [2.0, 0.0], t_eval=t, rtol=1e-8).y[0]
     right = table(tmp_path, "t,theta1,theta2", t, angle, angle)
-    assert preview(right, clamped, ImportOptions(zero="hanging")).questions == ()
+    assert understand(right, clamped, ImportOptions(zero="hanging")).questions == ()
     wrong = table(tmp_path, "t,theta1,theta2", t, angle + 0.5, angle + 0.5)
-    option, value = preview(wrong, clamped, ImportOptions(zero="hanging")).mend
+    option, value = understand(wrong, clamped, ImportOptions(zero="hanging")).mend
     assert option == "--offset"
     assert float(value) == pytest.approx(-0.5, abs=0.02)
 

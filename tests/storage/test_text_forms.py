@@ -13,8 +13,8 @@ from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.tables.plausible import odd_notes
-from dpr_lab.storage.tables.preview import preview
 from dpr_lab.storage.tables.table import read_table
+from dpr_lab.storage.tables.understand import understand
 
 T = np.arange(0, 1, 0.01)
 SWING = 1.2 * np.cos(6 * T)
@@ -104,7 +104,7 @@ def test_a_fall_without_names_is_read(tmp_path, one):
 @pytest.mark.parametrize(("names", "asks"), [("", True), ("t,bend\n", False)])
 def test_a_column_without_a_name_may_be_a_distance(tmp_path, one, names, asks):
     (tmp_path / "a.csv").write_text(names + lines("{t:.2f},{angle:.4f}\n"))
-    notes = preview(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).notes
+    notes = understand(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).notes
     assert any("interpreted as theta1" in note for note in notes)
     assert any("If it is a distance" in note for note in notes) == asks
 
@@ -112,7 +112,7 @@ def test_a_column_without_a_name_may_be_a_distance(tmp_path, one, names, asks):
 def test_coordinates_next_to_an_angle_are_no_cart(tmp_path, one):
     text = "Time(s),X,Y,Angle(deg)\n" + lines("{t:.2f},{angle:.0f},{angle:.1f},{angle:.4f}\n")
     (tmp_path / "a.csv").write_text(text)
-    notes = preview(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).notes
+    notes = understand(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).notes
     assert not any("cart" in note for note in notes)
 
 
@@ -210,11 +210,11 @@ def test_a_turned_camera_is_named(tmp_path, one):
     x, y = -700 * np.cos(angle), 700 * np.sin(angle)
     noisy = np.column_stack([t, np.stack([x, y], 1) + np.random.default_rng(2).normal(0, 4, (len(t), 2))])
     np.savetxt(tmp_path / "a.csv", noisy, "%.4f", ",", header="t,x,y", comments="")
-    questions = preview(tmp_path / "a.csv", one, ImportOptions()).questions
+    questions = understand(tmp_path / "a.csv", one, ImportOptions()).questions
     (named,) = [q.sentence for q in questions if "camera is turned" in q.sentence]
     offset = float(named.rpartition("--offset ")[2].rstrip(")"))
     assert abs(offset) == pytest.approx(np.pi / 2, abs=0.05)
-    assert not preview(tmp_path / "a.csv", one, ImportOptions(offset={"theta1": offset})).questions
+    assert not understand(tmp_path / "a.csv", one, ImportOptions(offset={"theta1": offset})).questions
 
 
 def test_whole_numbers_that_change_too_fast_for_radians_may_be_counts():
@@ -233,7 +233,7 @@ def test_a_swing_that_is_appended_after_a_gap_is_named(tmp_path, one, appended):
     angle = 1.2 * np.exp(-0.1 * t) * np.cos(6 * t + 1.5 * appended * (t > 71.5 * 0.04))
     angle += np.random.default_rng(1).normal(0, 2e-3, len(t))
     np.savetxt(tmp_path / "a.csv", np.column_stack([t, angle]), "%.5f", ",", header="t,theta", comments="")
-    sentences = [q.sentence for q in preview(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).questions]
+    sentences = [q.sentence for q in understand(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).questions]
     named = [sentence for sentence in sentences if "do not belong to one motion" in sentence]
     assert len(named) == appended
     assert all("(--duration-s 2.84; --start-s 2.92)" in sentence for sentence in named)
@@ -247,7 +247,7 @@ def test_both_parts_of_a_table_with_a_long_gap_are_named(tmp_path, one, start, s
     parts = [np.column_stack([t + 305 * n, small_swing(t, angle)]) for n, angle in enumerate((1.2, second))]
     np.savetxt(tmp_path / "a.csv", np.concatenate(parts), "%.5f", ",", header="t,theta", comments="")
     options = ImportOptions(zero="hanging", start_s=start)
-    (question,) = preview(tmp_path / "a.csv", one, options).questions
+    (question,) = understand(tmp_path / "a.csv", one, options).questions
     assert "has a gap of 300 s at" in question.sentence
     assert f"(--duration-s {5 - start:g}; --start-s 305)" in question.sentence
     first = import_csv(tmp_path / "a.csv", one, replace(options, duration_s=5 - start))
@@ -260,7 +260,7 @@ def test_angles_in_mrad_are_questioned_without_a_correction(tmp_path, one, zero)
     t = np.arange(0, 4, 0.02)
     swing = 1e3 * 1.1 * np.exp(-0.05 * t) * np.cos(2 * np.pi / 0.95 * t)
     np.savetxt(tmp_path / "a.csv", np.column_stack([t, swing]), "%.5g", ",", header="t,theta", comments="")
-    shown = preview(tmp_path / "a.csv", one, ImportOptions(zero=zero))
+    shown = understand(tmp_path / "a.csv", one, ImportOptions(zero=zero))
     assert "are the units right (--unit, --scale, --time-unit)?" in shown.questions[0].sentence
     assert not shown.mend
 
@@ -301,14 +301,14 @@ def test_a_swing_in_degrees_is_named(tmp_path, one):
     t = np.arange(0, 6, 0.01)
     angle = np.rad2deg(small_swing(t, np.deg2rad(20)))
     np.savetxt(tmp_path / "a.csv", np.column_stack([t, angle]), "%.2f", ",", header="t,theta")
-    assert preview(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).mend == ("--unit", "deg")
+    assert understand(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).mend == ("--unit", "deg")
 
 
 def test_whole_numbers_of_a_swing_are_counts(tmp_path, one):
     t = np.arange(0, 6, 0.01)
     counts = small_swing(t, 0.3) / 2 / np.pi * 4096
     np.savetxt(tmp_path / "a.csv", np.column_stack([100 * t, counts]), "%d", ",", header="t,theta")
-    shown = preview(tmp_path / "a.csv", one, ImportOptions(zero="hanging", rate_hz=100))
+    shown = understand(tmp_path / "a.csv", one, ImportOptions(zero="hanging", rate_hz=100))
     assert shown.mend == ("--unit", "counts")
 
 

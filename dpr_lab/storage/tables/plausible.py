@@ -267,11 +267,16 @@ def _leaps(angles: Array, rows: int) -> Flags:
     return leaping & ~(wrapped & (top - bottom <= turn))
 
 
+def gaps(t: Array) -> Array:
+    """Return the lengths (gaps,) of the gaps between times (n,), s."""
+    steps = np.diff(t)
+    return steps[steps > PLAUSIBLE.gap_steps * np.median(steps)]
+
+
 def gap_notes(t: Array) -> list[str]:
     """Return a note about gaps between times (n,), s; the list is empty without gaps."""
-    steps = np.diff(t)
-    gaps = steps[steps > PLAUSIBLE.gap_steps * np.median(steps)]
-    return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []
+    long = gaps(t)
+    return [f"gaps kept: {len(long)}, the longest {long.max():.4g} s"] if len(long) else []
 
 
 def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool) -> list[str]:

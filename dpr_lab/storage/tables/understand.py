@@ -7,13 +7,13 @@ previous row are removed, counted and reported. Times change only if they wrap, 
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.arrays import Array, Integers
+from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.arm_motion import refuse_still_arm
 from dpr_lab.estimation.counted_rows import edge_rows
@@ -21,7 +21,7 @@ from dpr_lab.estimation.held_rods import FreePart, RodMotion, free_part, rest_fa
 from dpr_lab.estimation.repeated_readings import new_readings
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
-from dpr_lab.run import FilmNoise, as_mounted
+from dpr_lab.run import as_mounted
 from dpr_lab.storage.readers import read_any
 from dpr_lab.storage.readers.merged import rows_of_angles
 from dpr_lab.storage.tables.angles import angles, in_radians
@@ -47,55 +47,7 @@ from dpr_lab.storage.tables.questions.questions import questions, refuse_push
 from dpr_lab.storage.tables.table import Table
 from dpr_lab.storage.tables.time_stamps import carried_times, even_times, shares_times, spread_times, stamps_at_gaps
 from dpr_lab.storage.tables.torques import PASSIVE, find_torques, set_point, torque_column, unnumbered
-
-
-@dataclass(frozen=True, slots=True)
-class Understood:
-    """A table and its interpretation as a run."""
-
-    since_first_s: Array
-    """(n,) times since the first kept row, s."""
-    release: int
-    """Row of the release; earlier rows are the rest."""
-    theta: Array
-    """(n, 3) absolute angles, 0 = upright, rad."""
-    counts: Integers | None
-    t_offset_s: float
-    """Time of the release on the time axis of the table, s."""
-    columns: Mapping[str, str]
-    notes: tuple[str, ...]
-    """Notes on the conversion of the table."""
-    options: ImportOptions
-    """Options including the detected units."""
-    kind: str
-    torques: Mapping[str, Array] = field(default_factory=dict)
-    """Torques (n, 2) of each kind, N m, `measured` first. The kind is empty if the columns do not state a kind. A free
-    swing has no entry."""
-    torque_columns: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    """Names of the columns of joints 1 and 2 for each kind."""
-    questions: tuple[TableQuestion, ...] = ()
-    """Warnings about the interpretation."""
-    recorded_at: str = ""
-    """Time of the recording: ISO 8601 date, or date and time in UTC; empty if unknown."""
-    film_noise: FilmNoise | None = None
-    """Noise of angles from points in a video."""
-    at_edges: bool = False
-    """Whether the logger sent a row at each encoder count. The angles are then those of the edges between counts."""
-
-    @property
-    def t(self) -> Array:
-        """Times (n,) since the release, s, negative in the rest before it."""
-        return self.since_first_s - self.since_first_s[self.release]
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """Notes and warnings that are stored with a run."""
-        return (*self.notes, *(question.sentence for question in self.questions))
-
-    @property
-    def rate_hz(self) -> float:
-        """Sample rate from the median step, Hz."""
-        return round(float(1 / np.median(np.diff(self.t))), 6)
+from dpr_lab.storage.tables.understood import Understood
 
 
 def understand(
@@ -244,6 +196,8 @@ def _understood(
     recorded_at = options.recorded_at and parse_recorded_at(options.recorded_at)
     stamped = recorded_by_stamps(read.midnight + release) if options.rate_hz is None else ""
     return Understood(
+        path,
+        rig,
         # Decimals that need few characters in a run file; 1 ns and 1e-11 rad are far below the resolution of a logger.
         np.round(time[rows] - time[first], 9),
         part.start - first,

@@ -13,7 +13,7 @@ from textual.widgets import Input, Static
 
 from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.report.text_plot import text_chart
-from dpr_lab.storage.tables.preview import Preview, chart_title, names_of
+from dpr_lab.storage.tables.understood import Understood, chart_title, names_of
 from dpr_lab.tui.guard import Guarded
 from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.path_suggester import PathSuggester
@@ -48,7 +48,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
     def __init__(self, rig: str, runs: Path, file: str = "") -> None:
         super().__init__()
         self._file, self._rig, self._runs = file, rig, runs
-        self._shown: tuple[ImportRequest, Preview] | None = None
+        self._shown: tuple[ImportRequest, Understood] | None = None
 
     def compose(self) -> ComposeResult:
         """Build the fields for file and options, and the preview."""
@@ -121,7 +121,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
         return ImportRequest(Path(name).expanduser(), self._rig, self._runs, options, **mounting)
 
 
-def warnings_of(preview: Preview) -> list[str]:
+def warnings_of(preview: Understood) -> list[str]:
     """Return the warnings about a table, which the operator must confirm."""
     return [question.sentence for question in preview.questions]
 
@@ -130,7 +130,7 @@ def _options_text() -> Content:
     return Content.styled("options, as in dpr-lab import table:\n" + "\n".join(option_list()), "dim")
 
 
-def _lines(preview: Preview) -> list[Content]:
+def _lines(preview: Understood) -> list[Content]:
     warnings = [Content.styled(f"{WARNING}{text}", "bold $warning") for text in warnings_of(preview)]
     if preview.mend:
         warnings.append(Content.styled(f"add to the options: {shlex.join(preview.mend)}", "bold"))
@@ -138,5 +138,5 @@ def _lines(preview: Preview) -> list[Content]:
     lines += ["", "".join(f"{name:>11}" for name in ("t_s", *names_of(preview.joints)))]
     lines += ["".join(f"{value:>11.5f}" for value in row) for row in preview.first_rows(3)]
     for joint in preview.joints:
-        lines += ["", chart_title(joint), *text_chart(preview.swing.t, preview.swing.theta[:, joint], height=4)]
+        lines += ["", chart_title(joint), *text_chart(preview.t, preview.theta[:, joint], height=4)]
     return [*warnings, *map(Content, [*preview.notes, *lines])]
