@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dpr_lab.errors import RunError, printable
 from dpr_lab.storage.tables import table as text_table
 from dpr_lab.storage.tables.columns import is_time
+from dpr_lab.storage.tables.content import most_unpacked
 from dpr_lab.storage.tables.table import Table
 
 BROKEN = (
@@ -55,17 +56,11 @@ def refuse_swollen(path: Path, size: int) -> None:
         RunError: the unpacked size exceeds a limit.
     """
     refuse_large(path, size // 8)
-    if size > most_unpacked(path):
+    if size > most_unpacked(path, text_table.LIMITS):
         raise RunError(
             f"{path}: unpacks from {path.stat().st_size:,} bytes to {size:,} or more, which is too much for a"
             " recording: save its columns without compression, or as CSV"
         )
-
-
-def most_unpacked(path: Path) -> int:
-    """Return the maximum unpacked size of a compressed file, bytes."""
-    limits = text_table.LIMITS
-    return limits.small_bytes + limits.expansion * path.stat().st_size
 
 
 @contextmanager

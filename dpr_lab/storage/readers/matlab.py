@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dpr_lab.errors import RunError
-from dpr_lab.storage.readers.arrays import library_of, most_unpacked, refuse_large, refuse_swollen, table_of
+from dpr_lab.storage.readers.arrays import library_of, refuse_large, refuse_swollen, table_of
 from dpr_lab.storage.tables import table as text_table
+from dpr_lab.storage.tables.content import most_unpacked
 from dpr_lab.storage.tables.table import Table
 
 KIND = "MATLAB file"
@@ -64,7 +65,7 @@ def _parts(path: Path, content: bytes) -> Iterator[bytes]:
     """
     order = "<" if content[126:HEADER] == b"IM" else ">"
     total, position = HEADER, HEADER
-    most = min(_most_bytes(), most_unpacked(path))
+    most = min(_most_bytes(), most_unpacked(path, text_table.LIMITS))
     if len(content) < position + TAG:
         yield content
     while position + TAG <= len(content):

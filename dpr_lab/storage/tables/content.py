@@ -71,7 +71,7 @@ class Content:
         coding = _coding(path, limits)
         self._packed = path.open("rb")
         self._size = path.stat().st_size
-        self._file = io.TextIOWrapper(_unpacked(self._packed, path, limits), encoding=coding, newline=None)
+        self._file = io.TextIOWrapper(_unpacked(self._packed), encoding=coding, newline=None)
         self._text, self._at, self._number = "", 0, 1
         self._data = False
 
@@ -132,39 +132,16 @@ class Content:
         return bool(self._text)
 
 
-class _Unpacked(io.RawIOBase):
-    """Unpacked text of a gzip file as a raw stream of limited size.
-
-    Raises:
-        RunError: the file is damaged, or expands beyond the limits.
-    """
-
-    def __init__(self, packed: BinaryIO, path: Path, limits: TableLimits) -> None:
-        self._file = gzip.GzipFile(fileobj=packed)
-        self._path, self._left = path, limits.small_bytes + limits.expansion * path.stat().st_size
-
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: bytearray | memoryview) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
-        try:
-            block = self._file.read(len(buffer))
-        except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-            raise RunError(f"{self._path}: is damaged or incomplete and cannot be unpacked: copy it again") from error
-        self._left -= len(block)
-        if self._left < 0:
-            raise RunError(f"{self._path}: expands to far more data than a table contains: unpack and inspect it first")
-        buffer[: len(block)] = block
-        return len(block)
-
-
-def _unpacked(packed: BinaryIO, path: Path, limits: TableLimits) -> BinaryIO:
+def _unpacked(packed: BinaryIO) -> BinaryIO:
     """Return the bytes of a text file, decompressed if needed."""
     start = packed.read(len(GZIP))
     packed.seek(0)
-    if start != GZIP:
-        return packed
-    return io.BufferedReader(_Unpacked(packed, path, limits), limits.block_bytes)  # pyright: ignore[reportReturnType]
+    return gzip.GzipFile(fileobj=packed) if start == GZIP else packed  # pyright: ignore[reportReturnType]
+
+
+def most_unpacked(path: Path, limits: TableLimits) -> int:
+    """Return the maximum unpacked size of a compressed file, bytes."""
+    return limits.small_bytes + limits.expansion * path.stat().st_size
 
 
 def _coding(path: Path, limits: TableLimits) -> str:
@@ -173,9 +150,16 @@ def _coding(path: Path, limits: TableLimits) -> str:
     Spreadsheets write UTF-16 as "Unicode text".
 
     Raises:
-        RunError: the file is empty or not text.
+        RunError: the file is empty, not text, damaged, or expands beyond the limits.
     """
-    with path.open("rb") as packed, _unpacked(packed, path, limits) as file:
+    try:
+        return _coding_of(path, limits)
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise RunError(f"{path}: is damaged or incomplete and cannot be unpacked: copy it again") from error
+
+
+def _coding_of(path: Path, limits: TableLimits) -> str:
+    with path.open("rb") as packed, _unpacked(packed) as file:
         block = file.read(limits.block_bytes)
         wide = block.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
         coding = "utf-16" if wide else "utf-8-sig"
@@ -185,6 +169,8 @@ def _coding(path: Path, limits: TableLimits) -> str:
             control = control or len(block.translate(None, _CONTROL)) != len(block)
             valid = valid and ((block.isascii() and not wide) or _decodes(decoder, block))
             block = file.read(limits.block_bytes)
+            if file.tell() > most_unpacked(path, limits):
+                raise RunError(f"{path}: expands to far more data than a table contains: unpack and inspect it first")
         valid = valid and _decodes(decoder, b"", final=True)
         if control and not (wide and valid):
             raise RunError(f"{path}: {_no_text(path, compressed=file is not packed)}")
