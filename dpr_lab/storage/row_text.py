@@ -207,7 +207,7 @@ def _with_blanks(row: Bytes, start: int, stop: int) -> tuple[int, int]:
     return start, stop
 
 
-def _numbers(texts: Bytes) -> Array | Integers | None:
+def _numbers(texts: Bytes) -> NDArray[Any] | None:
     """Parse texts (n, w) as numbers (n,), with the decimal point at one position.
 
     The result is None for other texts.
