@@ -36,8 +36,7 @@ def tables(paper: Rig) -> dict[str, MutatedTable]:
 def test_a_right_table_is_not_questioned(
     base: str, tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path
 ) -> None:
-    table = tables[f"{base}/none"]
-    understood = understand(table.write(tmp_path), paper, table.options)
+    understood = understand(tables[f"{base}/none"].write(tmp_path), paper, tables[f"{base}/none"].options)
     assert understood.questions == ()
     assert [note for note in understood.notes if not note.startswith(("driven by", "theta2 is absolute"))] == []
 
@@ -198,9 +197,8 @@ def test_a_scale_that_is_off_is_questioned_without_a_named_pose(
 ) -> None:
     rows = np.loadtxt(SAMPLES / f"{name}.csv", delimiter=",", skiprows=1) * [1.0, *factors]
     np.savetxt(tmp_path / "a.csv", rows, "%.10g", ",", header="time_s,angle1_deg,angle2_deg", comments="")
-    assert (
-        " ".join(understand(tmp_path / "a.csv", load_rig(SAMPLES / "bench.toml"), ImportOptions(**RIGHT)).mend) == mend
-    )
+    read = understand(tmp_path / "a.csv", load_rig(SAMPLES / "bench.toml"), ImportOptions(**RIGHT))
+    assert " ".join(read.mend) == mend
 
 
 @pytest.mark.slow

@@ -135,9 +135,8 @@ def test_a_preview_shows_the_interpretation_and_writes_nothing(tmp_path: Path) -
 def test_the_rate_of_a_preview_does_not_depend_on_the_rounding_of_times(tmp_path: Path) -> None:
     times = np.round(np.arange(len(T)) / 120, 4)  # the median step is 8.3 ms, that is 120.48 Hz
     file = text(tmp_path / "a.csv", np.column_stack([times, ROWS[:, 1:]]), head="t,theta1,theta2\n")
-    assert (
-        understand(file, RIG, ImportOptions(**GUESSED)).facts()["rate"].startswith("120 Hz, steps 0.0083 to 0.0084 s")
-    )
+    rate = understand(file, RIG, ImportOptions(**GUESSED)).facts()["rate"]
+    assert rate.startswith("120 Hz, steps 0.0083 to 0.0084 s")
 
 
 @pytest.mark.parametrize(
