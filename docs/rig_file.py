@@ -19,12 +19,18 @@ PAGE = Path(__file__).with_name("rig-file.md")
 
 HEAD = """# The rig file
 
-This page is for users who describe their own rig. It explains every key of a rig file. A rig file contains the measured
-values of a rig, the bounds of the parameters to identify, and the properties of the encoders, in the format TOML. A key
-that is unknown, missing or outside its range is rejected, and the message states its position in the file. There are
-several ways to write a rig file: `dpr-lab rig new` without options asks for the values on a terminal, `rig new` with
-options writes the file directly, `rig from` reads a simulator model, and `rig show` prints a built-in rig. Then check
-the file with `rig check`:
+This page is for users who describe their own rig. It explains every key of a rig file. A rig file is a TOML file with
+the measured values of a rig, the bounds of the parameters to identify, and the properties of the encoders. There are
+several ways to write one:
+
+| command | source of the values |
+|---|---|
+| `dpr-lab rig new` | questions on the terminal, or options |
+| `dpr-lab rig from` | a simulator model |
+| `dpr-lab rig show` | a built-in rig |
+
+Then check the file with `dpr-lab rig check`. A key that is unknown, missing or outside its range is rejected, and the
+message states its position in the file.
 
 ```sh
 dpr-lab rig new --name bench --l1 0.3 --l2 0.25 --m1 0.21+-0.001 --m2 0.12+-0.001 --out my_rig.toml
