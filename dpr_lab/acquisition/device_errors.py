@@ -22,6 +22,8 @@ def translated(url: str, error: RemoteProtocolError, status: Status | None) -> D
     sentence = f"{url}: {error}"
     if isinstance(error, CommandRefused) and error.code == NakCode.FAULTED and status is not None:
         sentence += f" The fault is: {' '.join(explain(status.fault))}"
+    elif isinstance(error, CommandUnanswered):
+        sentence += ": check its cable and power, then connect again"
     return kinds.get(type(error), LinkError)(sentence)
 
 

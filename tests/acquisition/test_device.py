@@ -11,12 +11,14 @@ import pytest
 
 from dpr_lab.acquisition.batch import Batch
 from dpr_lab.acquisition.device import Device
+from dpr_lab.acquisition.device_errors import translated
 from dpr_lab.acquisition.settings import DeviceTiming
 from dpr_lab.errors import DeviceFault, DeviceLost, LinkError, LinkTimeout, MismatchError
 from dpr_lab.run import LOSS_CAUSES
 from dpr_lab.transports import open_transport
 from dpr_lab.transports.transport import Capacity, Received
 from firmware_protocol.device_role import DeviceSession
+from firmware_protocol.errors import CommandUnanswered
 from firmware_protocol.identity import DeviceInfo
 from firmware_protocol.messages import NUMBERS, Ack, Frame, Position, State, Status, Stream, encode
 
@@ -361,3 +363,11 @@ def test_status_mirrors_the_device(simulated) -> None:
         collect(device, lambda batches: any(isinstance(m, Status) for b in batches for m in b.messages))
         assert device.status is not None
         assert (device.status.state, device.status.latched) == (State.HOLDING, True)
+
+
+def test_an_unanswered_command_has_a_remedy():
+    error = translated(
+        "serial:///dev/x", CommandUnanswered("STOP was sent 6 times and the device did not answer"), None
+    )
+    assert isinstance(error, LinkTimeout)
+    assert str(error).endswith("did not answer: check its cable and power, then connect again")

@@ -59,7 +59,7 @@ def test_a_named_cause_with_a_share_below_all_states_what_the_share_is_of(verdic
     diagnosis: Any = SimpleNamespace(verdict=verdict, gap=gap)
     text = " ".join(repeatability_sentences(diagnosis))
     share = percent(explained / 0.9)
-    assert text.startswith(f"Predicted from the other recordings, the corrected model explains {share} of the mean")
+    assert text.startswith(f"Fitted to the other recordings, the corrected model explains {share} of the mean")
     assert ("A fit to all recordings leaves only noise." in text) == stated
 
 

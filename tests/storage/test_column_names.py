@@ -6,6 +6,7 @@ import pytest
 from dpr_lab.errors import RunError
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.tables.options import typed_options
+from dpr_lab.storage.tables.plausible import gaps
 from dpr_lab.storage.tables.understand import understand
 from tests.storage.swing_files import RIG, THETA1, THETA2, T, is_the_swing
 
@@ -168,3 +169,19 @@ def test_one_gap_is_not_plural(tmp_path, one):
 def test_an_empty_comment_does_not_make_names_of_prose_above_it(tmp_path, comment, columns):
     file = file_of(tmp_path, f"# {comment}\n#\n", "{t:.3f} {a:.12g} {b:.12g}\n")
     assert is_the_swing(import_csv(file, RIG, ImportOptions(columns=columns)))
+
+
+def test_of_two_times_the_one_whose_name_states_a_unit_is_used(tmp_path):
+    file = file_of(tmp_path, "time_s,t,theta1,theta2\n", "{t:.3f},{t:.6f},{a:.12g},{b:.12g}\n")
+    assert is_the_swing(import_csv(file, RIG))
+
+
+def test_two_times_without_a_unit_are_both_named(tmp_path):
+    file = file_of(tmp_path, "time,t,theta1,theta2\n", "{t:.3f},{t:.6f},{a:.12g},{b:.12g}\n")
+    with pytest.raises(RunError, match="Name it: --columns t=NAME; time, t can each be the time"):
+        import_csv(file, RIG)
+
+
+def test_the_rounding_of_times_makes_no_gap():
+    t = np.concatenate([np.arange(0.0, 1.0, 0.01), np.arange(1.005, 2.0, 0.01)])
+    assert [len(gaps(t + shift)) for shift in np.linspace(0.0, 9.0, 91)] == 91 * [0]

@@ -135,7 +135,7 @@ class AdvisedCheck(Saved):
     def priority(self) -> float:
         """Expected information in bits; a recording, which needs no tool, precedes an equally informative measurement.
 
-        The information of a measurement is that of an exact one.
+        A measurement is assumed to be exact.
         """
         return self.expected_bits + RECOMMENDATION.bits * (self.quantity is None)
 

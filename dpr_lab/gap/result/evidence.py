@@ -137,7 +137,7 @@ class JointFriction(Saved):
     The joint reaches the largest of these speeds in both directions.
     """
     torque_Nm: list[Number]
-    """Friction torque at each speed, at the assumed b, N m; positive against a positive speed."""
+    """Friction torque at each speed, at the assumed b, N m; positive if it opposes a positive speed."""
     std_Nm: list[Number]
     """Standard deviation of the friction torque at each speed, N m."""
     coefficients: int

@@ -20,9 +20,9 @@ MOVED_NOTE = (
 EXPECTED_NOTE = (
     "Expected result: size and 90 % interval if the measured effect is the cause, or the size that the recordings"
     " exclude if they determine no size. This limit assumes that all named effects act. If the measured effect is not"
-    " the cause, the expected result is about zero. Expected information: at most the entropy of the probabilities, and"
-    " for a measurement that of an exact one. It is nearly zero if one cause is already far more probable, also if the"
-    " predictions differ by many standard deviations."
+    " the cause, the expected result is about zero. Expected information: at most the entropy of the probabilities; a"
+    " measurement is assumed to be exact. The information is nearly zero if one cause is already far more probable,"
+    " even if the predictions differ by many standard deviations."
 )
 
 

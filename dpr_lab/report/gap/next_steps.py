@@ -16,7 +16,7 @@ from dpr_lab.shown import listed
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:
     """Return the recommended checks with their identifiers, and advice for an open verdict."""
-    partly = "The remainder has another cause, or the named effect has another form: inspect the rig."
+    partly = "The remainder has another cause, or a named effect has another form: inspect the rig."
     if diagnosis.only_uncertain:
         partly = "The causes are uncertain: record further releases (dpr-lab plan proposes them)."
     elif per_reading(diagnosis.gap, "after_rad") < per_reading(diagnosis.gap, "floor_rad"):

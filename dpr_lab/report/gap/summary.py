@@ -111,7 +111,7 @@ def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
     model = "the corrected model"
     if diagnosis.verdict == "unexplained" and diagnosis.model_effects:
         model += ", whose effects are not confirmed as causes,"
-    explains = f"Predicted from the other {between}, {model} explains {percent(budget.of_gap)} of the mean squared gap"
+    explains = f"Fitted to the other {between}, {model} explains {percent(budget.of_gap)} of the mean squared gap"
     if budget.of_reproducible is None:
         reason = budget.undecided or "No part of the gap is known to be reproducible."
         sentences = [f"{explains}. {reason}"]

@@ -16,8 +16,8 @@ TERMS = {
     "90 % interval": "interval that contains the true value in 90 of 100 cases, if the model is right",
     "unique contribution": "share of the excess chi-square that returns when this effect is removed and the others are"
     " refitted",
-    "excess explained": "share of the excess chi-square: the sum of squared residuals in units of the noise, minus the"
-    " contribution of noise alone",
+    "excess explained": "share of the excess chi-square, which is the sum of squared residuals in units of the noise"
+    " minus the contribution of noise alone",
     "share of the excess": "share of the excess chi-square that a torque or reading error at this place explains",
     "cosine similarity": "cosine of the angle between the signatures of two effects: 1 = indistinguishable,"
     " 0 = unrelated",
@@ -28,7 +28,7 @@ TERMS = {
     "determined by": (
         "source of a value: the recordings, a measured value in the rig file, or only the bounds in the rig file"
     ),
-    "gap reduction": "relative decrease of the gap: the rms residual above the noise",
+    "gap reduction": "relative decrease of the gap, which is the rms residual above the noise",
     "horizon (s)": "predictability horizon: time at which the uncertainty of the initial state alone moves an angle by"
     " 0.1 rad",
     "role": "whether a run was fitted, or held out to validate the result",

@@ -85,10 +85,7 @@ def is_duration(name: str) -> bool:
 
 
 def counter(table: Table) -> str:
-    """Return the name of a column that counts the rows, such as video frames.
-
-    The text is empty if there is no such column.
-    """
+    """Return the name of a column that counts the rows, such as video frames; empty if there is none."""
     for name, column in table.columns:
         steps = np.diff(column)
         if _COUNTER.fullmatch(bare(name)) and len(steps) and (steps == np.rint(steps)).all() and steps.min() > 0:
@@ -112,8 +109,9 @@ def numbers(table: Table) -> Array:
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
     """Find columns by common names; ambiguous quantities are omitted.
 
-    Names with a word such as `measured` or `exp`, and names of joints, such as `shoulder`, are used only if no column
-    has a plain name. Other letters, such as `alpha1`, are used only if no column has another name of a rod's angle.
+    A time whose name states its unit is preferred. Names with a word such as `measured` or `exp`, and names of joints,
+    such as `shoulder`, are used only if no column has a plain name. Other letters, such as `alpha1`, are used only if
+    no column has another name of a rod's angle.
     """
     common, angle, ending = (
         (_COUNT_NAME, _COUNT_NAME, "(counts?|ticks?)?")
@@ -128,7 +126,8 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
     for quantity, joint in JOINT_NAMES.items():
         patterns[quantity] += [f"({joint}){ending}", f"({joint}){_MEASURED}{ending}"]
     named = {q: _angles(names, alternatives) for q, alternatives in patterns.items()}
-    named["t"] = _matches(names, [time, _MEASURED + time, _DURATION.format(unit=_TIME_SUFFIX[time_unit])])
+    clocks = _matches(names, [time, _MEASURED + time, _DURATION.format(unit=_TIME_SUFFIX[time_unit])])
+    named["t"] = [name for name in clocks if _TIME_UNIT_IN_NAME.search(name.lower())] or clocks
     counts = [_COUNT_NAME.format(axis=axis) for axis in (1, 2)]
     plain = named["theta1"] + named["theta2"] + _matches(names, [_ONE_ROD.pattern, *counts])
     if not plain and unit != "counts":
@@ -152,11 +151,9 @@ def _angles(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
 
 
 def stated_columns(table: Table, options: ImportOptions, one_rod: bool) -> tuple[Table, dict[str, str], ImportOptions]:
-    """Resolve the columns that the options state.
+    """Return the table, its stated columns of time and angles, and the options with resolved column names.
 
-    Returns:
-        the table, with a constant angle for a missing rod; the stated columns of time and angles; the options with
-        column names instead of numbers
+    A missing rod gets a constant angle.
     """
     table, columns = numbered(table, options.columns)
     stated = {quantity: name for quantity, name in columns.items() if quantity in ("t", *AXES)}
@@ -303,12 +300,18 @@ def _refuse(table: Table, named: Mapping[str, str], stated: Mapping[str, str], t
         )
     if missing:
         rate = "; for a table without time give --rate-hz" if "t" in missing else ""
-        needed = "; both rods are needed" if NO_ROD not in names and missing != ["t"] else ""
+        needed = (
+            "; for a table of one rod, add --rods inner or --rods outer"
+            if NO_ROD not in names and missing != ["t"]
+            else ""
+        )
         unnamed = all(map(_NO_NAME.fullmatch, named_so))
         clocks = [name for name in names if "t" in missing and is_time(re.sub(r"\d+\W*$", "", name))]
         if len(clocks) > 1:
             example = f"--columns t={clocks[0]},theta1=NAME"
-            rate = f"; several recordings next to each other are imported one by one, for example {example}"
+            rate = (
+                f"; {listed(clocks)} can each be the time. Import recordings next to each other one by one: {example}"
+            )
         points = "; for points of a video add a first line with their names, for example t,x,y" if unnamed else ""
         unrated = re.compile(r"abs|column \d+ \(without", re.I)
         rated = [name for name in named_so if not (is_time(name) or unrated.match(name))]

@@ -48,8 +48,9 @@ class Plausible:
     """Maximum excess of the range of wrapped angles over one turn, rad."""
     widths: tuple[float, ...] = (2.0**16, 2.0**32)
     """Periods of unsigned integers in which a logger may store a signed counter."""
-    gap_steps: float = 1.5
-    """Minimum step between two rows that is reported as a gap, in median steps."""
+    gap_steps: float = 1.51
+    """Minimum step between two rows that is reported as a gap, in median steps. It differs from 1.5, so that the
+    rounding of the times has no influence."""
     speed: float = 100.0
     """Maximum speed of the faster rod, rad/s: sixteen turns per second. If nine of ten rows exceed it, degrees were
     probably read as radians."""

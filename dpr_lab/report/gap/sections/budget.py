@@ -76,8 +76,8 @@ def _judged(error: float, uncertainty: float) -> str:
     "share not corrected by the fit",
     "bare model (mrad)",
     "corrected model (mrad)",
-    caption="Share not corrected by the fit (corrected model): the recordings would show a large input error. Only the"
-    " share of the error that is not visible contributes.",
+    caption="Share not corrected by the fit (corrected model): a large error of an input would be visible in the"
+    " recordings, and the fit would correct it. Only the remaining share of the error contributes.",
     style="prose",
     title="Uncertainty budget, values",
 )

@@ -69,9 +69,7 @@ def domain_words(diagnosis: Diagnosis) -> list[str]:
         " state that is fitted to 0.3 s of readings. A simulator can use the model at the angles and"
         f" speeds of the map, up to {speeds}.",
         f"The model was fitted to {_count(fitted)}"
-        + (
-            f"  and validated on {_count(held_out)} that were held out." if held_out else ". No recording was held out."
-        ),
+        + (f" and validated on {_count(held_out)} that were held out." if held_out else ". No recording was held out."),
         _days(days, len(evidence.recordings)),
         "Blank cells were not visited. There the model extrapolates, and this report makes no statement."
         " Other loads, bearings, temperatures and drives are untested.",

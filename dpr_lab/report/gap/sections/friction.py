@@ -98,7 +98,7 @@ FRICTION = EvidenceSection(
     alternative="Line charts of the friction torque of each joint against its speed, with its 90 % interval.",
     caption="Friction torque of each joint, up to the speed that it reaches in both directions: viscous friction, the"
     " named friction laws and a free-form curve, fitted together. The band is the 90 % interval at each speed.",
-    symbols="T(u) = c u + sum of the friction laws at the speed u, positive against a positive speed, at the assumed b."
-    " Its variance is g(u)^T C g(u), with C the covariance of the fitted values and g(u) the derivative of T(u).",
+    symbols="T(u) = c u + sum of the friction laws at the speed u, positive if it opposes a positive u, at the assumed"
+    " b. Its variance is g(u)^T C g(u), with C the covariance of the fitted values and g(u) the derivative of T(u).",
     tables=(friction_table,),
 )

@@ -200,7 +200,7 @@ def _unit_of_time(table: InterpretedTable, unit: str, scale: float | None = None
             " angle (--columns), or its unit is another one (--unit, --scale)"
         )
     return (
-        f"{table.path}: in {table.options.time_unit or 's'} the table lasts {duration_s:.4g} s and its rods"
-        f" {'hardly move' if unit != 's' else 'turn far too fast'}; the rods of the rig swing with periods of"
+        f"{table.path}: with times in {table.options.time_unit or 's'}, the table lasts {duration_s:.4g} s and its rods"
+        f" {'hardly move' if unit != 's' else 'turn far too fast'}, but the rods of the rig swing with periods of"
         f" {' and '.join(dict.fromkeys(f'{period:.2g} s' for period in periods(table.rig)))}{ending}"
     )
