@@ -26,30 +26,38 @@ def trees() -> dict[str, ast.Module]:
 
 @pytest.mark.parametrize("deferred", [False, True], ids=["at the top", "inside functions too"])
 def test_no_modules_import_one_another(trees: dict[str, ast.Module], deferred: bool) -> None:
-    assert house.circles(house.imports(trees, deferred=deferred)) == []
+    circles = house.circles(house.imports(trees, deferred=deferred))
+    assert circles == [], "move what both modules need to a module that both import"
 
 
 def test_the_diagnosis_is_a_short_chain(trees: dict[str, ast.Module]) -> None:
     chain = house.longest_chain(house.within(house.imports(trees), "dpr_lab.gap"))
-    assert len(chain) <= LONGEST_CHAIN, chain
+    links = " imports ".join(chain)
+    assert len(chain) <= LONGEST_CHAIN, f"{links}: move what one of them needs to an earlier module"
 
 
 def test_a_class_name_means_one_thing(trees: dict[str, ast.Module]) -> None:
-    assert {name: where for name, where in house.class_names(trees).items() if len(where) > 1} == {}
+    repeated = {name: where for name, where in house.class_names(trees).items() if len(where) > 1}
+    assert repeated == {}, "rename one of the classes"
 
 
 def test_numbers_live_in_settings_not_in_constants(trees: dict[str, ast.Module]) -> None:
     lab = {name: tree for name, tree in trees.items() if name.split(".")[0] == "dpr_lab"}
-    assert len(house.numeric_constants(lab)) <= CONSTANTS
+    constants = house.numeric_constants(lab)
+    assert len(constants) <= CONSTANTS, (
+        f"{len(constants)} constants hold a number, {CONSTANTS} may. Make the new one a field of a frozen settings"
+        f" dataclass, with its meaning and origin as docstring (CONTRIBUTING.md, Packages): {', '.join(constants)}"
+    )
 
 
 def test_a_folder_can_be_overlooked() -> None:
     large = {folder: size for folder, size in house.folder_sizes().items() if size > FILES_IN_A_FOLDER}
-    assert {folder: size for folder, size in large.items() if folder not in TABLES} == {}
+    unexpected = {folder: size for folder, size in large.items() if folder not in TABLES}
+    assert unexpected == {}, f"at most {FILES_IN_A_FOLDER} files: move those of one topic to a folder of their own"
 
 
 def test_a_file_can_be_read_at_once() -> None:
-    assert house.long_files(LINES_OF_A_FILE) == {}
+    assert house.long_files(LINES_OF_A_FILE) == {}, f"at most {LINES_OF_A_FILE} lines: move one concept to a new file"
 
 
 def test_the_folders_of_extensions_may_grow() -> None:
@@ -59,7 +67,8 @@ def test_the_folders_of_extensions_may_grow() -> None:
 
 def test_effects_are_named_in_their_own_files_only(trees: dict[str, ast.Module]) -> None:
     elsewhere = {name: tree for name, tree in trees.items() if not name.startswith(house.EFFECTS_ROOM)}
-    assert house.effects_named(elsewhere, EFFECTS) == []
+    named = house.effects_named(elsewhere, EFFECTS)
+    assert named == [], "test a field of `Effect` instead of the name, or import the effect and use its `name`"
 
 
 def test_the_counts_see_what_they_should() -> None:

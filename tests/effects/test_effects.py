@@ -12,6 +12,7 @@ from dpr_lab.effects import EFFECTS, SIZE, SLICES, effect_params, named_params, 
 from dpr_lab.effects.effect import Recorded
 from dpr_lab.effects.effect_kernels import ARM, INTERNAL, active_effects
 from dpr_lab.effects.fold import arguments
+from dpr_lab.effects.rig_scales import LIMITS
 from dpr_lab.effects.stages import STAGES
 from dpr_lab.rig import load_rig
 from dpr_lab.setup import Setup, Torques
@@ -73,8 +74,9 @@ def read(params, record):
     return predict(BASE_VALUES, params, CONSTANTS, *record, arm=True)
 
 
-def test_the_table_holds_the_canonical_names():
-    assert list(EFFECTS) == CANONICAL
+def test_new_effects_come_last_in_the_table():
+    """The order of the table is that of the flat parameter vector."""
+    assert list(EFFECTS)[: len(CANONICAL)] == CANONICAL, "append new effects at the end of EFFECTS"
 
 
 @each_effect
@@ -146,6 +148,8 @@ def test_describes_itself(effect):
         assert parameter.typical > 0
     for parameter in effect.amplitudes:
         assert (parameter.default, parameter.scan) == (0.0, ())
+        has_limit = (parameter.limit or parameter.unit) in LIMITS or np.isfinite(parameter.most)
+        assert has_limit, f"give {parameter.name} a limit `most`, or a key of LIMITS as `limit`"
     for parameter in effect.shapes:
         assert parameter.default >= 0
         assert list(parameter.scan) == sorted(parameter.scan)
@@ -161,10 +165,10 @@ def test_describes_itself(effect):
 @each_effect
 def test_lists_its_twins_and_nested_effects(effect):
     for name in (*effect.twins, *effect.nested):
-        assert name in EFFECTS
+        assert name in EFFECTS, f"{effect.name} has the twin or simpler form {name}, which no effect is called"
         assert name != effect.name
     for twin in effect.twins:
-        assert effect.name in EFFECTS[twin].twins
+        assert effect.name in EFFECTS[twin].twins, f"add {effect.name} to the twins of {twin}"
     for simpler in effect.nested:
         assert len(EFFECTS[simpler].parameters) <= len(effect.parameters)
         assert effect.name not in EFFECTS[simpler].nested

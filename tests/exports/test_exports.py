@@ -147,8 +147,11 @@ def test_every_format_is_in_the_help_and_on_its_page() -> None:
     root = Path(__file__).parents[2]
     shown = (root / "dpr_lab/cli/export.py").read_text(encoding="utf-8")
     page = (root / "docs/exports.md").read_text(encoding="utf-8")
-    assert f'help="Formats, separated by commas: {", ".join(FORMATS)}. Default' in shown
-    assert [name for name in FORMATS if f"| `{name}` |" not in page] == []
+    formats = f'help="Formats, separated by commas: {", ".join(FORMATS)}. Default'
+    is_complete = formats in shown
+    assert is_complete, f"the help of --to in dpr_lab/cli/export.py must begin with {formats!r}"
+    missing = [name for name in FORMATS if f"| `{name}` |" not in page]
+    assert missing == [], "add a row to the first table of docs/exports.md"
 
 
 def in_xml(original: str) -> str:
