@@ -27,7 +27,6 @@ from dpr_lab.gap.transfer.out_of_sample import OutOfSample
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy
 from dpr_lab.gap.which.selected import Selection
-from dpr_lab.identification.misread.tried import Description
 from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -83,6 +82,18 @@ class Selected:
     """Recordings and their bare model; the selection may have found a better fit of it."""
     selection: Selection
     posteriors: tuple[EffectPosterior, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """Result of the tests of a recording's description."""
+
+    hint: str = ""
+    """Probable mistake and its correction; empty without evidence against the description."""
+    withholds: bool = False
+    """Whether another interpretation explains as much as the chosen effects; no effect is then named as a cause."""
+    forced: bool = False
+    """Whether a force that the model lacks probably acts on the rods; no effect is then certain."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -97,9 +97,9 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
             f"check {check.id}: {quantity.shown(value)} ± {quantity.shown(std)} is impossible for the {quantity.name}:"
             f" above the limit of {quantity.shown(largest)}. Check the number and its unit"
         )
-    if check.amplitudes[0].sign == "positive" or len(check.amplitudes) > 1:
-        if value < -CHECK.questioned * std:
-            raise RunError(f"check {check.id}: {quantity.name} cannot be negative: {quantity.shown(value)}")
+    never_negative = check.amplitudes[0].sign == "positive" or len(check.amplitudes) > 1
+    if never_negative and value < -CHECK.questioned * std:
+        raise RunError(f"check {check.id}: {quantity.name} cannot be negative: {quantity.shown(value)}")
 
 
 def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained: bool, predicted: Predictions) -> str:

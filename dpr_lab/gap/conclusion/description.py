@@ -23,11 +23,12 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.screen.record import Record
+from dpr_lab.gap.state import Description
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.balance import ENERGY, residual_near
 from dpr_lab.identification.misread.energy import undescribed_drive
-from dpr_lab.identification.misread.tried import Description, SecondLook, second_look
+from dpr_lab.identification.misread.tried import SecondLook, second_look
 from dpr_lab.identification.moving_arm.doubts import stop_sentence
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, moves
@@ -80,11 +81,12 @@ def description(
         return Description(hint, selection.chosen.effects == (INPUT_DELAY.name,))
     if moves(record.run for record in records):  # other interpretations were tested before (`gap.screen.input`)
         return _stopped(records, rig, selection)
-    open_ = not selection.chosen.at_noise_floor or transfer.withdrawn or transfer.oversized
     residuals = selection.bare.residuals
+    large = residuals.chi2 > DESCRIPTION.gap * residuals.dof
+    doubtful = not selection.chosen.at_noise_floor or transfer.withdrawn or transfer.oversized
     # With a wrong sign of its motion, an arm acts on small swings like a spring, which closes a small gap too.
-    carried = any(record.run.arm is not None for record in records) and selection.chosen.effects
-    if not (carried or (residuals.chi2 > DESCRIPTION.gap * residuals.dof and open_)):
+    arm_as_spring = any(record.run.arm is not None for record in records) and selection.chosen.effects
+    if not (arm_as_spring or (large and doubtful)):
         return Description()
     runs = [_trusted(record) for record in records]
     look = second_look(runs, rig)

@@ -59,8 +59,8 @@ def on_swing_line(problem: Problem, effect: str, estimate: Estimate) -> bool:
     lines = [line for run in np.unique(problem.segments.run) if (line := _line(problem, int(run)))]
     if not lines:
         return False
-    low, high = min(line[0] for line in lines), max(line[1] for line in lines)
-    width = LINES.resolution / max(line[2] for line in lines)
+    lowest, highest, durations = zip(*lines, strict=True)
+    low, high, width = min(lowest), max(highest), LINES.resolution / max(durations)
     return any(n * low - width <= frequency <= n * high + width for n in range(1, LINES.harmonics + 1))
 
 

@@ -127,15 +127,6 @@ class Record:
         changes = np.round(np.diff(self.screened.joints[:, np.isfinite(self.screened.noise)], axis=0), 7)
         return any(len(np.unique(joint)) < THINNING.distinct * len(joint) for joint in changes.T)
 
-    def with_noise(self, factor: Array, correlation: float) -> "Record":
-        """Return a copy with a different size and autocorrelation of the noise of joints 1 and 2.
-
-        Args:
-            factor: (2,) factors of the standard deviations
-            correlation: autocorrelation of neighbouring errors
-        """
-        return replace(self, sigma=self.sigma * factor, noise_correlation=correlation)
-
     def with_shutter(self, shutter: RollingShutter, constants: RigConstants) -> "Record":
         """Correct the record for a rolling shutter.
 

@@ -179,7 +179,11 @@ class Recordings:
         records = [
             record
             if record.noise_measured or not record.may_be_film
-            else record.with_noise(noise.factor, noise.correlation).with_finding("non_white_noise", evidence)
+            else replace(
+                record.with_finding("non_white_noise", evidence),
+                sigma=record.sigma * noise.factor,
+                noise_correlation=noise.correlation,
+            )
             for record in self.records
         ]
         return replace(self, records=tuple(records), tracking=noise)

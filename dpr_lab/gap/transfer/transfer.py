@@ -53,10 +53,10 @@ def transfer(state: Selected, freely: Mapping[str, FreeRuns]) -> Transfer:
     `freely` contains the free runs along all recordings, `before` and `after` the correction.
     """
     recordings, problem, selection = state.fitted.recordings, state.fitted.problem, state.selection
-    held_out, rng = state.fitted.held_out_prediction, np.random.default_rng(state.fitted.request.seed)
-    test = _Test(held_out or left_out_prediction(recordings, problem), selection.chosen.residuals, rng)
+    held_out, chosen = state.fitted.held_out_prediction, selection.chosen
+    rng = np.random.default_rng(state.fitted.request.seed)
+    test = _Test(held_out or left_out_prediction(recordings, problem), chosen.residuals, rng)
     tested = held_out is not None or len(test.data.dof) >= FOLDS.quarters
-    chosen = selection.chosen
     of_set = test.excess(selection.bare, chosen)
     of_effects = {name: test.excess(model, chosen) for name, model in selection.without_substitute.items()}
     by_run = test.by_run(of_set)
@@ -68,7 +68,8 @@ def transfer(state: Selected, freely: Mapping[str, FreeRuns]) -> Transfer:
     closed = test.reduction(of_set)
     failed = tuple(_failed(test, selection, of_effects, closed)) if tested else ()
     basis, noise = _basis(state.fitted), selection.bare.residuals.independent_noise
-    one_release, errors = basis == "one release", {name: runs.errors for name, runs in freely.items()}
+    one_release = basis == "one release"
+    errors = {name: runs.errors for name, runs in freely.items()}
     return Transfer(
         basis=basis,
         tested=tested,
@@ -114,9 +115,9 @@ def judged(
         remainder: whether a remainder above the noise is left
     """
     untested, everything = not outcome.tested, {posterior.name for posterior in posteriors}
-    alone = outcome.basis == "one release"
-    not_validated = everything if alone and untested else outcome.unproven
-    failed = outcome.worse_free_run or outcome.lone or outcome.closed.value < 0.0 or (untested and not alone)
+    one_release = outcome.basis == "one release"
+    not_validated = everything if one_release and untested else outcome.unproven
+    failed = outcome.worse_free_run or outcome.lone or outcome.closed.value < 0.0 or (untested and not one_release)
     factors = dict.fromkeys(not_validated, TRANSFER.unproven if remainder else TRANSFER.weakly_tested)
     factors |= dict.fromkeys(everything if failed or forced else outcome.withdrawn, TRANSFER.unproven)
     factors |= dict.fromkeys(outcome.oversized, TRANSFER.oversized)

@@ -120,18 +120,6 @@ class SecondLook:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Description:
-    """Result of the tests of a recording's description."""
-
-    hint: str = ""
-    """Probable mistake and its correction; empty without evidence against the description."""
-    withholds: bool = False
-    """Whether another interpretation explains as much as the chosen effects; no effect is then named as a cause."""
-    forced: bool = False
-    """Whether a force that the model lacks probably acts on the rods; no effect is then certain."""
-
-
 def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
     """Test other interpretations of recordings that the bare model fits poorly.
 
