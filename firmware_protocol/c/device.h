@@ -1,6 +1,6 @@
-/* A device: the session acting on its hardware, samples at every tick, reports ten times a second.
+/* A device: session, hardware, a sample at every tick, and ten reports per second.
  *
- * Everything is in the dpr_device_t; any number of them may live side by side, each with its own `port`.
+ * The whole state is in the dpr_device_t, so a program can contain several devices, each with its own `port`.
  */
 #ifndef DPR_DEVICE_H
 #define DPR_DEVICE_H
@@ -21,16 +21,16 @@ typedef struct {
     uint32_t release_tick;
 } dpr_device_t;
 
-/* Powers up: not greeted, latch open, ticks at the default rate. */
+/* Start: no handshake yet, latch open, ticks at the default rate. */
 void dpr_device_start(dpr_device_t *device, const dpr_identity_t *identity, void *port);
 
-/* Obeys a frame off the link. */
+/* Process a received frame. */
 void dpr_device_receive(dpr_device_t *device, const dpr_frame_t *frame);
 
-/* Looks after lease and faults, and sends what the readings since the last call ask for. */
+/* Check lease and faults, and send the samples and reports of the readings since the last call. */
 void dpr_device_poll(dpr_device_t *device);
 
-/* For a port that takes every frame and finds only later that samples had no room. */
+/* Count dropped samples, for a port that accepts every frame and detects later that there was no space. */
 void dpr_device_note_dropped(dpr_device_t *device, uint16_t samples);
 
 #ifdef __cplusplus

@@ -25,7 +25,7 @@ static uint16_t get_u16(const uint8_t *at)
     return (uint16_t)(at[0] | (uint16_t)(at[1] << 8));
 }
 
-/* COBS for less than 254 bytes: every zero becomes the distance to the next one. */
+/* COBS for fewer than 254 bytes: every zero is replaced by the distance to the next zero. */
 static size_t stuff(const uint8_t *body, size_t length, uint8_t *line)
 {
     size_t code_at = 0, out = 1;
@@ -42,7 +42,7 @@ static size_t stuff(const uint8_t *body, size_t length, uint8_t *line)
     return out;
 }
 
-/* The reverse, without the final zero; 0 when it is no COBS. */
+/* Decode COBS without its final zero; return 0 if the bytes are not COBS. */
 static size_t unstuff(const uint8_t *packet, size_t length, uint8_t *body)
 {
     size_t at = 0, out = 0;

@@ -110,7 +110,7 @@ dpr_frame_t dpr_nak(uint8_t node, uint8_t command, uint8_t token, uint8_t code)
     return frame;
 }
 
-/* Every field at once: the page selects those that are packed. */
+/* All fields; the page selects those that are packed. */
 dpr_frame_t dpr_info(const dpr_identity_t *identity, uint8_t page)
 {
     dpr_frame_t frame = empty(identity->node, DPR_INFO_FRAME_ID, DPR_INFO_LENGTH);

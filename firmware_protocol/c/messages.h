@@ -1,4 +1,4 @@
-/* The frames a device sends, packed by the code generated from dpr.dbc. */
+/* Frames that a device sends, packed by the code generated from dpr.dbc. */
 #ifndef DPR_MESSAGES_H
 #define DPR_MESSAGES_H
 
@@ -11,7 +11,7 @@ extern "C" {
 #endif
 
 #define DPR_INFO_PAGES 8u
-#define DPR_NUMBER_MASK 0x3Fu /* of an identifier: which message; above it stands the node */
+#define DPR_NUMBER_MASK 0x3Fu /* bits of an identifier that select the message; the higher bits are the node */
 
 enum {
     DPR_IDLE = DPR_STATUS_STATE_IDLE_CHOICE,
@@ -21,7 +21,7 @@ enum {
     DPR_FAULT = DPR_STATUS_STATE_FAULT_CHOICE
 };
 
-/* What a device is, as INFO tells it, and the node it answers as. */
+/* Identity of a device, as sent in INFO, and its node. */
 typedef struct {
     uint64_t uid;
     uint32_t counts_per_rev[DPR_JOINTS];
@@ -30,17 +30,17 @@ typedef struct {
     uint8_t firmware[3];      /* major, minor, patch */
     uint8_t node;
     bool simulated_time;
-    bool torques[DPR_TORQUE_KINDS]; /* which are known of the joint drives; none without drives */
+    bool torques[DPR_TORQUE_KINDS]; /* known torques of the joint drives: measured, commanded */
     uint32_t torque_unit_uNm;
-    bool inputs[DPR_TORQUE_KINDS]; /* which are known of the arm's drive; none without */
-    uint8_t input_quantity;        /* torque, current or voltage, by its number in dpr.dbc */
+    bool inputs[DPR_TORQUE_KINDS]; /* known inputs of the arm's drive: measured, commanded */
+    uint8_t input_quantity;        /* torque, current or voltage, as its number in dpr.dbc */
     uint32_t input_unit;           /* uN m, uA or uV */
 } dpr_identity_t;
 
-/* Samples since STREAM. */
+/* Counts since STREAM. */
 typedef struct {
     uint16_t overruns; /* ticks without a reading */
-    uint16_t dropped;  /* samples without room to send */
+    uint16_t dropped;  /* samples without space in the transmit buffer */
     uint16_t sent;
 } dpr_counters_t;
 

@@ -21,7 +21,7 @@ typedef struct {
     uint8_t target;
 } transition_t;
 
-/* What is not here is refused. The one way from a latched state to an open one is RELEASE. */
+/* Transitions that are not in this table are refused. Only RELEASE leads from a latched to an open state. */
 static const transition_t TRANSITIONS[] = {
     {DPR_IDLE, ON_HOLD, DPR_HOLDING},
     {DPR_IDLE, ON_STOP, DPR_IDLE},
@@ -43,7 +43,7 @@ static const transition_t TRANSITIONS[] = {
     {DPR_FAULT, ON_FAULT, DPR_FAULT},
 };
 
-/* A command off the wire; which fields mean something depends on the number. */
+/* Received command; its number determines which fields are used. */
 typedef struct {
     uint8_t number, token, pose;
     uint16_t rate_hz;
@@ -67,7 +67,7 @@ static bool move(dpr_session_t *session, trigger_t trigger)
         return false;
     }
     session->state = transition->target;
-    if (session->state != DPR_FAULT) { /* which leaves the latch as it was */
+    if (session->state != DPR_FAULT) { /* a fault does not change the latch */
         session->latched = session->state == DPR_HOLDING || session->state == DPR_STREAMING;
         session->fault = DPR_STATUS_FAULT_NONE_CHOICE;
     }
@@ -90,7 +90,7 @@ static trigger_t trigger_of(const dpr_session_t *session, uint8_t number)
     }
 }
 
-/* Exactly the bytes that dpr.dbc gives the message, with values in range; else a NAK code. */
+/* Read a message with exactly the bytes that dpr.dbc defines and values in range; otherwise return a NAK code. */
 static uint8_t parse(const dpr_frame_t *frame, command_t *command)
 {
     struct dpr_hold_t hold;
@@ -152,7 +152,7 @@ static uint8_t hello_refusal(const struct dpr_hello_t *hello)
     return 0;
 }
 
-/* Begins a new conversation: answers of the last one are not repeated in it. */
+/* Begin a new session: answers of the previous session are not repeated. */
 static void greet(dpr_session_t *session, const command_t *hello, dpr_answer_t *answer)
 {
     dpr_verdict_t verdict = {hello->number, hello->token, hello_refusal(&hello->hello)};
@@ -222,12 +222,12 @@ static void set_task(const command_t *command, dpr_answer_t *answer)
     case DPR_STOP_FRAME_ID:
         answer->task = DPR_DO_STOP;
         break;
-    default: /* CLEAR_FAULT: the hardware says soon enough whether the fault is still there */
+    default: /* CLEAR_FAULT: if the fault persists, the hardware reports it again */
         break;
     }
 }
 
-/* A command acts once, however often it arrives. */
+/* Carry out a command once, even if it is received several times. */
 static void obey(dpr_session_t *session, const command_t *command, dpr_answer_t *answer)
 {
     const dpr_verdict_t *known = recall(session, command);
@@ -244,7 +244,7 @@ static void obey(dpr_session_t *session, const command_t *command, dpr_answer_t 
     }
 }
 
-/* PING and KEEPALIVE, which are never refused. */
+/* Process PING and KEEPALIVE, which are never refused. */
 static bool receive_sign_of_life(
     dpr_session_t *session, const dpr_frame_t *frame, uint32_t now_ms, dpr_answer_t *answer)
 {

@@ -1,6 +1,6 @@
-/* The rules a device keeps, without its hardware: frames and the time go in, frames and a task come out.
+/* Protocol rules of a device, without its hardware. Inputs are frames and the time; outputs are frames and a task.
  *
- * The same rules as firmware_protocol/session.py and device_role.py; traces.json holds both to them.
+ * The rules are those of firmware_protocol/session.py and device_role.py; traces.json tests both.
  */
 #ifndef DPR_SESSION_H
 #define DPR_SESSION_H
@@ -11,16 +11,16 @@
 extern "C" {
 #endif
 
-#define DPR_LEASE_MS 500u /* a device that hears nothing from its host for this long stops streaming */
-#define DPR_REMEMBERED 16u /* answers kept to repeat; a host has one command under way */
+#define DPR_LEASE_MS 500u /* without a message from its host for this time, a device stops streaming */
+#define DPR_REMEMBERED 16u /* answers stored for repetition; a host has one pending command */
 
-/* What the owner of a session has to carry out. */
+/* Tasks that the owner of a session must carry out. */
 typedef enum {
     DPR_DO_NOTHING,
-    DPR_DO_HOLD,    /* engage the latch for `pose` */
+    DPR_DO_HOLD,    /* close the latch for `pose` */
     DPR_DO_STREAM,  /* restart the tick at 0, at `rate_hz` */
     DPR_DO_RELEASE, /* open the latch and send EVENT RELEASED */
-    DPR_DO_STOP,    /* go back to the default rate */
+    DPR_DO_STOP,    /* return to the default rate */
     DPR_DO_PONG     /* answer the PING `ping` with the tick */
 } dpr_task_t;
 
@@ -54,10 +54,10 @@ bool dpr_session_streams(const dpr_session_t *session);
 /* Process a received frame. Damaged frames and frames for other nodes are ignored. */
 void dpr_session_receive(dpr_session_t *session, const dpr_frame_t *frame, uint32_t now_ms, dpr_answer_t *answer);
 
-/* Stops streaming when the host was silent for DPR_LEASE_MS; the latch stays as it is. */
+/* Stop streaming if the host was silent for DPR_LEASE_MS. The latch keeps its state. */
 void dpr_session_check_lease(dpr_session_t *session, uint32_t now_ms, uint32_t tick, dpr_answer_t *answer);
 
-/* Stops on a fault; the latch stays as it is. */
+/* Stop on a fault. The latch keeps its state. */
 void dpr_session_fault(dpr_session_t *session, uint8_t fault, uint32_t tick, dpr_answer_t *answer);
 
 #ifdef __cplusplus

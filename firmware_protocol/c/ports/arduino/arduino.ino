@@ -1,23 +1,23 @@
-/* The port to boards with the Arduino core: three incremental encoders on pin interrupts, a latch on a pin, Serial.
+/* Port to boards with the Arduino core: three incremental encoders on pin interrupts, a latch on a pin, Serial.
  *
- * Copy the folder firmware_protocol/c to src/dpr beside this file, without its own ports. Pins, counts per turn and UID
- * are yours to change. Readings are taken in loop(), which is good for slow rods and coarse encoders: where your chip
- * has quadrature counters and a timer that latches them, read those in read_counts() and sample in the timer's interrupt.
+ * Copy the folder firmware_protocol/c, without its folder ports, to src/dpr next to this file. Then change pins, counts
+ * per turn and UID. Readings are taken in loop(), which suffices for slow rods and coarse encoders. If your chip
+ * has quadrature counters and a timer that captures them, read these in read_counts(), and sample in its interrupt.
  */
 #include <Arduino.h>
 
 #include "src/dpr/device.h"
 
-static const uint8_t PIN_A[DPR_JOINTS] = {2, 4, 6}; /* each able to interrupt, as its B below */
+static const uint8_t PIN_A[DPR_JOINTS] = {2, 4, 6}; /* pins with interrupts, like those of PIN_B */
 static const uint8_t PIN_B[DPR_JOINTS] = {3, 5, 7};
 static const uint8_t PIN_LATCH = 8; /* high: held */
 static const uint32_t BAUD = 921600;
 
 static const dpr_identity_t IDENTITY = {
-    0x00A4D00000000001u,   /* UID: no two boards alike */
+    0x00A4D00000000001u,   /* UID, unique for each board */
     {16384, 16384, 16384}, /* counts per turn, after quadrature */
-    1000,                  /* fastest rate */
-    1000,                  /* rate of the tick while nothing is streamed */
+    1000,                  /* maximum rate */
+    1000,                  /* rate of the tick while not streaming */
     {1, 0, 0},             /* version of this firmware */
     1,                     /* node */
     false,                 /* real time */
@@ -28,7 +28,7 @@ static const dpr_identity_t IDENTITY = {
 static dpr_device_t device;
 static dpr_decoder_t decoder;
 
-/* --- encoders: counts never jump and are never set --- */
+/* --- encoders: counts are never reset --- */
 
 static volatile int32_t counts[DPR_JOINTS];
 static volatile uint8_t phases[DPR_JOINTS];
@@ -40,7 +40,7 @@ static uint8_t phase(uint8_t joint)
 
 static void turned(uint8_t joint)
 {
-    /* By the phase before and the phase now; where both lines changed at once nobody knows the way. */
+    /* Index: previous and present phase. If both lines changed at once, the direction is unknown. */
     static const int8_t STEPS[16] = {0, -1, 1, 0, 1, 0, 0, -1, -1, 0, 0, 1, 0, 1, -1, 0};
     uint8_t now = phase(joint);
     counts[joint] += STEPS[phases[joint] << 2 | now];
@@ -53,14 +53,14 @@ static void turned2(void) { turned(2); }
 
 static void read_counts(int32_t *read)
 {
-    noInterrupts(); /* all three of one instant */
+    noInterrupts(); /* all three counts at one instant */
     for (uint8_t joint = 0; joint < DPR_JOINTS; joint++) {
         read[joint] = counts[joint];
     }
     interrupts();
 }
 
-/* --- readings: one at every tick; a tick that loop() was too late for is left out and shows as a gap --- */
+/* --- readings: one at every tick; if loop() is late, a missed tick leaves a gap --- */
 
 static const uint8_t WAITING = 32;
 static dpr_reading_t readings[WAITING];
@@ -90,12 +90,12 @@ static void sample(void)
     next_tick++;
 }
 
-/* --- bytes to send: the answer to HELLO has 120, more than the 64 of the transmit buffer of many boards --- */
+/* --- transmit buffer: the answer to HELLO has 120 bytes, but many boards have a buffer of 64 bytes --- */
 
 static uint8_t outgoing[1024];
 static uint16_t oldest, unsent;
 
-/* --- what the core asks of a board --- */
+/* --- functions of hal.h --- */
 
 uint32_t hal_millis(void *)
 {
@@ -168,7 +168,7 @@ static void transmit(void)
 
 uint8_t hal_fault(void *)
 {
-    return 0; /* an encoder's error output, the latch's switch: their number in dpr.dbc */
+    return 0; /* return the number in dpr.dbc of a fault, for example of an encoder or of the latch's switch */
 }
 
 void setup()

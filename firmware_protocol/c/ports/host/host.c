@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-/* The protocol of its own, as the claimed one, in what it says. */
+/* Replace the own version by the stated one in a sent frame. */
 static void restate(const dpr_host_t *host, dpr_frame_t *info)
 {
     struct dpr_info_t told = {0};
@@ -14,7 +14,7 @@ static void restate(const dpr_host_t *host, dpr_frame_t *info)
     }
 }
 
-/* The claimed protocol, as its own, in what it hears. */
+/* Replace the stated version by the own one in a received frame. */
 static void translate(const dpr_host_t *host, dpr_frame_t *hello)
 {
     struct dpr_hello_t heard;

@@ -1,4 +1,4 @@
-/* The registers of the MPS2 board that this port uses.
+/* Registers of the MPS2 board that this port uses.
  *
  * Source: Arm Cortex-M System Design Kit (DDI 0479), APB timer and APB UART; Application Note AN385.
  */
@@ -27,7 +27,7 @@ typedef struct {
 
 #define TIMER0 ((board_timer_t *)0x40000000u)
 #define UART0 ((uart_t *)0x40004000u) /* the link to the host */
-#define UART1 ((uart_t *)0x40005000u) /* the bench: from it what happens to the board, to it a line at every start */
+#define UART1 ((uart_t *)0x40005000u) /* keys reset the board or set a fault; prints a line at every start */
 #define SYSTICK ((systick_t *)0xE000E010u)
 #define NVIC_ENABLE (*(volatile uint32_t *)0xE000E100u)
 #define NVIC_CLEAR_PENDING (*(volatile uint32_t *)0xE000E280u)
@@ -44,7 +44,7 @@ typedef struct {
 #define UART_RX_ENABLE 2u
 #define UART_RX_INTERRUPT_ENABLE 8u
 #define UART_RX_INTERRUPT 2u
-#define UART_FASTEST 16u /* the least divider there is */
+#define UART_FASTEST 16u /* smallest divider */
 
 #define TIMER_ENABLE 1u
 #define TIMER_INTERRUPT_ENABLE 8u

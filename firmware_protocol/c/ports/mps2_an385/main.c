@@ -1,6 +1,7 @@
-/* The port to Arm's MPS2 board: hal.h on a timer that latches the counters, a clock of milliseconds and a UART.
+/* Port to Arm's MPS2 board: hal.h with a timer that captures the counters, a millisecond clock and a UART.
  *
- * A ring has one writer and one reader, an interrupt and the main loop; what both change is changed with interrupts masked.
+ * Each ring buffer has one writer and one reader: an interrupt and the main loop. Data that both change are changed
+ * with interrupts disabled.
  */
 #include <string.h>
 
@@ -52,7 +53,7 @@ void on_link_byte(void)
     }
 }
 
-/* `r` resets the board; a digit, which is echoed, is the fault that its hardware has from now on. */
+/* `r` resets the board. A digit is echoed and sets the fault of the hardware. */
 void on_bench_byte(void)
 {
     UART1->interrupt = UART_RX_INTERRUPT;
@@ -65,7 +66,7 @@ void on_bench_byte(void)
     }
 }
 
-/* On a board with encoders the timer latches the encoders' counters in hardware and this takes them from the registers. */
+/* On a board with encoders, the timer captures their counters in hardware, and this function reads the registers. */
 void on_tick(void)
 {
     TIMER0->interrupt = TIMER_INTERRUPT;
@@ -93,7 +94,7 @@ void hal_hold(void *port, uint8_t pose)
     UNMASK_INTERRUPTS();
 }
 
-/* The tick that follows is read before the rods move, so it is both the last at rest and the first of the swing. */
+/* The next tick is read before the rods move: it is the last one at rest and the first one of the swing. */
 uint32_t hal_release(void *port)
 {
     (void)port;
@@ -131,7 +132,7 @@ bool hal_next_reading(void *port, dpr_reading_t *reading)
     return true;
 }
 
-/* Tick 0 is a period after the start, so the time of it is -1 tick at the start. */
+/* Tick 0 occurs one period after the start, so the time at the start is -1 tick. */
 void hal_time(void *port, uint32_t *tick, uint16_t *fraction)
 {
     (void)port;
@@ -217,6 +218,6 @@ int main(void)
         receive(&device, &decoder);
         dpr_device_poll(&device);
         transmit();
-        __asm__ volatile("wfi"); /* the next byte, tick or millisecond */
+        __asm__ volatile("wfi"); /* wait for the next byte, tick or millisecond */
     }
 }

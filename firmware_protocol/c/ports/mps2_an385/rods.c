@@ -7,7 +7,7 @@ static const float K[RODS] = {36.0f, 49.0f}; /* 1/s^2 */
 
 static const float POSES[][RODS] = {{PI, PI}, {PI - 0.03f, 0.1f}, {0.1f, 0.1f}, {0.1f, PI - 0.03f}};
 
-/* Within 2e-4 after reduction to -pi/2 .. pi/2: Taylor's series to the seventh power. */
+/* Sine with an error below 2e-4: Taylor series of order seven after reduction to -pi/2 .. pi/2. */
 static float sine(float x)
 {
     while (x > PI) {

@@ -1,9 +1,9 @@
-/* Two rods in place of a rig: each a damped pendulum for itself, held by a latch or swinging.
+/* Two rods instead of a rig: independent damped pendulums, held by a latch or swinging.
  *
  *     omega' = K sin(theta) - C omega,    theta' = omega        (theta from upright)
  *
- * A step of semi-implicit Euler per tick. Plain float arithmetic, so that a host that compiles this file gets the very
- * same counts.
+ * One step of the semi-implicit Euler method per tick, in float arithmetic. A host that compiles this file therefore
+ * gets the same counts.
  */
 #ifndef RODS_H
 #define RODS_H
@@ -19,15 +19,15 @@ typedef struct {
     bool held;
 } rods_t;
 
-/* The operator brings the rods near a pose of configs/rigs/paper.toml, from 1; hanging for any other number. */
+/* Place the rods near pose 1, 2 or 3 of configs/rigs/paper.toml; for any other number they hang. */
 void rods_place(rods_t *rods, uint8_t pose);
 
 void rods_let_go(rods_t *rods);
 
-/* One tick of `period` s; nothing moves while the rods are held. */
+/* Simulate one tick of `period` s; the rods do not move while they are held. */
 void rods_step(rods_t *rods, float period);
 
-/* What the encoders of arm, inner and outer rod read: 0 hanging straight down, the outer one relative to the inner. */
+/* Counts of arm, inner and outer rod: 0 for hanging rods, the outer one relative to the inner one. */
 void rods_read(const rods_t *rods, int32_t counts[3]);
 
 #endif

@@ -1,4 +1,4 @@
-/* From reset to main(): vectors, initialised data, zeroed data. */
+/* Start-up code: vectors, initialised data, zeroed data, main(). */
 #include <stdint.h>
 
 #include "board.h"
@@ -11,7 +11,7 @@ static void halt(void);
 
 typedef void (*vector_t)(void);
 
-/* The first sixteen are the core's own; then the board's, by number. */
+/* The first sixteen vectors belong to the core; the following ones to the board, by number. */
 __attribute__((section(".vectors"), used)) static const struct {
     uint32_t *stack;
     vector_t core[15];
