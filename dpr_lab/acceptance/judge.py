@@ -249,10 +249,7 @@ def _with_scale(diagnosis: Diagnosis, effect: str, parameter: str, low: float, h
 
 
 def _scale_factors(diagnosis: Diagnosis, power: int) -> list[float]:
-    """Return the factors by which a size changes with b: 1, and one for each end of the interval of b.
-
-    The factors follow from `Scale.factors90`; b is the inertia that sets the scale.
-    """
+    """Return the factors by which a size changes with b: 1, and one for each end of the interval of b."""
     return [1.0, *(() if diagnosis.scale is None else diagnosis.scale.factors90(power))]
 
 

@@ -312,8 +312,8 @@ class Recording:
     def _take_release(self, tick: int, within_s: float = 60.0) -> bool:
         """Accept the instant of the release, which the device repeats.
 
-        Return False in two cases. In the first case, the instant is already known. In the second case, it is more than
-        `within_s` of device time ahead of the samples, because it was damaged on the link.
+        Return False if the instant is already known, or if the link damaged it, so that it is more than `within_s` of
+        device time ahead of the samples.
 
         Raises:
             DeviceFault: the instant is before RELEASE was sent, so the device does not know when the rods were

@@ -77,11 +77,7 @@ def _end(message: str, exit_code: int) -> NoReturn:
 
 
 def _leave_stdout() -> None:
-    """Redirect stdout to the null device.
-
-    Python then reports no error if the output fails. The output may be closed, as in `dpr-lab ... | head`, or the disk
-    may be full.
-    """
+    """Redirect stdout to the null device, so that a closed output or a full disk raises no further error."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)
 
 

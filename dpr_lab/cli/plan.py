@@ -115,7 +115,8 @@ def show(made: "Plan") -> None:
         forecast = bool(made.forecast)
         rows = [_row(release) for release in made.releases]
         note = RELEASES + FORECAST * forecast
-        table("Releases to record, in this order", [*COLUMNS, *["P(decided)"] * forecast], rows, note=note)
+        title = f"{'Optional releases' if made.state == 'enough' else 'Releases to record'}, in this order"
+        table(title, [*COLUMNS, *["P(decided)"] * forecast], rows, note=note)
     if pairs := _pair_rows(made):
         last = len(made.releases)
         after = "after release 1" if last == 1 else f"after release 1 to {last}"

@@ -162,10 +162,7 @@ def _without(model: AnyModel, lost: frozenset[str], words: frozenset[str]) -> di
 
 
 def _without_zeros(name: str, values: Mapping[str, float]) -> dict[str, float]:
-    """Return the values of an effect without amplitudes of zero.
-
-    In a further fit, such an amplitude could become a size that no element represents.
-    """
+    """Omit amplitudes of zero, which could become a size in a further fit that no element represents."""
     amplitudes = {p.name for p in EFFECTS[name].amplitudes}
     return {key: value for key, value in values.items() if value or key not in amplitudes}
 

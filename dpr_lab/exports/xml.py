@@ -42,5 +42,4 @@ def _environment() -> "Environment":
 
 
 def _in_xml(text: str) -> str:
-    """Replace characters that XML cannot contain by the replacement character U+FFFD."""
     return _NO_XML.sub("\N{REPLACEMENT CHARACTER}", text)

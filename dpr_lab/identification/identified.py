@@ -186,10 +186,7 @@ def _identifiable(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, post
 
 
 def _misread(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> list[str]:
-    """Return a note if a different interpretation of the columns fits better.
-
-    The list is empty if the fit is good, or if no interpretation fits better.
-    """
+    """Return a note if a different interpretation of the columns fits better, otherwise an empty list."""
     look = second_look(runs, rig) if ratio_fit.chi2_per_dof > SETTINGS.doubted else None
     return [look.sentence] if look and look.sentence else []
 

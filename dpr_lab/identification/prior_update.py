@@ -189,7 +189,9 @@ class Posterior:
         return intervals
 
     def _value(self, value: float, slopes: Array, wide: Interval90) -> ParameterValue:
-        """Return a value with its interval, from the derivatives (9,) of its logarithm by those of the parameters.
+        """Return a value with its interval, from the derivatives (9,) of its logarithm.
+
+        The derivatives are those with respect to the logarithms of the parameters.
 
         The interval `wide` is used if only the bounds of the rig file determine the value, or for a friction of zero,
         which has no logarithm. `parameters` states the source of a friction of zero.
@@ -203,7 +205,7 @@ class Posterior:
     def _loose(self, slopes: Array) -> Flags:
         """Check whether quantities change in a direction that neither recordings nor measured values determine.
 
-        `slopes` (n, 9) are the derivatives of their logarithms by the logarithms of the parameters.
+        `slopes` (n, 9) are the derivatives of their logarithms with respect to the logarithms of the parameters.
         """
         _, rows = observed(self.median, self.rig, self.visible, self.alone)
         free = self.rig.searched
@@ -276,7 +278,7 @@ def observed(Z: Array, rig: Rig, places: Sequence[int], alone: bool) -> tuple[Ar
     """Return the quantities (n,) of `as_observed` for parameters Z (9,).
 
     Returns:
-        the quantities, and the derivatives (n, 9) of their logarithms by the logarithms of Z
+        the quantities, and the derivatives (n, 9) of their logarithms with respect to the logarithms of Z
     """
     unknown, chosen = unknown_ratios(whole_parameters(Z, rig.L1, rig.g)), list(places)
     if not alone:
@@ -339,7 +341,7 @@ def _edges(rig: Rig) -> Array:
 
 
 def _base(Z: Array, rig: Rig, alone: bool) -> tuple[Array, Array]:
-    """Return the base parameters (6,) and the derivatives (6, 9) of their logarithms by the logarithms of Z (9,).
+    """Return the base parameters (6,) and the derivatives (6, 9) of their logarithms with respect to those of Z.
 
     Those of the inner rod alone do not contain the mass of the outer rod.
     """

@@ -10,12 +10,11 @@ one cause, as in the stopping rule, because a bench check distinguishes them. Af
 refers to the information at that time, because the next plan will apply it then.
 
 A release may also reveal another effect or another alternative. The causes then stay undecided until a further release.
-The setting `confirmed` takes this into account. It is a fraction that was measured in blind trials. The trials contain
-planned releases for which the above probability predicted a decision. The fraction states how many of these releases
-decided the causes. It did not depend on the kind of the diagnosis: it was 14 of 16 for one cause, 7 of 8 for several
-causes, 13 of 14 for no gap, and 4 of 5 for a remainder. Releases from a fixed menu are not counted, because they decide
-less often: 24 of 40 menu releases decided the causes, and 26 of all 36 planned releases. If n of N releases decided the
-causes, `confirmed` is (n + 1/2) / (N + 1), the posterior mean for the Jeffreys prior.
+The setting `confirmed` takes this into account: of the planned releases in blind trials for which the above probability
+predicted a decision, it is the fraction that decided the causes. It did not depend on the kind of the diagnosis: 14 of
+16 for one cause, 7 of 8 for several causes, 13 of 14 for no gap, and 4 of 5 for a remainder. Releases from a fixed menu
+are not counted, because they decide less often: 24 of 40, against 26 of all 36 planned releases. If n of N releases
+decided the causes, `confirmed` is (n + 1/2) / (N + 1), the posterior mean for the Jeffreys prior.
 
 If the selected effects leave a remainder above the noise, its cause is not known, although the search tested every
 effect of the library. A further release then decides only if it reveals this cause. `revealed` replaces `confirmed` in

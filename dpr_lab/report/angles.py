@@ -55,10 +55,7 @@ class AngleUnit:
 
 
 def _rounded(value: float, digits: int) -> float:
-    """Round a value.
-
-    If the result is zero, the sign is removed, so that the result is not displayed as -0.0.
-    """
+    """Round a value; a zero has no sign."""
     return round(value, digits) + 0.0
 
 

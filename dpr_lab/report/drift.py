@@ -82,7 +82,7 @@ def unit_of(name: str) -> str:
 
 
 def _has_size(parameter: ParameterChange) -> bool:
-    """Check whether the first mean exceeds the run scatter and a tenth of the change."""
+    """Check whether the mean of the first group exceeds the scatter of a run and a tenth of the change."""
     return abs(parameter.first) > max(parameter.scatter, 0.1 * abs(parameter.change))
 
 
@@ -203,5 +203,4 @@ def _range(parameter: ParameterChange, interval: tuple[float, float]) -> str:
 
 
 def _last(group: Sequence[int], number: int) -> int:
-    """Return the index of the last run in the groups 0 to `number`."""
     return max(k for k, g in enumerate(group) if g <= number)

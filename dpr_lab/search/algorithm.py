@@ -54,14 +54,7 @@ class Algorithm(Generic[Settings]):
 def _generations(
     problem: SearchProblem, populations: Iterable[Population], settings: SearchSettings
 ) -> Iterator[Generation]:
-    """Record the populations of a search, numbered, until it ends or stagnates.
-
-    Args:
-        problem: the search problem; it supplies the number of evaluations and the fixed genes
-        populations: infinite sequence, the initial population first; each population is computed on demand, and its
-            first row is the best individual so far
-        settings: stopping rule and constants of the fitness
-    """
+    """Record the populations of a search, numbered, until it ends or stagnates."""
     best_costs: list[float] = []
     for number, population in enumerate(populations):
         best_costs.append(float(population.cost[0]))

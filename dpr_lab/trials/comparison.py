@@ -50,5 +50,4 @@ def _diagnosed(diagnosis: Diagnosis, effect: NamedEffect | None) -> tuple[str, s
 
 
 def _lines(sizes: str) -> str:
-    """Format a cell with one size per line, true and estimated sizes side by side."""
     return sizes.replace("; ", "\n")

@@ -69,7 +69,6 @@ def _text(value: str) -> str:
 
 
 def _number(value: float, digits: int = 4) -> str:
-    """Return a number in TOML with `digits` significant digits."""
     return repr(float(f"{value:.{digits}g}"))
 
 

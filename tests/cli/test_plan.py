@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from dpr_lab.cli.plan import commands
+from dpr_lab.cli.plan import commands, show
 from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.planning.result import Plan, PlannedRelease
 from dpr_lab.rig import load_rig
@@ -133,6 +133,27 @@ def test_a_plan_without_releases_writes_no_rig_file(tmp_path: Path) -> None:
     result = write_plan(Plan.model_construct(state="enough", releases=[]), load_rig("paper"), tmp_path)
     assert result.files == {"plan": str(tmp_path / "plan.json")}
     assert [file.name for file in tmp_path.iterdir()] == ["plan.json"]
+
+
+@pytest.mark.parametrize(("state", "title"), [("enough", "Optional releases"), ("record", "Releases to record")])
+def test_releases_after_the_decision_are_optional(
+    state: str, title: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dpr_lab.cli.plan.report_table", lambda *_: None)
+    monkeypatch.setattr("dpr_lab.report.tables.ratio_std_table", lambda *_: None)
+    show(
+        Plan.model_construct(
+            state=state,
+            sentence="",
+            releases=[planned_release()],
+            forecast=[],
+            limits=[],
+            inseparable=[],
+            detectable=[],
+            minutes=1.0,
+        )
+    )
+    assert f"{title}, in this order" in capsys.readouterr().out
 
 
 @pytest.mark.slow

@@ -73,10 +73,7 @@ def _term(name: str) -> tuple[str, str, str, str] | None:
 
 
 def _joint(name: str) -> int:
-    """Return the joint at which an effect is listed.
-
-    This is the joint of the effect, or the inner joint if the effect acts at several joints.
-    """
+    """Return the joint of an effect; the inner joint if the effect acts at several joints."""
     joints = EFFECTS[name].joints
     return joints[0] if len(joints) == 1 else 0
 

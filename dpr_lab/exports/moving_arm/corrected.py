@@ -173,7 +173,6 @@ def _with_values(
 
 
 def _joint(name: str) -> str:
-    """Return the joint name of moving-arm models, for example `joint 0` for `joint0`."""
     return name.replace("joint", "joint ")
 
 

@@ -128,10 +128,6 @@ def _first_followed(level: Array, top: int) -> int:
     """Return the index of the first segment from `top` on that the undriven model fits.
 
     The segment of the push is excluded in this way, because its fitted energy is not the energy at its start.
-
-    Args:
-        level: (segments,) chi2 per reading
-        top: index of the segment with the maximum energy
     """
     usual = max(float(np.median(level[top:])), 1.0)
     followed = np.flatnonzero(level[top:] < HAND.followed * usual)

@@ -63,13 +63,7 @@ def detectable(model: Hypothesis, test: ScoreTest) -> DetectableSizes:
 
 
 def _size(spread: float, scale: float, remaining: float) -> float | None:
-    """Return the minimum detectable amplitude of a column, or None if no size is detectable.
-
-    Args:
-        spread: minimum detectable size of a column of unit norm
-        scale: reciprocal norm of the column
-        remaining: fraction of the squared norm of the column that the fitted columns do not explain
-    """
+    """Return the minimum detectable amplitude of a column, or None if no size is detectable."""
     return float(spread * scale / remaining**0.5) if remaining > SEEN and scale < 1 / TINY else None
 
 

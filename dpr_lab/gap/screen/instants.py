@@ -262,7 +262,6 @@ def _largest(z: Array) -> tuple[float, int]:
 
 
 def _differences(values: Array, weights: Array) -> Array:
-    """Return the (windows,) divided differences of (n,) values, one for each window."""
     return np.einsum("wj,wj->w", sliding_window_view(values, ORDER + 1), weights)
 
 

@@ -322,5 +322,4 @@ def _without(part: Fold, removed: Sequence[int]) -> Fold:
 
 
 def _used(values: Array) -> Flags:
-    """Return the (segments,) mask of the segments whose values (segments, m) are not all zero."""
     return np.abs(values).sum(axis=1) > 0

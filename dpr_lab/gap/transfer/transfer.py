@@ -155,7 +155,7 @@ class _Test:
         return np.minimum(np.nan_to_num(self.data.chi2(model), nan=np.inf), TRANSFER.wildest) - self.noise
 
     def excess(self, without: Hypothesis, chosen: Hypothesis) -> Array:
-        """Return the pair of two models."""
+        """Return the (2, segments) chi2 above the noise of two models."""
         return np.stack([self.above_noise(without), self.above_noise(chosen)])
 
     def reduction(self, pair: Array, rows: Rows = slice(None)) -> Interval:

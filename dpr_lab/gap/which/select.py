@@ -143,7 +143,7 @@ def _selection(state: SearchState, misleading: tuple[str, ...]) -> Selection:
 
 
 def _own_shares(sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypothesis]) -> dict[str, float]:
-    """Return the own shares of secondary effects, without an only effect and effects that every rig has."""
+    """Return the own shares of secondary effects; a single effect, or one that every rig has, is left out."""
     limit = chosen.bounded_excess + THRESHOLDS.secondary * sets.bare.residuals.excess
     shares: dict[str, float] = {}
     for name, smaller in without.items():

@@ -152,10 +152,7 @@ class TorqueBalance:
         return np.concatenate([inner, outer]) if self.rig.rods.mounting == "both" else inner + outer
 
     def _nominal(self) -> list[float]:
-        """Return the base parameters of the rig file.
-
-        The last element is the largest gravity torque e2 on the outer rod. The unit of e2 is N m.
-        """
+        """Return the base parameters of the rig file, and the largest gravity torque e2 on the outer rod, N m."""
         base = mounted_base(self.rig, self.rig.nominal).tolist()
         return [*base, base[2] * self.rig.g / self.rig.L1]
 

@@ -227,7 +227,6 @@ def _physical(rig: Rig, unknowns: Unknowns) -> tuple[dict[str, float], Array]:
 
 
 def _std(parameter: Parameter | None) -> float:
-    """Return the standard uncertainty of a measured parameter, or 0 without a measurement."""
     return (parameter and parameter.std) or 0.0
 
 

@@ -157,10 +157,6 @@ def _points(table: Table, despite_angles: bool = False) -> tuple[str, list[_Poin
 
 
 def _of_plane(axes: str) -> str:
-    """Return the description of the kind of a table of points.
-
-    If the points have three coordinates, the description names the two coordinates `axes` that are used.
-    """
     return f"{PLAIN}, of which the coordinates {axes} are used" if axes else PLAIN
 
 

@@ -143,7 +143,6 @@ def labels_of(lines: list[str]) -> list[str]:
 
 
 def _with_time(line: str) -> str:
-    """Label the time without a name at the beginning of a line."""
     return _TIME_BEFORE.sub(r"time=\1 ", line)
 
 

@@ -214,8 +214,8 @@ def frame_notes(options: ImportOptions, rig: Rig) -> list[str]:
     if options.angles != "absolute" or rig.rods.mounted != "both" or rig.encoders.joint2 == "absolute":
         return []
     return [
-        'theta2 is absolute, but joint2 = "relative" in the rig file: if no relative encoder measured it (for example,'
-        ' in a film), write joint2 = "absolute" and import the table again: its noise is then independent of theta1'
+        'theta2 is absolute, but joint2 = "relative" in the rig file. If no relative encoder measured it (for example,'
+        ' in a film), write joint2 = "absolute" and import the table again, so that its noise is independent of theta1'
     ]
 
 

@@ -260,11 +260,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
             self._draw()
 
     def _require_none(self) -> None:
-        """Check that no attempt is in progress; the settings of an attempt cannot be changed.
-
-        Raises:
-            DprError: an attempt is in progress.
-        """
+        """Check that no attempt is in progress; the settings of an attempt cannot be changed."""
         if self.attempt is not None:
             raise DprError(self.worded(BUSY))
 
