@@ -260,6 +260,10 @@ HEAD = "t,theta1,theta2\n"
             b"t,theta1\n0,1.5,2.5\n1,1.5,2.5\n",
             "has 3 fields, but there are 2 columns: add the missing names to the header",
         ),
+        (
+            b"Times (s),Angle (rad)\n0,1.5,2.5\n1,1.5,2.5\n",  # the names contain the blanks
+            "has 3 fields, but there are 2 columns: add the missing names to the header",
+        ),
         (f"{HEAD}0,1,2\n1,one,2\n2,1,2\n".encode(), "line 3: 'one' in column 'theta1' is not a number"),
         (f"{HEAD}0,nan,2\n1,nan,2\n2,1,2\n".encode(), "2 of 3 rows have no value"),
         (f"{HEAD}0,1,2\n{'5' * 70},1,2\n".encode(), "rows are 5.55556e+69 s apart"),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import RunError
+from dpr_lab.estimation.arm_motion import arm_motion
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import RigGeometry
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
@@ -184,10 +185,10 @@ def test_a_prescribed_arm_is_kept_and_refused_where_it_is_not_known(paper: Rig, 
         assert run.setup.arm.omega[5:-5] == pytest.approx(1.2 * np.cos(4 * T)[5:-5], abs=2e-3)
     with pytest.raises(RunError, match=r"needs its length L0 in \[rig\]"):
         import_csv(file, paper.model_copy(update={"rig": RigGeometry(name="paper", L1=0.4)}), options)
-    with pytest.raises(
-        RunError, match="the angle of a prescribed joint is required in every row: name the columns of theta0 and t"
-    ):
+    with pytest.raises(RunError, match=r"a prescribed arm needs its angle: name its column.* The table has: t, "):
         import_csv(table(tmp_path, "tau1,tau2", TAU), armed, ImportOptions(arm="prescribed", columns={"t": "t"}))
+    with pytest.raises(RunError, match="the angle of a prescribed joint is required in every row: name the columns of"):
+        arm_motion(T, np.where(np.arange(T.size) == 3, np.nan, theta0), "a.csv")
 
 
 _PUSHED = np.array([[1.0, 0.0], [-1.0, 1.0]])

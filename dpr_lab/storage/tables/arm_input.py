@@ -162,10 +162,19 @@ def known_inputs(
     return KnownInputs({"": (name, PASSIVE)}, (factor * options.scale.get("input", 1.0), 1.0), rig.motor)
 
 
-def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[str, str]) -> ImportOptions:
+def stated_arm(
+    rig: Rig, options: ImportOptions, path: object, angles: Mapping[str, str], names: Sequence[str]
+) -> ImportOptions:
     """Set the mode of the arm in import options.
 
     The mode is the stated mode, or otherwise the mode in the rig file.
+
+    Args:
+        rig: the recorded rig
+        options: import options
+        path: path of the table
+        angles: name of the column of each angle
+        names: names of all columns
 
     Raises:
         RunError: the mode is not possible for this rig, or its column is missing.
@@ -176,8 +185,11 @@ def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[s
         refuse_impossible_inner(rig, inner, mode)
     except ValueError as error:
         raise RunError(f"{path}: {error}") from error
-    if mode in ("free", "driven") and "theta0" not in angles:
-        raise RunError(f"{path}: a {mode} arm needs its angle: name its column, for example --columns theta0=q0")
+    if mode != "clamped" and "theta0" not in angles:
+        raise RunError(
+            f"{path}: a {mode} arm needs its angle: name its column, for example --columns theta0=NAME. The table has:"
+            f" {listed(names)}"
+        )
     if "input" in {*options.columns, *options.scale} and mode != "driven":
         raise RunError(f"{path}: an input column requires a driven arm, but this arm is {mode}: add --arm driven")
     return replace(options, arm=mode, inner=inner)

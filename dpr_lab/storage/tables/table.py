@@ -332,13 +332,13 @@ def _with_unit(name: str, unit: str) -> str:
 def _otherwise_separated(early: list[list[str]], delimiter: str | None, width: int) -> list[list[str]]:
     """List possible headers whose delimiter differs from that of the numbers.
 
-    Each header has one name per column.
+    Each header has one name per column. No column is named `(s),Voltage`: `(s)` is the unit of the name before it.
     """
     lines = [(delimiter or " ").join(row) for row in early]
     lines += [re.sub(r"\s+(?=[(\[])", "", line) for line in lines]  # a blank before a unit separates no names
     split = [re.split(r"\s{2,}", line.strip()) for line in lines]
     split += [line.split(other) for line in lines for other in (*DELIMITERS, None)]
-    return [names for names in split if len(names) == width]
+    return [row for row in split if len(row) == width and len({cell.strip()[:1] in ("(", "[") for cell in row}) == 1]
 
 
 def _of_numbers(names: Sequence[str], cells: Sequence[str]) -> list[str]:

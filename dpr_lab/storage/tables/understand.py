@@ -65,7 +65,7 @@ def understand(
     recorded = [name for name, column in table.columns if name != NO_ROD and not np.isnan(column).all()]
     table = rows_of_angles(table, [name for axis, name in columns.names.items() if axis != "t" and name != NO_ROD])
     options = replace(options, unit=columns.unit, time_unit=columns.time_unit)
-    options = stated_arm(rig, options, path, columns.names)
+    options = stated_arm(rig, options, path, columns.names, recorded)
     _refuse_conventions(table, options)
     t, readings, notes = _readings(table, columns.names, rig, options)
     of_cart, cart = cart_note(table, columns.names, rig, options)
