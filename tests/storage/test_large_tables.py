@@ -42,9 +42,8 @@ def text_of(manner: str) -> str:
 
 def same(one: Table, other: Table) -> bool:
     values = all(np.array_equal(a, b, equal_nan=True) for a, b in zip(one.values, other.values, strict=True))
-    return (
-        values and np.array_equal(one.lines, other.lines) and one.strange == other.strange and one.notes == other.notes
-    )
+    strange = all(a.strange == b.strange for a, b in zip(one.columns, other.columns, strict=True))
+    return values and strange and np.array_equal(one.lines, other.lines) and one.notes == other.notes
 
 
 def both_ways(path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Table, Table]:

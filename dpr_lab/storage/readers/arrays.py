@@ -12,7 +12,7 @@ from dpr_lab.errors import RunError, printable
 from dpr_lab.storage.tables import table as text_table
 from dpr_lab.storage.tables.columns import is_time
 from dpr_lab.storage.tables.content import most_unpacked
-from dpr_lab.storage.tables.table import Table
+from dpr_lab.storage.tables.table import Column, Table
 
 BROKEN = (
     ArithmeticError,
@@ -117,9 +117,7 @@ def table_of(path: Path, kind: str, arrays: Mapping[str, NDArray], take: Sequenc
     usable = {name: column for name, column in columns.items() if len(column) == rows}
     return Table(
         path,
-        tuple(printable(short[name]) for name in usable),
-        tuple(np.asarray(column, dtype=np.float64) for column in usable.values()),
-        ("",) * len(usable),
+        tuple(Column(printable(short[name]), column.astype(np.float64)) for name, column in usable.items()),
         np.arange(1, rows + 1),
         kind=kind,
         other_lengths={short[name]: len(column) for name, column in columns.items() if name not in usable},

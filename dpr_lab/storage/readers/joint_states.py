@@ -22,7 +22,7 @@ from dpr_lab.storage.export import JOINT_STATE, JOINT_STATE_DEFINITION, extra
 from dpr_lab.storage.layout import NANOSECONDS, PROVENANCE
 from dpr_lab.storage.readers.arrays import library_of, refuse_large
 from dpr_lab.storage.scan import mapped
-from dpr_lab.storage.tables.table import Table
+from dpr_lab.storage.tables.table import Column, Table
 from dpr_lab.whole_file import regular
 
 KIND = "ROS 2 bag"
@@ -101,9 +101,7 @@ def _table(path: Path, kind: str, messages: Iterable[Stamped], take: Sequence[st
     t = (np.array(times) - times[0]) / NANOSECONDS
     return Table(
         path,
-        ("t", *names),
-        (t, *values.T),
-        ("",) * (len(names) + 1),
+        tuple(map(Column, ("t", *names), (t, *values.T))),
         np.arange(1, len(rows) + 1),
         (f"joints of {topic}: {', '.join(names)}",),
         kind,

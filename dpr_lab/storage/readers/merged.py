@@ -4,7 +4,6 @@ Some loggers write a row for each message: it contains the values of one quantit
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -25,7 +24,7 @@ def rows_of_angles(table: Table, angles: Sequence[str]) -> Table:
     Raises:
         RunError: no row contains all angles, although each angle has values.
     """
-    known = {name: np.isfinite(column) for name, column in table.columns}
+    known = {name: np.isfinite(column) for name, column in table.named}
     present = np.stack([known[name] for name in angles])
     measured = present.any(axis=0)
     if present.any(axis=1).all() and not present.all(axis=0).any():
@@ -39,11 +38,4 @@ def rows_of_angles(table: Table, angles: Sequence[str]) -> Table:
     removed = int(np.count_nonzero(~remaining))
     if removed in (0, len(remaining)):
         return table
-    note = f"rows that contain only other quantities than the angles, removed: {removed}"
-    return replace(
-        table,
-        values=tuple(column[remaining] for column in table.values),
-        lines=table.lines[remaining],
-        notes=(*table.notes, note),
-        frames=None if table.frames is None else table.frames[remaining],
-    )
+    return table.rows(remaining, f"rows that contain only other quantities than the angles, removed: {removed}")

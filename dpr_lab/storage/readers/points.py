@@ -28,7 +28,7 @@ from dpr_lab.storage.readers.coordinates import OTHER, coordinate, in_plane, onl
 from dpr_lab.storage.readers.downwards import points_downwards
 from dpr_lab.storage.readers.rod_lengths import WANTED, rod_length
 from dpr_lab.storage.tables.columns import is_time, numbers
-from dpr_lab.storage.tables.table import Table, own_name, read_table
+from dpr_lab.storage.tables.table import Column, Table, own_name, read_table
 from dpr_lab.storage.tables.time_stamps import never_falls, runs, varies
 
 
@@ -114,14 +114,15 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
 
 def _without_copies(table: Table) -> Table:
     """Remove columns that repeat the name and values of an earlier column."""
-    columns = list(table.columns)
-    places = [
-        place
-        for place, (name, values) in enumerate(columns)
-        if not any(name == other and np.array_equal(values, same, equal_nan=True) for other, same in columns[:place])
+    columns = [
+        column
+        for place, column in enumerate(table.columns)
+        if not any(
+            column.name == other.name and np.array_equal(column.values, other.values, equal_nan=True)
+            for other in table.columns[:place]
+        )
     ]
-    names, values, strange = (tuple(part[k] for k in places) for part in (table.names, table.values, table.strange))
-    return table if len(places) == len(columns) else replace(table, names=names, values=values, strange=strange)
+    return replace(table, columns=tuple(columns))
 
 
 def _points(table: Table, despite_angles: bool = False) -> tuple[str, list[_Point], str]:
@@ -207,8 +208,7 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     ]
     if removed:
         real = ~(again | filled)
-        values, frames = tuple(column[real] for column in table.values), numbers(table)[real]
-        table = replace(table, values=values, lines=table.lines[real], notes=(*table.notes, *removed), frames=frames)
+        table = replace(table, frames=numbers(table)).rows(real, *removed)
         rods = [rod[real] for rod in rods]
     if upside_down:
         rods = [rod * (1, -1) for rod in rods]
@@ -232,16 +232,11 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
                 " camera does not look along the joint axes"
             )
     std = tuple(length.std for length in lengths)
-    time = next((name for name in table.names if is_time(name)), "")
-    running = (name for name, column in table.columns if runs(column))
-    clocks = {"t": time} if time else {name: name for name in running}
-    columns = [table.values[table.names.index(name)] for name in clocks.values()] + angles
+    times = [replace(column, name="t", strange="") for column in table.columns if is_time(column.name)]
+    clocks = times[:1] or [column for column in table.columns if runs(column.values)]
     return replace(
         table,
-        names=(*clocks, *axes),
-        values=tuple(columns),
-        strange=("",) * len(columns),
-        midnights={new: table.midnights[name] for new, name in clocks.items() if name in table.midnights},
+        columns=(*clocks, *map(Column, axes, angles)),
         notes=(*table.notes, *notes),
         settled=True,
         film_noise=FilmNoise(std, float(np.mean([length.correlation for length in lengths]))) if min(std) > 0 else None,

@@ -290,10 +290,10 @@ def cart_note(
     """
     if rig.rods.number != 1 or options.arm != "clamped" or options.unit not in _ANGLES or table.settled:
         return [], None
-    tracked = any(_HEIGHT.fullmatch(bare(name)) and varies(column) for name, column in table.columns)
+    tracked = any(_HEIGHT.fullmatch(bare(name)) and varies(column) for name, column in table.named)
     free = {
         name: match
-        for name, column in table.columns
+        for name, column in table.named
         if name not in used.values() and varies(column) and not (tracked and bare(name).startswith("x"))
         for pattern in (_CART, _PLACE)
         if (match := pattern.fullmatch(bare(name)))

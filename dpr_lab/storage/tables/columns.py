@@ -12,7 +12,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.cells import listed, names_no_angle, names_rate
 from dpr_lab.storage.tables.options import AXES, ImportOptions
 from dpr_lab.storage.tables.questions.names import numbered, refuse_long_form, refuse_scaled_units, without_scaled_unit
-from dpr_lab.storage.tables.table import LIMITS, Table, bare, own_name
+from dpr_lab.storage.tables.table import LIMITS, Column, Table, bare, own_name
 from dpr_lab.storage.tables.time_stamps import never_falls, runs, varies, without_speed
 
 TO_RADIANS = {"rad": 1.0, "deg": math.pi / 180}
@@ -25,6 +25,7 @@ _TIME_NAME = r"(t|(date|clock|host|elapsed)?time(stamp)?|clock|elapsed|tout|zeit
 _DURATION = "(dt|deltat(ime)?|timestep|duration)({unit})?"
 """Pattern of the duration of a row, used only without a column of times."""
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds|millis", "us": "us|usec|microseconds|micros"}
+_ANY_TIME = "|".join(_TIME_SUFFIX.values())
 _ANGLE_UNIT = r"(rad(?:ians?)?|deg|degrees?|degr[eé]s|gra(?:us|dos|di|den|d))"
 _ANGLE_WORD = "(theta|th|phi|q|angle|angulo|angolo|winkel|joint|pos|position|gon|θ|φ)"
 _MEASURED = "(meas|measured|act|actual|exp|experimental?|obs|observed|real)"
@@ -76,17 +77,17 @@ class Columns:
 
 def is_time(name: str) -> bool:
     """Check whether a name is a common name of a time column."""
-    return any(re.fullmatch(_TIME_NAME.format(unit=unit), bare(name)) for unit in _TIME_SUFFIX.values())
+    return bool(re.fullmatch(_TIME_NAME.format(unit=_ANY_TIME), bare(name)))
 
 
 def is_duration(name: str) -> bool:
     """Check whether a name is a common name of the durations of rows."""
-    return any(re.fullmatch(_DURATION.format(unit=unit), bare(name)) for unit in _TIME_SUFFIX.values())
+    return bool(re.fullmatch(_DURATION.format(unit=_ANY_TIME), bare(name)))
 
 
 def counter(table: Table) -> str:
     """Return the name of a column that counts the rows, such as video frames; empty if there is none."""
-    for name, column in table.columns:
+    for name, column in table.named:
         steps = np.diff(column)
         if _COUNTER.fullmatch(bare(name)) and len(steps) and (steps == np.rint(steps)).all() and steps.min() > 0:
             return name
@@ -208,7 +209,7 @@ def with_still_joint2(table: Table, stated: Mapping[str, str], timed: bool) -> t
     stated, notes = clock | dict(stated), table.notes
     stated |= {} if {"theta0", "theta1"} & set(stated) else _on_arm(table.names)
     alone = _angles(table.names, [_ONE_ROD.pattern, f"({_ONE_ROD.pattern})unwrapped"])
-    moving = {name for name, column in table.columns if varies(column)}
+    moving = {name for name, column in table.named if varies(column)}
     places = {name for name in alone if _PLACE.fullmatch(bare(name))}
     letters = {name for name in alone if len(bare(name)) == 1}  # a single letter such as `Q` may denote an input
     for unlikely in (places, set(alone) - moving, letters):
@@ -221,8 +222,7 @@ def with_still_joint2(table: Table, stated: Mapping[str, str], timed: bool) -> t
                 reason += ". If it is a distance or a voltage, export the angle, or the x and y of the point"
             notes = (*notes, *(f"interpreted as theta1: {name}, {reason}" for name in alone))
         stated |= dict(zip(("theta1",), alone, strict=False))
-    values = (*table.values, np.zeros(len(table.lines)))
-    grown = replace(table, names=(*table.names, NO_ROD), values=values, strange=(*table.strange, ""), notes=notes)
+    grown = replace(table, columns=(*table.columns, Column(NO_ROD, np.zeros(len(table.lines)))), notes=notes)
     return grown, {**stated, "theta2": NO_ROD}
 
 
@@ -258,7 +258,7 @@ def _only_varying(table: Table, stated: Mapping[str, str]) -> list[str]:
     only_two = bool(clock) and len(table.names) == 2  # the angle of a rod that falls over also increases steadily
     varying = [
         name
-        for name, column in table.columns
+        for name, column in table.named
         if name not in stated.values() and not is_time(name) and not _ERROR.fullmatch(bare(name))
         if (only_two or not runs(column)) and varies(column)
     ]

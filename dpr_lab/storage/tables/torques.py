@@ -172,5 +172,5 @@ def held_torque(t: Array, torque: Array, rows: NDArray[np.intp]) -> Array:
 
 def set_point(table: Table) -> str:
     """Name a varying column of controller set points, or return an empty text."""
-    name = next((name for name, column in table.columns if _SET_POINT.search(name) and varies(column)), "")
+    name = next((name for name, column in table.named if _SET_POINT.search(name) and varies(column)), "")
     return name and f"column {name} is the set point of a controller, which drives the rods"

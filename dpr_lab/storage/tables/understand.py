@@ -62,7 +62,7 @@ def understand(
     table = read_any(path, options.take, on_progress, points=not named_angles)
     table, stated, options = stated_columns(table, options, rig.rods.mounted != "both")
     columns = find_columns(table, stated, options)
-    recorded = [name for name, column in table.columns if name != NO_ROD and not np.isnan(column).all()]
+    recorded = [name for name, column in table.named if name != NO_ROD and not np.isnan(column).all()]
     table = rows_of_angles(table, [name for axis, name in columns.names.items() if axis != "t" and name != NO_ROD])
     options = replace(options, unit=columns.unit, time_unit=columns.time_unit)
     options = stated_arm(rig, options, path, columns.names, recorded)
@@ -89,7 +89,7 @@ def understand(
     notes = [*table.notes, *columns.notes, *removed, *notes, *inputs.notes()]
     named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}
     ignored = _ignored(table, [*recorded, *table.other_lengths], options, rows)
-    midnight = table.midnights.get(named.get("t", ""), 0.0)
+    midnight = next((column.midnight for column in table.columns if column.name == named.get("t")), 0.0)
     torques = inputs.torques(known, t, rows)
     cart = None if cart is None or not np.isfinite(cart[rows]).all() else cart[rows]
     read = _Rows(path, rows, t, values, torques, named, options, ignored, drive, midnight, table.recorded_at, cart)

@@ -40,16 +40,17 @@ def numbered(table: Table, stated: Mapping[str, str]) -> tuple[Table, dict[str, 
     A number that is the name of a column is not replaced. If several columns have the name of a numbered column, the
     numbered column is renamed.
     """
-    names, columns, midnights = [*table.names], dict(stated), dict(table.midnights)
-    every = [*names, *table.other_lengths]
+    columns, named = [*table.columns], dict(stated)
+    every = [*table.names, *table.other_lengths]
     for quantity, text in stated.items():
         if text in every or not (text.isdecimal() and 1 <= int(text) <= len(every)):
             continue
-        columns[quantity] = name = every[int(text) - 1]
-        if every.count(name) > 1 and int(text) <= len(names):
-            columns[quantity] = names[int(text) - 1] = unique = f"{name} (column {text})"
-            midnights |= {unique: midnights[name]} if name in midnights else {}
-    return replace(table, names=tuple(names), midnights=midnights), columns
+        place = int(text) - 1
+        named[quantity] = name = every[place]
+        if every.count(name) > 1 and place < len(columns):
+            named[quantity] = unique = f"{name} (column {text})"
+            columns[place] = replace(columns[place], name=unique)
+    return replace(table, columns=tuple(columns)), named
 
 
 def without_scaled_unit(name: str) -> str:
@@ -89,7 +90,7 @@ def refuse_long_form(table: Table, stated: Mapping[str, str]) -> None:
     values = [name for name in table.names if bare(name) == "value"]
     if "theta1" in stated or not values:
         return
-    for name, column in table.columns:
+    for name, column in table.named:
         if _SENSOR.fullmatch(bare(name)) and np.unique(column).size <= len(AXES):
             raise RunError(
                 f"{table.path}: seems to have one row per sensor ({name}, {values[0]}): export one column per joint; if"
