@@ -49,11 +49,15 @@ _EVOLUTION = {
 }
 
 
-def clip_to_signal(axes: Axes, values: Array, half_widths: Array) -> None:
-    """Limit the y axis to the range of a curve with its typical intervals.
+def draw_with_intervals(axes: Axes, x: Array, values: Array, half_widths: Array, **line: Any) -> None:
+    """Draw a curve with its 90 % intervals.
 
-    If larger intervals are clipped, the panel is marked.
+    The y axis is limited to the range of typical intervals. If larger intervals are clipped, the panel is marked.
     """
+    low, high = values - half_widths, values + half_widths
+    axes.fill_between(x, low, high, label="90 % interval", color=line["color"], alpha=0.25, linewidth=0)
+    axes.plot(x, values, **line)
+    axes.axhline(0.0, **style.ZERO)
     scale, clipped = signal_scale(values, half_widths)
     axes.set_ylim(*scale)
     if clipped:

@@ -28,7 +28,11 @@ NOISE_BAND: dict[str, Any] = {
     "zorder": 3,
 }
 EVOLUTION: dict[str, Any] = {"color": "#0072b2", "linewidth": 1.5, "linestyle": "-"}
+ZERO: dict[str, Any] = {"color": "#555555", "linewidth": 0.8}
 NOTE_BOX: dict[str, Any] = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
+
+MODELS = {"before": ("bare model", SIMULATED), "after": ("corrected model", RESIDUAL)}
+"""Label and line of each model."""
 
 _SETTINGS: dict[str, Any] = {
     "figure.dpi": DPI,

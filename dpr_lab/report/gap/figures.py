@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.report import style
-from dpr_lab.report.figures import clip_to_signal, empty_figure, legend_above, new_figure, save_each
+from dpr_lab.report.figures import draw_with_intervals, empty_figure, legend_above, new_figure, save_each
 from dpr_lab.report.gap.sections import SECTIONS
 from dpr_lab.report.gap.tables import coordinate, per_reading, place_map, quantity, steps
 from dpr_lab.report.words import in_words
@@ -36,13 +36,7 @@ def where_figure(diagnosis: Diagnosis, most: int = 4) -> Figure:
 
 
 def _draw_place(axes: Axes, place: Where) -> None:
-    knots, values, half_widths = place_map(place)
-    axes.fill_between(
-        knots, values - half_widths, values + half_widths, alpha=0.25, color=style.RESIDUAL["color"], linewidth=0
-    )
-    axes.plot(knots, values, marker="o", markersize=3, color=style.RESIDUAL["color"])
-    axes.axhline(0.0, color="#555555", linewidth=0.8)
-    clip_to_signal(axes, values, half_widths)
+    draw_with_intervals(axes, *place_map(place), marker="o", markersize=3, color=style.RESIDUAL["color"])
     axes.set_title(f"{in_words(place.site)} by {place.coordinate}: {percent(place.share)} of the excess")
     axes.set_xlabel(coordinate(place)[0])
     axes.set_ylabel(quantity(place)[0])
@@ -74,10 +68,7 @@ def horizon_figure(diagnosis: Diagnosis) -> Figure:
         return empty_figure("The gap by segment length was not computed.")
     figure = new_figure(3.2)
     axes = figure.subplots()
-    for name, label, line in (
-        ("before", "bare model", style.SIMULATED),
-        ("after", "corrected model", style.RESIDUAL),
-    ):
+    for name, (label, line) in style.MODELS.items():
         rms = [1e3 * max(models[name], 1e-9) for models in diagnosis.gap.by_horizon.values()]
         axes.loglog(lengths, rms, label=label, marker="o", **line)
     floor = 1e3 * per_reading(diagnosis.gap, "floor_rad")

@@ -28,17 +28,14 @@ def budget_figure(diagnosis: Diagnosis) -> Figure:
     rows = np.arange(len(names))
     heights = 1e3 * np.array([*before, *after])
     least = 10.0 ** np.floor(np.log10(max(float(np.min(heights[heights > 0], initial=1.0)), PAGE.least_mrad)))
-    for offset, values, label, line in (
-        (-0.19, before, "bare model", style.SIMULATED),
-        (0.19, after, "corrected model", style.RESIDUAL),
-    ):
+    for offset, values, (label, line) in zip((-0.19, 0.19), (before, after), style.MODELS.values(), strict=True):
         lengths = np.maximum(1e3 * np.array(values), least)
         patches = axes.barh(rows + offset, lengths, height=0.36, color=line["color"], label=label)
         axes.bar_label(patches, [three(1e3 * value) for value in values], padding=3, fontsize=8)
     axes.set_xscale("log")
     axes.set_xlim(least, 8 * max(float(heights.max()), 10 * least))
     axes.set_yticks(rows, names)
-    axes.axhline(len(budget.sources) - 0.5, color="#555555", linewidth=0.8)
+    axes.axhline(len(budget.sources) - 0.5, **style.ZERO)
     axes.invert_yaxis()
     axes.set_xlabel("contribution to the predicted angle, rms (mrad)")
     legend_above(figure)

@@ -34,7 +34,7 @@ def closing_figure(diagnosis: Diagnosis) -> Figure:
     for row, gap in zip((0, len(rows) - 1), gaps[[0, -1]].tolist(), strict=True):
         axes.annotate(three(gap), (gap, row), (4, 0), textcoords="offset points", va="center")
     for row, (_, after) in enumerate(pairwise(gaps.tolist())):
-        axes.plot([after, after], [row + 0.7, row + 2.3], color="#555555", linewidth=0.8)
+        axes.plot([after, after], [row + 0.7, row + 2.3], **style.ZERO)
     floor = 1e3 * per_reading(diagnosis.gap, "floor_rad")
     axes.axvline(floor, label="noise floor", **style.HORIZON)
     axes.set_yticks(rows, names)

@@ -76,7 +76,7 @@ def _draw_part(rows: Sequence[Axes], curves: Curves, part: tuple[str, Array] | N
     for axes in rows:
         axes.axvline(curves.settled_s, label="end of the initial-state fit", **style.HORIZON)
         axes.margins(x=0.01)
-    rows[1].axhline(0.0, color="#555555", linewidth=0.8)
+    rows[1].axhline(0.0, **style.ZERO)
     rows[0].set_ylabel(f"{name}\n(rad)")
     rows[1].set_ylabel("simulated −\nmeasured (mrad)")
 

@@ -10,7 +10,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.report import style
 from dpr_lab.report.digits import interval, plus_minus, three
-from dpr_lab.report.figures import clip_to_signal, empty_figure, legend_above, new_figure
+from dpr_lab.report.figures import draw_with_intervals, empty_figure, legend_above, new_figure
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, evidence_of
 from dpr_lab.report.pages.page import page_table
 from dpr_lab.report.words import named
@@ -31,19 +31,8 @@ def friction_figure(diagnosis: Diagnosis) -> Figure:
 
 
 def _draw_joint(axes: Axes, joint: str, curve: JointFriction) -> None:
-    speed, (torque, std) = curve.speed_rad_per_s, (np.array(values) for values in _in_mNm(curve))
-    clip_to_signal(axes, torque, NORMAL_Q90 * std)
-    axes.fill_between(
-        speed,
-        torque - NORMAL_Q90 * std,
-        torque + NORMAL_Q90 * std,
-        label="90 % interval",
-        color=style.EVOLUTION["color"],
-        alpha=0.25,
-        linewidth=0,
-    )
-    axes.plot(speed, torque, label="friction torque", **style.EVOLUTION)
-    axes.axhline(0.0, color="#555555", linewidth=0.8)
+    speed, torque, std = map(np.array, (curve.speed_rad_per_s, *_in_mNm(curve)))
+    draw_with_intervals(axes, speed, torque, NORMAL_Q90 * std, label="friction torque", **style.EVOLUTION)
     axes.set(title=_words(joint), xlabel="speed of the joint (rad/s)", ylabel="torque (mN m)")
     axes.margins(x=0.01)
 

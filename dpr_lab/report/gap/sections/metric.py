@@ -36,16 +36,13 @@ def metric_figure(diagnosis: Diagnosis) -> Figure:
 def _draw_quantiles(axes: Axes, curves: Curves, column: int) -> None:
     t = np.array(curves.t_s)
     compared = (t >= curves.settled_s) & (t <= curves.until_s)
-    measured, bare, corrected = (
+    measured, *simulated = (
         np.sort(np.array(angles)[compared, column])
         for angles in (curves.measured_rad, curves.before_rad, curves.after_rad)
     )
     probability = (np.arange(compared.sum()) + 0.5) / max(compared.sum(), 1)
-    axes.axhline(0.0, color="#555555", linewidth=0.8)
-    for label, quantiles, line in (
-        ("bare model", bare, style.SIMULATED),
-        ("corrected model", corrected, style.RESIDUAL),
-    ):
+    axes.axhline(0.0, **style.ZERO)
+    for (label, line), quantiles in zip(style.MODELS.values(), simulated, strict=True):
         difference = 1e3 * (quantiles - measured)
         axes.fill_between(probability, 0.0, difference, color=line["color"], alpha=0.25, linewidth=0)
         axes.plot(probability, difference, label=label, **line)

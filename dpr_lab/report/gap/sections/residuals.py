@@ -15,9 +15,6 @@ from dpr_lab.report.pages.page import page_table
 from dpr_lab.report.words import in_words
 from dpr_lab.shown import percent
 
-LINES = {"before": ("bare model", style.SIMULATED), "after": ("corrected model", style.RESIDUAL)}
-"""Label and line style of each model."""
-
 
 def residual_figure(diagnosis: Diagnosis) -> Figure:
     """Draw autocorrelation and normal quantile plot of the residuals, with one row per joint."""
@@ -39,7 +36,7 @@ def _draw_autocorrelation(axes: Axes, look: ResidualLook, models: dict[str, Whit
     band = PAGE.white95 / max(look.readings, 1) ** 0.5
     axes.axhspan(-band, band, label="white noise, 95 %", **style.NOISE_BAND)
     for name, whiteness in models.items():
-        label, line = LINES[name]
+        label, line = style.MODELS[name]
         lags = look.spacing_s * np.arange(len(whiteness.autocorrelation))
         axes.plot(lags, whiteness.autocorrelation, label=label, **line)
     axes.set_ylim(-0.5, 1.05)
@@ -50,7 +47,7 @@ def _draw_autocorrelation(axes: Axes, look: ResidualLook, models: dict[str, Whit
 def _draw_quantiles(axes: Axes, look: ResidualLook, models: dict[str, Whiteness]) -> None:
     axes.plot(look.normal, look.normal, label="normal noise", **style.HORIZON)
     for name, whiteness in models.items():
-        label, line = LINES[name]
+        label, line = style.MODELS[name]
         markers = {"marker": "s" if name == "before" else "o", "markersize": 2.5, "linewidth": 0.8}
         axes.plot(look.normal, whiteness.quantiles, label=label, **(line | markers))
     reach = max(4.0, 1.2 * float(np.abs(models["after"].quantiles).max()))
@@ -97,14 +94,14 @@ def residual_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
         for name, whiteness in models.items():
             known = whiteness.autocorrelation
             lags = (three(known[k]) if k < len(known) else NONE for k in (1, 2, 5, 10, 20, 40))
-            rows.append((in_words(joint), LINES[name][0], *lags, percent(whiteness.beyond3, 2)))
+            rows.append((in_words(joint), style.MODELS[name][0], *lags, percent(whiteness.beyond3, 2)))
     return rows
 
 
 @page_table(
     "joint",
     "normal (σ)",
-    *(label for label, _ in LINES.values()),
+    *(label for label, _ in style.MODELS.values()),
     caption="Residuals in standard deviations of the noise.",
     style="prose",
     title="Quantiles, values",
@@ -113,7 +110,7 @@ def quantile_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return rows with every fifth point of the quantile plots, by joint."""
     look = evidence_of(diagnosis).residuals
     return [
-        (in_words(joint), three(look.normal[i]), *(three(models[name].quantiles[i]) for name in LINES))
+        (in_words(joint), three(look.normal[i]), *(three(models[name].quantiles[i]) for name in style.MODELS))
         for joint, models in look.joints.items()
         for i in range(0, len(look.normal), 5)
     ]
