@@ -26,14 +26,18 @@ from dpr_lab.storage.tables.cells import (
     QUANTITY,
     cells_of,
     clean_rows,
+    column_names,
+    delimiter_of,
+    ends_with_delimiter,
     is_data,
     joined,
     labels_of,
+    names_of_numbers,
     numbers_of,
     value_of,
+    with_unit,
 )
 from dpr_lab.storage.tables.content import Content, TableLimits
-from dpr_lab.storage.tables.header import column_names, delimiter_of, ends_with_delimiter, names_of_numbers, with_unit
 from dpr_lab.storage.tables.options import date_in
 from dpr_lab.storage.tables.time_stamps import runs
 
@@ -98,14 +102,14 @@ class Table:
         """Name and values (n,) of each column."""
         return ((column.name, column.values) for column in self.columns)
 
-    def rows(self, kept: Flags, *notes: str) -> "Table":
+    def rows(self, mask: Flags, *notes: str) -> "Table":
         """Return the table with the rows of a mask (n,) and further notes."""
         return replace(
             self,
-            columns=tuple(replace(column, values=column.values[kept]) for column in self.columns),
-            lines=self.lines[kept],
+            columns=tuple(replace(column, values=column.values[mask]) for column in self.columns),
+            lines=self.lines[mask],
             notes=(*self.notes, *notes),
-            frames=None if self.frames is None else self.frames[kept],
+            frames=None if self.frames is None else self.frames[mask],
         )
 
     def column(self, name: str) -> Array:
