@@ -8,24 +8,13 @@ import re
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from dpr_lab.errors import RunError
 from dpr_lab.storage.metadata import RunMetadata
 from dpr_lab.storage.sidecar import sidecar_of, write_sidecar
-from dpr_lab.storage.writer import RunWriter, exists_already
+from dpr_lab.storage.writer import SETTINGS, RunWriter, exists_already
 
-
-@dataclass(frozen=True, slots=True)
-class PartSettings:
-    """Limits for unfinished files that killed processes have left."""
-
-    stale_s: float = 600.0
-    """Age after which an unfinished file is removed, s. A running import writes several times per second."""
-
-
-SETTINGS = PartSettings()
 _PART = re.compile(r".+\.mcap\.\d+\.part")
 
 

@@ -67,6 +67,9 @@ class WriterSettings:
     theta_digits: int = 7
     """Number of decimals of an angle, rad. 1e-7 rad is a thousandth of a count at 65536 counts per turn. A reader
     computes the angles from the counts."""
+    stale_s: float = 600.0
+    """Age after which an unfinished file of a killed process is removed, s. A running import writes several times per
+    second."""
 
 
 SETTINGS = WriterSettings()

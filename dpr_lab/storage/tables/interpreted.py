@@ -61,6 +61,14 @@ class QuestionSettings:
     pose: tuple[float, float] = (3.0, 10.0)
     """Two limits on the distance of the release from the named pose, in units of its tolerance: above the first, a
     warning is given; above the second, the table is refused."""
+    hanging_rad: float = 0.1
+    """Maximum angle of the rest from the hanging position of the table, rad, for rods that may have been pushed."""
+    pushed_rad: float = 0.2
+    """Smallest later excursion that shows a push, rad."""
+    pushed_ratio: float = 10.0
+    """Smallest ratio of the later excursion to the angle of the rest. A single rod that is released from rest stays
+    within twice the angle of the release; a wrong zero changes this angle. Of two rods, a light outer rod swings
+    further: up to 8.5 times the angle with a tenth of the mass of the inner rod, but 13 times with 3 % of it."""
 
 
 SETTINGS = QuestionSettings()

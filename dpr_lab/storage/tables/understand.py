@@ -332,7 +332,10 @@ def _rows_to_keep(
     if len(distinct) < 2:
         raise RunError(f"{path}: only {len(distinct)} row remains: a run needs at least two instants")
     new, note = new_readings(t[distinct], [column[distinct] for column in readings.values()])
-    return distinct[new], _counted_notes(empty, int(doubled.sum())) + ([note] if note else [])
+    notes = [f"rows without a value (NaN), treated as gaps: {empty}" if empty else "", note]
+    if doubled.any():
+        notes.insert(1, f"rows with the same time as the previous row, removed: {doubled.sum()}")
+    return distinct[new], list(filter(None, notes))
 
 
 def _refuse_coarse_times(path: Path, t: Array, readings: Mapping[str, Array]) -> None:
@@ -343,8 +346,3 @@ def _refuse_coarse_times(path: Path, t: Array, readings: Mapping[str, Array]) ->
             f"{path}: {shared} of {len(t)} rows have the same time as the previous row but other"
             " readings: the time column has too few digits. Export more digits, or give the rate (--rate-hz)"
         )
-
-
-def _counted_notes(empty: int, doubled: int) -> list[str]:
-    notes = [f"rows without a value (NaN), treated as gaps: {empty}"] if empty else []
-    return notes + ([f"rows with the same time as the previous row, removed: {doubled}"] if doubled else [])

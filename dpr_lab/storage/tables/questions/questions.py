@@ -3,8 +3,6 @@
 A table that cannot be used is refused. Each warning names the options that may correct the interpretation.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from dpr_lab.arrays import Array
@@ -18,23 +16,6 @@ from dpr_lab.storage.tables.questions.joined import gap_questions, joined_questi
 from dpr_lab.storage.tables.questions.period import period_questions
 from dpr_lab.storage.tables.questions.pose import apart, pose_questions
 from dpr_lab.storage.tables.questions.torques import torque_questions
-
-
-@dataclass(frozen=True, slots=True)
-class PushSettings:
-    """Limits from which the motion of hanging rods is explained by a push."""
-
-    hanging_rad: float = 0.1
-    """Maximum angle of the rest from the hanging position of the table, rad."""
-    pushed_rad: float = 0.2
-    """Smallest later excursion that shows a push, rad."""
-    pushed_ratio: float = 10.0
-    """Smallest ratio of the later excursion to the angle of the rest. A single rod that is released from rest stays
-    within twice the angle of the release; a wrong zero changes this angle. Of two rods, a light outer rod swings
-    further: up to 8.5 times the angle with a tenth of the mass of the inner rod, but 13 times with 3 % of it."""
-
-
-PUSH = PushSettings()
 
 
 def questions(table: InterpretedTable) -> list[TableQuestion]:
@@ -111,7 +92,7 @@ def refuse_push(table: InterpretedTable, origin: float) -> None:
         return
     hung = apart(np.median(table.theta[rest:start, 1:], axis=0), np.array([np.pi, np.pi]))
     excursion = np.ptp(table.theta[table.swing, 1:], axis=0).max()
-    if hung <= PUSH.hanging_rad and excursion > max(PUSH.pushed_rad, PUSH.pushed_ratio * hung):
+    if hung <= SETTINGS.hanging_rad and excursion > max(SETTINGS.pushed_rad, SETTINGS.pushed_ratio * hung):
         begins = table.t[start] - origin
         raise RunError(
             f"{table.path}: the rods hang at rest until {begins:.4g} s after the first row and then swing:"
