@@ -318,6 +318,10 @@ def _unsure(diagnosis: Diagnosis, effect: str) -> str:
     """
     for named in diagnosis.effects:
         if named.name == effect:
-            sure = named.candidates[effect]
-            return "" if sure >= SURE else f"the probability that this effect is the cause is {percent(sure)}"
+            probability = named.candidates[effect]
+            return (
+                ""
+                if probability >= SURE
+                else f"the probability that this effect is the cause is {percent(probability)}"
+            )
     return ""

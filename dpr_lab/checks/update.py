@@ -157,9 +157,9 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
         recordings=[run.sha256 for run in answer.runs if run.sha256],
     )
     effects, rivals = _standing(diagnosis, check.about, after)
-    moved = {**diagnosis.probabilities, **after, NONE_OF_THEM: _outside(diagnosis, done)}
+    probabilities = {**diagnosis.probabilities, **after, NONE_OF_THEM: _outside(diagnosis, done)}
     standing = next(effect for effect in effects if effect.name == check.about)
-    moved[check.about] = standing.probability
+    probabilities[check.about] = standing.probability
     kind, sentence = conclusion(diagnosis, done, result.explained)
     remaining_checks = remaining(diagnosis, done)
     return diagnosis.model_copy(
@@ -167,7 +167,7 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
             "verdict": kind,
             "effects": effects,
             "rivals": rivals,
-            "probabilities": moved,
+            "probabilities": probabilities,
             "sentence": sentence,
             "remedies": _remedies(diagnosis, done, standing),
             "advice": [check.sentences for check in recommended(remaining_checks)],
@@ -288,15 +288,15 @@ def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[
         explains = others and diagnosis.verdict != "unexplained"
         return (open_verdict if explains else "unexplained"), f"{outside} {before}"
     best = likeliest({name: p for name, p in done.after.items() if name != NONE_OF_THEM})
-    moved = (
+    change = (
         f"{result} {best} {done.before[best]:.2f} -> {done.after[best]:.2f}, Bayes factor {bayes_factor(done, best)}."
     )
     if not explained:
-        moved += " The value agrees with none of the candidates."
+        change += " The value agrees with none of the candidates."
     if best == about:
-        return diagnosis.verdict, f"{moved} {before}"
+        return diagnosis.verdict, f"{change} {before}"
     instead = f"It is now more probable than {about}. Diagnose again with --without {about} to fit this cause."
-    return diagnosis.verdict, f"{moved} {instead} {before}"
+    return diagnosis.verdict, f"{change} {instead} {before}"
 
 
 def bayes_factor(done: CheckDone, name: str) -> str:

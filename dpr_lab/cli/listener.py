@@ -85,9 +85,9 @@ class Listener:
                 say(f"{event.url}: device {event.info.uid}, firmware {event.info.firmware}")
             case events.CaptureBegan():
                 self._rods = event.rods
-                moved = "rods" if event.rods > 1 else "rod"
+                parts = "rods" if event.rods > 1 else "rod"
                 angles = (event.pose.theta1, event.pose.theta2)[: event.rods]
-                say(f"{event.name}: move the {moved} to {_angles(angles)} and hold")
+                say(f"{event.name}: move the {parts} to {_angles(angles)} and hold")
                 self._at(event.name, 0, event.at_most_s)
             case events.CaptureProgress():
                 self._capture(event.progress)

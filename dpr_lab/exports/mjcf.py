@@ -181,13 +181,15 @@ def mjcf(model: AnyModel, rig: Rig) -> str:
     expressed = in_words(model, rig, WORDS)
     corrected = bodies(model, rig, expressed)
     # the passive force represents the effects that this version knows
-    left = [name for name in model.effects if name not in expressed]
+    omitted = [name for name in model.effects if name not in expressed]
     read = [link for link in corrected.links if link.joint or isinstance(model, MovingArmModel)]
     return rendered(
         "mjcf.xml",
         name=model.rig.name,
         scale=model.scale_sentence,
-        left_out=f"Effects not in this file: {', '.join(left)}." if left else "This file contains all named effects.",
+        left_out=f"Effects not in this file: {', '.join(omitted)}."
+        if omitted
+        else "This file contains all named effects.",
         corrected=corrected,
         read=read,
         frictions=rest_friction(model.effects, rig),

@@ -157,7 +157,7 @@ def _without(model: AnyModel, lost: frozenset[str], words: frozenset[str]) -> di
     known = {name: _without_zeros(name, values) for name, values in known_effects(model.effects).items()}
     remaining = {name: values for name, values in known.items() if name not in lost}
     reduced = {name: values for name in sorted(lost) if (values := _reduced(name, known[name], words))}
-    stand_ins = {name for gone in sorted(lost - set(reduced)) for name in _simpler(EFFECTS[gone], words)}
+    stand_ins = {name for effect in sorted(lost - set(reduced)) for name in _simpler(EFFECTS[effect], words)}
     return remaining | reduced | {name: _typical(EFFECTS[name]) for name in sorted(stand_ins - set(remaining))}
 
 

@@ -114,6 +114,6 @@ class Transferred(Selected):
     @property
     def intervals(self) -> dict[tuple[str, str], float]:
         """Half width of the 90 % interval of each value, by effect and parameter."""
-        reach = NORMAL_Q90 * np.sqrt(np.diag(self.covariance))
+        half_width = NORMAL_Q90 * np.sqrt(np.diag(self.covariance))
         free = self.selection.chosen.fit.free
-        return {(parameter.effect, parameter.name): float(r) for parameter, r in zip(free, reach, strict=True)}
+        return {(parameter.effect, parameter.name): float(r) for parameter, r in zip(free, half_width, strict=True)}

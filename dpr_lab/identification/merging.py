@@ -128,11 +128,11 @@ def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece]
     """
     t, (border, end) = ratio_fit.problem.t, ratio_fit.problem.segments.offsets[index + 1 : index + 3].tolist()
     first, second = _piece(ratio_fit, index), _piece(ratio_fit, index + 1)
-    taken = _followed(ratio_fit, index, tolerance)
-    if taken == end - border:
+    followed = _followed(ratio_fit, index, tolerance)
+    if followed == end - border:
         first, remaining = replace(first, end=end, step=min(first.step, second.step)), []
-    elif taken >= SETTINGS.worth_moving * (end - border) and end - border - taken >= MIN_SAMPLES:
-        begin = border + taken
+    elif followed >= SETTINGS.worth_moving * (end - border) and end - border - followed >= MIN_SAMPLES:
+        begin = border + followed
         states = _states(ratio_fit, index + 1, t[border : begin + 1], second.step)
         first, remaining = replace(first, end=begin), [replace(second, initial=states[-1])]
     else:

@@ -170,8 +170,8 @@ def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
         return None
     values = np.array([fitted[name].value for name in names])
     ends = [fitted[name].interval90_with_scale or fitted[name].interval90 for name in names]
-    reach = np.array([(high - low) / 2 for low, high in ends])
-    return magnitude(values, np.diag(reach**2))
+    half_width = np.array([(high - low) / 2 for low, high in ends])
+    return magnitude(values, np.diag(half_width**2))
 
 
 def excluded_size(diagnosis: Diagnosis, check: AdvisedCheck) -> float | None:
@@ -188,12 +188,12 @@ def magnitude(values: Array, covariance: Array) -> Interval | None:
     The result is None if the root is zero.
     """
     if len(values) == 1:
-        value, reach = float(values[0]), float(np.sqrt(covariance[0, 0]))
+        value, half_width = float(values[0]), float(np.sqrt(covariance[0, 0]))
     else:
         value = float(np.linalg.norm(values))
         slope = values / (value or 1.0)
-        reach = float(np.sqrt(slope @ covariance @ slope))
-    return Interval.about(value, reach) if value else None
+        half_width = float(np.sqrt(slope @ covariance @ slope))
+    return Interval.about(value, half_width) if value else None
 
 
 def has(name: str, measured: str, amplitude: str) -> bool:

@@ -50,10 +50,10 @@ def _length(state: Transferred) -> str:
         return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are as measured."
     name = next(name for name in state.fitted.problem.always if EFFECTS[name].corrects == "L1")
     (added,) = named_params(estimate.params).get(name, {"": 0.0}).values()
-    reach = max(state.intervals[key] for key in state.intervals if key[0] == name)
+    half_width = max(state.intervals[key] for key in state.intervals if key[0] == name)
     text = (
         f"L1 is given as {rig.L1:g} m with a standard uncertainty of {rig.rig.L1_std:g} m and fitted:"
-        f" {rig.L1 + added:.5g} m +- {reach:.2g} m (90 %), at g = {rig.g:g} m/s^2 and by the device's clock."
+        f" {rig.L1 + added:.5g} m +- {half_width:.2g} m (90 %), at g = {rig.g:g} m/s^2 and by the device's clock."
     )
     return text if abs(added) < SURELY * rig.rig.L1_std else f"{text} This contradicts the uncertainty in the file."
 

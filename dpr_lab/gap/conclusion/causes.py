@@ -51,19 +51,19 @@ def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
         return {}
     sizes, squares = effect.implied(values), dict.fromkeys(effect.implied(values), 0.0)
     for name, error in errors.items():
-        moved = effect.implied({**values, name: values[name] + error})
+        changed = effect.implied({**values, name: values[name] + error})
         for key in sizes:
-            squares[key] += (moved.get(key, np.inf) - sizes[key]) ** 2
-    reaches = {key: float(np.sqrt(square)) for key, square in squares.items() if np.isfinite(square)}
-    ends = {key: (sizes[key] - reach, sizes[key] + reach) for key, reach in reaches.items()}
+            squares[key] += (changed.get(key, np.inf) - sizes[key]) ** 2
+    half_widths = {key: float(np.sqrt(square)) for key, square in squares.items() if np.isfinite(square)}
+    ends = {key: (sizes[key] - half_width, sizes[key] + half_width) for key, half_width in half_widths.items()}
     return {key: EffectSize(value=sizes[key], interval90=ends[key], interval90_with_scale=ends[key]) for key in ends}
 
 
-def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> EffectSize:
+def _size(scale: Scale, effect: str, name: str, value: float, half_width: float) -> EffectSize:
     """Describe the size of a fitted parameter with its intervals."""
     parameter = next(p for p in EFFECTS[effect].parameters if p.name == name)
     floor = 0.0 if parameter.sign == "positive" else -np.inf
-    interval, power = (max(value - reach, floor), value + reach), parameter.scale_power
+    interval, power = (max(value - half_width, floor), value + half_width), parameter.scale_power
     size = EffectSize(value=value, interval90=interval, interval90_with_scale=scale.absolute90(value, interval, power))
     if power == 0 or scale.fixed_by == "data":
         return size

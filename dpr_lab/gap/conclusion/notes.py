@@ -88,10 +88,10 @@ def _lone_recording(state: Transferred) -> Iterator[str]:
     if (lone := state.transfer.lone) is None:
         return
     piece = are_pieces([lone.name])
-    left = "only noise" if lone.others < LONE.least else f"at most {lone.others:.2g} times the noise"
+    others = "only noise" if lone.others < LONE.least else f"at most {lone.others:.2g} times the noise"
     yield (
         f"The model leaves {lone.remainder:.2g} times the noise in {lone.name}. If {lone.name} is not fitted, the model"
-        f" leaves {left} in each other {'piece' if piece else 'recording'}. Either a cause acted only in"
+        f" leaves {others} in each other {'piece' if piece else 'recording'}. Either a cause acted only in"
         f" {lone.name}, or {lone.name} contains a motion that the others do not contain."
         f"{'' if piece else ' Diagnose the others without it.'}"
     )

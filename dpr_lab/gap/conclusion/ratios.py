@@ -37,12 +37,12 @@ def ratios(problem: Problem, model: Hypothesis, covariance: Array, rig: Rig) -> 
     values = model.estimate.ratios[: len(RATIOS)].tolist()
     prior_variance = by_unseen_ratios(problem, model, rig)
     variance = np.diag(unknown_covariance(model.fit, covariance))[: len(RATIOS)]
-    reaches = NORMAL_Q90 * np.sqrt(variance + prior_variance)
+    half_widths = NORMAL_Q90 * np.sqrt(variance + prior_variance)
     positive = (prior_variance > 0.0) | np.isin(np.arange(len(RATIOS)), FRICTION)
     floors = np.where(positive, 0.0, -np.inf).tolist()
     return {
-        name: Interval.about(value, reach, floor)
-        for name, value, reach, floor in zip(RATIOS, values, reaches.tolist(), floors, strict=True)
+        name: Interval.about(value, half_width, floor)
+        for name, value, half_width, floor in zip(RATIOS, values, half_widths.tolist(), floors, strict=True)
     }
 
 
@@ -55,12 +55,12 @@ def determined(problem: Problem, fit: Fit, covariance: Array, rig: Rig) -> tuple
     Returns:
         the ratios, and their (n, n) covariance
     """
-    alone, reaches = only_inner(problem.segments.setups), NORMAL_Q90 * np.sqrt(np.diag(covariance))
+    alone, half_widths = only_inner(problem.segments.setups), NORMAL_Q90 * np.sqrt(np.diag(covariance))
     parameter_of, places, divisors = {}, list[int](), list[float]()
     for place, parameter in enumerate(fit.free):
         if (ratio := ratio_of(parameter, fit.estimate, rig, alone=alone)) is not None:
             name, value, per = ratio
-            error = float(reaches[place]) / per
+            error = float(half_widths[place]) / per
             floor = 0.0 if parameter.lower == 0.0 else -np.inf
             parameter_of[name] = Interval.about(value, error, floor)
             places.append(place)
@@ -132,8 +132,10 @@ def fitted_scale(problem: Problem, fit: Fit, covariance: Array, rig: Rig) -> Sca
     variance, b = float(unknown_covariance(fit, covariance)[SCALE, SCALE]), float(fit.estimate.ratios[SCALE])
     driven = any(setup.torques is not None and setup.arm_moves for setup in problem.segments.setups)
     of_drive = drive_gain(rig).relative_std if driven else 0.0
-    reach = NORMAL_Q90 * float(np.hypot(variance**0.5, b * of_drive))
-    return Scale(b=b, interval90=(max(b - reach, 1e-3 * b), b + reach), fixed_by="data", constants_std=of_drive)
+    half_width = NORMAL_Q90 * float(np.hypot(variance**0.5, b * of_drive))
+    return Scale(
+        b=b, interval90=(max(b - half_width, 1e-3 * b), b + half_width), fixed_by="data", constants_std=of_drive
+    )
 
 
 def unknown_covariance(fit: Fit, covariance: Array) -> Array:

@@ -154,10 +154,10 @@ def _shifts(problem: Problem, fit: Fit, inflation: float) -> Iterator[Array]:
         alone = space.given(inside, [k])
         step = min(farthest, inflation**0.5 * float(alone.scale[0]) / float(alone.H[0, 0]) ** 0.5)
         states = fit.linear.initial_steps(step * direction) - fit.linear.initial_steps(np.zeros(len(direction)))
-        moved = Estimate(fit.estimate.vector.copy(), fit.estimate.initial + states)
+        changed = Estimate(fit.estimate.vector.copy(), fit.estimate.initial + states)
         for parameter, change in zip(fit.free, direction.tolist(), strict=True):
-            moved.vector[parameter.place] += step * change
-        column = problem.whitened(np.nan_to_num((problem.predict(moved) - before) / step))
+            changed.vector[parameter.place] += step * change
+        column = problem.whitened(np.nan_to_num((problem.predict(changed) - before) / step))
         A = np.append(fit.linear.A[:, :, inside], fit.linear.projected(column[:, :, None]), axis=2)
         rows = np.column_stack([prior[:, inside], prior @ direction])
         columns = ColumnSpace.of(A, fit.linear.e).with_prior(rows, np.zeros(len(rows)))
@@ -192,10 +192,10 @@ def _mean_square(slope: float, curvature: float, farthest: float) -> float:
 
     The density covers 0 <= u <= farthest. It is cut off at eight standard deviations, where it is negligible.
     """
-    reach = 8.0
+    limit = 8.0
     std, falling = max(curvature, 1e-300) ** -0.5, max(-slope, 1e-300)
-    beyond = max(slope, 0.0) / max(curvature, 1e-300) + reach * std
-    u = np.linspace(0.0, min(farthest, beyond, reach**2 / 2 / falling), 1000)
+    beyond = max(slope, 0.0) / max(curvature, 1e-300) + limit * std
+    u = np.linspace(0.0, min(farthest, beyond, limit**2 / 2 / falling), 1000)
     log = slope * u - curvature * u**2 / 2
     weight = np.exp(log - log.max())
     return float(np.sum(weight * u**2) / np.sum(weight))

@@ -163,8 +163,8 @@ def _union(sets: SmallSets, inflation: float) -> Array | None:
         return None
     inverse = np.linalg.inv(sets.H)
     x = sets.scale * (inverse @ sets.gradient[:, :, None])[:, :, 0]
-    reach = NORMAL_Q90 * sets.scale * np.sqrt(inflation * np.diagonal(inverse, axis1=1, axis2=2))
-    return np.stack([(x - reach).min(axis=0), (x + reach).max(axis=0)], axis=1)
+    half_width = NORMAL_Q90 * sets.scale * np.sqrt(inflation * np.diagonal(inverse, axis1=1, axis2=2))
+    return np.stack([(x - half_width).min(axis=0), (x + half_width).max(axis=0)], axis=1)
 
 
 def _is_frequency(effect: Effect) -> bool:

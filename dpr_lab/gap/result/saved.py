@@ -24,6 +24,6 @@ class Interval(Saved):
     """Limits of the 90 % interval, SI."""
 
     @classmethod
-    def about(cls, value: float, reach: float, floor: float = -math.inf) -> "Interval":
-        """Return the interval of half width `reach`, without values below `floor`."""
-        return Interval(value=value, interval90=(max(value - reach, floor), value + reach))
+    def about(cls, value: float, half_width: float, floor: float = -math.inf) -> "Interval":
+        """Return the interval of half width `half_width`, without values below `floor`."""
+        return Interval(value=value, interval90=(max(value - half_width, floor), value + half_width))

@@ -76,8 +76,8 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
     before, last, after = (np.take_along_axis(travelled, rows, axis=0) for rows in (last_new, next_new - 1, next_new))
     change = np.take_along_axis(joints, next_new, axis=0) - np.take_along_axis(joints, last_new, axis=0)
     catches_up = change * (after - before) > IMPLAUSIBLE.catches_up * (after - before) ** 2
-    moved = np.abs(last - before) > IMPLAUSIBLE.moved * np.hypot(std, jitter * np.abs(velocity))
-    return stands & goes_on & catches_up & moved
+    moves = np.abs(last - before) > IMPLAUSIBLE.moved * np.hypot(std, jitter * np.abs(velocity))
+    return stands & goes_on & catches_up & moves
 
 
 def _before(step: Array) -> Array:

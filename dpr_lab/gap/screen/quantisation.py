@@ -58,8 +58,8 @@ def has_dither(run: Run, rig: Rig, count: Array, still: Flags) -> Flags:
     rest = rig.encoders.joint_angles.of_rods(run.rest[:, 1:])
     if len(rest) < QUANTISATION.fewest_at_rest:
         return np.ones(2, dtype=bool)
-    moved = np.std(np.diff(rest, axis=0), axis=0) / np.sqrt(2)
-    return moved > QUANTISATION.still_counts * count
+    noise = np.std(np.diff(rest, axis=0), axis=0) / np.sqrt(2)
+    return noise > QUANTISATION.still_counts * count
 
 
 def changing(readings: Array, still: Flags) -> Flags:

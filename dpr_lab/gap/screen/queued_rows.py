@@ -132,9 +132,9 @@ def _difference(t: Array, joints: Array, rows: Flags, series: slice) -> float:
     largest = 0.0
     for angle in joints.T:
         smooth = np.polynomial.Polynomial.fit(t[known], angle[known], QUEUE.degree)
-        moved = angle[series][-1] - angle[series][0]
-        same_way = grid[smooth.deriv()(grid) * moved > 0.0]
-        if moved != 0.0 and len(same_way):
+        displacement = angle[series][-1] - angle[series][0]
+        same_way = grid[smooth.deriv()(grid) * displacement > 0.0]
+        if displacement != 0.0 and len(same_way):
             nearest = np.abs(smooth(same_way) - angle[series][:, None]).argmin(axis=1)
             largest = max(largest, float(np.median(np.abs(t[series] - same_way[nearest]))))
     return largest
