@@ -51,14 +51,12 @@ def _publish(part: Path, path: Path) -> None:
         write_sidecar(path, part)
         try:
             os.link(part, path)  # a link never replaces an existing file
-        except FileExistsError:
-            raise
+        except FileExistsError as error:
+            raise exists_already(path) from error
         except OSError:  # the file system has no hard links
             _refuse_existing(path)
             part.rename(path)
     except OSError as error:
-        if isinstance(error, FileExistsError):
-            raise exists_already(path) from error
         with suppress(OSError):
             sidecar_of(path).unlink(missing_ok=True)
         raise RunError(f"{path}: cannot be written: {error.strerror}") from error

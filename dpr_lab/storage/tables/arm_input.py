@@ -54,20 +54,17 @@ _ANGLES = {"rad": 1.0, "deg": 180 / math.pi}
 
 
 @dataclass(frozen=True, slots=True)
-class CartSettings:
-    """Description of the rail of a cart.
-
-    A cart is represented by a long arm.
-
-    Attributes:
-        rail_m: length of this arm, m. At 1 m/s the arm turns at 0.1 rad/s; g / L1 is more than a thousand times the
-            square of this speed
-    """
+class InputSettings:
+    """Limit of the input of a driven arm, and description of the rail of a cart."""
 
     rail_m: float = 10.0
+    """Length of the arm that represents a cart, m. At 1 m/s the arm turns at 0.1 rad/s; g / L1 is more than a thousand
+    times the square of this speed."""
+    least_input: float = 1e-9
+    """Input, SI, that a driven arm exceeds in some row."""
 
 
-SETTINGS = CartSettings()
+SETTINGS = InputSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +91,11 @@ class KnownInputs:
             for kind, pair in self.pairs.items()
         }
 
-    def refuse_silent(
-        self, columns: Mapping[str, Array], rows: NDArray[np.intp], path: object, least: float = 1e-9
-    ) -> None:
-        """Check that the input of a driven arm exceeds `least`, SI, in some row.
+    def refuse_silent(self, columns: Mapping[str, Array], rows: NDArray[np.intp], path: object) -> None:
+        """Check that the input of a driven arm is not negligible in all rows.
 
         Raises:
-            RunError: the input is zero in all rows, or never exceeds `least`.
+            RunError: the input is zero in all rows, or never exceeds the least size of a drive.
         """
         if self.motor is None:
             return
@@ -108,7 +103,7 @@ class KnownInputs:
         largest = float(np.nanmax(np.abs(columns[name][rows] * self.factors[0]), initial=0.0))
         if largest == 0.0:
             raise RunError(f"{path}: the input {name!r} is zero throughout: the arm was not driven; use --arm free")
-        if largest < least:
+        if largest < SETTINGS.least_input:
             raise RunError(
                 f"{path}: the input {name!r} never exceeds {largest:.2g}, which is too little for a drive: state the"
                 " column of the input (--columns input=NAME) or its factor to SI units (--scale input=FACTOR), or"
