@@ -1,4 +1,4 @@
-"""Fit of the constants that turn scores into probabilities: `dpr_lab.gap.classes.calibration.CALIBRATION`.
+"""Fit of the constants that turn scores into probabilities: `dpr_lab.gap.hypothesis.calibration.CALIBRATION`.
 
 Tuning trials of every kind are drawn. They do not use the out-of-library effects that are reserved for evaluation, or
 the seeds of `benchmarks/diagnosis.py`. The trials are diagnosed with the current constants. Each effect that a
@@ -21,7 +21,7 @@ from _trial_cases import Scored
 from diagnosis import FIRST_SEED, GROUPS, campaign, trials_of
 from scipy.optimize import minimize
 
-from dpr_lab.gap.classes.calibration import CALIBRATION, Calibration, odds_outside, probability_outside
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION, Calibration, odds_outside, probability_outside
 from dpr_lab.trials.score import Claim
 from dpr_lab.trials.summary import calibration_error
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS
-from dpr_lab.gap.classes.calibration import CALIBRATION
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.planning.candidates import minutes, mounted_now, mountings, spread_poses

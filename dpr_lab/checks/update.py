@@ -25,8 +25,8 @@ from dpr_lab.errors import RunError, unknown_name
 from dpr_lab.gap.advice.advise import kind_of
 from dpr_lab.gap.advice.check_kind import CheckAnswer, Result, expected_bits, log_mean
 from dpr_lab.gap.advice.measurement import CHECK, has
-from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.conclusion.causes import to_rule_out, to_simulator
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.result.causes import NamedEffect, RivalEffect
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone, recommended
 from dpr_lab.gap.result.diagnosis import Diagnosis, Verdict

@@ -178,13 +178,14 @@ def named_params(params: Array, among: Iterable[str] = EFFECTS) -> dict[str, dic
 
 
 def plausibility(params: Array, effect: str) -> float:
-    """Return the prior weight of the fitted size of an effect.
+    """Return the prior weight of an effect with its fitted size.
 
-    The weight is nearly one below the scale of the effect, and falls with the fourth power of the size above it.
+    The weight is nearly the prior odds of the effect if its size is below its scale, and falls with the fourth power of
+    the size above it.
     """
     amplitudes = EFFECTS[effect].amplitudes
     u = max(abs(float(params[place])) / p.prior_scale for place, p in zip(_AMPLITUDES[effect], amplitudes, strict=True))
-    return 1.0 / (1.0 + min(u, 1e6) ** 4)  # positive, so that ratios stay finite
+    return EFFECTS[effect].prior_odds / (1.0 + min(u, 1e6) ** 4)  # positive, so that ratios stay finite
 
 
 def without_effect(params: Array, effect: str) -> Array:

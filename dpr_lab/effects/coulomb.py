@@ -26,6 +26,7 @@ COULOMB = pair(
     stage="torque",
     dry=True,
     dissipative=True,
+    common=True,
     quantities=(BenchQuantity("Coulomb friction torque", "F", ("torque_Nm",)),),
     symptom=(
         "The amplitude of joint {j} decreases by equal amounts per cycle; small swings end suddenly, often away"

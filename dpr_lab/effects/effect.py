@@ -266,6 +266,8 @@ class Effect:
     """
     universal: bool = False
     """Whether every rig has the effect to some degree, so that its presence does not indicate a fault."""
+    common: bool = False
+    """Whether most rigs have a visible amount of the effect."""
     propose: Callable[[Recorded], list[dict[str, float]] | None] | None = None
     """Function that returns the shape parameters to try on the recordings, by name; [] if there are none.
 
@@ -291,6 +293,11 @@ class Effect:
 
     Other programs then call the kernel of the effect or omit it.
     """
+
+    @property
+    def prior_odds(self) -> float:
+        """Prior odds that a rig has a visible amount of the effect, relative to an effect that few rigs have."""
+        return 10.0 if self.common else 1.0
 
     @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:

@@ -27,6 +27,7 @@ WRONG_LENGTH = Effect(
     twins=("clock_rate",),
     corrects="L1",
     universal=True,
+    common=True,
     remedy=lambda params, rig, joint: (
         "measure L1 again, look up g, and correct the wrong value in the rig file: these recordings determine only"
         " their"

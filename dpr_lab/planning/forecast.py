@@ -74,7 +74,7 @@ import numpy as np
 from dpr_lab.acceptance.judge import SURE
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects import EFFECTS
-from dpr_lab.gap.classes.calibration import CALIBRATION
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS

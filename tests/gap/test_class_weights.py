@@ -8,7 +8,6 @@ import pytest
 
 from dpr_lab.effects import effect_params
 from dpr_lab.gap.classes import posterior
-from dpr_lab.gap.classes.calibration import CALIBRATION, probability_outside
 from dpr_lab.gap.classes.posterior import (
     Alternative,
     _added_cost,
@@ -22,6 +21,7 @@ from dpr_lab.gap.classes.posterior import (
     prior_odds,
     probabilities,
 )
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION, probability_outside
 
 NAME, INFLATION = "coulomb_joint2", 5.0
 UNIT = 2 * INFLATION * CALIBRATION.temperature
@@ -108,18 +108,19 @@ def test_an_alternative_is_an_effect_that_replaces_the_named_one_in_a_fitted_set
 def test_a_drift_along_one_decay_is_improbable(monkeypatch: pytest.MonkeyPatch, decay: bool, odds: float) -> None:
     monkeypatch.setattr(posterior, "follows_decay", lambda *_: decay)
     key = frozenset({"spring_joint2"})
-    assert prior_odds(Mock(chosen=Mock(key=key)), Mock(key=key), (NAME,)) == odds
+    assert prior_odds(Mock(chosen=Mock(key=key)), Mock(key=key), ("detent_joint1",)) == odds
 
 
 @pytest.mark.parametrize(
     ("added", "member", "odds"),
     [
-        ("encoder_offset_joint2", NAME, CALIBRATION.universal),
+        ("encoder_offset_joint2", "detent_joint1", 10.0),
         ("encoder_offset_joint2", "encoder_offset_joint1", 1.0),
-        ("spring_joint2", NAME, 1.0),
+        ("spring_joint2", "detent_joint1", 1.0),
+        ("load_friction_joint1", "coulomb_joint1", 0.1),
     ],
 )
-def test_an_effect_that_every_rig_has_is_more_probable(
+def test_a_common_effect_is_more_probable(
     monkeypatch: pytest.MonkeyPatch, added: str, member: str, odds: float
 ) -> None:
     monkeypatch.setattr(posterior, "follows_decay", lambda *_: False)
@@ -130,7 +131,7 @@ def test_an_effect_that_every_rig_has_is_more_probable(
 def test_a_richer_form_is_charged_the_indifference_beyond_chance(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(posterior, "form_indifference", lambda *_: 400.0)
     assert _added_cost(replacements(), Alternative("latency_joint2", 0.5, 130.0)) == 30.0
-    assert _added_cost(replacements(), Alternative("latency_joint2", 0.5, 70.0)) == 0.0
+    assert _added_cost(replacements(), Alternative("latency_joint2", 0.5, 70.0)) == -30.0
     assert _added_cost(replacements(), Alternative("stribeck_joint2", 0.5, 130.0)) == 30.0 + 400.0 - 30.0 * 5.0
 
 

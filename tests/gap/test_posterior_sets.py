@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS, effect_params
-from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.classes.posterior import _undetectably_richer, effect_posterior, outside
 from dpr_lab.gap.conclusion.components import components
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.detectable import comparable_size
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import ScoreTest

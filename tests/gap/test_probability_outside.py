@@ -2,7 +2,7 @@
 
 import pytest
 
-from dpr_lab.gap.classes.calibration import CALIBRATION, odds_outside
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION, odds_outside
 
 
 def test_even_odds_where_a_remainder_as_large_as_the_noise_is_the_stated_share():

@@ -13,8 +13,8 @@ import pytest
 from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.gauss_newton import StopReason, fit
 from dpr_lab.fitting.whitening import Disturbance
-from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep
 from dpr_lab.gap.screen.recordings import LENGTHS
@@ -344,7 +344,7 @@ def test_a_similar_effect_with_nearly_the_score_is_fitted_while_a_residual_remai
     gains = {"better": 30.0, "second": 25.0, "named": 20.0, "similar": 19.0, "other shape": 19.0, "weaker": 10.0}
     cosines = {"similar": 0.95, "weaker": 0.95}
     scores = {
-        name: SimpleNamespace(effect=SimpleNamespace(name=name, universal=False), gain=gain)
+        name: SimpleNamespace(effect=SimpleNamespace(name=name, common=False), gain=gain)
         for name, gain in gains.items()
     }
     test = Mock(ranking=[*scores.values()], of=scores.get, cosine=lambda _, other: cosines.get(other.effect.name, 0.0))
@@ -359,19 +359,23 @@ def test_a_similar_effect_with_nearly_the_score_is_fitted_while_a_residual_remai
 
 
 @pytest.mark.parametrize(
-    ("name", "cost", "accepted"),
+    ("before", "after", "cost", "accepted"),
     [
-        ("encoder_offset_joint1", 99.0, True),
-        ("encoder_offset_joint1", 101.0, False),
-        ("detent_joint1", 99.0, False),
-        ("detent_joint1", 60.0, True),
+        ("spring_joint1", "coulomb_joint1", 113.0, True),
+        ("spring_joint1", "coulomb_joint1", 114.0, False),
+        ("spring_joint1", "detent_joint1", 99.0, False),
+        ("spring_joint1", "detent_joint1", 91.0, True),
+        ("coulomb_joint1", "spring_joint1", 91.0, False),
+        ("coulomb_joint1", "spring_joint1", 86.0, True),
+        ("coulomb_joint1", "encoder_offset_joint1", 91.0, True),
     ],
 )
-def test_an_effect_that_every_rig_has_needs_no_significant_advantage(
-    monkeypatch: pytest.MonkeyPatch, name: str, cost: float, accepted: bool
+def test_prior_odds_of_ten_weigh_as_much_as_a_criterion_of_14(
+    monkeypatch: pytest.MonkeyPatch, before: str, after: str, cost: float, accepted: bool
 ) -> None:
-    monkeypatch.setattr(replacements, "significance", lambda *_: 30.0)
+    """6 ln 10 = 13.8, with 6 the difference of the criterion for a factor e, if the readings are independent."""
+    monkeypatch.setattr(replacements, "significance", lambda *_: 8.0)
     monkeypatch.setattr(replacements, "explains_as_much", lambda *_: False)
-    current: Any = Mock(cost=100.0, key=frozenset({"spring_joint1", "base_tilt"}))
-    model: Any = Mock(cost=cost, key=frozenset({name, "base_tilt"}))
+    current: Any = Mock(cost=100.0, inflation=1.0, key=frozenset({before, "base_tilt"}))
+    model: Any = Mock(cost=cost, key=frozenset({after, "base_tilt"}))
     assert BETTER_ALTERNATIVE.accept(Mock(), current, Proposal(model)).accepted == accepted

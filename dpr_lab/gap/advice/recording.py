@@ -12,8 +12,8 @@ from dpr_lab.gap.advice.check_kind import CheckAnswer, OpenQuestion, Result, exp
 from dpr_lab.gap.advice.expected_recordings import ExpectedRecording
 from dpr_lab.gap.advice.measurement import CHECK
 from dpr_lab.gap.bare_model import fit_bare_model
-from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.damage.steps import recorded_properties
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.hypothesis.refits import refit_with
 from dpr_lab.gap.hypothesis.score_test import score_test

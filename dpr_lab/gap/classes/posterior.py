@@ -23,7 +23,7 @@ import numpy as np
 
 from dpr_lab.effects import EFFECTS, effect_params, param_index, plausibility
 from dpr_lab.effects.effect import Effect
-from dpr_lab.gap.classes.calibration import CALIBRATION, odds_outside, probability_outside
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION, odds_outside, probability_outside
 from dpr_lab.gap.hypothesis.detectable import comparable_size, linear_exclusions
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.imitation import follows_decay
@@ -210,12 +210,12 @@ def _alternatives(replacements: _Replacements, named: Score, others: Mapping[str
 
 
 def _added_cost(replacements: _Replacements, alternative: Alternative) -> float:
-    """Return the additional cost of an alternative over the selected set, at least zero.
+    """Return the additional cost of an alternative over the selected set, which may be negative.
 
     A richer form of the named effect costs more, because it also fits the error of the integrator or the remainder.
     """
     chosen = replacements.selection.chosen
-    added = max(alternative.cost - chosen.cost, 0.0)
+    added = alternative.cost - chosen.cost
     if replacements.name not in EFFECTS[alternative.name].nested:
         return added
     return added + form_indifference(replacements.selection.bare, chosen) - chosen.chance
@@ -224,8 +224,8 @@ def _added_cost(replacements: _Replacements, alternative: Alternative) -> float:
 def prior_odds(selection: Selection, model: Hypothesis, members: Iterable[str]) -> float:
     """Return the prior odds of a set against the selected set.
 
-    They are below one for a drift that follows a missing loss, and above one if an effect that every rig has replaces
-    a class without such an effect.
+    They are below one for a drift that follows a missing loss, or if a common effect is replaced by one that few rigs
+    have, and above one in the opposite case.
 
     Args:
         selection: the selected set
@@ -234,9 +234,8 @@ def prior_odds(selection: Selection, model: Hypothesis, members: Iterable[str]) 
     """
     if follows_decay(selection.bare, model, selection.chosen):
         return CALIBRATION.drifting
-    added = model.key - selection.chosen.key
-    common = any(EFFECTS[name].universal for name in added) and not any(EFFECTS[name].universal for name in members)
-    return CALIBRATION.universal if common else 1.0
+    added = (EFFECTS[name].prior_odds for name in model.key - selection.chosen.key)
+    return max(added, default=1.0) / max((EFFECTS[name].prior_odds for name in members), default=1.0)
 
 
 def outside(selection: Selection, name: str = "", *, members: Iterable[str] = ()) -> float:

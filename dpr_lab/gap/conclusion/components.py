@@ -12,10 +12,10 @@ import numpy as np
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import named_params
 from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS, FreeParameter
-from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.classes.posterior import prior_odds
 from dpr_lab.gap.conclusion.scatter import between_recordings, left_out_values
 from dpr_lab.gap.conclusion.uncertainty import covariance
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.result.posterior import PosteriorComponent

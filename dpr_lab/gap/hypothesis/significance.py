@@ -1,8 +1,12 @@
 """Significance of a reduction of cost, relative to noise, chance, and inexact functional forms."""
 
+import math
+
 import numpy as np
 
+from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, explained
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 
@@ -18,6 +22,20 @@ def promising_gain(model: Hypothesis) -> float:
     inflation = min(residuals.inflation, max(1.0, residuals.chi2 / residuals.dof))
     of_excess = THRESHOLDS.promising * residuals.excess
     return max(THRESHOLDS.chance, min(THRESHOLDS.chance * inflation / GAUSS_NEWTON.exceeded, of_excess))
+
+
+def log_prior_odds(model: Hypothesis, current: Hypothesis) -> float:
+    """Return the log of the prior odds of a set against the current set; zero for sets of different size."""
+    added, removed = model.key - current.key, current.key - model.key
+    if len(added) != len(removed):
+        return 0.0
+    odds = [math.prod(EFFECTS[name].prior_odds for name in names) for names in (added, removed)]
+    return math.log(odds[0] / odds[1])
+
+
+def cost_with_prior(model: Hypothesis, current: Hypothesis) -> float:
+    """Return the cost of a set minus the difference of cost that the prior odds against the current set outweigh."""
+    return model.cost - CALIBRATION.unit(current.inflation) * log_prior_odds(model, current)
 
 
 def indifference(

@@ -35,8 +35,8 @@ class Effort:
     """Number of candidates that are fitted as replacements of each effect."""
     nearly: float = 0.9
     """Minimum cosine similarity and relative score of further replacements, while a residual remains."""
-    nearly_universal: float = 0.5
-    """The same for an effect that every rig has, such as a zero error, also if only noise remains."""
+    nearly_common: float = 0.5
+    """The same for a common effect, such as a zero error, also if only noise remains."""
     leading: float = 0.5
     """Minimum score of an effect, relative to the best score, for which several of its shapes are fitted."""
 

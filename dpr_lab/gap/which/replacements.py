@@ -6,7 +6,14 @@ from dpr_lab.effects import EFFECTS, plausibility
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.imitation import follows_remainder
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
-from dpr_lab.gap.hypothesis.significance import explains_as_much, form_indifference, indifference, significance
+from dpr_lab.gap.hypothesis.significance import (
+    cost_with_prior,
+    explains_as_much,
+    form_indifference,
+    indifference,
+    log_prior_odds,
+    significance,
+)
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.fitted_sets import FittedSets
@@ -82,7 +89,7 @@ SEVERAL_CAUSES = Move(
 
 
 def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Fit the alternatives to each effect, and propose the best set of at most the current size."""
+    """Fit the alternatives to each effect; propose the best and the likeliest set of at most the current size."""
     fits = fit_alternatives(sets, sets.predictive(current))
     known = current.key & sets.expected
     others = [
@@ -94,39 +101,35 @@ def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Propo
         and sets.as_possible(model, current)
     ]
     best = min(others, key=lambda model: model.cost, default=current)
-    if best.key != current.key:
-        yield Proposal(best)
+    likeliest = min(others, key=lambda model: cost_with_prior(model, current), default=current)
+    for model in {model.key: model for model in (best, likeliest) if model.key != current.key}.values():
+        yield Proposal(model)
 
 
 def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     best, chance = proposal.model, significance(sets.bare, current, proposal.model)
     if explains_as_much(sets.bare, current, best):
         return Decision(False, "fewer parameters explain about as much")
+    if cost_with_prior(best, current) >= current.cost:
+        return Decision(False, "the criterion does not fall enough for effects that are less common")
     if current.cost - best.cost > chance:
         return Decision(True, f"the criterion falls by more than {chance:.3g}")
-    if current.cost > best.cost and _is_more_common(best, current):
-        return Decision(True, "the criterion falls, and every rig has the other effect")
+    if log_prior_odds(best, current) > 0:
+        return Decision(True, "the other effect is more common, and explains about as much")
     return Decision(False, f"the criterion falls by less than {chance:.3g}, which is not significant")
-
-
-def _is_more_common(model: Hypothesis, current: Hypothesis) -> bool:
-    """Return whether effects that every rig has replace as many effects that few rigs have."""
-    added, removed = model.key - current.key, current.key - model.key
-    common = all(EFFECTS[name].universal for name in added) and not any(EFFECTS[name].universal for name in removed)
-    return common and len(added) == len(removed)
 
 
 BETTER_ALTERNATIVE = Move(
     "better alternative",
-    "alternatives of each effect are fitted; a set of the same or smaller size that explains more replaces"
-    " the current one",
+    "alternatives of each effect are fitted; a set of the same or smaller size replaces the current one if it"
+    " explains more, or if its effects are more common and explain about as much",
     _better_alternative,
     _explains_more,
 )
 
 
-def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets in which an indistinguishable effect replaces one, with the ratio of plausibilities."""
+def _more_probable_before(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """Propose sets in which an indistinguishable effect replaces one, with the ratio of the prior probabilities."""
     chosen = sets.predictive(current)
     margin = indifference(sets.bare, chosen)
     for name in sets.unexpected(chosen):
@@ -142,8 +145,8 @@ def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]
                 yield Proposal(model, plausibility(model.estimate.params, other.effect.name) / plausibility_here)
 
 
-def _far_more_plausible(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    ratio = f"the ratio of the prior probabilities of the sizes is {proposal.value:.2g}"
+def _far_more_probable_before(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    ratio = f"the ratio of the prior probabilities is {proposal.value:.2g}"
     accepted = proposal.value > THRESHOLDS.likelier
     richer = any(not current.key.isdisjoint(EFFECTS[name].nested) for name in proposal.model.key - current.key)
     if richer and not accepted:
@@ -152,10 +155,10 @@ def _far_more_plausible(sets: FittedSets, current: Hypothesis, proposal: Proposa
 
 
 MORE_PLAUSIBLE = Move(
-    "more plausible size",
-    "of two indistinguishable effects, the one with the far more plausible size is named",
-    _more_plausible,
-    _far_more_plausible,
+    "larger prior probability",
+    "of two indistinguishable effects, the one with the far larger prior probability is named",
+    _more_probable_before,
+    _far_more_probable_before,
 )
 
 
@@ -181,7 +184,7 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
             if score.effect.name != name and smaller.cost - score.gain < chosen.cost:
                 sets.with_one(smaller, score)
         for score in _similar(test, name):
-            if score.effect.universal or not chosen.at_noise_floor:
+            if score.effect.common or not chosen.at_noise_floor:
                 sets.with_one(smaller, score)
     return sets.fits
 
@@ -190,7 +193,7 @@ def _similar(test: ScoreTest, name: str) -> Iterator[Score]:
     """Yield the scores of other effects with a similar signature and nearly the score of the effect."""
     if (named := test.of(name)) is not None:
         for score in test.ranking:
-            nearly = EFFORT.nearly_universal if score.effect.universal else EFFORT.nearly
+            nearly = EFFORT.nearly_common if score.effect.common else EFFORT.nearly
             similar = score.gain > nearly * named.gain and test.cosine(named, score) > nearly
             if similar and score.effect.name != name:
                 yield score

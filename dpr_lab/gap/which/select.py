@@ -11,7 +11,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refutes_torque_noise
 from dpr_lab.gap.hypothesis.refits import refit_without
-from dpr_lab.gap.hypothesis.significance import explains_as_much, indifference
+from dpr_lab.gap.hypothesis.significance import cost_with_prior, explains_as_much, indifference
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
@@ -110,7 +110,8 @@ def _revised(state: SearchState) -> SearchState:
             state = after
             continue
         tested = apply_moves(moves, after)
-        if tested.current.cost - state.current.cost < indifference(state.sets.bare, state.current):
+        added = cost_with_prior(tested.current, state.current) - state.current.cost
+        if added < indifference(state.sets.bare, state.current):
             return tested
         undone = Decision(True, "the criterion of the other set is higher after the moves that follow")
         state = tested.after(revision, Proposal(state.current), undone)

@@ -39,7 +39,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.gap.advice.check_kind import expected_bits
-from dpr_lab.gap.classes.calibration import CALIBRATION
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.planning.knowledge import RATIO_COLUMNS, Knowledge

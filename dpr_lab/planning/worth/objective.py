@@ -17,8 +17,8 @@ from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.gap.classes.calibration import CALIBRATION
 from dpr_lab.gap.evidence.joint_friction import GRID, linear_torque
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.planning.information import reached_speeds
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.release import CandidateRelease

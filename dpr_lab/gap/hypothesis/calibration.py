@@ -39,8 +39,6 @@ class Calibration:
     """Probability of "no gap" if the recordings show none, and of "unexplained" if no effect explains the gap."""
     outside_when_closed: float = 0.02
     """Minimum probability of a cause outside the library, if only noise remains."""
-    universal: float = 10.0
-    """Prior odds of an alternative that every rig has, such as a zero error, against an effect that few rigs have."""
     drifting: float = 0.1
     """Prior odds of a friction drift against a loss that depends on speed.
 
