@@ -50,9 +50,9 @@ def sample_steps(t: Array, offsets: Integers, longest: Array) -> tuple[Array, In
     """
     first, interval = offsets[:-1], np.diff(t, prepend=t[0])
     # The tolerance divides an interval of five longest steps into five steps in spite of rounding.
-    wanted = np.ceil(interval / np.repeat(longest, np.diff(offsets)) - 1e-9)
-    wanted[first] = 1.0
-    count = np.maximum(1, wanted).astype(np.int64)
+    needed = np.ceil(interval / np.repeat(longest, np.diff(offsets)) - 1e-9)
+    needed[first] = 1.0
+    count = np.maximum(1, needed).astype(np.int64)
     step = interval / count
     step[first], count[first] = 0.0, 0
     return step, count

@@ -55,7 +55,7 @@ def sensitivities(
         (samples, 4) states of all segments in sequence and (samples, `outputs`, 9) derivatives
 
     Raises:
-        ValueError: there are not five ratios, or not one initial state for each segment.
+        ValueError: the ratios or initial states do not have the stated shapes.
     """
     return _followed(ratios, L1, g, segments, initial, outputs)
 

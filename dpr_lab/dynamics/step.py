@@ -317,11 +317,11 @@ def _stopped(x: RigState, joint: int, directions: Three, later: float, alphas: T
 
 
 @subroutine
-def _joint_motion(x: RigState, tried: TriedStep, directions: Three) -> JointMotion:
+def _joint_motion(x: RigState, trial: TriedStep, directions: Three) -> JointMotion:
     """Return the motion of the joints in a trial step from the state x."""
-    y = tried.end
+    y = trial.end
     before, after = of_joints((x.omega0, x.omega1, x.omega2)), of_joints((y.omega0, y.omega1, y.omega2))
-    return JointMotion(directions, before, after, of_joints(tried.alphas))
+    return JointMotion(directions, before, after, of_joints(trial.alphas))
 
 
 @subroutine
@@ -346,29 +346,29 @@ def advanced(
     dry = model.required.dry1 or model.required.dry2 or model.required.dry0
     if dry:
         directions = directions_at(t, x, model, mode, drive) if events < EVENTS.most else _directions(x, model, mode)
-    tried = _runge_kutta(t, x, h, model, mode, drive, directions)
+    trial = _runge_kutta(t, x, h, model, mode, drive, directions)
     if not dry:
-        return tried.end, h, True
-    last = tried.last if events < EVENTS.most else (math.inf, math.inf, math.inf)
-    share, joint = first_event(h, _joint_motion(x, tried, directions), tried.first, last)
+        return trial.end, h, True
+    last = trial.last if events < EVENTS.most else (math.inf, math.inf, math.inf)
+    share, joint = first_event(h, _joint_motion(x, trial, directions), trial.first, last)
     if not share < 1.0:
-        return tried.end, h, True
+        return trial.end, h, True
     if share < EVENTS.shortest:
-        return (_stopped(x, joint, directions, 0.0, tried.alphas) if joint else x), 0.0, False
+        return (_stopped(x, joint, directions, 0.0, trial.alphas) if joint else x), 0.0, False
     part = share * h
-    tried = _runge_kutta(t, x, part, model, mode, drive, directions)
+    trial = _runge_kutta(t, x, part, model, mode, drive, directions)
     if joint == 0:
-        return tried.end, part, False
-    joints = _joint_motion(x, tried, directions)
+        return trial.end, part, False
+    joints = _joint_motion(x, trial, directions)
     later = min(correction(joints.after[joint - 1], joints.accelerations[joint - 1], part), h - part)
-    return _stopped(tried.end, joint, directions, later, tried.alphas), part + later, False
+    return _stopped(trial.end, joint, directions, later, trial.alphas), part + later, False
 
 
 @subroutine
 def stepped(t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float) -> RigState:
     """Advance the state by a step of length h, divided at events of Coulomb friction."""
-    now, events, whole = t, 0, False
+    time, events, whole = t, 0, False
     while not whole:
-        x, passed, whole = advanced(now, x, t + h - now if events else h, events, model, mode, drive)
-        now, events = now + passed, events + 1
+        x, passed, whole = advanced(time, x, t + h - time if events else h, events, model, mode, drive)
+        time, events = time + passed, events + 1
     return x

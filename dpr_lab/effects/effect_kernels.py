@@ -75,10 +75,10 @@ class Contribution(NamedTuple):
 
         The names in the source are those of `notation`.
         """
-        row, wanted, start = STAGES[stage], arguments(self.kernel), SLICES[self.effect.name].start
+        row, required, start = STAGES[stage], arguments(self.kernel), SLICES[self.effect.name].start
         states = {s.name: f"{{{row.states}_{i}}}" for i, (e, s) in enumerate(stepped_states()) if e is self.effect}
         params = {p.name: f"{{params_{start + i}}}" for i, p in enumerate(self.effect.parameters)}
-        lines = [f"x = {call(self.name, wanted, params, states, row.quantities)}", *row.combine(self.joint, wanted)]
+        lines = [f"x = {call(self.name, required, params, states, row.quantities)}", *row.combine(self.joint, required)]
         return [line.replace("#", str(self.joint)).replace("@", str(self.state)).format_map(notation) for line in lines]
 
 

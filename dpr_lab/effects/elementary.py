@@ -41,15 +41,15 @@ def _expm1_parts(x: float) -> tuple[float, float]:
 @inlined
 def exp(x: float) -> float:
     """Return the exponential function e^x; x is clipped to [-700, 700]."""
-    scale, rest = _expm1_parts(min(max(x, -700.0), 700.0))
-    return scale + scale * rest
+    scale, remainder = _expm1_parts(min(max(x, -700.0), 700.0))
+    return scale + scale * remainder
 
 
 @inlined
 def tanh(x: float) -> float:
     """Return the hyperbolic tangent."""
-    scale, rest = _expm1_parts(min(2.0 * abs(x), 44.0))
-    expm1 = scale * rest + (scale - 1.0)
+    scale, remainder = _expm1_parts(min(2.0 * abs(x), 44.0))
+    expm1 = scale * remainder + (scale - 1.0)
     return math.copysign(expm1 / (expm1 + 2.0), x)
 
 

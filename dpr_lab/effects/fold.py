@@ -27,12 +27,12 @@ def arguments(kernel: Callable[..., Any]) -> tuple[str, ...]:
     return tuple(inspect.signature(kernel).parameters)
 
 
-def call(kernel: str, wanted: Iterable[str], *offered: Mapping[str, str]) -> str:
+def call(kernel: str, names: Iterable[str], *offered: Mapping[str, str]) -> str:
     """Return the source of a kernel call.
 
     Each argument is looked up by its name in the mappings `offered`; the first match is used.
     """
-    values = [next(expressions[name] for expressions in offered if name in expressions) for name in wanted]
+    values = [next(expressions[name] for expressions in offered if name in expressions) for name in names]
     return f"{kernel}({', '.join(values)})"
 
 

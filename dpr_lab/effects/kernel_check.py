@@ -49,15 +49,15 @@ def compile_errors(effect: Effect) -> Iterator[str]:
 def _error(kernel: Callable[..., Any], effect: Effect) -> str:
     if not isfunction(kernel):
         return f"the kernel {kernel!r} is not a Python function: use only the decorator `inlined` of dpr_lab.kernels"
-    name, wanted = kernel.__name__, arguments(kernel)
-    examples = [QUANTITIES.get(argument, 0.1) for argument in wanted]
+    name, required = kernel.__name__, arguments(kernel)
+    examples = [QUANTITIES.get(argument, 0.1) for argument in required]
     dispatcher: Any = numba.njit(error_model="numpy")(kernel)
     try:
         dispatcher.compile(tuple(numba.typeof(example) for example in examples))
     except Exception as error:  # the compiler raises errors of any class for code that it does not support
         return f"{_place(kernel, str(error))}the kernel {name} cannot be compiled: {_cause(str(error))}"
     returned = dispatcher.nopython_signatures[0].return_type
-    whole = kernel is effect.kernel and effect.stage in ("torque", "load") and "joint" not in wanted
+    whole = kernel is effect.kernel and effect.stage in ("torque", "load") and "joint" not in required
     right = returned == numba.typeof(Terms(*[0.0] * 5)) if whole else isinstance(returned, types.Number)
     kind = "torques(torque1, torque2) or Terms" if whole else "a number"
     return "" if right else f"{_place(kernel, '')}the kernel {name} must return {kind} on every path, not {returned}"

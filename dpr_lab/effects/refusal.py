@@ -11,7 +11,7 @@ from dpr_lab.effects.stages import STAGES, StageName
 
 
 def refusal(effect: Effect) -> str:
-    """Describe why an effect is refused; the text is empty if it is not."""
+    """Describe why an effect is refused; an accepted effect has an empty text."""
     return "; ".join(list(_reasons(effect)) or compile_errors(effect))
 
 

@@ -77,11 +77,11 @@ def read_quantity(text: str, unit: str, example: str) -> float:
             accepted units.
     """
     number, written = split_quantity(text)
-    given, expected = _normal(written), _normal(unit)
+    stated, expected = _normal(written), _normal(unit)
     accepted = UNITS.get(unit, {expected: 1.0})
-    if given in accepted:
-        return number * accepted[given]
-    problem = f"{written!r} is not a unit of this quantity" if given else "the unit is missing"
+    if stated in accepted:
+        return number * accepted[stated]
+    problem = f"{written!r} is not a unit of this quantity" if stated else "the unit is missing"
     raise ValueError(f"{text!r}: {problem}. Accepted units: {', '.join(accepted)}. Example: {example}")
 
 

@@ -278,13 +278,13 @@ def _fall(t: Array, rods: Array) -> int:
     The result is 0 unless a fall describes the readings better than one parabola. In the model of a fall, the rods rest
     until t0 and have moved by alpha (t - t0)^2 / 2 at a later time t.
     """
-    tried = range(HELD.fewest, len(t) - HELD.fewest)
-    if not tried:
+    instants = range(HELD.fewest, len(t) - HELD.fewest)
+    if not instants:
         return 0
-    bases = [np.vander(t - t.mean(), 3), *(np.vander(np.maximum(t - t[k], 0.0) ** 2, 2) for k in tried)]
+    bases = [np.vander(t - t.mean(), 3), *(np.vander(np.maximum(t - t[k], 0.0) ** 2, 2) for k in instants)]
     misfits = [float(np.sum((rods - basis @ np.linalg.lstsq(basis, rods, rcond=None)[0]) ** 2)) for basis in bases]
     best = int(np.argmin(misfits))
-    return tried[best - 1] if best else 0
+    return instants[best - 1] if best else 0
 
 
 def _restarts(motion: RodMotion, stop: int, band: float) -> bool:
@@ -301,8 +301,8 @@ def _free(motion: RodMotion) -> bool:
 
 
 def _hangs(rods: Array) -> bool:
-    away = (np.median(rods, axis=0) + 2 * np.pi) % (2 * np.pi) - np.pi
-    return bool((np.abs(away) <= HELD.hanging_rad).all())
+    deviation = (np.median(rods, axis=0) + 2 * np.pi) % (2 * np.pi) - np.pi
+    return bool((np.abs(deviation) <= HELD.hanging_rad).all())
 
 
 def _known_input(motion: RodMotion, first: int, stop: int, band: float) -> bool:
@@ -376,9 +376,9 @@ def _onset(motion: RodMotion, rest: int, first: int) -> int:
         return first
     near = max(rest, int(np.searchsorted(t, t[first - 1] - HELD.interval_s)))
     quiet = rods[near : near + max(HELD.fewest, (first - near) // 2)]
-    away = np.abs(rods[near:first] - quiet.mean(axis=0))
+    deviation = np.abs(rods[near:first] - quiet.mean(axis=0))
     limit = np.maximum(HELD.onset * quiet.std(axis=0), 1.5 * np.abs(quiet - quiet.mean(axis=0)).max(axis=0))
-    resting = np.flatnonzero((away <= limit).all(axis=1))
+    resting = np.flatnonzero((deviation <= limit).all(axis=1))
     start = near + int(resting[-1]) + 1 if len(resting) else first
     if t[rest] < 0 <= t[start] <= HELD.own_zero_s:
         return int(np.searchsorted(t, 0.0))

@@ -287,9 +287,13 @@ def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> Array:
     if len(rest) < max(NOISE.rest_samples, 2 * apart):
         return np.zeros(2)
     t = run.t[run.t < 0]
-    away = _away(np.vander(t - t.mean(), 2), rest, np.ones(len(rest), dtype=bool))
-    alike = (away[apart:] * away[:-apart]).mean(axis=0) / np.maximum((away**2).mean(axis=0), NOISE.rounding_rad**2)
-    return np.where(alike > NOISE.correlated / np.sqrt(len(rest)), np.clip(alike, 0.0, NOISE.most_alike), 0.0)
+    deviation = _away(np.vander(t - t.mean(), 2), rest, np.ones(len(rest), dtype=bool))
+    correlation = (deviation[apart:] * deviation[:-apart]).mean(axis=0) / np.maximum(
+        (deviation**2).mean(axis=0), NOISE.rounding_rad**2
+    )
+    return np.where(
+        correlation > NOISE.correlated / np.sqrt(len(rest)), np.clip(correlation, 0.0, NOISE.most_alike), 0.0
+    )
 
 
 def _rest_std(t: Array, joints: Array) -> Array:
@@ -303,14 +307,14 @@ def _rest_std(t: Array, joints: Array) -> Array:
 
 def _about(line: Array, values: Array) -> float:
     used = np.ones(len(values), dtype=bool)
-    away = _away(line, values, used)
+    deviation = _away(line, values, used)
     for _ in range(2):
-        usual = float(np.quantile(np.abs(away[used]), 0.9)) / NORMAL_Q90
-        tame = np.abs(away) <= NOISE.wild * usual
+        usual = float(np.quantile(np.abs(deviation[used]), 0.9)) / NORMAL_Q90
+        tame = np.abs(deviation) <= NOISE.wild * usual
         if not usual or tame[used].all():
             break
-        used, away = tame, _away(line, values, tame)
-    return float(np.sqrt((away[used] ** 2).sum() / (used.sum() - 2)))
+        used, deviation = tame, _away(line, values, tame)
+    return float(np.sqrt((deviation[used] ** 2).sum() / (used.sum() - 2)))
 
 
 def _away(line: Array, values: Array, used: Flags) -> Array:

@@ -70,14 +70,14 @@ def new_readings(t: Array, columns: Sequence[Array]) -> tuple[NDArray[np.intp], 
             " burst is used"
         )
         return middle, note
-    again = np.append(False, np.logical_and.reduce([np.diff(column) == 0 for column in columns]))
-    if not _held(again, columns):
+    repeats = np.append(False, np.logical_and.reduce([np.diff(column) == 0 for column in columns]))
+    if not _held(repeats, columns):
         return np.arange(len(t)), ""
     note = (
-        f"{percent(float(again.mean()))} of the rows repeat the previous reading while the rods move, because the"
+        f"{percent(float(repeats.mean()))} of the rows repeat the previous reading while the rods move, because the"
         " logger writes faster than it reads: these rows are removed"
     )
-    return np.flatnonzero(~again), note
+    return np.flatnonzero(~repeats), note
 
 
 def _bursts(t: Array) -> tuple[NDArray[np.intp], bool]:

@@ -64,15 +64,15 @@ def refuse_other_rigs(runs: Iterable[Run], rig: Rig) -> None:
         refuse_other_rig(run.file or run.name, run.rig_name, rig.name)
 
 
-def refuse_other_rig(place: Path | str, recorded: str, given: str) -> None:
+def refuse_other_rig(place: Path | str, recorded: str, expected: str) -> None:
     """Check that the rig of a recording, if known, is the given rig.
 
     Raises:
         RunError: the names differ; the message starts with `place`, the file or the name of the run.
     """
-    if recorded not in ("", given):
+    if recorded not in ("", expected):
         raise RunError(
-            f"{place}: is a run of another rig: {recorded}, not {given}. Give the rig file that was used for the"
+            f"{place}: is a run of another rig: {recorded}, not {expected}. Give the rig file that was used for the"
             " recording, or leave this run out"
         )
 

@@ -22,7 +22,7 @@ Indices = Sequence[int] | slice | Integers
 TINY = 1e-140
 """Floor on the column norm; avoids overflow."""
 
-for _part in (clip, advance, solve_free):
+for _part in (clip, advance, solve_free):  # `bounded` calls these, so that its compiled form contains them
     subroutine(_part)
 _compiled = njit(bounded)
 

@@ -105,8 +105,8 @@ def find_margin0(w: LaneWorkspace, active: Flags, margin0: Row) -> bool:
     add_dry_limit0(w, active)
     count = 0
     for k in range(len(w.t)):
-        rest = w.direction0[k] == 0.0
-        left = max(w.limit0[k], 0.0) - abs(w.push0[k]) if rest else math.inf
+        resting = w.direction0[k] == 0.0
+        left = max(w.limit0[k], 0.0) - abs(w.push0[k]) if resting else math.inf
         margin0[k] = left
         count += left < 0.0
     return count > 0
