@@ -25,6 +25,7 @@ BASE_TILT = Effect(
     ),
     site="base",
     presumes_still_arm=True,
+    common=True,
     stage="torque",
     kernel=tilted,
     exported=lambda params: {"tilt": params["tilt_rad"]},

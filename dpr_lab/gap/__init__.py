@@ -49,7 +49,7 @@ Terms of all modules:
     form              an effect that contains a simpler one (`Effect.nested`) as a special case is a richer form of it
     expected, known   effects that the rig file implies, for example of a geared motor; all others are `unexpected`
     universal         effects that every rig has, for example a zero error of an encoder
-    common            effects that are visible on most rigs: the universal ones, Coulomb friction and air drag
+    common            effects that are visible on most rigs: the universal ones, base tilt, Coulomb friction, air drag
     own share         part of an effect's reduction of chi2 that no other form of the other effects explains
     possible          a set whose sizes and gravity torque a rig can have
     sets              all fitted sets (`which.fitted_sets.FittedSets`), with functions that fit further ones

@@ -25,7 +25,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from tests.background_rigs import law, recordings
 
-OTHER = frozenset({"viscous_ground_link2"})
+OTHER = frozenset({"air_drag_outer"})
 
 
 def costing(model: Hypothesis, cost: float) -> Hypothesis:
@@ -39,14 +39,14 @@ def test_a_set_of_lower_cost_is_as_probable_as_the_selected_one_at_most(
 ) -> None:
     runs = recorded({"coulomb_joint2": {"torque_Nm": 2e-3}}, duration=2.0)
     problem, base = bare(runs)
-    library = {name: EFFECTS[name] for name in ("coulomb_joint2", "viscous_ground_link2", "base_tilt")}
+    library = {name: EFFECTS[name] for name in ("coulomb_joint2", "air_drag_outer", "base_tilt")}
     sets = FittedSets(screened(runs), problem, library, base)
     result = refined(forward(sets))
     chosen = result.chosen
     assert chosen.effects == ("coulomb_joint2",)
     unit = 2 * chosen.inflation * CALIBRATION.temperature
-    viscous = replace(chosen, effects=tuple(OTHER), curves={})
-    worse, other = (costing(viscous, chosen.cost + sign * np.log(4.0) * unit) for sign in (1, -1))
+    drag = replace(chosen, effects=tuple(OTHER), curves={})
+    worse, other = (costing(drag, chosen.cost + sign * np.log(4.0) * unit) for sign in (1, -1))
 
     def weighed(selection: Selection) -> list[PosteriorComponent]:
         fitted: Any = Fake(problem=problem, recordings=Fake(rig=paper))
