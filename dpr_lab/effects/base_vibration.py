@@ -55,7 +55,8 @@ BASE_VIBRATION = Effect(
     ),
     bench_check=(
         "Put the accelerometer of a phone on the base and look for a peak in the spectrum. Switch off machines"
-        " nearby (fans, pumps), or put the rig on the floor, and repeat."
+        " nearby (fans, pumps), or put the rig on the floor, and repeat. In a film, follow a fixed point of the"
+        " background as well: if it moves, the camera moves."
     ),
     source="Pendulum with a moved pivot: Landau & Lifshitz, Mechanics, sec. 5, problem 3.",
 )

@@ -90,7 +90,11 @@ SPRING = pair(
         "The rest angle or the period of rod {j} differs from its value under gravity alone. It may depend on the"
         " number of whole turns that wind up the cable."
     ),
-    bench_check="Remove the cable of joint {j} (or add a second one) and repeat: its torque vanishes (or doubles).",
+    bench_check=(
+        "Remove the cable of joint {j} (or add a second one) and repeat: its torque vanishes (or doubles). Or hold rod"
+        " {j} horizontally: if its reading is not 90 degrees from hanging, the angle has a wrong scale or zero, which"
+        " imitates a spring."
+    ),
     source="Elastic restoring torque with Duffing's cubic term, e.g. Nayfeh & Mook (1979), Nonlinear Oscillations.",
 )
 
