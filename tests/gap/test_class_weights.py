@@ -133,6 +133,7 @@ def test_a_richer_form_is_charged_the_indifference_beyond_chance(monkeypatch: py
     assert _added_cost(replacements(), Alternative("latency_joint2", 0.5, 130.0)) == 30.0
     assert _added_cost(replacements(), Alternative("latency_joint2", 0.5, 70.0)) == -30.0
     assert _added_cost(replacements(), Alternative("stribeck_joint2", 0.5, 130.0)) == 30.0 + 400.0 - 30.0 * 5.0
+    assert _added_cost(replacements(), Alternative("stribeck_joint2", 0.5, 70.0)) == 400.0 - 30.0 * 5.0
 
 
 def score(name: str, gain: float, *nested: str, absorbed: Any = None) -> Any:

@@ -210,7 +210,7 @@ def _alternatives(replacements: _Replacements, named: Score, others: Mapping[str
 
 
 def _added_cost(replacements: _Replacements, alternative: Alternative) -> float:
-    """Return the additional cost of an alternative over the selected set, which may be negative.
+    """Return the additional cost of an alternative over the selected set, negative if only its prior odds reject it.
 
     A richer form of the named effect costs more, because it also fits the error of the integrator or the remainder.
     """
@@ -218,7 +218,7 @@ def _added_cost(replacements: _Replacements, alternative: Alternative) -> float:
     added = alternative.cost - chosen.cost
     if replacements.name not in EFFECTS[alternative.name].nested:
         return added
-    return added + form_indifference(replacements.selection.bare, chosen) - chosen.chance
+    return max(added, 0.0) + form_indifference(replacements.selection.bare, chosen) - chosen.chance
 
 
 def prior_odds(selection: Selection, model: Hypothesis, members: Iterable[str]) -> float:
