@@ -125,7 +125,8 @@ def test_a_common_effect_is_more_probable(
 ) -> None:
     monkeypatch.setattr(posterior, "follows_decay", lambda *_: False)
     selection: Any = Mock(chosen=Mock(key=frozenset({member, "base_tilt"})))
-    assert prior_odds(selection, Mock(key=frozenset({added, "base_tilt"})), (member,)) == odds
+    model: Any = Mock(key=frozenset({added, "base_tilt"}))
+    assert prior_odds(selection, model, (member,)) == pytest.approx(odds)
 
 
 def test_a_richer_form_is_charged_the_indifference_beyond_chance(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from dpr_lab.effects import EFFECTS
+from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.fitting.gauss_newton import StopReason, fit
 from dpr_lab.fitting.whitening import Disturbance
 from dpr_lab.gap.diagnose import diagnose
@@ -376,6 +376,7 @@ def test_prior_odds_of_ten_weigh_as_much_as_a_criterion_of_14(
     """6 ln 10 = 13.8, with 6 the difference of the criterion for a factor e, if the readings are independent."""
     monkeypatch.setattr(replacements, "significance", lambda *_: 8.0)
     monkeypatch.setattr(replacements, "explains_as_much", lambda *_: False)
-    current: Any = Mock(cost=100.0, inflation=1.0, key=frozenset({before, "base_tilt"}))
-    model: Any = Mock(cost=cost, key=frozenset({after, "base_tilt"}))
+    estimate = SimpleNamespace(params=effect_params({}))
+    current: Any = Mock(cost=100.0, inflation=1.0, key=frozenset({before, "base_tilt"}), estimate=estimate)
+    model: Any = Mock(cost=cost, key=frozenset({after, "base_tilt"}), estimate=estimate)
     assert BETTER_ALTERNATIVE.accept(Mock(), current, Proposal(model)).accepted == accepted

@@ -12,7 +12,7 @@ The probability of a class is the softmax of the predictive costs of the selecte
 another effect replaces the named one, and of the set without it. The softmax is multiplied by the probability that the
 cause is in the library (`outside`), and later by the factors of the validation
 (`dpr_lab.gap.transfer.transfer.judged`). No other set is more probable than the selected one: the search would have
-selected a significantly better set. An effect that every rig has, such as a zero error, has larger prior odds.
+selected a significantly better set. Common effects, such as a zero error, have larger prior odds.
 """
 
 import math
@@ -28,7 +28,7 @@ from dpr_lab.gap.hypothesis.detectable import comparable_size, linear_exclusions
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.imitation import follows_decay
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
-from dpr_lab.gap.hypothesis.significance import adds_less_than_remains, form_indifference, indifference
+from dpr_lab.gap.hypothesis.significance import adds_less_than_remains, form_indifference, indifference, log_prior_odds
 from dpr_lab.gap.which.selected import Selection
 
 
@@ -234,8 +234,7 @@ def prior_odds(selection: Selection, model: Hypothesis, members: Iterable[str]) 
     """
     if follows_decay(selection.bare, model, selection.chosen):
         return CALIBRATION.drifting
-    added = (EFFECTS[name].prior_odds for name in model.key - selection.chosen.key)
-    return max(added, default=1.0) / max((EFFECTS[name].prior_odds for name in members), default=1.0)
+    return math.exp(log_prior_odds(model, selection.chosen, tuple(members)))
 
 
 def outside(selection: Selection, name: str = "", *, members: Iterable[str] = ()) -> float:

@@ -84,9 +84,11 @@ def _worse(model: Hypothesis, chosen: Hypothesis) -> float:
     search, so it is at most as probable as the selected set. If a set has more effects than the selected set, each
     further effect was the best of hundreds. It must therefore explain more than would be expected by chance.
     """
-    inflation = chosen.inflation
-    further = max(len(model.effects) - len(chosen.effects), 0)
-    return max(model.cost_at(inflation) - chosen.cost_at(inflation), 0.0) + further * THRESHOLDS.chance * inflation
+    inflation, further = chosen.inflation, len(model.effects) - len(chosen.effects)
+    difference = model.cost_at(inflation) - chosen.cost_at(inflation)
+    if further:  # prior odds apply to sets of equal size, of which only they may reject the one that fits better
+        difference = max(difference, 0.0)
+    return difference + max(further, 0) * THRESHOLDS.chance * inflation
 
 
 def _component(state: Transferred, model: Hypothesis, probability: float) -> PosteriorComponent | None:

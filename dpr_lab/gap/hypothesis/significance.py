@@ -1,10 +1,11 @@
 """Significance of a reduction of cost, relative to noise, chance, and inexact functional forms."""
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 
-from dpr_lab.effects import EFFECTS
+from dpr_lab.effects import EFFECTS, plausibility
 from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, explained
@@ -24,18 +25,37 @@ def promising_gain(model: Hypothesis) -> float:
     return max(THRESHOLDS.chance, min(THRESHOLDS.chance * inflation / GAUSS_NEWTON.exceeded, of_excess))
 
 
-def log_prior_odds(model: Hypothesis, current: Hypothesis) -> float:
-    """Return the log of the prior odds of a set against the current set; zero for sets of different size."""
+def log_prior_odds(model: Hypothesis, current: Hypothesis, members: Collection[str] = ()) -> float:
+    """Return the log of the prior odds of a set against another; zero for sets of different size.
+
+    Args:
+        model: a set
+        current: the other set
+        members: a class of indistinguishable effects of the other set; it is common if one of them is
+    """
     added, removed = model.key - current.key, current.key - model.key
     if len(added) != len(removed):
         return 0.0
-    odds = [math.prod(EFFECTS[name].prior_odds for name in names) for names in (added, removed)]
-    return math.log(odds[0] / odds[1])
+    of_class = max((EFFECTS[name].prior_odds for name in members), default=1.0)
+    before = math.prod(of_class if name in members else EFFECTS[name].prior_odds for name in removed)
+    return math.log(math.prod(EFFECTS[name].prior_odds for name in added) / before)
+
+
+def log_prior_ratio(model: Hypothesis, current: Hypothesis) -> float:
+    """Return the log of the prior odds including those of the fitted sizes; zero for sets of different size."""
+    added, removed = model.key - current.key, current.key - model.key
+    if len(added) != len(removed):
+        return 0.0
+    before, after = (
+        math.prod(plausibility(one.estimate.params, name) for name in names)
+        for one, names in ((current, removed), (model, added))
+    )
+    return math.log(after / before)
 
 
 def cost_with_prior(model: Hypothesis, current: Hypothesis) -> float:
-    """Return the cost of a set minus the difference of cost that the prior odds against the current set outweigh."""
-    return model.cost - CALIBRATION.unit(current.inflation) * log_prior_odds(model, current)
+    """Return the cost of a set minus the difference of cost that its prior against the current set outweighs."""
+    return model.cost - CALIBRATION.unit(current.inflation) * log_prior_ratio(model, current)
 
 
 def indifference(

@@ -74,8 +74,8 @@ class Thresholds:
     """
     curve_growth: float = 2.0
     """Minimum growth factor of the amplitudes of a curve that replaces a removed effect."""
-    likelier: float = 10.0
-    """Minimum ratio of the prior probabilities of the sizes if an indistinguishable effect replaces a named one."""
+    likelier: float = 5.0
+    """Minimum ratio of the prior probabilities if an effect replaces another one that explains as much."""
     indistinguishable: float = 0.999
     """Minimum cosine of the signatures of two effects that recordings hardly distinguish."""
 

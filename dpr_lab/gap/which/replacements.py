@@ -1,8 +1,9 @@
 """Moves that replace an effect: by a simpler form, by several other effects, or by an alternative."""
 
+import math
 from collections.abc import Iterator, Mapping
 
-from dpr_lab.effects import EFFECTS, plausibility
+from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.imitation import follows_remainder
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
@@ -11,7 +12,7 @@ from dpr_lab.gap.hypothesis.significance import (
     explains_as_much,
     form_indifference,
     indifference,
-    log_prior_odds,
+    log_prior_ratio,
     significance,
 )
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
@@ -114,7 +115,7 @@ def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) ->
         return Decision(False, "the criterion does not fall enough for effects that are less common")
     if current.cost - best.cost > chance:
         return Decision(True, f"the criterion falls by more than {chance:.3g}")
-    if log_prior_odds(best, current) > 0:
+    if log_prior_ratio(best, current) > math.log(THRESHOLDS.likelier):
         return Decision(True, "the other effect is more common, and explains about as much")
     return Decision(False, f"the criterion falls by less than {chance:.3g}, which is not significant")
 
@@ -134,15 +135,15 @@ def _more_probable_before(sets: FittedSets, current: Hypothesis) -> Iterator[Pro
     margin = indifference(sets.bare, chosen)
     for name in sets.unexpected(chosen):
         smaller = sets.without(chosen, name)
-        test, plausibility_here = sets.test(smaller), plausibility(chosen.estimate.params, name)
+        test = sets.test(smaller)
         if (score := test.of(name)) is None:
             continue
         for other in test.ranking:
             model = sets.fits.get(smaller.key | {other.effect.name})
             if model is None or model.key == chosen.key or abs(model.cost - chosen.cost) > margin:
                 continue
-            if test.indistinguishable(score, other):
-                yield Proposal(model, plausibility(model.estimate.params, other.effect.name) / plausibility_here)
+            if test.indistinguishable(score, other) and cost_with_prior(model, chosen) < chosen.cost:
+                yield Proposal(model, math.exp(log_prior_ratio(model, chosen)))
 
 
 def _far_more_probable_before(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
