@@ -81,7 +81,9 @@ def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> flo
     if not before.effects:
         limit = after.chance
     elif before.at_noise_floor:
-        limit = indifference(bare, after, independent=THRESHOLDS.chance_at_floor)
+        common = all(EFFECTS[name].common for name in after.key - before.key)
+        share = THRESHOLDS.integrator_at_floor if common else THRESHOLDS.integrator
+        limit = indifference(bare, after, independent=THRESHOLDS.chance_at_floor, share=share)
     elif after.at_noise_floor:
         limit = indifference(bare, after, share=THRESHOLDS.integrator_at_floor)
     else:
