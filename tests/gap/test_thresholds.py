@@ -84,6 +84,10 @@ def test_a_reduction_is_significant_beyond_chance(before: Hypothesis, after: Hyp
 def test_the_step_of_the_integrator_limits_a_reduction_of_a_large_gap() -> None:
     bare = fitted(1e7, ())
     assert significance(bare, fitted(20_000.0), fitted(0.0)) == pytest.approx(5e-5 * 1e7)
+    zero, friction = ("encoder_offset_joint1",), ("encoder_offset_joint1", "coulomb_joint1")
+    detent = ("encoder_offset_joint1", "detent_joint1")
+    assert significance(bare, fitted(300.0, zero), fitted(0.0, detent)) == pytest.approx(5e-4 * 1e7)
+    assert significance(bare, fitted(300.0, zero), fitted(0.0, friction)) == pytest.approx(5e-5 * 1e7)
     assert significance(bare, fitted(300.0), fitted(0.0)) == pytest.approx(5e-4 * 1e7)
     assert significance(bare, fitted(40_000.0), fitted(20_000.0)) == pytest.approx(5e-4 * (1e7 - 20_000.0))
 

@@ -71,7 +71,8 @@ def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> flo
     With the inflation i of the larger set and its reduction r of the bare model's chi2, the limit is
 
         no other effect                        `chance` i
-        only noise remains without the effect  max(`chance_at_floor` i, `integrator` r)
+        only noise remains without the effect  max(`chance_at_floor` i, `integrator` r),
+                                               for a common effect max(`chance_at_floor` i, `integrator_at_floor` r)
         only noise remains with the effect     max(`chance` i, `integrator_at_floor` r)
         a residual remains with the effect     max(`chance` i, `integrator` r), at most `segment_scatter`
 
@@ -81,7 +82,8 @@ def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> flo
     if not before.effects:
         limit = after.chance
     elif before.at_noise_floor:
-        common = all(EFFECTS[name].common for name in after.key - before.key)
+        added = after.key - before.key
+        common = added and all(EFFECTS[name].common for name in added)
         share = THRESHOLDS.integrator_at_floor if common else THRESHOLDS.integrator
         limit = indifference(bare, after, independent=THRESHOLDS.chance_at_floor, share=share)
     elif after.at_noise_floor:
