@@ -25,6 +25,9 @@ third of the limit as standard deviation. An amplitude that the recordings canno
 or the initial states is not fitted; the diagnosis lists it in `absorbed`. An effect with an amplitude at its limit is
 not named, because the true cause is a different effect.
 
+Common effects are visible on most rigs. Before any recording, each is ten times as probable as another effect ([how the
+diagnosis decides](how-the-diagnosis-decides.md)).
+
 An effect that acts in the same way at joints 1 and 2 is described once, with i as the number of the joint.
 
 | site | effects |
@@ -72,7 +75,7 @@ def section(effect: Effect) -> str:
         "",
         effect.symptom,
         "",
-        f"Site: {effect.site}{', dissipative' if effect.dissipative else ''}. Equation: `{equation}`",
+        f"Site: {effect.site}{', dissipative' if effect.dissipative else ''}{', common' if effect.common else ''}. Equation: `{equation}`",
         "",
         "| parameter | unit | typical | limit | sign | role |",
         "|---|---|---|---|---|---|",
