@@ -1,7 +1,7 @@
 """Significance of a reduction of cost, relative to noise, chance, and inexact functional forms."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Set
 
 import numpy as np
 
@@ -25,6 +25,12 @@ def promising_gain(model: Hypothesis) -> float:
     return max(THRESHOLDS.chance, min(THRESHOLDS.chance * inflation / GAUSS_NEWTON.exceeded, of_excess))
 
 
+def _exchanged(model: Hypothesis, current: Hypothesis) -> tuple[Set[str], Set[str]]:
+    """Return the effects that a set adds to another and those that it lacks; both are empty if the sizes differ."""
+    added, removed = model.key - current.key, current.key - model.key
+    return (added, removed) if len(added) == len(removed) else (frozenset(), frozenset())
+
+
 def log_prior_odds(model: Hypothesis, current: Hypothesis, members: Collection[str] = ()) -> float:
     """Return the log of the prior odds of a set against another; zero for sets of different size.
 
@@ -33,9 +39,7 @@ def log_prior_odds(model: Hypothesis, current: Hypothesis, members: Collection[s
         current: the other set
         members: a class of indistinguishable effects of the other set; it is common if one of them is
     """
-    added, removed = model.key - current.key, current.key - model.key
-    if len(added) != len(removed):
-        return 0.0
+    added, removed = _exchanged(model, current)
     of_class = max((EFFECTS[name].prior_odds for name in members), default=1.0)
     before = math.prod(of_class if name in members else EFFECTS[name].prior_odds for name in removed)
     return math.log(math.prod(EFFECTS[name].prior_odds for name in added) / before)
@@ -43,14 +47,9 @@ def log_prior_odds(model: Hypothesis, current: Hypothesis, members: Collection[s
 
 def log_prior_ratio(model: Hypothesis, current: Hypothesis) -> float:
     """Return the log of the prior odds including those of the fitted sizes; zero for sets of different size."""
-    added, removed = model.key - current.key, current.key - model.key
-    if len(added) != len(removed):
-        return 0.0
-    before, after = (
-        math.prod(plausibility(one.estimate.params, name) for name in names)
-        for one, names in ((current, removed), (model, added))
-    )
-    return math.log(after / before)
+    added, removed = _exchanged(model, current)
+    after = math.prod(plausibility(model.estimate.params, name) for name in added)
+    return math.log(after / math.prod(plausibility(current.estimate.params, name) for name in removed))
 
 
 def cost_with_prior(model: Hypothesis, current: Hypothesis) -> float:
