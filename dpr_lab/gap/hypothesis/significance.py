@@ -26,7 +26,7 @@ def promising_gain(model: Hypothesis) -> float:
 
 
 def _exchanged(model: Hypothesis, current: Hypothesis) -> tuple[Set[str], Set[str]]:
-    """Return the effects that a set adds to another and those that it lacks; both are empty if the sizes differ."""
+    """Return the effects that a set adds to another and lacks, both empty if the sizes differ."""
     added, removed = model.key - current.key, current.key - model.key
     return (added, removed) if len(added) == len(removed) else (frozenset(), frozenset())
 
