@@ -70,12 +70,13 @@ def both_joints(first: str, second: str) -> str:
 def section(effect: Effect) -> str:
     """One effect: symptom, equation, parameters, indistinguishable effects, bench check, source."""
     equation = effect.equation.replace("`", "")  # it stands in code marks itself
+    properties = ("dissipative", effect.dissipative), ("common", effect.common)
     lines = [
         f"## {effect.words[0].upper()}{effect.words[1:]}: `{effect.name}`",
         "",
         effect.symptom,
         "",
-        f"Site: {effect.site}{', dissipative' if effect.dissipative else ''}{', common' if effect.common else ''}. Equation: `{equation}`",
+        f"Site: {', '.join([effect.site, *(word for word, applies in properties if applies)])}. Equation: `{equation}`",
         "",
         "| parameter | unit | typical | limit | sign | role |",
         "|---|---|---|---|---|---|",
