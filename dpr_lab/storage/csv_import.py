@@ -116,17 +116,13 @@ def table_name(path: Path) -> str:
 
 def _in_memory(swing: Understood, metadata: RunMetadata) -> Run:
     """Create the run that a run file with an interpreted table would contain."""
-    theta = swing.theta
-    if swing.options.arm == "prescribed" and "theta0" not in swing.columns:
-        # the column of the arm is missing, so `prescribed_arm` must refuse it
-        theta = np.where([True, False, False], np.nan, theta)
     stored = Scan(
         path=swing.path,
         size_bytes=0,
         sha256="",
         metadata=metadata,
         rig_sha256=metadata.rig.sha256,
-        read=Gathered(_parts=[replace(_samples(swing), theta=theta)]),
+        read=Gathered(_parts=[_samples(swing)]),
         summary=RunSummary(release_tick=swing.release, notes=swing.remarks),
     )
     return replace(run_of(stored), name=table_name(swing.path), file=None)

@@ -1,13 +1,14 @@
 """Convert the untrusted messages of a run file to arrays, chunk by chunk."""
 
 import json
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dpr_lab.errors import RunError
+from dpr_lab.errors import RunError, printable
 from dpr_lab.rig import JOINTS
 from dpr_lab.storage.layout import CLOCK, EVENTS, LIMITS, RELEASED, SAMPLES, TORQUE_KEYS, Stored
 from dpr_lab.storage.row_text import Samples, samples_of
@@ -18,13 +19,13 @@ STRANGE = (ValueError, KeyError, TypeError, OverflowError, RecursionError, Attri
 
 def _decoded(rows: list[dict[str, Any]]) -> Samples:
     n, keys = len(rows), rows[0].keys() if rows else set[str]()
-    torques = [[row[key] for row in rows] for key in TORQUE_KEYS if key in keys]
+    torques = [_numbers(rows, key, (2,)) for key in TORQUE_KEYS if key in keys]
     return Samples(
-        ticks=_numbers([row["tick"] for row in rows], (n,), "i"),
-        t=_numbers([row["t"] for row in rows], (n,)),
-        theta=_numbers([row["theta"] for row in rows], (n, JOINTS)),
-        counts=_numbers([row["counts"] for row in rows], (n, JOINTS), "i") if "counts" in keys else None,
-        torques=_numbers(torques, (len(torques), n, 2)),
+        ticks=_numbers(rows, "tick", (), "i"),
+        t=_numbers(rows, "t", ()),
+        theta=_numbers(rows, "theta", (JOINTS,)),
+        counts=_numbers(rows, "counts", (JOINTS,), "i") if "counts" in keys else None,
+        torques=np.reshape(torques, (len(torques), n, 2)),
     )
 
 
@@ -112,10 +113,20 @@ class Gathered:
             self.release_tick = tick if 0 <= tick < LIMITS.ticks else None
 
 
-def _numbers(values: list[Any], shape: tuple[int, ...], kinds: str = "if") -> NDArray[Any]:
-    """Convert finite numbers to an array of this shape; `kinds` contains the permitted kinds of its type."""
-    read = np.array(values if values else np.zeros(shape, dtype=np.int64))
-    if read.shape != shape or read.dtype.kind not in kinds or not np.isfinite(read).all():
-        number = "finite number" if "f" in kinds else "64-bit integer"
-        raise ValueError(f"a value is not a {number}, or the number of values is not {shape[1:] or 'one'}")
-    return read if kinds == "i" else read.astype(np.float64)
+def _numbers(rows: list[dict[str, Any]], key: str, shape: tuple[int, ...], kinds: str = "if") -> NDArray[Any]:
+    """Convert finite numbers of a key to an array (n, *shape); `kinds` contains the permitted kinds of its type.
+
+    Raises:
+        ValueError: a value is not of this kind or shape; the message contains the first such value.
+    """
+    values = [row[key] for row in rows]
+    with suppress(ValueError):  # the values have different shapes
+        read = np.array(values if values else np.zeros((0, *shape), dtype=np.int64))
+        if read.shape == (len(rows), *shape) and read.dtype.kind in kinds and np.isfinite(read).all():
+            return read if kinds == "i" else read.astype(np.float64)
+    for row in rows if len(rows) > 1 else ():
+        _numbers([row], key, shape, kinds)
+    number = "finite number" if "f" in kinds else "64-bit integer"
+    expected = f"{shape[0]} {number}s" if shape else f"one {number}"
+    value, tick = (printable(repr(content)[:40]) for content in (values[0], rows[0].get("tick")))
+    raise ValueError(f"{key!r} must be {expected}, not {value} (sample with tick {tick})")

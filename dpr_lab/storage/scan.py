@@ -127,7 +127,10 @@ class Scan:
             RunError: the channel has other content, or its ticks do not increase.
         """
         if self.read.strange_sample:
-            raise RunError(f"{self.path}: its samples do not have the layout of a run: {self.read.strange_sample}")
+            raise RunError(
+                f"{self.path}: its samples do not have the layout of a run: {self.read.strange_sample}. The file was"
+                " written or changed by another program: use the original recording, or correct the value there"
+            )
         samples = self.read.samples
         backwards = np.flatnonzero(np.diff(samples.ticks) <= 0)
         if len(backwards):

@@ -17,7 +17,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.rig import load_rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.inspect import info, recover, verify
-from dpr_lab.storage.layout import LIMITS, RELEASED
+from dpr_lab.storage.layout import LIMITS, RELEASED, SAMPLES, Stored
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.writer import RunWriter, WriterSettings
@@ -204,6 +204,23 @@ def test_a_gap_in_a_cut_file_is_counted(tmp_path):
     content = path.read_bytes()
     path.write_bytes(content[: content.index(b"complete")])
     assert load_run(path, verify=False).lost == {"tick_gap": 5}
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ('"t":"0.5","theta":[0,1,2]', "'t' must be one finite number, not '0.5'"),
+        ('"t":NaN,"theta":[0,1,2]', "'t' must be one finite number, not nan"),
+        ('"t":0.5,"theta":[0,1]', r"'theta' must be 3 finite numbers, not \[0, 1\]"),
+    ],
+)
+def test_a_wrong_value_in_a_sample_is_named_with_its_key_and_tick(tmp_path, values, sentence):
+    rows = ['"tick":6,"t":0.1,"theta":[0,1,2]', f'"tick":7,{values}']
+    with RunWriter(tmp_path / "a.mcap", RunMetadata(RIG, "X1", 1000)) as writer:
+        writer.copy(Stored(SAMPLES, 0, 0, f"{{{row}}}".encode()) for row in rows)
+        writer.finish(RunSummary(6))
+    with pytest.raises(RunError, match=rf"a\.mcap: its samples .*: {sentence} \(sample with tick 7\)\. .*use the"):
+        load_run(tmp_path / "a.mcap")
 
 
 def foreign(path, chunk=b"{}"):

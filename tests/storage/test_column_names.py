@@ -171,15 +171,44 @@ def test_an_empty_comment_does_not_make_names_of_prose_above_it(tmp_path, commen
     assert is_the_swing(import_csv(file, RIG, ImportOptions(columns=columns)))
 
 
-def test_of_two_times_the_one_whose_name_states_a_unit_is_used(tmp_path):
-    file = file_of(tmp_path, "time_s,t,theta1,theta2\n", "{t:.3f},{t:.6f},{a:.12g},{b:.12g}\n")
-    assert is_the_swing(import_csv(file, RIG))
+@pytest.mark.parametrize(
+    ("head", "form", "used", "other"),
+    [
+        ("time_s,t", "{t:.3f},9{t:.6f}", "time_s", "t"),  # both have all digits, so the stated unit decides
+        ("t,clock_s", "{t:.3f},{t:.0f}", "t", "clock_s"),  # whole seconds are not used
+        ("time_ms,time_s", "{t:.3f}e3,{t:.1f}", "time_ms", "time_s"),
+        ("t,s", "{t:.3f},{a}", "t", ""),  # a column that decreases is no time
+    ],
+)
+def test_of_two_times_the_more_precise_or_the_one_with_a_unit_is_used_with_a_note(tmp_path, head, form, used, other):
+    run = import_csv(file_of(tmp_path, f"{head},theta1,theta2\n", form + ",{a:.12g},{b:.12g}\n"), RIG)
+    assert is_the_swing(run)
+    expected = [f"time: {used}; {other} can also be the time (--columns t=NAME uses it)"] if other else []
+    assert [note for note in run.notes if "can also be the time" in note] == expected
 
 
-def test_two_times_without_a_unit_are_both_named(tmp_path):
-    file = file_of(tmp_path, "time,t,theta1,theta2\n", "{t:.3f},{t:.6f},{a:.12g},{b:.12g}\n")
-    with pytest.raises(RunError, match="Name it: --columns t=NAME; time, t can each be the time"):
+def test_a_stated_time_or_rate_needs_no_note_on_other_times(tmp_path):
+    file = file_of(tmp_path, "time,elapsed,theta1,theta2\n", "{t:.3f},{t:.3f},{a:.12g},{b:.12g}\n")
+    for options in (ImportOptions(rate_hz=200.0), ImportOptions(columns={"t": "elapsed"})):
+        run = import_csv(file, RIG, options)
+        assert is_the_swing(run)
+        assert not any("can also be the time" in note for note in run.notes)
+
+
+def test_a_stated_unit_of_time_selects_the_column_of_this_unit(tmp_path):
+    file = file_of(tmp_path, "time_us,time_ms,theta1,theta2\n", "{t:.3f}e6,{t:.2f}e3,{a:.12g},{b:.12g}\n")
+    assert import_csv(file, RIG, ImportOptions(time_unit="us")).t[-1] == pytest.approx(T[-1])
+    assert import_csv(file, RIG, ImportOptions(time_unit="ms")).t[-1] == pytest.approx(round(T[-1], 2), abs=0.01)
+
+
+@pytest.mark.parametrize("head", ["time,t", "time,time_s,elapsed_s"])
+def test_times_of_which_none_is_preferable_are_all_named(tmp_path, head):
+    form = ",".join(["{t:.3f}"] * len(head.split(","))) + ",{a:.12g},{b:.12g}\n"
+    file = file_of(tmp_path, f"{head},theta1,theta2\n", form)
+    named = head.replace(",", ", ")
+    with pytest.raises(RunError, match=f"Name it: --columns t=NAME; .*{named} can each be the time"):
         import_csv(file, RIG)
+    assert is_the_swing(import_csv(file, RIG, ImportOptions(columns={"t": "time"})))
 
 
 def test_the_rounding_of_times_makes_no_gap():

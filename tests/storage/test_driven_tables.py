@@ -187,6 +187,10 @@ def test_a_prescribed_arm_is_kept_and_refused_where_it_is_not_known(paper: Rig, 
         import_csv(file, paper.model_copy(update={"rig": RigGeometry(name="paper", L1=0.4)}), options)
     with pytest.raises(RunError, match=r"a prescribed arm needs its angle: name its column.* The table has: t, "):
         import_csv(table(tmp_path, "tau1,tau2", TAU), armed, ImportOptions(arm="prescribed", columns={"t": "t"}))
+    empty = tmp_path / "empty.csv"
+    np.savetxt(empty, table_of * (1, np.nan, 1, 1), delimiter=",", header="t,theta0,theta1,theta2", comments="")
+    with pytest.raises(RunError, match="the column of theta0 is empty; the angle of a prescribed arm is required"):
+        understand(empty, armed, options)
     with pytest.raises(RunError, match="the angle of a prescribed joint is required in every row: name the columns of"):
         arm_motion(T, np.where(np.arange(T.size) == 3, np.nan, theta0), "a.csv")
 

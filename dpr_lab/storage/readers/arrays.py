@@ -117,7 +117,7 @@ def table_of(path: Path, kind: str, arrays: Mapping[str, NDArray], take: Sequenc
     usable = {name: column for name, column in columns.items() if len(column) == rows}
     return Table(
         path,
-        tuple(Column(printable(short[name]), column.astype(np.float64)) for name, column in usable.items()),
+        tuple(Column(printable(short[name]), np.asarray(column, np.float64)) for name, column in usable.items()),
         np.arange(1, rows + 1),
         kind=kind,
         other_lengths={short[name]: len(column) for name, column in columns.items() if name not in usable},

@@ -13,7 +13,7 @@ from dpr_lab.storage.tables.cells import listed, names_no_angle, names_rate
 from dpr_lab.storage.tables.options import AXES, ImportOptions
 from dpr_lab.storage.tables.questions.names import numbered, refuse_long_form, refuse_scaled_units, without_scaled_unit
 from dpr_lab.storage.tables.table import LIMITS, Column, Table, bare, own_name
-from dpr_lab.storage.tables.time_stamps import never_falls, runs, varies, without_speed
+from dpr_lab.storage.tables.time_stamps import different_times, never_falls, runs, varies, without_speed
 
 TO_RADIANS = {"rad": 1.0, "deg": math.pi / 180}
 TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
@@ -75,9 +75,9 @@ class Columns:
     notes: tuple[str, ...] = ()
 
 
-def is_time(name: str) -> bool:
-    """Check whether a name is a common name of a time column."""
-    return bool(re.fullmatch(_TIME_NAME.format(unit=_ANY_TIME), bare(name)))
+def is_time(name: str, unit: str | None = None) -> bool:
+    """Check whether a name is a common name of a time column, in any unit or in `unit`."""
+    return bool(re.fullmatch(_TIME_NAME.format(unit=_TIME_SUFFIX.get(unit or "", _ANY_TIME)), bare(name)))
 
 
 def is_duration(name: str) -> bool:
@@ -175,7 +175,10 @@ def find_columns(table: Table, stated: Mapping[str, str], options: ImportOptions
     Raises:
         RunError: a column is missing, is used twice, has another length, or states a unit other than the given one.
     """
+    clocks = {name: column for name, column in table.named if options.rate_hz is None and name not in stated.values()}
+    clocks = different_times({name: column for name, column in clocks.items() if is_time(name, options.time_unit)})
     names = [*table.names, *table.other_lengths]
+    names = [name for name in names if not (clocks and is_time(name)) or clocks.get(name) == max(clocks.values())]
     unit = options.unit or ("counts" if _is_counted(table, stated.get("theta1", "")) else _unit_in_names(names, stated))
     time_unit = options.time_unit or _time_unit_in_names(names, stated)
     named, notes = guess_columns(names, unit, time_unit) | dict(stated), ()
@@ -192,6 +195,8 @@ def find_columns(table: Table, stated: Mapping[str, str], options: ImportOptions
     _refuse(table, named, stated, options.rate_hz is None)
     _check_units(table, named, unit, time_unit)
     refuse_scaled_units(table, named, options)
+    if "t" not in stated and (others := [name for name in clocks if name != named["t"]]):
+        notes = (*notes, f"time: {named['t']}; {listed(others)} can also be the time (--columns t=NAME uses it)")
     return Columns(named, unit, time_unit, notes)
 
 
@@ -300,18 +305,12 @@ def _refuse(table: Table, named: Mapping[str, str], stated: Mapping[str, str], t
         )
     if missing:
         rate = "; for a table without time give --rate-hz" if "t" in missing else ""
-        needed = (
-            "; for a table of one rod, add --rods inner or --rods outer"
-            if NO_ROD not in names and missing != ["t"]
-            else ""
-        )
+        needed = "; for one rod, add --rods inner or --rods outer" if NO_ROD not in names and missing != ["t"] else ""
         unnamed = all(map(_NO_NAME.fullmatch, named_so))
         clocks = [name for name in names if "t" in missing and is_time(re.sub(r"\d+\W*$", "", name))]
         if len(clocks) > 1:
             example = f"--columns t={clocks[0]},theta1=NAME"
-            rate = (
-                f"; {listed(clocks)} can each be the time. Import recordings next to each other one by one: {example}"
-            )
+            rate = f"; {listed(clocks)} can each be the time. Of recordings next to each other import one: {example}"
         points = "; for points of a video add a first line with their names, for example t,x,y" if unnamed else ""
         unrated = re.compile(r"abs|column \d+ \(without", re.I)
         rated = [name for name in named_so if not (is_time(name) or unrated.match(name))]
@@ -354,7 +353,9 @@ def _time_unit_in_names(names: Sequence[str], stated: Mapping[str, str]) -> str:
     if "t" in stated:
         match = _TIME_UNIT_IN_NAME.search(stated["t"].lower())
         return match[1] if match else "s"
-    return next((unit for unit in TO_SECONDS if "t" in guess_columns(names, time_unit=unit)), "s")
+    clocks = {unit: guess_columns(names, time_unit=unit).get("t") for unit in TO_SECONDS}
+    # a name without a unit, which is ambiguous in s, does not state another unit
+    return next((unit for unit, name in clocks.items() if name and (unit == "s" or not guess_columns([name]))), "s")
 
 
 def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, str]:

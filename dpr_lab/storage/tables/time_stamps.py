@@ -128,6 +128,15 @@ def never_falls(column: Array) -> bool:
     return bool(len(steps) and (steps >= 0).all() and column[-1] > column[0])
 
 
+def different_times(columns: Mapping[str, Array]) -> dict[str, int]:
+    """Count the different values of each column (n,) that never decreases; missing values are ignored.
+
+    A time with too few digits has the same value in several rows.
+    """
+    known = {name: column[np.isfinite(column)] for name, column in columns.items()}
+    return {name: np.unique(column).size for name, column in known.items() if never_falls(column)}
+
+
 def shares_times(t: Array, readings: Mapping[str, Array]) -> Flags:
     """Return the (n - 1,) mask of rows with new readings but the previous time."""
     changed = np.logical_or.reduce([column[1:] != column[:-1] for column in readings.values()])

@@ -106,7 +106,7 @@ def _readings(
     """
     t, carried = carried_times(_times(table, names, options))
     t, summed = summed_durations(t, names.get("t", ""))
-    readings, empty = _recorded(table, {axis: table.column(names[axis]) for axis in AXES if axis in names})
+    readings, empty = _recorded(table, {axis: table.column(names[axis]) for axis in AXES if axis in names}, options)
     check_forwards(table, t, options)
     t, rounded = even_times(t, readings)
     t, shared = spread_times(t, readings)
@@ -295,15 +295,13 @@ def _scaled(column: Array, axis: str, rig: Rig, options: ImportOptions) -> Array
     return without_wraps(column, axis, rig, options) * options.scale.get(axis, 1.0) + options.offset.get(axis, 0.0)
 
 
-def _recorded(table: Table, readings: dict[str, Array]) -> tuple[dict[str, Array], list[str]]:
-    """Return the axes with numbers, and a note if the arm's column is empty.
-
-    Both rods are required.
-    """
+def _recorded(table: Table, readings: dict[str, Array], options: ImportOptions) -> tuple[dict[str, Array], list[str]]:
+    """Return the axes with numbers, and a note if the column of a clamped arm is empty."""
     silent = [axis for axis, column in readings.items() if not np.isfinite(column).any()]
     for axis in silent:
-        if axis != "theta0":
-            raise RunError(f"{table.path}: the column of {axis} is empty; both rods are required")
+        if axis != "theta0" or options.arm != "clamped":
+            needed = "both rods are" if axis != "theta0" else f"the angle of a {options.arm} arm is"
+            raise RunError(f"{table.path}: the column of {axis} is empty; {needed} required")
     recorded = {axis: column for axis, column in readings.items() if axis not in silent}
     return recorded, [f"{axis}: its column is empty, so this axis was not recorded" for axis in silent]
 
