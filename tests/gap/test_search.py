@@ -377,6 +377,8 @@ def test_prior_odds_of_ten_weigh_as_much_as_a_criterion_of_14(
     monkeypatch.setattr(replacements, "significance", lambda *_: 8.0)
     monkeypatch.setattr(replacements, "explains_as_much", lambda *_: False)
     estimate = SimpleNamespace(params=effect_params({}))
-    current: Any = Mock(cost=100.0, inflation=1.0, key=frozenset({before, "base_tilt"}), estimate=estimate)
-    model: Any = Mock(cost=cost, key=frozenset({after, "base_tilt"}), estimate=estimate)
+    current, model = (
+        Mock(cost=criterion, inflation=1.0, effects=effects, key=frozenset(effects), estimate=estimate)
+        for criterion, effects in ((100.0, (before, "base_tilt")), (cost, (after, "base_tilt")))
+    )
     assert BETTER_ALTERNATIVE.accept(Mock(), current, Proposal(model)).accepted == accepted

@@ -16,7 +16,7 @@ selected a significantly better set. Common effects, such as a zero error, have 
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,7 +28,7 @@ from dpr_lab.gap.hypothesis.detectable import comparable_size, linear_exclusions
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.imitation import follows_decay
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
-from dpr_lab.gap.hypothesis.significance import adds_less_than_remains, form_indifference, indifference, log_prior_odds
+from dpr_lab.gap.hypothesis.significance import adds_less_than_remains, form_indifference, indifference
 from dpr_lab.gap.which.selected import Selection
 
 
@@ -221,20 +221,26 @@ def _added_cost(replacements: _Replacements, alternative: Alternative) -> float:
     return max(added, 0.0) + form_indifference(replacements.selection.bare, chosen) - chosen.chance
 
 
-def prior_odds(selection: Selection, model: Hypothesis, members: Iterable[str]) -> float:
-    """Return the prior odds of a set against the selected set.
+def prior_odds(selection: Selection, model: Hypothesis, members: Collection[str] = ()) -> float:
+    """Return the prior odds of a set against the selected set; 1 for sets of different size.
 
-    They are below one for a drift that follows a missing loss, or if a common effect is replaced by one that few rigs
-    have, and above one in the opposite case.
+    They are the products of `Effect.prior_odds`. Only for a drift that follows a missing loss, they are
+    `CALIBRATION.drifting`. Sizes are not included: the calibration of the probabilities contains the alternatives of
+    all possible sizes.
 
     Args:
         selection: the selected set
         model: the other set
-        members: the class that it replaces
+        members: the class of the named effect; it is common if one of its members is
     """
     if follows_decay(selection.bare, model, selection.chosen):
         return CALIBRATION.drifting
-    return math.exp(log_prior_odds(model, selection.chosen, tuple(members)))
+    added, removed = model.key - selection.chosen.key, selection.chosen.key - model.key
+    if len(added) != len(removed):
+        return 1.0
+    of_class = max((EFFECTS[name].prior_odds for name in members), default=1.0)
+    before = math.prod(of_class if name in members else EFFECTS[name].prior_odds for name in removed)
+    return math.prod(EFFECTS[name].prior_odds for name in added) / before
 
 
 def outside(selection: Selection, name: str = "", *, members: Iterable[str] = ()) -> float:

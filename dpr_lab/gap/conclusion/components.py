@@ -4,6 +4,7 @@ The probability of a set follows from its predictive cost, as for a class (`dpr_
 very small probability are omitted.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -57,10 +58,8 @@ def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
     }
     models = {**others, chosen.key: chosen}
     unit = CALIBRATION.unit(chosen.inflation)
-    weights = {
-        key: min(prior_odds(selection, model, chosen.key - key) * float(np.exp(-_worse(model, chosen) / unit)), 1.0)
-        for key, model in models.items()
-    }
+    evidence = {key: min(-_worse(model, chosen) / unit, CALIBRATION.negligible) for key, model in models.items()}
+    weights = {key: min(1.0, prior_odds(selection, models[key]) * math.exp(log)) for key, log in evidence.items()}
     ranked = sorted(models, key=lambda key: (-weights[key], key != chosen.key))
     most_likely = [key for key in ranked if weights[key] >= MIXTURE.least * sum(weights.values())][: MIXTURE.most]
     for key in most_likely:

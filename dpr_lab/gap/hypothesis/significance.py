@@ -1,7 +1,6 @@
 """Significance of a reduction of cost, relative to noise, chance, and inexact functional forms."""
 
 import math
-from collections.abc import Collection, Set
 
 import numpy as np
 
@@ -25,36 +24,24 @@ def promising_gain(model: Hypothesis) -> float:
     return max(THRESHOLDS.chance, min(THRESHOLDS.chance * inflation / GAUSS_NEWTON.exceeded, of_excess))
 
 
-def _exchanged(model: Hypothesis, current: Hypothesis) -> tuple[Set[str], Set[str]]:
-    """Return the effects that a set adds to another and lacks, both empty if the sizes differ."""
-    added, removed = model.key - current.key, current.key - model.key
-    return (added, removed) if len(added) == len(removed) else (frozenset(), frozenset())
-
-
-def log_prior_odds(model: Hypothesis, current: Hypothesis, members: Collection[str] = ()) -> float:
-    """Return the log of the prior odds of a set against another; zero for sets of different size.
-
-    Args:
-        model: a set
-        current: the other set
-        members: a class of indistinguishable effects of the other set; it is common if one of them is
-    """
-    added, removed = _exchanged(model, current)
-    of_class = max((EFFECTS[name].prior_odds for name in members), default=1.0)
-    before = math.prod(of_class if name in members else EFFECTS[name].prior_odds for name in removed)
-    return math.log(math.prod(EFFECTS[name].prior_odds for name in added) / before)
-
-
 def log_prior_ratio(model: Hypothesis, current: Hypothesis) -> float:
-    """Return the log of the prior odds including those of the fitted sizes; zero for sets of different size."""
-    added, removed = _exchanged(model, current)
-    after = math.prod(plausibility(model.estimate.params, name) for name in added)
-    return math.log(after / math.prod(plausibility(current.estimate.params, name) for name in removed))
+    """Return the log of the prior odds of a set against another, with those of the fitted sizes.
+
+    It is zero for sets of different size, which the penalty of the parameters compares.
+    """
+    if len(model.effects) != len(current.effects):
+        return 0.0
+    return _log_prior(model) - _log_prior(current)
+
+
+def _log_prior(model: Hypothesis) -> float:
+    return sum(math.log(plausibility(model.estimate.params, name)) for name in model.effects)
 
 
 def cost_with_prior(model: Hypothesis, current: Hypothesis) -> float:
     """Return the cost of a set minus the difference of cost that its prior against the current set outweighs."""
-    return model.cost - CALIBRATION.unit(current.inflation) * log_prior_ratio(model, current)
+    unit = CALIBRATION.unit(min(model.inflation, current.inflation))  # the same in both directions
+    return model.cost - unit * log_prior_ratio(model, current)
 
 
 def indifference(
@@ -81,8 +68,7 @@ def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> flo
     if not before.effects:
         limit = after.chance
     elif before.at_noise_floor:
-        added = after.key - before.key
-        common = added and all(EFFECTS[name].common for name in added)
+        common = before.key < after.key and all(EFFECTS[name].common for name in after.key - before.key)
         share = THRESHOLDS.integrator_at_floor if common else THRESHOLDS.integrator
         limit = indifference(bare, after, independent=THRESHOLDS.chance_at_floor, share=share)
     elif after.at_noise_floor:

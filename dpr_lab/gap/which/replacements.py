@@ -112,11 +112,11 @@ def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) ->
     if explains_as_much(sets.bare, current, best):
         return Decision(False, "fewer parameters explain about as much")
     if cost_with_prior(best, current) >= current.cost:
-        return Decision(False, "the criterion does not fall enough for effects that are less common")
+        return Decision(False, "the criterion does not fall by as much as the prior odds require")
     if current.cost - best.cost > chance:
         return Decision(True, f"the criterion falls by more than {chance:.3g}")
     if log_prior_ratio(best, current) > math.log(THRESHOLDS.likelier):
-        return Decision(True, "the other effect is more common, and explains about as much")
+        return Decision(True, "the other set has larger prior odds, and explains about as much")
     return Decision(False, f"the criterion falls by less than {chance:.3g}, which is not significant")
 
 
