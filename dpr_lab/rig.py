@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.configs import find_config, parse_config, read_config, sha256_of
@@ -60,6 +60,18 @@ def refuse_other_parameters(names: Iterable[str]) -> None:
 
 NO_ENCODER = {"nominal": 1e-6, "measured": 1e-6, "std": 1e-7}
 """Negligible mass of the parts at joint 2 for a rig without joint 2, kg."""
+
+
+def _is_valid(parameter: Any) -> bool:
+    """Return whether the table of a parameter is valid.
+
+    The fault of a wrong table is reported once, with the key in the file, so the table is not copied to the other rod.
+    """
+    try:
+        Parameter.model_validate(parameter)
+    except ValidationError:
+        return False
+    return True
 
 
 def of_inner_rod(mb: float) -> tuple[str, ...]:
@@ -158,7 +170,7 @@ class Rig(Shown, RigTable):
                 copied = {
                     f"{q}{missing_rod}": parameters[f"{q}{mounted_rod}"]
                     for q in "lmcJ"
-                    if f"{q}{mounted_rod}" in parameters
+                    if _is_valid(parameters.get(f"{q}{mounted_rod}"))
                 }
                 table = {**table, "parameters": {"mb": NO_ENCODER, **copied, **parameters}}
         match table:

@@ -234,7 +234,7 @@ def test_a_table_that_was_imported_twice_is_one_recording() -> None:
     rig, t = dpr.load_rig("paper"), np.linspace(0.0, 2.0, 401)
     run = Run("side", t, np.outer(np.sin(t), [0.0, 1.0, 1.0]), None, None, "paper", "", 200.0, sha256="1")
     again = replace(run, name="side-2", file=Path("side-2.mcap"), sha256="2", notes=("imported again",))
-    message = "side-2.mcap: is the same recording as side: give each run once"
+    message = "side-2.mcap: is the same recording as side; it was given twice: give each run once"
     for function in (dpr.identify, dpr.diagnose):
         with pytest.raises(dpr.DprError, match=message):
             function([run, again], rig)

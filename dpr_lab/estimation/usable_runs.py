@@ -120,5 +120,5 @@ def refuse_repeated(runs: Sequence[Run]) -> None:
         digest = run.angles_sha256
         if same := by_digest.get(digest):
             names = [str(repeated.file or repeated.name) for repeated in (run, same)]
-            raise RunError(f"{names[0]}: is the same recording as {names[1]}: give each run once")
+            raise RunError(f"{names[0]}: is the same recording as {names[1]}; it was given twice: give each run once")
         by_digest[digest] = run

@@ -309,9 +309,14 @@ def _check_rig(stored: Scan, rig: Rig) -> None:
         f"{key} is {stored} in the run, {given} in the rig file" for key, stored, given in pairs if stored != given
     ]
     if differing:
+        instead = (
+            "give the rig file that was used for the import, import the table again with this rig file,"
+            if stored.metadata.source == "import"
+            else "give the rig file that was used for the recording (the corrected model and its exports already"
+            " contain a corrected value),"
+        )
         raise RunError(
-            f"{stored.path}: is a run of another rig: {'; '.join(differing)}; give the rig file that was used for"
-            " the recording, or leave this run out"
+            f"{stored.path}: is a run of another rig: {'; '.join(differing)}; {instead} or leave this run out"
         )
 
 

@@ -243,7 +243,7 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
         with regular(path, RunError).open("rb") as file:
             length = _until_hole(file)
             if not length:
-                raise RunError(f"{path}: is empty: nothing was recorded")
+                raise RunError(f"{path}: is empty: nothing was recorded; record or import it again")
             with mmap.mmap(file.fileno(), length, access=mmap.ACCESS_READ) as content:
                 yield content
     except IsADirectoryError as error:
@@ -256,7 +256,9 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
 
 def no_such_file(path: Path) -> RunError:
     """Return the error of a file that does not exist; a pattern is a file name if it is in quotation marks."""
-    return RunError(f"{path}: no such file{'; write * outside quotation marks' if '*' in path.name else ''}")
+    return RunError(
+        f"{path}: no such file; {'write * outside quotation marks' if '*' in path.name else 'check the path'}"
+    )
 
 
 def _until_hole(file: BinaryIO) -> int:

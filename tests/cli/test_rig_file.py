@@ -66,6 +66,15 @@ def test_a_rig_file_from_flags_can_be_used(cli, tmp_path: Path) -> None:
     assert "exists already" in again.err
 
 
+def test_a_fault_of_a_single_rod_is_reported_only_for_this_rod(cli, tmp_path: Path) -> None:
+    words = ("--rods", "inner", "--l1", "0.3", "--m1", "0.21+-0.001", "--name", "bob", "--out", "my.toml")
+    assert cli("rig", "new", *words, cwd=tmp_path).code == 0
+    text = (tmp_path / "my.toml").read_text()
+    assert "A weighed part has `nominal`, `measured` and `std`, and no bounds" in text
+    with pytest.raises(ConfigError, match=r"^[^\n]*parameters\.m1\.nominal: is missing$"):
+        parse_rig(text.replace("nominal = 0.21\n", ""))
+
+
 def test_flags_describe_arm_length_geared_joints_zeros_and_mounted_rods(cli, tmp_path: Path) -> None:
     words = ("--l0", "0.4", "--l1-std", "0.002", "--geared", "2", "--geared", "1", "--rezeroed", "--rods", "inner")
     assert cli("rig", "new", *FLAGS, *words, "--out", "my.toml", cwd=tmp_path).code == 0

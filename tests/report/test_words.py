@@ -3,7 +3,10 @@
 import pytest
 
 from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.evidence import Budget, Evidence, RunBudget
 from dpr_lab.report.angles import DEGREES, RADIANS
+from dpr_lab.report.gap.sections.curves import curves_words
 from dpr_lab.report.words import in_words, named, parameter_words, size_words
 from dpr_lab.shown import percent
 
@@ -65,3 +68,11 @@ def test_angles_are_in_the_requested_unit():
 
 def test_a_share_that_rounds_to_zero_has_no_sign() -> None:
     assert [percent(-0.001), percent(0.001), percent(-0.0004, 1), percent(-0.012)] == ["0 %", "0 %", "0.0 %", "-1 %"]
+
+
+def test_the_report_explains_why_its_free_run_errors_differ_from_the_printed_ones() -> None:
+    run = RunBudget.model_construct(run="first", error_before_rad=0.02, error_after_rad=0.005)
+    evidence = Evidence.model_construct(budget=Budget.model_construct(runs=[run]))
+    (words,) = curves_words(Diagnosis.model_construct(evidence=evidence))
+    assert "the errors that the command prints cover 2.6 s, also beyond the horizon" in words
+    assert "20.0 mrad, in first; the corrected model has 5.00 mrad there" in words

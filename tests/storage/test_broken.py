@@ -235,7 +235,7 @@ def foreign(path, chunk=b"{}"):
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
-        (b"", "is empty"),
+        (b"", "is empty: nothing was recorded; record or import it again"),
         (b"t,theta1\n0,1\n", "is not a run file"),
         (b"\x89MC", "is not a run file"),
         (b"\x89MCAP0\r\n", "incomplete or damaged near byte 8"),
@@ -258,11 +258,11 @@ def test_what_is_not_a_run_is_refused_in_a_sentence(tmp_path, content, sentence)
 
 
 def test_missing_file_and_folder_are_named(tmp_path):
-    with pytest.raises(RunError, match=r"no.mcap: no such file$"):
+    with pytest.raises(RunError, match=r"no.mcap: no such file; check the path$"):
         load_run(tmp_path / "no.mcap")
     with pytest.raises(RunError, match="is a folder: give the run files in this folder"):
         load_run(tmp_path)
-    with pytest.raises(RunError, match=r"no.mcap: no such file$"):
+    with pytest.raises(RunError, match=r"no.mcap: no such file; check the path$"):
         verify(tmp_path / "no.mcap")
 
 

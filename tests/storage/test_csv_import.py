@@ -245,7 +245,7 @@ HEAD = "t,theta1,theta2\n"
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
-        (b"", "is empty"),
+        (b"", "is empty; check the path, or write the table again"),
         (b" \n\n", "is empty"),
         (b"# only a remark\n", "contains no rows"),
         (HEAD.encode(), "no row of numbers"),
@@ -322,7 +322,7 @@ def test_videos_and_pictures_are_refused_with_the_step_before_the_import(tmp_pat
 
 
 def test_missing_files_columns_and_poses_are_named(tmp_path):
-    with pytest.raises(RunError, match=r"no.csv: cannot be read: No such file"):
+    with pytest.raises(RunError, match=r"no.csv: cannot be read: No such file or directory; check its path"):
         read(tmp_path / "no.csv")
     file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, THETA2)
     with pytest.raises(RunError, match=r"no columns are named 'angle' \(--columns theta1=angle\)"):

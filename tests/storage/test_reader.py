@@ -20,8 +20,8 @@ def changed(**tables):
     return Rig.model_validate({name: {**values[name], **tables.get(name, {})} for name in values})
 
 
-def record(path, theta, release=1, pose="X2", summary=None, events=()):
-    with RunWriter(path, RunMetadata(RIG, pose, 1000)) as writer:
+def record(path, theta, release=1, pose="X2", summary=None, events=(), source="device"):
+    with RunWriter(path, RunMetadata(RIG, pose, 1000, source)) as writer:
         writer.samples(np.arange(len(theta)), np.round(RIG.positions(theta)).astype(np.int64))
         for kind, tick in events:
             writer.event(0, kind, tick)
@@ -76,6 +76,19 @@ def test_a_run_of_another_rig_is_refused(tmp_path, tables, message):
     with pytest.raises(RunError, match="run of another rig: ") as caught:
         load_run(path, changed(**tables))
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("source", "remedy"),
+    [
+        ("device", "the corrected model and its exports already contain a corrected value"),
+        ("import", "import the table again with this rig file"),
+    ],
+)
+def test_a_run_of_the_uncorrected_rig_file_has_a_remedy(tmp_path, source, remedy):
+    path = record(tmp_path / "a.mcap", np.full((5, 3), 0.1), source=source)
+    with pytest.raises(RunError, match=remedy):
+        load_run(path, changed(rig={"L1": 0.39}))
 
 
 def test_other_bounds_or_a_new_zero_are_the_same_rig(tmp_path):

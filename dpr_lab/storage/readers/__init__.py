@@ -80,7 +80,7 @@ def read_any(path: Path, take: Sequence[str] = (), on_progress: OnImport = unwat
         with path.open("rb") as file:
             begin = file.read(16)
     except OSError as error:
-        raise RunError(f"{path}: cannot be read: {error.strerror}") from error
+        raise RunError(f"{path}: cannot be read: {error.strerror}; check its path and permissions") from error
     # MATLAB files of version 4 and JSON have no signature.
     suffix = path.suffix.lower()
     text = partial(read_text, on_progress=on_progress, points=points)

@@ -48,7 +48,7 @@ def read_matlab(path: Path, take: Sequence[str]) -> Table:
         content = path.read_bytes() if path.stat().st_size <= _most_bytes() else b""
         if not content:
             refuse_large(path, path.stat().st_size // 8)
-            raise RunError(f"{path}: is empty")
+            raise RunError(f"{path}: is empty; check the path, or write the table again")
         for part in _parts(path, content) if content.startswith(b"MATLAB 5.0") else (content,):
             held |= loadmat(BytesIO(part), simplify_cells=False, chars_as_strings=False)
     return table_of(path, KIND, dict(_arrays(path, "", held)), take)

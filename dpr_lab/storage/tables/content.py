@@ -175,7 +175,7 @@ def _coding_of(path: Path, limits: TableLimits) -> str:
         if control and not (wide and valid):
             raise RunError(f"{path}: {_no_text(path, compressed=file is not packed)}")
     if not something:
-        raise RunError(f"{path}: is empty")
+        raise RunError(f"{path}: is empty; check the path, or write the table again")
     return coding if valid else "latin-1"  # only the degree sign in a header can be affected
 
 

@@ -97,9 +97,10 @@ def curves_words(diagnosis: Diagnosis) -> list[str]:
     if worst is None:
         return ["No recording was simulated."]
     return [
-        "Each free run starts from an initial state that is fitted to the first 0.3 s. The bare model has its largest"
-        f" rms error, {three(1e3 * worst.error_before_rad)} mrad, in {run_words(worst.run)}; the corrected model has"
-        f" {three(1e3 * worst.error_after_rad)} mrad there."
+        "Each free run starts from an initial state that is fitted to the first 0.3 s. Its error is compared up to"
+        " the predictability horizon; the errors that the command prints cover 2.6 s, also beyond the horizon. The bare"
+        f" model has its largest rms error, {three(1e3 * worst.error_before_rad)} mrad, in {run_words(worst.run)}; the"
+        f" corrected model has {three(1e3 * worst.error_after_rad)} mrad there."
     ]
 
 
