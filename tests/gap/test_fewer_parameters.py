@@ -15,7 +15,7 @@ from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
-from dpr_lab.gap.which.replacements import MORE_PLAUSIBLE, SEVERAL_CAUSES
+from dpr_lab.gap.which.replacements import LARGER_PRIOR, SEVERAL_CAUSES
 from dpr_lab.gap.which.restarts import escaped
 from dpr_lab.gap.which.search import Proposal, SearchState, apply_move
 from tests.background_rigs import law, recordings
@@ -196,6 +196,6 @@ def test_only_effects_with_one_amplitude_replace_a_curve_and_only_if_parameters_
 def test_a_rejected_richer_form_is_not_called_indistinguishable(replacing: str, ratio: float, start: str) -> None:
     """The table of effects lists no indistinguishable effect if the additional term of the richer form is excluded."""
     current, proposed = (cast("Hypothesis", SimpleNamespace(key=frozenset({name}))) for name in (FRICTION, replacing))
-    decision = MORE_PLAUSIBLE.accept(cast("FittedSets", None), current, Proposal(proposed, ratio))
+    decision = LARGER_PRIOR.accept(cast("FittedSets", None), current, Proposal(proposed, ratio))
     assert decision.accepted is (ratio > THRESHOLDS.likelier)
     assert decision.reason.startswith(f"{start}; the ratio")

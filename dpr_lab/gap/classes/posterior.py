@@ -224,9 +224,8 @@ def _added_cost(replacements: _Replacements, alternative: Alternative) -> float:
 def prior_odds(selection: Selection, model: Hypothesis, members: Collection[str] = ()) -> float:
     """Return the prior odds of a set against the selected set; 1 for sets of different size.
 
-    They are the products of `Effect.prior_odds`. Only for a drift that follows a missing loss, they are
-    `CALIBRATION.drifting`. Sizes are not included: the calibration of the probabilities contains the alternatives of
-    all possible sizes.
+    They are the quotient of the products of `Effect.prior_odds` of the exchanged effects. For a drift that follows a
+    missing loss, they are `CALIBRATION.drifting`. The plausibility of the sizes only divides a class among its members.
 
     Args:
         selection: the selected set

@@ -8,7 +8,7 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypot
 from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
-from dpr_lab.gap.which.replacements import BETTER_ALTERNATIVE, MORE_PLAUSIBLE, SEVERAL_CAUSES, SIMPLER_FORM
+from dpr_lab.gap.which.replacements import BETTER_ALTERNATIVE, LARGER_PRIOR, SEVERAL_CAUSES, SIMPLER_FORM
 from dpr_lab.gap.which.restarts import escaped
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 
@@ -63,5 +63,5 @@ The last move of the search is `removals.HELD_OUT`, which `select` applies after
 SHORT = (SMALLEST_ADEQUATE, DROP, SIMPLER_FORM)
 """Moves after forward selection in short segments, in order."""
 
-REVISIONS = ((BETTER_ALTERNATIVE, (DROP, OWN_SHARE, CONVERGE)), (MORE_PLAUSIBLE, (CONVERGE,)))
+REVISIONS = ((BETTER_ALTERNATIVE, (DROP, OWN_SHARE, CONVERGE)), (LARGER_PRIOR, (CONVERGE,)))
 """Revisions of the selected set, each with the moves that follow it if it changes the set."""

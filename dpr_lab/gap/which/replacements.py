@@ -25,12 +25,12 @@ from dpr_lab.gap.which.search import Decision, Move, Proposal
 def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     """Accept a replacement that explains as much as the set, within the margin for forms."""
     model, margin = proposal.model, form_indifference(sets.bare, current)
-    explains_as_much = (
+    adequate = (
         model.at_noise_floor
         if current.at_noise_floor
         else model.bounded_excess < THRESHOLDS.excess_factor * current.bounded_excess
     )
-    if explains_as_much and model.cost - current.cost < margin:
+    if adequate and model.cost - current.cost < margin:
         return Decision(True, f"the criterion grows by less than {margin:.3g}")
     return Decision(False, "explains less")
 
@@ -129,7 +129,7 @@ BETTER_ALTERNATIVE = Move(
 )
 
 
-def _more_probable_before(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+def _larger_priors(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose sets in which an indistinguishable effect replaces one, with the ratio of the prior probabilities."""
     chosen = sets.predictive(current)
     margin = indifference(sets.bare, chosen)
@@ -146,7 +146,7 @@ def _more_probable_before(sets: FittedSets, current: Hypothesis) -> Iterator[Pro
                 yield Proposal(model, math.exp(log_prior_ratio(model, chosen)))
 
 
-def _far_more_probable_before(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+def _far_larger_prior(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     ratio = f"the ratio of the prior probabilities is {proposal.value:.2g}"
     accepted = proposal.value > THRESHOLDS.likelier
     richer = any(not current.key.isdisjoint(EFFECTS[name].nested) for name in proposal.model.key - current.key)
@@ -155,11 +155,11 @@ def _far_more_probable_before(sets: FittedSets, current: Hypothesis, proposal: P
     return Decision(accepted, f"indistinguishable; {ratio}")
 
 
-MORE_PLAUSIBLE = Move(
+LARGER_PRIOR = Move(
     "larger prior probability",
     "of two indistinguishable effects, the one with the far larger prior probability is named",
-    _more_probable_before,
-    _far_more_probable_before,
+    _larger_priors,
+    _far_larger_prior,
 )
 
 
