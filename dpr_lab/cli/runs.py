@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import Choices, Json
+from dpr_lab.cli.checks import Choices, Json, complete_rig
 from dpr_lab.cli.console import emit, line, say, table
 from dpr_lab.cli.listing import Listing
 from dpr_lab.errors import RunError
@@ -72,18 +72,27 @@ def verify(files: RunFiles, as_json: JsonEach = False) -> None:
 def recover(
     file: RunFile,
     out: Annotated[Path, typer.Option(help="Run file to write.")],
+    rig: Annotated[
+        str | None,
+        typer.Option(
+            help="Corrected rig file to store in the new run. Default: the rig of the run.", autocompletion=complete_rig
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a valid run from a damaged one.
+    """Write a valid run from a damaged one, or a run with a corrected rig file.
 
     The new run contains all samples up to the first damage.
 
     Example: dpr-lab run recover broken.mcap --out whole.mcap
+
+    Example: dpr-lab run recover wrong_mass.mcap --rig corrected.toml --out corrected.mcap
     """
+    from dpr_lab.rig import load_rig
     from dpr_lab.storage.inspect import info as inspect_run
     from dpr_lab.storage.inspect import recover as recover_run
 
-    recover_run(file, out)
+    recover_run(file, out, load_rig(rig) if rig is not None else None)
     summary = asdict(inspect_run(out))
     if as_json:
         emit({"out": out, **summary})

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from dpr_lab.errors import RunError
+from dpr_lab.rig import Rig
 from dpr_lab.storage.layout import INTERRUPTED, SAMPLES, TORQUE_KEYS
 from dpr_lab.storage.metadata import RunSummary
-from dpr_lab.storage.reader import arm_mode, inner_mode, lost_by_gaps, release_row
+from dpr_lab.storage.reader import arm_mode, inner_mode, lost_by_gaps, refuse_other_encoders, release_row
 from dpr_lab.storage.row_text import Samples
 from dpr_lab.storage.scan import Scan, no_such_file, scan, stored_messages
 from dpr_lab.storage.sidecar import read_note, read_sidecar, sidecar_of
@@ -179,7 +180,7 @@ def verify(path: Path | str) -> Verification:
     return Verification(ok=not faults, faults=faults, interrupted=stored.interrupted)
 
 
-def recover(path: Path | str, out: Path | str) -> int:
+def recover(path: Path | str, out: Path | str, rig: Rig | None = None) -> int:
     """Write the valid part of a damaged run to a new, undamaged run file.
 
     The new file states where and why the recording was interrupted. The damaged file is not changed.
@@ -187,12 +188,13 @@ def recover(path: Path | str, out: Path | str) -> int:
     Args:
         path: the damaged file
         out: the file to write, which must not exist
+        rig: corrected description of the rig; None keeps the rig of the run
 
     Returns:
         Number of recovered samples.
 
     Raises:
-        RunError: no sample can be recovered, or `out` cannot be written.
+        RunError: no sample can be recovered, `out` cannot be written, or the run belongs to another rig.
     """
     stored = scan(Path(path))
     samples = stored.samples()
@@ -204,7 +206,14 @@ def recover(path: Path | str, out: Path | str) -> int:
     if interruption := _interruption(stored, samples):
         origin[INTERRUPTED] = interruption
     notes = (*summary.notes, f"recovered from {stored.path.name}, {recovered} samples kept")
-    with whole_run(out, replace(stored.metadata, extra={**stored.metadata.extra, **origin})) as writer:
+    metadata = replace(stored.metadata, extra={**stored.metadata.extra, **origin})
+    if rig is not None:
+        refuse_other_encoders(stored, rig)
+        if metadata.pose not in (None, *rig.poses):
+            raise RunError(f"{path}: was released from the pose {metadata.pose}, which the rig file does not contain")
+        metadata = replace(metadata, rig=rig)
+        notes += ("the description of the rig was corrected after the recording",)
+    with whole_run(out, metadata) as writer:
         writer.copy(stored_messages(stored.path))
         writer.finish(replace(summary, notes=notes))
     return recovered

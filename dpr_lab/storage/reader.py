@@ -22,7 +22,6 @@ from dpr_lab.storage.sidecar import read_sidecar
 
 # Encoder zeros and noise may differ between runs of the same rig, so they are not compared.
 _SAME_ENCODERS = ("counts_per_rev", "joint2", "direction")
-_SAME_FRAME = ("L1", "g")
 Mode = TypeVar("Mode", bound=str)
 
 
@@ -39,7 +38,8 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
 
     Args:
         path: the run file
-        rig: the rig to which the run should belong; name, encoders, L1 and g are compared, parameters are not
+        rig: the rig to which the run should belong: its name and encoders must be those of the run. Lengths, gravity
+            and parameters may have been corrected since the recording; a note of the run lists the differences.
         verify: whether to compare the file with the hash that was written when the file was finished
 
     Raises:
@@ -49,9 +49,11 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     stored = scan(Path(path))
     if verify:
         _check_hash(stored)
-    if rig is not None:
-        _check_rig(stored, rig)
-    return run_of(stored)
+    if rig is None:
+        return run_of(stored)
+    refuse_other_encoders(stored, rig)
+    run = run_of(stored)
+    return replace(run, notes=(*run.notes, *_corrections(stored.metadata.rig, rig)))
 
 
 def run_of(stored: Scan) -> Run:
@@ -298,26 +300,50 @@ def _check_hash(stored: Scan) -> None:
         )
 
 
-def _check_rig(stored: Scan, rig: Rig) -> None:
+def refuse_other_encoders(stored: Scan, rig: Rig) -> None:
+    """Check that name and encoders of a rig are those of the rig in a run.
+
+    Raises:
+        RunError: the run belongs to another rig, or its counts have another meaning.
+    """
     recorded_rig = stored.metadata.rig
     refuse_other_rig(stored.path, recorded_rig.name, rig.name)
-    pairs = [(f"rig.{key}", getattr(recorded_rig.rig, key), getattr(rig.rig, key)) for key in _SAME_FRAME]
-    pairs += [
+    pairs = [
         (f"encoders.{key}", getattr(recorded_rig.encoders, key), getattr(rig.encoders, key)) for key in _SAME_ENCODERS
     ]
     differing = [
         f"{key} is {stored} in the run, {given} in the rig file" for key, stored, given in pairs if stored != given
     ]
     if differing:
-        instead = (
-            "give the rig file that was used for the import, import the table again with this rig file,"
-            if stored.metadata.source == "import"
-            else "give the rig file that was used for the recording (the corrected model and its exports already"
-            " contain a corrected value),"
-        )
+        imported = stored.metadata.source == "import"
+        instead = "import the table again with this rig file" if imported else "record again with this rig file"
         raise RunError(
-            f"{stored.path}: is a run of another rig: {'; '.join(differing)}; {instead} or leave this run out"
+            f"{stored.path}: is a run of another rig: {'; '.join(differing)}; give the rig file that was used for the"
+            f" {'import' if imported else 'recording'}, {instead}, or leave this run out"
         )
+
+
+def _corrections(recorded: Rig, given: Rig) -> list[str]:
+    """Return notes on values that differ between the rig in a run and a rig file that was corrected later."""
+    old, new = _described(recorded), _described(given)
+    changed = [f"{key} = {new[key]} (in the run: {old[key]})" for key in new if new[key] != old[key]]
+    notes = [f"uses the corrected description of the rig: {', '.join(changed)}"] if changed else []
+    if recorded.added_mass and given.added_mass and recorded.added_mass != given.added_mass:
+        mass = recorded.added_mass
+        notes.append(
+            f"uses the added mass of the recording, {mass.mass:g} kg at {mass.position:g} m on the {mass.rod} rod, not"
+            " that of the rig file; if it is wrong in the recording, write a corrected copy by `dpr-lab run recover"
+            " --rig`"
+        )
+    return notes
+
+
+def _described(rig: Rig) -> dict[str, float | str]:
+    """Return the lengths, gravity and parameters of a rig by their keys in the rig file."""
+    values = {f"rig.{key}": value for key, value in rig.rig if key != "name"}
+    for name, parameter in rig.parameters.items():
+        values |= {f"parameters.{name}.{key}": getattr(parameter, key) for key in ("nominal", "measured")}
+    return {key: "none" if value is None else value for key, value in values.items()}
 
 
 def _what_happened(stored: Scan) -> list[str]:

@@ -128,7 +128,7 @@ def _leaving_out(file: Path, request: CompareRequest, left_out: list[Path], on_e
 
 
 def _read(file: Path, model: "Model | MovingArmModel", request: CompareRequest, on_event: OnEvent) -> "tuple[Run, Rig]":
-    """Read a run and its rig.
+    """Read a run and its rig, with the length and gravity of the model.
 
     Raises:
         RunError: the run cannot be read, or the model belongs to another rig.
@@ -137,10 +137,10 @@ def _read(file: Path, model: "Model | MovingArmModel", request: CompareRequest, 
     from dpr_lab.workflows.reading import read_runs
 
     rig = stored_rig(file)
-    if (rig.name, rig.L1) != (model.rig.name, model.rig.L1):
+    if rig.name != model.rig.name:
         raise RunError(
-            f"{file}: run of rig {rig.name}, L1 = {rig.L1:g} m, but the model belongs to {model.rig.name}, L1 ="
-            f" {model.rig.L1:g} m: give a model of this rig"
+            f"{file}: run of rig {rig.name}, but the model belongs to {model.rig.name}: give a model of this rig"
         )
+    rig = rig.model_copy(update={"rig": rig.rig.model_copy(update={"L1": model.rig.L1, "g": model.rig.g})})
     (run,) = read_runs([file], rig, on_event, request.any_clock, request.torque)
     return run, rig

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig, load_rig
+from dpr_lab.storage.inspect import recover
 from dpr_lab.storage.layout import RELEASED, sealed, unsealed
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.reader import load_run
@@ -20,8 +21,8 @@ def changed(**tables):
     return Rig.model_validate({name: {**values[name], **tables.get(name, {})} for name in values})
 
 
-def record(path, theta, release=1, pose="X2", summary=None, events=(), source="device"):
-    with RunWriter(path, RunMetadata(RIG, pose, 1000, source)) as writer:
+def record(path, theta, release=1, pose="X2", summary=None, events=(), source="device", rig=RIG):
+    with RunWriter(path, RunMetadata(rig, pose, 1000, source)) as writer:
         writer.samples(np.arange(len(theta)), np.round(RIG.positions(theta)).astype(np.int64))
         for kind, tick in events:
             writer.event(0, kind, tick)
@@ -64,9 +65,10 @@ def test_a_run_without_release_or_samples_is_refused(tmp_path):
     ("tables", "message"),
     [
         ({"rig": {"name": "other"}}, "another rig: paper, not other. Give the rig file"),
-        ({"rig": {"L1": 0.39}}, "rig.L1 is 0.4 in the run, 0.39 in the rig file"),
-        ({"rig": {"g": 9.8}}, "rig.g"),
-        ({"encoders": {"counts_per_rev": [16384, 4096, 16384]}}, "encoders.counts_per_rev"),
+        (
+            {"encoders": {"counts_per_rev": [16384, 4096, 16384]}},
+            "encoders.counts_per_rev is (16384, 16384, 16384) in the run, (16384, 4096, 16384) in the rig file",
+        ),
         ({"encoders": {"joint2": "absolute"}}, "encoders.joint2"),
         ({"encoders": {"direction": [1, 1, -1]}}, "encoders.direction"),
     ],
@@ -80,15 +82,39 @@ def test_a_run_of_another_rig_is_refused(tmp_path, tables, message):
 
 @pytest.mark.parametrize(
     ("source", "remedy"),
-    [
-        ("device", "the corrected model and its exports already contain a corrected value"),
-        ("import", "import the table again with this rig file"),
-    ],
+    [("device", "record again with this rig file"), ("import", "import the table again with this rig file")],
 )
-def test_a_run_of_the_uncorrected_rig_file_has_a_remedy(tmp_path, source, remedy):
+def test_a_run_of_other_encoders_has_a_remedy(tmp_path, source, remedy):
     path = record(tmp_path / "a.mcap", np.full((5, 3), 0.1), source=source)
     with pytest.raises(RunError, match=remedy):
-        load_run(path, changed(rig={"L1": 0.39}))
+        load_run(path, changed(encoders={"joint2": "absolute"}))
+
+
+def test_a_corrected_rig_file_is_used_and_its_differences_are_noted(tmp_path):
+    path = record(tmp_path / "a.mcap", np.full((5, 3), 0.1))
+    values = RIG.model_dump(mode="json", exclude_none=True)["parameters"]
+    values["m1"] |= {"measured": 0.12, "std": 0.001}
+    run = load_run(path, changed(rig={"L1": 0.39}, parameters=values))
+    assert run.notes == (
+        "uses the corrected description of the rig: rig.L1 = 0.39 (in the run: 0.4), parameters.m1.measured = 0.12 (in"
+        " the run: none)",
+    )
+    assert not load_run(path, RIG).notes
+
+
+def test_a_corrected_added_mass_is_used_in_a_corrected_copy(tmp_path):
+    values = RIG.model_dump(mode="json", exclude_none=True)
+    mass = {"rod": "outer", "position": 0.2}
+    wrong, right = (Rig.model_validate({**values, "added_mass": {**mass, "mass": m}}) for m in (1.0, 2.0))
+    path = record(tmp_path / "a.mcap", np.full((5, 3), 0.1), rig=wrong)
+    (note,) = load_run(path, right).notes
+    assert note.startswith("uses the added mass of the recording, 1 kg at 0.2 m on the outer rod")
+    recover(path, tmp_path / "b.mcap", right)
+    assert load_run(tmp_path / "b.mcap", right).added_mass == right.added_mass
+    with pytest.raises(RunError, match="run of another rig"):
+        recover(path, tmp_path / "c.mcap", changed(encoders={"direction": [1, 1, -1]}))
+    with pytest.raises(RunError, match="pose X2, which the rig file does not contain"):
+        recover(path, tmp_path / "c.mcap", Rig.model_validate({**values, "poses": {}}))
 
 
 def test_other_bounds_or_a_new_zero_are_the_same_rig(tmp_path):

@@ -108,11 +108,14 @@ def test_identification_reports_its_progress_and_stops_on_request(recorded, tmp_
         compare(CompareRequest((missing,), result.file, tmp_path, leave_out=True))
 
     saved = json.loads(result.file.read_text())
-    (tmp_path / "other.json").write_text(json.dumps(saved | {"rig": saved["rig"] | {"L1": 0.3}}))
-    with pytest.raises(
-        RunError, match=r"L1 = 0.4 m, but the model belongs to paper, L1 = 0.3 m: give a model of this rig"
-    ):
+    (tmp_path / "other.json").write_text(json.dumps(saved | {"rig": saved["rig"] | {"name": "other"}}))
+    with pytest.raises(RunError, match=r"run of rig paper, but the model belongs to other: give a model of this rig"):
         compare(CompareRequest(files, tmp_path / "other.json", tmp_path))
+    (tmp_path / "longer.json").write_text(json.dumps(saved | {"rig": saved["rig"] | {"L1": 0.41}}))
+    compare(CompareRequest(files[:1], tmp_path / "longer.json", tmp_path), heard)
+    assert heard.of(events.RunRead)[-1].notes == (
+        "uses the corrected description of the rig: rig.L1 = 0.41 (in the run: 0.4)",
+    )
     (tmp_path / "diagnosis.json").write_text('{"verdict": "no_gap"}')
     with pytest.raises(RunError, match=r"is a diagnosis; its corrected model is model.json in the same folder"):
         compare(CompareRequest(files, tmp_path / "diagnosis.json", tmp_path))
