@@ -132,6 +132,16 @@ def reservation(diagnosis: Diagnosis) -> str:
     return f"Not excluded at the minimum detectable size: {_most_significant(diagnosis)}."
 
 
+def by_prior(diagnosis: Diagnosis) -> str:
+    """Return a sentence on the causes that only their prior probability excludes; empty if there are none."""
+    classes = [effect for effect in diagnosis.effects if effect.only_by_prior]
+    if not classes or not decided(diagnosis):
+        return ""
+    excluded = listed([name for effect in classes for name in effect.only_by_prior])
+    causes = listed([effect.name for effect in classes])
+    return f"Only a small prior probability excludes {excluded}: indistinguishable from {causes} in these recordings."
+
+
 def recorded_releases(diagnosis: Diagnosis) -> int:
     """Count the fitted and held-out releases; all pieces of one recording count once."""
     if diagnosis.evidence is None:  # a file of an older version

@@ -21,7 +21,7 @@ from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, PlannedRelease
 from dpr_lab.planning.sequence import SequenceStep
-from dpr_lab.planning.stopping import STOPPING, decided, recorded_releases, reservation, undecided
+from dpr_lab.planning.stopping import STOPPING, by_prior, decided, recorded_releases, reservation, undecided
 from dpr_lab.planning.worth.criteria import OpenAmplitudes, detectable, library_bits, ratio_std, shown_ratio_std
 from dpr_lab.planning.worth.objective import Gain, Objective, limit_forecasts
 from dpr_lab.shown import counted, listed, percent
@@ -239,7 +239,7 @@ def plan_sentence(
         next_step = "Further releases only improve the accuracy of sizes and ratios."
         if untested := reservation(diagnosis):
             next_step = f"{untested} Optional: record {'release 1' if releases else 'a further release'} to test this."
-        return f"Enough: {answer}. {next_step}"
+        return " ".join(filter(None, (f"Enough: {answer}.", by_prior(diagnosis), next_step)))
     if not releases:
         return "No release fits the budget."
     note = only_ratios_sentence(reasons, state == "record")

@@ -8,6 +8,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
+from dpr_lab.gap.conclusion.causes import to_rule_out
 from dpr_lab.gap.result.diagnosis import UNCERTAIN
 from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.gap.result.posterior import PosteriorComponent
@@ -160,6 +161,24 @@ def test_enough_names_the_effects_that_are_not_excluded_and_offers_an_optional_r
         assert ("No further recording" in step) is not is_listed
     assert "tests the effects that are not excluded yet" in made.releases[0].reason
     assert not reservation(of_runs(one_cause(), "P1", exclusions=[tested]))  # one release: not decided
+
+
+@pytest.mark.parametrize(("odds", "rule_out"), [(0.99, False), (0.91, True)])
+def test_remedy_stop_and_next_step_agree_on_a_class_that_the_prior_decides(
+    odds: float, rule_out: bool, paper: Rig
+) -> None:
+    """A length error looks like a clock error, which is improbable for a crystal."""
+    length, clock = "wrong_length_L1", "clock_rate"
+    (cause,) = one_cause(advice=[]).effects
+    fields = {"name": length, "members": [length, clock], "odds": {length: odds, clock: 1 - odds}, "probability": 0.98}
+    twins = cause.model_copy(update=fields)
+    two = of_runs(one_cause(advice=[]).model_copy(update={"effects": [twins]}), "P1", "P2")
+    made = summed_up(Objective.of(replace(known_before(paper), diagnosis=two)), [], PlanLimits(), 0.0)
+    assert (made.state == "enough") is not rule_out
+    assert ("first rule out clock_rate" in to_rule_out(twins)) is rule_out
+    words = "Only a small prior probability excludes clock_rate: indistinguishable from wrong_length_L1"
+    assert (words in made.sentence) is not rule_out
+    assert ("Only a small prior probability excludes clock" in next_steps(two)[0]) is not rule_out
 
 
 def test_a_plan_tests_the_effects_that_keep_no_gap_undecided(paper: Rig) -> None:

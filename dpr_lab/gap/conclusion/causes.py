@@ -150,4 +150,11 @@ def to_simulator(named: Iterable[NamedEffect]) -> list[str]:
 def to_rule_out(effect: NamedEffect) -> str:
     """Return the end of a remedy that states the other members of a class; empty if there are none."""
     others = [name for name in effect.members if name != effect.name]
-    return f" (first rule out {' and '.join(others)}: indistinguishable in these recordings)" if others else ""
+    if not others:
+        return ""
+    if others == effect.only_by_prior:
+        are, of_them = ("is", "its") if len(others) == 1 else ("are", "their")
+        return (
+            f" ({listed(others)} {are} indistinguishable in these recordings, but {of_them} prior probability is small)"
+        )
+    return f" (first rule out {' and '.join(others)}: indistinguishable in these recordings)"

@@ -58,6 +58,12 @@ class NamedEffect(Saved):
         return {name: self.probability * self.odds.get(name, equal) for name in self.members}
 
     @property
+    def only_by_prior(self) -> list[str]:
+        """Other members of the class, if their sizes or rarity make all of them together improbable."""
+        others = [name for name in self.members if name != self.name]
+        return others if self.odds.get(self.name, 0.0) > 1 - PROBABLE else []
+
+    @property
     def insignificant(self) -> set[str]:
         """Amplitudes whose intervals contain zero; empty if the intervals of all amplitudes do."""
         amplitudes = {p.name for p in EFFECTS[self.name].amplitudes} & set(self.parameters)

@@ -7,7 +7,7 @@ from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, recommended
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.pieces import are_pieces
-from dpr_lab.planning.stopping import STOPPING, recorded_releases, reservation, undecided
+from dpr_lab.planning.stopping import STOPPING, by_prior, recorded_releases, reservation, undecided
 from dpr_lab.report.gap.check_tables import bits
 from dpr_lab.report.gap.tables import per_reading
 from dpr_lab.report.words import in_words, named
@@ -45,9 +45,12 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         return [*checked, *advised, *last]
     if reason := undecided(diagnosis):
         return [f"Record a further release (dpr-lab plan proposes it): {in_words(reason)}."]
+    of_prior = in_words(by_prior(diagnosis))
     if untested := reservation(diagnosis):
         optional = "Optional: record a further release to test this (dpr-lab plan proposes it)."
-        return [f"The causes are decided. {in_words(untested)} {optional}"]
+        return [" ".join(filter(None, ("The causes are decided.", of_prior, in_words(untested), optional)))]
+    if of_prior:
+        return [f"No further recording is needed. {of_prior} Optional: a bench check confirms this."]
     optional = " Optional: a further release confirms the result under other conditions."
     return [f"No further recording or check is needed.{optional * (recorded_releases(diagnosis) < STOPPING.fewest)}"]
 
