@@ -37,7 +37,10 @@ hypotheses are that no effect is present, or that one effect alone is present. T
 amplitude i, with a flat prior of its size. The criterion by which a diagnosis selects effects (BIC) approximates their
 odds, with the penalty p_i of this amplitude and of the shapes of its effect:
 
-    1 : exp((z_i^2 - p_i) / 2).
+    1 : q exp((z_i^2 - p_i) / 2).
+
+q is the prior odds of the effect (`Effect.prior_odds`), relative to their mean over the tested effects. A common effect
+is more probable than a rare one, as in a diagnosis.
 
 The releases add the information D. Let a be the size of the present amplitude i. The score of each amplitude j
 increases by its mean response to a, and by noise:
@@ -49,13 +52,13 @@ most of D, a small difference removes it. D is therefore computed for several ra
 
 The improvement by an effect is its largest z'^2 minus the penalty of its parameters. A draw settles the question if all
 effects are excluded, or if the best effect is named and decided. It is named if its improvement exceeds chance. Its
-probability follows from the improvements of the best effect, of its best alternatives and of no effect, as in a
-diagnosis. It is decided if this probability reaches `SURE`. An effect that becomes visible thus stays undecided if
-another effect has a similar signature, unless no release separates them. Two effects are separated by the distance
-between the readings under the first effect and the nearest readings under the second one, at any of its amplitudes. The
-recordings end with the first release that settles the question. Effects that are excluded now are included, because the
-estimate of an effect that is present grows. The simulation contains the effects that a release may reveal.
-Therefore neither `confirmed` nor `failed` applies to it.
+probability follows from the improvements of the best effect, of its best alternatives and of no effect, and from the
+prior odds of the effects, as in a diagnosis. It is decided if this probability reaches `SURE`. An effect that becomes
+visible thus stays undecided if another effect has a similar signature, unless no release separates them. Two effects
+are separated by the distance between the readings under the first effect and the nearest readings under the second one,
+at any of its amplitudes. The recordings end with the first release that settles the question. Effects that are excluded
+now are included, because the estimate of an effect that is present grows. The simulation contains the effects that a
+release may reveal. Therefore neither `confirmed` nor `failed` applies to it.
 
 Sources: H. Jeffreys (1946), An invariant form for the prior probability in estimation problems, Proceedings of the
 Royal Society A 186, 453-461. R. E. Kass & A. E. Raftery (1995), Bayes factors, Journal of the American Statistical
@@ -124,6 +127,8 @@ class TestedEffects(NamedTuple):
     """Column of the most significant amplitude of each effect."""
     prices: Array
     """(effects,) penalty of the parameters of each effect, in units of chi2."""
+    log_prior: Array
+    """(effects,) logarithm of the prior odds of each effect, relative to their mean."""
     probabilities: Array
     """(1 + effects,) probability of no effect, and of each effect alone."""
     separation: Array
@@ -148,12 +153,15 @@ class TestedEffects(NamedTuple):
         largest = [max(of_effect, key=lambda i: abs(z[i]) - limits[i]) for of_effect in columns]
         prices = PENALTY.parameter * np.array([len(effect.amplitudes) + len(effect.shapes) for effect in effects])
         shapes = np.array([len(effect.shapes) for effect in effects])
-        log_odds = np.append(0.0, 0.5 * (z[largest] ** 2 - PENALTY.parameter * (1 + shapes)))
+        prior = np.array([effect.prior_odds for effect in effects])
+        log_prior = np.log(prior / prior.mean())
+        log_odds = np.append(0.0, log_prior + 0.5 * (z[largest] ** 2 - PENALTY.parameter * (1 + shapes)))
         odds = np.exp(log_odds - log_odds.max())
         repeated = amplitudes.after + FORECAST.repeats / releases * (amplitudes.after - amplitudes.before)
         D2 = _distances(repeated, largest, columns) - _distances(amplitudes.after, largest, columns)
         power = np.diag(amplitudes.after)[largest, None]
-        return cls(z, limits, columns, largest, prices, odds / odds.sum(), D2 / power / CALIBRATION.temperature)
+        separation = D2 / power / CALIBRATION.temperature
+        return cls(z, limits, columns, largest, prices, log_prior, odds / odds.sum(), separation)
 
     def settled(self, z: Array) -> Flags:
         """Return the (draws,) mask of draws that exclude every effect or decide on one.
@@ -163,11 +171,12 @@ class TestedEffects(NamedTuple):
         """
         excluded = np.all(np.abs(z) < self.limits, axis=1)
         improvement = np.stack([np.max(z[:, columns] ** 2, axis=1) for columns in self.columns], axis=1) - self.prices
-        best, largest = improvement.argmax(axis=1), improvement.max(axis=1)
-        explained = largest + self.prices[best]
-        named = largest >= THRESHOLDS.chance
-        weights = np.exp((improvement - largest[:, None]) / (2 * CALIBRATION.temperature))
-        of_none = np.exp(-largest / (2 * CALIBRATION.temperature))
+        log_weights = improvement / (2 * CALIBRATION.temperature) + self.log_prior
+        named, best = improvement.max(axis=1) >= THRESHOLDS.chance, log_weights.argmax(axis=1)
+        of_best = improvement[range(len(z)), best]
+        explained = of_best + self.prices[best]
+        weights = np.exp(log_weights - log_weights.max(axis=1, keepdims=True))
+        of_none = np.exp(-of_best / (2 * CALIBRATION.temperature))
         alike = explained[:, None] * self.separation[best] < FORECAST.separable
         cause, alternatives = np.sum(weights * alike, axis=1), np.sort(weights * ~alike, axis=1)
         others = alternatives[:, -CALIBRATION.alternatives :].sum(axis=1) + of_none

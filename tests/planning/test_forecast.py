@@ -87,7 +87,23 @@ def test_a_richer_form_of_the_best_effect_does_not_keep_it_undecided() -> None:
     (apart,) = settled_probabilities(
         [[OpenAmplitudes((tested[0], tested[2]), before[1:, 1:], 4.0 * before[1:, 1:])]] * 40
     )
-    assert richer > apart + 0.2
+    assert richer > apart + 0.1
+
+
+def test_a_forecast_uses_the_prior_odds_of_common_effects() -> None:
+    """A diagnosis decides a common effect against a rare one of nearly the same signature and significance."""
+    sizes, similar = (5.5, 4.4), np.array([[1.0, 0.8], [0.8, 1.0]])
+    made = []
+    for names in (
+        ("base_tilt", "com_offset_link2"),
+        ("latency_joint2", "com_offset_link2"),
+        ("base_tilt", "encoder_offset_joint1"),
+    ):
+        tested = tuple(latency(z).model_copy(update={"effect": name}) for z, name in zip(sizes, names, strict=True))
+        made += settled_probabilities([[OpenAmplitudes(tested, similar, 2.0 * similar)]] * 40)
+    common, both_rare, both_common = made
+    assert common > both_rare + 0.1
+    assert both_common == pytest.approx(both_rare, abs=1e-9)
 
 
 def test_a_question_that_a_release_settles_stays_settled() -> None:
