@@ -259,6 +259,13 @@ def moves(runs: Iterable[Run]) -> bool:
     return any(run.arm_mode in ("free", "driven") for run in runs)
 
 
+def truncation(names: Iterable[str]) -> list[str]:
+    """Return a warning with the names of truncated recordings; the list is empty if there are none."""
+    truncated = ", ".join(dict.fromkeys(names))
+    warning = "truncated recordings, used up to their interruption (`dpr-lab run verify` states its cause)"
+    return [f"{warning}: {truncated}"] if truncated else []
+
+
 def torque_kinds(runs: Iterable[Run]) -> tuple[str, ...]:
     """Return the kinds of known torques in these runs."""
     return tuple(sorted({run.torque_kind for run in runs if run.torques is not None} - {""}))

@@ -22,6 +22,7 @@ def choices_of(certificate: Certificate) -> list[Declared]:
         Declared(
             "held-out recordings", ", ".join(recording.file for recording in recordings if recording.held_out) or "none"
         ),
+        *([Declared("truncated recordings", ", ".join(certificate.incomplete))] if certificate.incomplete else []),
         Declared("rig file", f"{certificate.rig.file} (SHA-256 {certificate.rig.sha256[:12]})"),
         Declared("library", EVERYTHING) if library is None else _not_default("library", ", ".join(library), EVERYTHING),
         _choice("excluded effects", without or "none", "none"),

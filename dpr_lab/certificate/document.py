@@ -143,6 +143,8 @@ class Certificate(_Part):
     rig: CertifiedRig
     limits: CertifiedLimits | None = None
     """Limits file whose test results are also claimed; None if there are no limits."""
+    incomplete: tuple[FilePath, ...] = ()
+    """Recordings that were interrupted or damaged, and are used up to this point."""
     choices: CertifiedChoices
     made_with: MadeWith
     claims: dict[str, CertifiedClaim]
@@ -160,9 +162,9 @@ class Certificate(_Part):
     def content(self) -> bytes:
         """Canonical JSON of all fields except signature and seal.
 
-        The field `limits` is left out if there are no limits.
+        The fields `limits` and `incomplete` are left out if they are empty.
         """
-        absent = {"limits"} if self.limits is None else set[str]()
+        absent = {name for name in ("limits", "incomplete") if not getattr(self, name)}
         fields = self.model_dump(mode="json", exclude={"signature", "seal"} | absent)
         return json.dumps(fields, sort_keys=True, separators=(",", ":")).encode()
 

@@ -1,6 +1,7 @@
 """Hashes of the recordings and of the rig file of a certificate."""
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from dpr_lab.certificate.document import Certificate, CertifiedLimits, CertifiedRecording, CertifiedRig
@@ -83,6 +84,20 @@ def _compare(certified: CertifiedRecording, path: Path) -> tuple[bool, str | Non
     if same_file and load_run(path).readings_sha256 != certified.readings:
         return False, sha256[:12], "does not contain the certified readings"
     return True, sha256[:12], "" if same_file else "another file with the same readings"
+
+
+def incomplete(recordings: Iterable[CertifiedRecording], folder: Path) -> tuple[str, ...]:
+    """Return the files of recordings that were interrupted or damaged."""
+    return tuple(recording.file for recording in recordings if not load_run(folder / recording.file).complete)
+
+
+def compare_incomplete(certificate: Certificate, folder: Path) -> list[Verified]:
+    """Compare the truncated recordings with the certified list; the result is empty if they agree."""
+    certified, now = certificate.incomplete, incomplete(certificate.recordings, folder)
+    if certified == now:
+        return []
+    reason = "the certificate names other truncated recordings"
+    return [Verified("truncated recordings", ", ".join(certified), ", ".join(now), False, reason)]
 
 
 def _has_readings(path: Path, readings: str) -> bool:

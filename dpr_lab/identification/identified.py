@@ -30,7 +30,7 @@ from dpr_lab.identification.ratio_fit import RatioFit, predictable_until
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.identification.uncertainty import RatioUncertainty, uncertainty
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run
+from dpr_lab.run import Run, truncation
 from dpr_lab.setup import only_inner
 from dpr_lab.shown import percent
 from dpr_lab.version import __version__
@@ -116,7 +116,9 @@ def identified_model(
         ),
         search=search,
         runs=[_used(i, runs[i], ratio_fit) for i in range(len(runs))],
-        warnings=_of_alone(_warnings(ratio_fit, mounted_alone), alone) + _beyond_bounds(parameters, rig),
+        warnings=_of_alone(_warnings(ratio_fit, mounted_alone), alone)
+        + _beyond_bounds(parameters, rig)
+        + truncation(prepared.run.name for prepared in runs if not prepared.run.complete),
         failures=_of_alone(_failures(ratio_fit, mounted_alone), alone)
         + _misread(ratio_fit, [prepared.run for prepared in runs], rig),
         version=__version__,

@@ -9,6 +9,7 @@ from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import plus_minus
 from dpr_lab.report.pages.page import page_table
 from dpr_lab.report.run_names import run_label
+from dpr_lab.report.tables import role
 from dpr_lab.shown import counted
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def comparison_table(compared: Mapping[str, Any]) -> list[list[str]]:
     return [
         [
             run_label(run["run"]),
-            "held out" if run["held_out"] else "fitted",
+            role(run["held_out"], run["complete"]),
             joint,
             f"{1e3 * rms:.3g}",
             f"{1e3 * run['noise_rad'][joint]:.2g}",

@@ -241,6 +241,11 @@ def parameter_note(model: "Model") -> str:
     return f"{PARAMETER_NOTE} {superscripts(model.scale_sentence)}" if model.scale else PARAMETER_NOTE
 
 
+def role(held_out: bool, complete: bool) -> str:
+    """Return the role of a recording, and whether it is truncated."""
+    return ("held out" if held_out else "fitted") + ("" if complete else ", truncated")
+
+
 @page_table(
     "run",
     "role",
@@ -257,7 +262,7 @@ def comparison_table(comparisons: "Sequence[Comparison]", angles: AngleUnit = RA
     return [
         [
             compared_name(comparison),
-            ("held out" if comparison.held_out else "fitted")
+            role(comparison.held_out, comparison.complete)
             + (f", {comparison.torque_kind} torques" if comparison.torque_kind else ""),
             str(comparison.segments),
             pair(angles.small_per_rad * comparison.segment_rms_rad[:rods]),

@@ -121,15 +121,19 @@ def _certificate(
 ) -> "Certificate":
     from dpr_lab.certificate.code import made_with
     from dpr_lab.certificate.document import POLICY, Certificate, CertifiedChoices, MadeWith
-    from dpr_lab.certificate.files import certify_limits, certify_recording, certify_rig
+    from dpr_lab.certificate.files import certify_limits, certify_recording, certify_rig, incomplete
 
-    recordings = [(path, False) for path in request.runs] + [(path, True) for path in request.held_out]
+    recordings = [
+        *(certify_recording(path, folder, held_out=False) for path in request.runs),
+        *(certify_recording(path, folder, held_out=True) for path in request.held_out),
+    ]
     choices: dict[str, Any] = {name: getattr(request, name) for name in CertifiedChoices.model_fields}
     return Certificate(
         policy=POLICY,
-        recordings=[certify_recording(path, folder, held_out=held_out) for path, held_out in recordings],
+        recordings=recordings,
         rig=certify_rig(request.rig, folder),
         limits=certify_limits(limits, folder) if limits else None,
+        incomplete=incomplete(recordings, folder),
         choices=CertifiedChoices(**choices),
         made_with=MadeWith(**made_with()),
         claims={name: required.claim for name, required in claims.items()},
@@ -165,7 +169,7 @@ def verify(
     from dpr_lab.certificate.code import compare_code, made_with
     from dpr_lab.certificate.declared import choices_of, origin_of
     from dpr_lab.certificate.document import load_certificate
-    from dpr_lab.certificate.files import compare_limits, compare_recording, compare_rig
+    from dpr_lab.certificate.files import compare_incomplete, compare_limits, compare_recording, compare_rig
     from dpr_lab.certificate.policy import compare_claims
     from dpr_lab.certificate.signature import compare_signature, load_public_key
     from dpr_lab.planning.limits import PlanLimits
@@ -180,6 +184,8 @@ def verify(
         compare_rig(certificate, path.parent),
         *compare_limits(certificate, path.parent),
     ]
+    if all(line.holds for line in lines):
+        lines += compare_incomplete(certificate, path.parent)
     if all(line.holds for line in lines):
         request = _request(certificate, path.parent)
         requirements = load_limits(path.parent / certificate.limits.file, PlanLimits) if certificate.limits else None

@@ -167,7 +167,8 @@ def test_the_tables_of_a_moving_arm_state_units_and_label_runs_like_those_of_a_c
     rows = tables.ratio_table(Mock(ratios=dict.fromkeys(names, value))).rows
     assert {row[0]: row[3] for row in rows} == {"e1/a": "1/s²", "A/a": "1", "kt/(R a)": "1/(s² V)"}
     name = "20261121T101500Z_X1_00000001"
-    runs = [{"run": name, "held_out": False, "rms_rad": {"joint 0": 1e-3}, "noise_rad": {"joint 0": 1e-3}}]
+    size = {"joint 0": 1e-3}
+    runs = [{"run": name, "held_out": False, "complete": True, "rms_rad": size, "noise_rad": size}]
     ((label, *_),) = moving_arm.comparison_table({"runs": runs}).rows
     assert label == run_names.run_name(Path(f"{name}.mcap")) != name
 

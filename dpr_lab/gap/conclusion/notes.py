@@ -8,17 +8,22 @@ from dpr_lab.gap.conclusion.verdict import causes_named, listed_causes, small_ef
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.result.causes import NamedFamily
 from dpr_lab.gap.result.diagnosis import Verdict
-from dpr_lab.gap.screen.pieces import are_pieces
+from dpr_lab.gap.screen.pieces import are_pieces, whole
 from dpr_lab.gap.state import Transferred
 from dpr_lab.gap.transfer.lone_recording import LONE
+from dpr_lab.run import truncation
 from dpr_lab.shown import listed, percent
 
 
 def notes(state: Transferred, kind: Verdict, named_families: Sequence[NamedFamily]) -> list[str]:
-    """Return all notes; there are none if the description of the recordings is wrong."""
+    """Return all notes; if the description of the recordings is wrong, only that on truncated recordings."""
+    records = [*state.fitted.recordings.records, *state.fitted.held_out.records]
+    names = [whole(record.run.name) for record in records if not record.run.complete]
+    cut = [f"{warning[:1].upper()}{warning[1:]}." for warning in truncation(names)]
     if state.description.withholds:
-        return []
+        return cut
     return [
+        *cut,
         *_restrictions(state, kind),
         *_small_effects(state, kind),
         *component_notes(named_families, state.fitted.recordings.rig.joints.geared),

@@ -25,7 +25,7 @@ from dpr_lab.identification.moving_arm.scale import (
 )
 from dpr_lab.identification.uncertainty import refuse_undetermined
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run
+from dpr_lab.run import Run, truncation
 from dpr_lab.shown import Row, Shown
 from dpr_lab.version import __version__
 
@@ -75,7 +75,11 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
         fit=_summary(fit, recordings),
         runs=runs_used(runs, fit),
         notes=motor_notes(fit, scale, rig, determined),
-        warnings=[*_warnings(fit), *filter(None, [other_input(fit, runs, rig)])],
+        warnings=[
+            *_warnings(fit),
+            *filter(None, [other_input(fit, runs, rig)]),
+            *truncation(run.name for run in runs if not run.complete),
+        ],
         failures=failures(fit, recordings, rig, gain_seen="gain" in determined),
         version=__version__,
     )
@@ -167,6 +171,8 @@ class ArmComparison(Shown):
     """Rms residual of each joint, rad."""
     noise_rad: dict[str, float]
     """Standard deviation of the noise of the readings of each joint, rad."""
+    complete: bool = True
+    """Whether the recording was neither interrupted nor damaged."""
 
     @classmethod
     def of(

@@ -4,6 +4,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.digits import NONE
 from dpr_lab.report.gap.section import EvidenceSection, evidence_of
 from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.tables import role
 
 
 def provenance_words(diagnosis: Diagnosis) -> list[str]:
@@ -34,7 +35,7 @@ def recording_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     return [
         (
             recording.name,
-            "held out" if recording.held_out else "fitted",
+            role(recording.held_out, recording.complete),
             recording.recorded_utc[:16].replace("T", " ") or NONE,
             recording.pose or NONE,
             f"{recording.duration_s:.3g}",
