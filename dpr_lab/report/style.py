@@ -16,7 +16,7 @@ DPI = 150
 # Blues and orange of the palette of Okabe & Ito for colour-blind readers, and a vermillion that is darker in grey.
 MEASURED: dict[str, Any] = {"color": "#56b4e9", "linewidth": 2.6, "linestyle": "-", "zorder": 2}
 SIMULATED: dict[str, Any] = {"color": "#a63603", "linewidth": 1.1, "linestyle": (0, (4, 1.4)), "zorder": 3}
-BEYOND: dict[str, Any] = {"color": "#a63603", "linewidth": 0.9, "linestyle": "-", "alpha": 0.5, "zorder": 1}
+BEYOND: dict[str, Any] = {"color": "#a63603", "linewidth": 0.9, "linestyle": "-", "alpha": 0.5, "zorder": 3}
 HORIZON: dict[str, Any] = {"color": "#222222", "linewidth": 1.2, "linestyle": ":", "zorder": 4}
 RESIDUAL: dict[str, Any] = {"color": "#0072b2", "linewidth": 0.7, "linestyle": "-", "zorder": 2}
 NOISE_BAND: dict[str, Any] = {

@@ -62,6 +62,8 @@ def test_the_free_run_is_strong_to_the_horizon_and_faint_beyond(comparison):
         np.testing.assert_array_equal(faint[1:], shown.free_run[~near, axis])
         assert faint_t[0] == strong_t[-1]
         assert line(axes, "beyond the horizon").get_alpha() == style.BEYOND["alpha"]
+        # a free run that still follows the measurement is not hidden below it
+        assert line(axes, "beyond the horizon").get_zorder() > line(axes, "measured").get_zorder()
         assert drawn(axes, "predictability horizon")[0].tolist() == [1.2, 1.2]
 
 
