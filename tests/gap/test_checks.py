@@ -111,6 +111,12 @@ def test_one_release_that_answers_two_questions_is_one_check_with_the_larger_inf
     assert other.about == "d"
 
 
+def test_only_a_recording_precedes_equally_informative_checks() -> None:
+    recording = release_between("a", "b", 0.5)
+    look = recording.model_copy(update={"kind": "of_a_plugin"})  # neither a recording nor a measured quantity
+    assert recording.priority > look.priority == 0.5
+
+
 def test_a_recommendation_states_instruction_and_purpose() -> None:
     check = release_between("a", "b", 0.9)
     assert check.sentences == "Record a release. This distinguishes a from b."  # the text is that of version 0.2

@@ -137,7 +137,7 @@ class AdvisedCheck(Saved):
 
         A measurement is assumed to be exact.
         """
-        return self.expected_bits + RECOMMENDATION.bits * (self.quantity is None)
+        return self.expected_bits + RECOMMENDATION.bits * (self.kind == "recording")
 
     @property
     def measurand(self) -> Quantity:
