@@ -22,14 +22,9 @@ def sidecar_of(path: Path) -> Path:
     return path.with_name(path.name + SIDECAR_SUFFIX)
 
 
-def write_sidecar(path: Path, content: Path | None = None) -> None:
-    """Hash a finished run and write its hash file.
-
-    Args:
-        path: final path of the run
-        content: path of the run before it is renamed; None if it already has its final path
-    """
-    sidecar_of(path).write_text(f"{sha256_of(content or path)}  {path.name}\n", encoding="utf-8", newline="\n")
+def write_sidecar(path: Path) -> None:
+    """Hash a finished run and write its hash file."""
+    sidecar_of(path).write_text(f"{sha256_of(path)}  {path.name}\n", encoding="utf-8", newline="\n")
 
 
 def read_sidecar(path: Path) -> str | None:

@@ -46,9 +46,11 @@ def whole_run(path: Path | str, metadata: RunMetadata) -> Iterator[RunWriter]:
 
 
 def _publish(part: Path, path: Path) -> None:
-    """Give a complete file its final name, and write its hash file."""
+    """Give a complete file its final name, then write its hash file.
+
+    If the process is killed between both, the run is complete, and `dpr-lab run verify` reports the missing hash.
+    """
     try:
-        write_sidecar(path, part)
         try:
             os.link(part, path)  # a link never replaces an existing file
         except FileExistsError as error:
@@ -56,9 +58,13 @@ def _publish(part: Path, path: Path) -> None:
         except OSError:  # the file system has no hard links
             _refuse_existing(path)
             part.rename(path)
-    except OSError as error:
-        with suppress(OSError):
+        try:
+            write_sidecar(path)
+        except OSError:
+            path.unlink(missing_ok=True)
             sidecar_of(path).unlink(missing_ok=True)
+            raise
+    except OSError as error:
         raise RunError(f"{path}: cannot be written: {error.strerror}") from error
 
 

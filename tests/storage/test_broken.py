@@ -15,7 +15,6 @@ from mcap.writer import CompressionType, Writer
 
 from dpr_lab.errors import RunError
 from dpr_lab.rig import load_rig
-from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.inspect import info, recover, verify
 from dpr_lab.storage.layout import LIMITS, RELEASED, SAMPLES, Stored
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
@@ -358,40 +357,3 @@ def test_a_flood_that_an_earlier_version_kept_is_read_and_recovered(tmp_path, mo
     assert len(assert_only_true_samples(path).t) == N
     path.write_bytes(path.read_bytes()[:-300])
     assert recover(path, tmp_path / "saved.mcap") == N
-
-
-KILLED = """
-import os, signal, sys
-from dpr_lab.rig import load_rig
-from dpr_lab.storage.csv_import import import_csv
-from dpr_lab.storage.writer import RunWriter
-table = RunWriter.table
-def cut(self, *rows):
-    table(self, *rows)
-    self.flush()
-    os.kill(os.getpid(), signal.SIGKILL)
-RunWriter.table = cut
-import_csv(sys.argv[1], load_rig("paper"), out=sys.argv[2])
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(os.name != "posix", reason="kills a process")
-def test_a_killed_import_leaves_no_file_of_its_name_and_the_next_one_cleans_up(tmp_path):
-    rows = "".join(f"{i / 100},{3 + i / 1000},{3 - i / 1000}\n" for i in range(50))
-    table, out = tmp_path / "swing.csv", tmp_path / "runs" / "swing.mcap"
-    table.write_text(f"t,theta1,theta2\n{rows}")
-    with started("tests.program_text", [KILLED, table, out]) as killed:
-        assert killed.wait() < 0
-    (part,) = out.parent.iterdir()
-    assert part.name.startswith("swing.mcap.")
-    assert part.suffix == ".part"
-    assert part.stat().st_size > 0
-    import_csv(table, RIG, out=out)
-    assert part.exists()  # it may belong to a living process
-    aged = time.time() - 3600
-    os.utime(part, (aged, aged))
-    import_csv(table, RIG, out=out.with_name("again.mcap"))
-    names = {path.name for path in out.parent.iterdir()}
-    assert names == {"swing.mcap", "swing.mcap.sha256", "again.mcap", "again.mcap.sha256"}
-    assert verify(out).ok
