@@ -8,8 +8,9 @@ and read row by row.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -72,7 +73,7 @@ class Samples:
 _QUADS = np.frombuffer("".join(f"{n:04d}" for n in range(10_000)).encode(), dtype=np.uint32)
 """Four-digit texts of 0 to 9999, each stored as one 32-bit integer. Building text in units of four characters takes a
 twentieth of the time."""
-_BLANK, _MINUS, _POINT, _ZERO = b" -.0"
+_BLANK, _MINUS, _POINT = b" -."
 _HEAD = np.dtype([("kind", "u1"), ("length", "<u8"), ("channel", "<u2"), ("number", "<u4"), ("log", "<u8", 2)])
 
 
@@ -155,7 +156,7 @@ def _fixed(scaled: Integers, decimals: int) -> Bytes:
     return np.hstack([text[:, : whole + 1], point, text[:, whole + 1 :]])
 
 
-_NUMBER = rb" *(-?\d+(?:\.\d+)?)"
+_NUMBER = rb"( *-?\d+(?:\.\d+)?)"
 
 
 def _vector(key: str, size: int) -> bytes:
@@ -166,6 +167,7 @@ _SAMPLE = re.compile(
     rb'\{"tick":' + _NUMBER + rb',"t":' + _NUMBER + rb"(?:" + _vector("counts", JOINTS) + rb")?"
     + _vector("theta", JOINTS) + b"".join(rb"(?:" + _vector(key, 2) + rb")?" for key in TORQUE_KEYS) + rb"\}"
 )  # fmt: skip
+_IN_NUMBERS = np.frombuffer(b" -.0123456789", dtype=np.uint8)
 
 
 def samples_of(texts: Bytes) -> Samples | None:
@@ -173,65 +175,35 @@ def samples_of(texts: Bytes) -> Samples | None:
     match = _SAMPLE.fullmatch(texts[0].tobytes())
     if match is None:
         return None
-    spans = [_with_blanks(texts[0], *match.span(group)) for group in range(1, _SAMPLE.groups + 1)]
-    numbers = np.zeros(texts.shape[1], dtype=np.bool_)
-    for start, stop in spans:
-        numbers[max(start, 0) : max(stop, 0)] = True
-    if not (texts[:, ~numbers] == texts[0, ~numbers]).all():
+    spans = [slice(*match.span(group)) for group in range(1, _SAMPLE.groups + 1)]
+    points, numbers = texts == _POINT, np.zeros(texts.shape[1], dtype=np.bool_)
+    for span in spans:
+        numbers[span] = True
+    alike = (texts[:, ~numbers] == texts[0, ~numbers]).all() and (points == points[0]).all()
+    if not (alike and np.isin(texts[:, numbers], _IN_NUMBERS).all()):
         return None
-    present = [start >= 0 for start, _ in spans]
-    columns = [_numbers(texts[:, slice(*span)]) if known else None for span, known in zip(spans, present, strict=True)]
-    if [column is not None for column in columns] != present:
+    try:
+        columns = [_numbers(texts[:, span]) for span in spans]
+    except (ValueError, OverflowError):  # for example two signs, or a blank between digits
         return None
-    tick, t, *rest = columns
-    counts, theta, *torques = map(_stacked, (rest[:3], rest[3:6], rest[6:8], rest[8:]))
-    if tick is None or t is None or theta is None or any(x is not None and x.dtype.kind != "i" for x in (tick, counts)):
+    counts, theta, *torques = (np.column_stack(columns[i:j]) for i, j in pairwise((2, 5, 8, 10, 12)))
+    if any(column.size and column.dtype.kind != "i" for column in (columns[0], counts)):
         return None
-    known = [pair for pair in torques if pair is not None]
-    return Samples(tick, t, theta, counts, np.reshape(known, (len(known), len(tick), 2)))
+    known = [pair for pair in torques if pair.size]
+    torque = np.reshape(known, (len(known), len(texts), 2))
+    return Samples(columns[0], columns[1], theta, counts if counts.size else None, torque)
 
 
-def _stacked(columns: Sequence[NDArray[Any] | None]) -> NDArray[Any] | None:
-    """Stack k columns to an array (n, k); return None if the columns are missing."""
-    present = [column for column in columns if column is not None]
-    return np.column_stack(present) if present else None
+def _numbers(texts: Bytes) -> NDArray[Any]:
+    """Parse texts (n, w) as numbers (n,); the result is (n, 0) for empty texts.
 
-
-def _with_blanks(row: Bytes, start: int, stop: int) -> tuple[int, int]:
-    """Return start and stop of a number with its leading blanks.
-
-    (-1, -1) means no number.
+    Raises:
+        ValueError, OverflowError: a text is not a number.
     """
-    while start > 0 and row[start - 1] == _BLANK:
-        start -= 1
-    return start, stop
-
-
-def _numbers(texts: Bytes) -> NDArray[Any] | None:
-    """Parse texts (n, w) as numbers (n,), with the decimal point at one position.
-
-    The result is None for other texts.
-    """
-    points = np.flatnonzero(texts[0] == _POINT)
-    decimals = texts.shape[1] - 1 - int(points[0]) if len(points) else 0
-    if len(points) and not (texts[:, points[0]] == _POINT).all():
-        return None
-    text = np.delete(texts, points[:1], axis=1)
-    digit = (text >= _ZERO) & (text < _ZERO + 10)
-    before = text[:, : text.shape[1] - decimals]
-    blank, minus = before == _BLANK, before == _MINUS
-    led = digit[:, : before.shape[1]]
-    # Only blanks, at most one sign, and digits, in this order.
-    ordered = (led[:, 1:] | ~led[:, :-1]).all() and (led | blank | minus).all() and led[:, -1].all()
-    after_sign = (~minus[:, :-1] | led[:, 1:]).all()
-    if not (ordered and after_sign and digit[:, before.shape[1] :].all() and text.shape[1] <= 18):
-        return None
-    # Products and sums of integers below 2^53 are exact.
-    values = np.where(digit, text - _ZERO, 0) @ 10.0 ** np.arange(text.shape[1])[::-1]
-    if values.max() >= SETTINGS.largest:
-        return None
-    values[minus.any(axis=1)] *= -1.0
-    return values / 10.0**decimals if len(points) else values.astype(np.int64)
+    if not texts.size:
+        return np.zeros(texts.shape)
+    words = np.ascontiguousarray(texts).view(f"S{texts.shape[1]}")[:, 0]
+    return words.astype(np.float64 if (texts[0] == _POINT).any() else np.int64)
 
 
 def sample_messages(samples: Samples) -> Iterator[bytes]:
