@@ -8,18 +8,18 @@ every rig of this kind are omitted if they are neither significant nor named.
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import ALONE, RATIOS
-from dpr_lab.effects import EFFECTS
+from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.estimation.noise import NORMAL_Q90, noise_floor
 from dpr_lab.estimation.usable_runs import refuse_other_rigs
 from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.ensemble.sampled import signed
-from dpr_lab.exports.moving_arm.corrected import corrected_arm_model, has_moving_arm
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, UNKNOWN_RATIOS, alone_share, visible_ratios
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.posterior import PosteriorComponent
@@ -34,6 +34,11 @@ from dpr_lab.identification.model import (
     SearchRecord,
     ratios_alone,
 )
+from dpr_lab.identification.moving_arm.engine import named_faults, swing_of
+from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel, moved_ratios
+from dpr_lab.identification.moving_arm.problem import reading_std
+from dpr_lab.identification.moving_arm.scale import ArmScale, absolute_values, stated_scale
+from dpr_lab.identification.moving_arm.unknowns import parameter_of
 from dpr_lab.identification.preprocess import rms_noise
 from dpr_lab.identification.prior_update import posterior_of
 from dpr_lab.identification.scaling.scale import Scale
@@ -240,3 +245,119 @@ def _without_insignificant(
         # parameters whose estimate is zero are not in `fitted`
         values |= {name: fitted[name] - changes[name] for name in changes.keys() & fitted.keys()}
     return signed(values | dict.fromkeys(zero, 0.0))
+
+
+def has_moving_arm(diagnosis: Diagnosis) -> bool:
+    """Check whether the arm of the diagnosed recordings was free or driven.
+
+    A drive by an acceleration does not count: it prescribes the motion of the arm.
+    """
+    return FREE_ARM.name in diagnosis.model_effects
+
+
+def corrected_arm_model(
+    diagnosis: Diagnosis,
+    unknown: Array,
+    effects: Mapping[str, Mapping[str, float]],
+    runs: Sequence[Run],
+    rig: Rig,
+) -> MovingArmModel:
+    """Build the corrected model for `model.json`, with its effects in the table `effects`.
+
+    Args:
+        diagnosis: ratios with their intervals
+        unknown: (7,) ratios to b, b and p/b
+        effects: all effects, including the arm
+        runs: the diagnosed runs
+        rig: rig of the recordings
+    """
+    driven = any(run.arm_mode == "driven" for run in runs)
+    mounted: Literal["both", "inner"] = "both" if rig.rods.mounted == "both" else "inner"
+    swing, inertia = swing_of(unknown, effect_params(effects), mounted, driven, rig)
+    assumed = diagnosis.scale or posterior_of(unknown, rig).scale(float(unknown[SCALE]))
+    scale = assumed.as_inertia("b" if mounted == "both" else "a", inertia / assumed.b)
+    kind = rig.input if driven else ""
+    std = np.sqrt(np.mean([reading_std(run, rig) ** 2 for run in runs], axis=0)).tolist()
+    read = sorted(joint for joint, floor in diagnosis.gap.floor_rad.items() if floor > 0.0)
+    noise = {joint: std[int(joint[-1])] for joint in read}
+    return MovingArmModel(
+        **_arm_values(diagnosis.determined, np.array(diagnosis.determined_covariance), swing, kind, scale),
+        rig=RigFacts.of(rig),
+        mounted=mounted,
+        input=kind,
+        scale=scale.inertia,
+        swing=swing,
+        effects=named_faults(effects),
+        fit=ArmFitSummary(
+            rms_rad={
+                f"joint {name[-1]}": float(np.hypot(diagnosis.gap.after_rad[name], floor))
+                for name, floor in noise.items()
+            },
+            noise_rad={f"joint {name[-1]}": floor for name, floor in noise.items()},
+            segments=diagnosis.segments,
+            segment_s=0.5,
+            chi2_per_dof=diagnosis.chi2_per_dof,
+            converged=True,
+        ),
+        runs=[RunUsed.of(run, samples=len(run.t)) for run in runs],
+        warnings=[] if diagnosis.verdict in ("named", "no_gap") else [diagnosis.sentence],
+        version=__version__,
+    )
+
+
+def with_intervals(
+    model: MovingArmModel, determined: Mapping[str, Interval], covariance: Array, fitted: Scale | None
+) -> MovingArmModel:
+    """Replace the ratios and absolute values of a model by those of a new fit.
+
+    Args:
+        model: a model with the `SWING_PARAMETERS` of this fit
+        determined: the ratios with their intervals
+        covariance: (n, n) covariance of these ratios
+        fitted: inertia b of this fit; None: the scale of the model remains
+    """
+    assumed = model.absolute[model.scale]
+    if fitted is not None:
+        scale = fitted.as_inertia(model.scale, assumed.value / fitted.b)
+        return model.model_copy(update=_arm_values(determined, covariance, model.swing, model.input, scale))
+    scale = stated_scale(assumed, model.scale, assumed.fixed_by)
+    values = _arm_values(determined, covariance, model.swing, model.input, scale)
+    unchanged = {"absolute": {**values["absolute"], model.scale: assumed}, "scale_sentence": model.scale_sentence}
+    return model.model_copy(update=values | unchanged)
+
+
+def _arm_values(
+    determined: Mapping[str, Interval], covariance: Array, swing: Sequence[float], kind: str, scale: Scale
+) -> dict[str, Any]:
+    """Return the values of a model with their intervals, as `rod_values` does for a clamped arm.
+
+    The standard deviations of absolute values include the standard deviation of the scale.
+
+    Args:
+        determined: the ratios with their intervals, which are moved to the values in `swing`
+        covariance: (n, n) covariance of these ratios; empty: independent, with the errors of their intervals
+        swing: (12,) `SWING_PARAMETERS`, divided by the scale
+        kind: kind of the input of the arm; empty without an input
+        scale: scale of absolute values
+    """
+    low, high = scale.interval90
+    if not covariance.size:  # a diagnosis of an earlier version
+        ends = np.array([interval.interval90 for interval in determined.values()]).reshape(-1, 2)
+        covariance = np.diag((np.diff(ends)[:, 0] / (2 * NORMAL_Q90)) ** 2)
+    std = np.sqrt(np.diag(covariance)).tolist()
+    estimates = {
+        name: EstimatedValue(value=interval.value, std=error, interval90=interval.interval90)
+        for (name, interval), error in zip(determined.items(), std, strict=True)
+    }
+    ratios = moved_ratios(estimates, swing, kind, scale.inertia)
+    of_scale = float(np.arcsinh((high - low) / (2 * scale.b))) / NORMAL_Q90  # exact for a lognormal interval
+    values = {parameter_of(name, kind, scale.inertia): ratio.value for name, ratio in ratios.items()}
+    source = ArmScale(scale.b, of_scale, by_gain=False, known=scale.known)
+    return {
+        "ratios": ratios,
+        "undetermined": {},
+        "covariance": covariance.tolist(),
+        "unknowns": list(ratios),
+        "absolute": absolute_values(values, np.diag(np.diag(covariance)), source, scale.inertia, kind),
+        "scale_sentence": scale.sentence,
+    }

@@ -19,9 +19,8 @@ from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.report.figures import by_kind, save_figures
 from dpr_lab.report.gap.figures import save_gap_figures
 from dpr_lab.report.gap.html import write_gap_report
-from dpr_lab.report.html import write_report
+from dpr_lab.report.html import write_arm_report, write_report
 from dpr_lab.report.moving_arm import angles_csv
-from dpr_lab.report.pages.moving_arm import write_arm_report
 from dpr_lab.report.plain import write_json as write_json
 from dpr_lab.report.words import named
 from dpr_lab.rig import Rig

@@ -47,7 +47,7 @@ def compare_arm_run(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: 
 
     See `compare_any_run` for arguments and errors.
     """
-    from dpr_lab.exports.moving_arm.replay import follow_with_arm
+    from dpr_lab.exports.replay import follow_with_arm
     from dpr_lab.identification.moving_arm.identify import ArmComparison, compare_moving_arm
 
     if not model.effects:

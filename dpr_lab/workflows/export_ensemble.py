@@ -223,10 +223,9 @@ def _of_rods(
 
 def _of_arm(model: "MovingArmModel", diagnosis: "Diagnosis | None", rig: "Rig", seed: int) -> _Ensemble:
     """Return the ensemble of models with a moving arm."""
+    from dpr_lab.exports.ensemble.bands import predictive_arm_band
     from dpr_lab.exports.ensemble.calibrate import widened
-    from dpr_lab.exports.ensemble.sampled import diagnosed_posterior
-    from dpr_lab.exports.moving_arm.bands import predictive_arm_band
-    from dpr_lab.exports.moving_arm.ensemble import sampled_arm_models, widened_model
+    from dpr_lab.exports.ensemble.sampled import diagnosed_posterior, sampled_arm_models, widened_model
 
     posterior = diagnosed_posterior(diagnosis) if diagnosis is not None else []
     return _Ensemble(

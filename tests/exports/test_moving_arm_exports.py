@@ -16,12 +16,12 @@ from dpr_lab.dynamics.segments import segments
 from dpr_lab.errors import ConfigError
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.exports import FORMATS
+from dpr_lab.exports.bodies import arm_bodies
+from dpr_lab.exports.corrected import with_intervals
+from dpr_lab.exports.ensemble.sampled import sampled_arm_models
 from dpr_lab.exports.fmu import fmu
-from dpr_lab.exports.moving_arm.bodies import arm_bodies
-from dpr_lab.exports.moving_arm.corrected import with_intervals, with_swing
-from dpr_lab.exports.moving_arm.ensemble import sampled_arm_models
-from dpr_lab.exports.moving_arm.python_module import arm_module_text
 from dpr_lab.exports.programs import Replay
+from dpr_lab.exports.python_module import arm_module_text
 from dpr_lab.fitting.estimate import whole_of
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.identification.model import EstimatedValue, RigFacts
@@ -280,7 +280,7 @@ def test_the_interval_of_another_scale_belongs_to_its_value():
     _, model = model_of()
     b = model.absolute["b"].model_copy(update={"std": 1e-4, "interval90": (0.0051, 0.0055)})
     model = model.model_copy(update={"absolute": {"b": b}})
-    moved = with_swing(model, model.swing, 1.1 * b.value).absolute["b"]
+    moved = model.with_swing(model.swing, 1.1 * b.value).absolute["b"]
     assert (moved.value, moved.std) == pytest.approx((1.1 * b.value, 1.1e-4))
     assert moved.interval90 == pytest.approx((1.1 * 0.0051, 1.1 * 0.0055))
     fitted = Scale(b=b.value, interval90=(0.0052, 0.0054), fixed_by="data")
@@ -299,7 +299,7 @@ def test_the_interval_of_a_changed_ratio_contains_its_value():
     model = model.model_copy(update={"ratios": {"c1/b": before}})
     places = {SWING_PARAMETERS.index("c1"): before.value + 0.5}
     swing = [places.get(place, value) for place, value in enumerate(model.swing)]
-    after = with_swing(model, swing, model.absolute["b"].value).ratios["c1/b"]
+    after = model.with_swing(swing, model.absolute["b"].value).ratios["c1/b"]
     assert after.interval90 == pytest.approx((0.0, 0.75))
     assert (after.value, after.std) == (before.value + 0.5, before.std)
 

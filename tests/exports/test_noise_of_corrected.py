@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.base import RATIOS, whole_parameters
-from dpr_lab.exports.corrected import corrected_model
-from dpr_lab.exports.moving_arm.corrected import corrected_arm_model
+from dpr_lab.exports.corrected import corrected_arm_model, corrected_model
 from dpr_lab.fitting.estimate import unknown_ratios
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.gap_size import Gap

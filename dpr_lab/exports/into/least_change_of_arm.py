@@ -34,8 +34,7 @@ from dpr_lab.exports.into.least_change import (
     refuse_rotor,
     with_own_numbers,
 )
-from dpr_lab.exports.moving_arm.corrected import with_swing
-from dpr_lab.exports.moving_arm.replay import follow_with_arm
+from dpr_lab.exports.replay import follow_with_arm
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.setup import drive_gain
@@ -175,7 +174,7 @@ def _with(model: MovingArmModel, values: Values, effects: Effects) -> MovingArmM
     scale = values[model.scale]
     swing = [values[name] / (1.0 if name == "L0" else scale) for name in SWING_PARAMETERS]
     sizes_of = {name: dict(sizes) for name, sizes in effects.items()}
-    return with_swing(model, swing, scale).model_copy(update={"effects": sizes_of})
+    return model.with_swing(swing, scale).model_copy(update={"effects": sizes_of})
 
 
 def _error(model: MovingArmModel, runs: Sequence[Run], rig: Rig) -> float:

@@ -7,13 +7,15 @@ mounted, its motion depends only on a - p, e1 - p g/L1 and c1 (`dpr_lab.dynamics
 at the elbow. The other parameters then have the values of the rig file.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import BASE, RATIOS, base_parameters, ratios
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.dynamics.rig_constants import rig_constants
-from dpr_lab.effects import effect_params, named_params
+from dpr_lab.effects import EFFECTS, effect_params, named_params
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.effects.quantities import RigConstants
@@ -73,3 +75,14 @@ def swing_of(unknown: Array, params: Array, mounted: str, driven: bool, rig: Rig
     values = (*rods, arm["inertia_kgm2"] / scale, arm["viscous_Nms"] / scale, 0.0, 0.0, gain / scale, rig.L0)
     assert len(values) == len(SWING_PARAMETERS)
     return list(values), scale
+
+
+def with_engine_values(model: MovingArmModel, unknown: Array, params: Array, rig: Rig) -> MovingArmModel:
+    """Return the model with the values (7,) and effect parameters (SIZE,) of the fitting engine."""
+    swing, inertia = swing_of(unknown, params, model.mounted, bool(model.input), rig)
+    return model.with_swing(swing, inertia).model_copy(update={"effects": named_faults(named_params(params))})
+
+
+def named_faults(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+    """Return the effects except for the arm itself and one-time events."""
+    return {name: dict(values) for name, values in effects.items() if name not in OF_ARM and not EFFECTS[name].event}

@@ -1,5 +1,6 @@
 """Result of an identification with a moving arm, stored in `model.json`."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,6 +11,7 @@ from dpr_lab.effects.coulomb import COULOMB_JOINT0
 from dpr_lab.effects.spring import SPRING_JOINT0
 from dpr_lab.errors import RunError
 from dpr_lab.identification.model import EstimatedValue, FittedModel, Model, ModelPart, Number, read_model
+from dpr_lab.identification.moving_arm.unknowns import parameter_of
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.shown import counted
@@ -93,6 +95,19 @@ class MovingArmModel(FittedModel):
         values = dict(zip(SWING_PARAMETERS, self.swing, strict=True))
         return {name: value if name == "L0" else value * scale for name, value in values.items()}
 
+    def with_swing(self, swing: Sequence[float], inertia: float) -> "MovingArmModel":
+        """Replace the `SWING_PARAMETERS` and the scale of the model, whose relative uncertainty is unchanged.
+
+        `swing` contains the `SWING_PARAMETERS` (12,) divided by the scale, and `inertia` is the scale, kg m^2.
+        """
+        assumed = self.absolute[self.scale]
+        factor = inertia / assumed.value
+        low, high = assumed.interval90
+        update = {"value": inertia, "std": factor * assumed.std, "interval90": (factor * low, factor * high)}
+        absolute = dict(self.absolute) | {self.scale: assumed.model_copy(update=update)}
+        ratios = moved_ratios(self.ratios, swing, self.input, self.scale)
+        return self.model_copy(update={"swing": list(swing), "ratios": ratios, "absolute": absolute})
+
     def with_arm_effects(self) -> "MovingArmModel":
         """Return a copy in which effects replace the arm's stiffness k0 and Coulomb friction f0."""
         sizes, effects = self.sizes, dict(self.effects)
@@ -102,6 +117,16 @@ class MovingArmModel(FittedModel):
         absent = {SWING_PARAMETERS.index(name): 0.0 for name in ("k0", "f0")}
         swing = [absent.get(place, value) for place, value in enumerate(self.swing)]
         return self.model_copy(update={"effects": effects, "swing": swing})
+
+
+def moved_ratios(
+    ratios: Mapping[str, EstimatedValue], swing: Sequence[float], kind: str, letter: str
+) -> dict[str, EstimatedValue]:
+    """Replace the values of the ratios by the values of `SWING_PARAMETERS`; their intervals are moved."""
+    return {
+        name: ratio.moved(swing[SWING_PARAMETERS.index(parameter_of(name, kind, letter))])
+        for name, ratio in ratios.items()
+    }
 
 
 def load_model(path: Path | str) -> Model | MovingArmModel:

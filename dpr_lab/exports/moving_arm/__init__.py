@@ -1,1 +1,0 @@
-"""Export a model with a free or driven arm to other programs."""
