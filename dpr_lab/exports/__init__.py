@@ -12,10 +12,11 @@ from typing import Any
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.exports import mjcf, sdf, urdf
-from dpr_lab.exports.bodies import AnyModel, in_words, left_out
+from dpr_lab.exports.bodies import in_words, left_out
 from dpr_lab.exports.fmu import fmu
 from dpr_lab.exports.programs import Program, in_fmu, in_mujoco, in_python, in_sdf, in_urdf
 from dpr_lab.exports.python_module import python_module
+from dpr_lab.identification.moving_arm.model import AnyModel
 from dpr_lab.plugins.rows import plugin_rows
 from dpr_lab.rig import Rig
 

@@ -20,10 +20,9 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.exports.module_parts import base_of, constants_of, known_effects
 from dpr_lab.exports.rigid_bodies import Arm, Bodies, least_mass, rod_about_joint, words_of_joint
 from dpr_lab.identification.model import Model
-from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
 from dpr_lab.rig import Rig
 
-AnyModel = Model | MovingArmModel
 Effects = Mapping[str, Mapping[str, float]]
 """Sizes of effects by effect and parameter, SI."""
 

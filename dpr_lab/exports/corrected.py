@@ -18,7 +18,6 @@ from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.estimation.noise import NORMAL_Q90, noise_floor
 from dpr_lab.estimation.usable_runs import refuse_other_rigs
-from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.ensemble.sampled import signed
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, UNKNOWN_RATIOS, alone_share, visible_ratios
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -35,7 +34,7 @@ from dpr_lab.identification.model import (
     ratios_alone,
 )
 from dpr_lab.identification.moving_arm.engine import named_faults, swing_of
-from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel, moved_ratios
+from dpr_lab.identification.moving_arm.model import AnyModel, ArmFitSummary, MovingArmModel, moved_ratios
 from dpr_lab.identification.moving_arm.problem import reading_std
 from dpr_lab.identification.moving_arm.scale import ArmScale, absolute_values, stated_scale
 from dpr_lab.identification.moving_arm.unknowns import parameter_of

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.errors import RunError
-from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.programs import Replay
 from dpr_lab.exports.refit import bare_model
 from dpr_lab.exports.replay import replays
 from dpr_lab.gap.screen.pieces import in_pieces
 from dpr_lab.gap.transfer.out_of_sample import share
+from dpr_lab.identification.moving_arm.model import AnyModel
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 

@@ -14,8 +14,7 @@ from pathlib import Path
 
 from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.exports.python_module import python_module
-from dpr_lab.identification.model import Model
-from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
 from dpr_lab.rig import Rig
 
 BUILDERS = {"3.0": "pythonfmu3", "2.0": "pythonfmu"}
@@ -138,12 +137,12 @@ ARM_PORTS = UnitPorts(
 )  # fmt: skip
 
 
-def ports_of(model: Model | MovingArmModel) -> UnitPorts:
+def ports_of(model: AnyModel) -> UnitPorts:
     """Return the inputs and states of the unit of a model."""
     return ARM_PORTS if isinstance(model, MovingArmModel) else PORTS
 
 
-def fmu(model: Model | MovingArmModel, rig: Rig, standard: str = "3.0") -> bytes:
+def fmu(model: AnyModel, rig: Rig, standard: str = "3.0") -> bytes:
     """Build the FMU of a model, and return the content of the file.
 
     `standard` is the version of FMI, `3.0` or `2.0`.

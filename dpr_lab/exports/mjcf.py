@@ -28,12 +28,12 @@ from dpr_lab.effects.effect_kernels import (
     whole_torques,
 )
 from dpr_lab.effects.quantities import plus
-from dpr_lab.exports.bodies import AnyModel, Effects, bodies, in_words
+from dpr_lab.exports.bodies import Effects, bodies, in_words
 from dpr_lab.exports.module_parts import known_effects, of_effects
 from dpr_lab.exports.python_module import python_module
 from dpr_lab.exports.rigid_bodies import THIN, Link
 from dpr_lab.exports.xml import rendered
-from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
 from dpr_lab.rig import Rig
 
 WORDS = frozenset(

@@ -23,7 +23,7 @@ from dpr_lab.effects.quantities import ArmModel, BaseParameters, RigConstants
 from dpr_lab.effects.stages import Requirements
 from dpr_lab.exports.source import PREAMBLE, Rewrite, sources
 from dpr_lab.identification.model import Model
-from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.model import AnyModel
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Setup
 
@@ -160,7 +160,7 @@ def simulated_rig(base: BaseParameters, constants: RigConstants, arm: ArmModel, 
 
 
 def assembled(
-    model: Model | MovingArmModel,
+    model: AnyModel,
     templates: tuple[str, str],
     rig: RigModel,
     effects: Mapping[str, Mapping[str, float]],
@@ -201,7 +201,7 @@ def assembled(
     return f"{head}{PREAMBLE}\n\n{functions}\n\n{swing}\n{tail.format(mode=mode)}"
 
 
-def base_of(model: Model | MovingArmModel) -> BaseParameters:
+def base_of(model: AnyModel) -> BaseParameters:
     """Return the base parameters of the mounted rods, SI.
 
     If only the inner rod is mounted, d and c2 are zero, so that the outer rod has no influence.
@@ -213,7 +213,7 @@ def base_of(model: Model | MovingArmModel) -> BaseParameters:
     return with_gravity([sizes[name] for name in BASE], frame.L1, frame.g)
 
 
-def constants_of(model: Model | MovingArmModel, rig: Rig) -> RigConstants:
+def constants_of(model: AnyModel, rig: Rig) -> RigConstants:
     """Return the rig constants of the mounted rods."""
     alone = isinstance(model, Model) and bool(model.fitted)
     return constants_of_run(rig_constants(rig), Setup("inner" if alone else "both"))

@@ -17,9 +17,10 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.exports import sdf
-from dpr_lab.exports.bodies import AnyModel, in_words
+from dpr_lab.exports.bodies import in_words
 from dpr_lab.exports.fmu import ports_of
 from dpr_lab.exports.mjcf import CALLBACK, XML, mjcf, passive
+from dpr_lab.identification.moving_arm.model import AnyModel
 from dpr_lab.rig import Rig
 
 
@@ -80,13 +81,15 @@ class Replay:
         return float(np.mean(away**2))
 
 
-Program = Callable[[Path, AnyModel, Rig], Callable[[Replay], Array]]
-"""Function of the main exported file, its model and its rig. It returns a function that simulates a swing in the
-program: angles (n, 2) of joints 1 and 2 at the times of the swing, as the encoders of the rig measure them, or (n, 3)
-including the arm, rad."""
+Simulator = Callable[[Replay], Array]
+"""Function that simulates a swing in a program. It returns the angles (n, 2) of joints 1 and 2 at the times of the
+swing, as the encoders of the rig measure them, or (n, 3) including the arm, rad."""
+
+Program = Callable[[Path, AnyModel, Rig], Simulator]
+"""Function of the main exported file, its model and its rig that returns the simulator of this program."""
 
 
-def in_python(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
+def in_python(file: Path, model: AnyModel, rig: Rig) -> Simulator:
     """Return a function that replays recordings in the generated Python module.
 
     The module is executed in this process.
@@ -95,18 +98,18 @@ def in_python(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array
     return lambda replay: readings(replay.x0, replay.t, start=replay.start, torques=replay.driven)
 
 
-def in_mujoco(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
+def in_mujoco(file: Path, model: AnyModel, rig: Rig) -> Simulator:
     """Return a function that replays recordings in MuJoCo with the generated callback of passive forces."""
     return _engine(file, {})
 
 
-def in_urdf(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
+def in_urdf(file: Path, model: AnyModel, rig: Rig) -> Simulator:
     """Return a function that replays recordings in MuJoCo, which can read URDF."""
     file.with_name(CALLBACK).write_text(passive(model, rig), encoding="utf-8")
     return _engine(file, {"passive": None, "GRAVITY": model.rig.g})
 
 
-def in_sdf(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
+def in_sdf(file: Path, model: AnyModel, rig: Rig) -> Simulator:
     """Return a function that replays recordings in MuJoCo with the numbers of the file.
 
     MuJoCo cannot read SDFormat. Drake reads SDFormat but ignores Coulomb friction.
@@ -118,7 +121,7 @@ def in_sdf(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
     return _engine(file.with_name(XML), {"passive": None})
 
 
-def _engine(file: Path, other: Mapping[str, Any]) -> Callable[[Replay], Array]:
+def _engine(file: Path, other: Mapping[str, Any]) -> Simulator:
     try:
         names = runpy.run_path(str(file.with_name(CALLBACK)))
     except ModuleNotFoundError as missing:
@@ -151,7 +154,7 @@ os._exit(0)  # a unit that embeds Python is not unloaded cleanly from a Python p
 """
 
 
-def in_fmu(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
+def in_fmu(file: Path, model: AnyModel, rig: Rig) -> Simulator:
     """Return a function that replays recordings in FMPy, in a separate process."""
 
     def read(replay: Replay) -> Array:

@@ -21,9 +21,8 @@ from dpr_lab.effects.effect_kernels import arm_model
 from dpr_lab.effects.quantities import HELD_ARM, ArmModel
 from dpr_lab.exports.module_parts import assembled, base_of, constants_of, known_effects, simulated_rig
 from dpr_lab.exports.source import Rewrite
-from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.engine import engine_constants
-from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Setup
 
@@ -209,7 +208,7 @@ def step(x, u, h):
 
 
 def python_module(
-    model: Model | MovingArmModel,
+    model: AnyModel,
     rig: Rig,
     more: Mapping[str, Any] = MappingProxyType({}),
     rewritten: Mapping[str, Rewrite] = MappingProxyType({}),

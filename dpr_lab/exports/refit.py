@@ -15,7 +15,7 @@ from dpr_lab.dynamics.base import ALONE, RATIOS
 from dpr_lab.effects import EFFECTS, effect_params, named_params
 from dpr_lab.effects.effect import Effect
 from dpr_lab.exports import FORMATS
-from dpr_lab.exports.bodies import AnyModel, in_words, words_of
+from dpr_lab.exports.bodies import in_words, words_of
 from dpr_lab.exports.corrected import rod_values, with_intervals
 from dpr_lab.exports.module_parts import known_effects
 from dpr_lab.fitting.estimate import Estimate
@@ -29,7 +29,7 @@ from dpr_lab.gap.screen.pieces import in_pieces
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.identification.moving_arm.engine import OF_ARM, engine_values, with_engine_values
-from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 

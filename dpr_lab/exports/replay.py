@@ -16,7 +16,6 @@ from dpr_lab.dynamics.moving_arm.followed import FOLLOW
 from dpr_lab.dynamics.prediction import segment_start
 from dpr_lab.errors import RunError
 from dpr_lab.exports import FORMATS
-from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.programs import REPLAY, Replay
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import descend
@@ -27,7 +26,7 @@ from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.identification.compare import follow, free_run_from
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.engine import engine_constants, engine_values
-from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
 from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -114,7 +113,6 @@ ARM_REPLAY = ArmReplaySettings()
 class FollowedSegments:
     """A run and its simulation by a model, in segments with fitted initial states."""
 
-    run: str
     t: Array
     """(n,) instants of all segments in sequence, s since the release."""
     measured: Array
@@ -160,7 +158,6 @@ def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float)
     if not np.isfinite(simulated).all():
         raise RunError(f"{run.file or run.name}: the model cannot follow these readings")
     return FollowedSegments(
-        run.name,
         problem.t,
         arm_first(problem, problem.measured),
         arm_first(problem, simulated),

@@ -6,8 +6,9 @@ Source: http://sdformat.org/spec (world, link, joint/axis/dynamics).
 from collections.abc import Mapping
 from dataclasses import replace
 
-from dpr_lab.exports.bodies import AnyModel, bodies, in_words, notes
+from dpr_lab.exports.bodies import bodies, in_words, notes
 from dpr_lab.exports.xml import rendered
+from dpr_lab.identification.moving_arm.model import AnyModel
 from dpr_lab.rig import Rig
 
 WORDS = frozenset({"friction", "stiffness", "rest_angle", "offset", "added_length", "tilt"})

@@ -6,9 +6,10 @@ https://wiki.ros.org/urdf/XML (link, joint).
 
 from collections.abc import Mapping
 
-from dpr_lab.exports.bodies import AnyModel, bodies, in_words, notes
+from dpr_lab.exports.bodies import bodies, in_words, notes
 from dpr_lab.exports.rigid_bodies import THIN
 from dpr_lab.exports.xml import rendered
+from dpr_lab.identification.moving_arm.model import AnyModel
 from dpr_lab.rig import Rig
 
 WORDS = frozenset({"friction", "offset", "added_length", "tilt"})

@@ -225,19 +225,19 @@ class InformationRows:
         """Rows (m, n) of recordings and measured values."""
         return np.vstack([self.of_recordings, self.measured])
 
-    def directions(self, answers: Mapping[Measurement, Array]) -> Directions:
-        """Compute the determined and the free directions, and the recommended measurements.
+    def directions(self, answers: Mapping[Measurement, Array]) -> dict[str, Any]:
+        """Compute the fields of `Directions`: determined and free directions, and recommended measurements.
 
         `answers` contains the whitened readings (k, n) of each possible bench measurement.
         """
         singular_values = np.linalg.svd(self.of_recordings, compute_uv=False)
-        return Directions(
-            rank=int(np.sum(singular_values >= SEEN)),
-            singular_values=tuple(singular_values.tolist()),
-            null_space=tuple(simple_basis(free_directions(self.known), self.names)),
-            advice=tuple(sorted(_advice(answers, self.known, self).values(), key=_worth, reverse=True)),
-            sequence=_bench_sequence(answers, self),
-        )
+        return {
+            "rank": int(np.sum(singular_values >= SEEN)),
+            "singular_values": tuple(singular_values.tolist()),
+            "null_space": tuple(simple_basis(free_directions(self.known), self.names)),
+            "advice": tuple(sorted(_advice(answers, self.known, self).values(), key=_worth, reverse=True)),
+            "sequence": _bench_sequence(answers, self),
+        }
 
 
 def identifiability(
@@ -271,14 +271,9 @@ def identifiability(
     root = information_root(information * np.outer(per, per), values)
     of_recordings = (root * values @ slopes)[:, columns]
     rows = InformationRows.of(of_recordings, {name: rig.parameters[name] for name in names}, Z[columns])
-    directions = rows.directions(rod_measurements(names, Z, rig))
     unknowns = [UNKNOWN_RATIOS[i].replace("b", "a") if alone else UNKNOWN_RATIOS[i] for i in places]
     return Identifiability(
-        rank=directions.rank,
-        singular_values=directions.singular_values,
-        null_space=directions.null_space,
-        advice=directions.advice,
-        sequence=directions.sequence,
+        **rows.directions(rod_measurements(names, Z, rig)),
         unknowns=_named(unknowns, values),
         cramer_rao_std=_named(unknowns, values * spread(root * values)),
         parameters=_parameters(rows, posterior, Z[columns]),

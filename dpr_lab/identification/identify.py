@@ -18,10 +18,10 @@ from dpr_lab.identification.identified import identified_model
 from dpr_lab.identification.merging import merge_segments
 from dpr_lab.identification.misread.refuse import refuse_impossible, refuse_impossible_scale, refuse_misread
 from dpr_lab.identification.misread.solvable import solvable
-from dpr_lab.identification.model import Model, SearchRecord
+from dpr_lab.identification.model import SearchRecord
 from dpr_lab.identification.moving_arm.identifiability import ArmIdentifiability, identifiability_of_arm
 from dpr_lab.identification.moving_arm.identify import identify_moving_arm
-from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.model import AnyModel
 from dpr_lab.identification.objectives import OBJECTIVES
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
 from dpr_lab.identification.prior_update import posterior_of
@@ -48,7 +48,7 @@ def identify(
     on_generation: Callable[[Generation, int], None] | None = None,
     stop: Callable[[], bool] | None = None,
     on_polish: Callable[[], None] | None = None,
-) -> Model | MovingArmModel:
+) -> AnyModel:
     """Identify the parameters of a rig from recordings.
 
     With a clamped or prescribed arm, a global search (by default the improved genetic algorithm, IGA) finds initial

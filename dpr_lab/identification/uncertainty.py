@@ -118,7 +118,7 @@ class RatioUncertainty:
         share, directions = np.linalg.eigh(root.T @ self.covariance @ root)
         alone = share / (1.0 - np.clip(share, 0.0, 1.0 - 1e-6))
         back = np.linalg.solve(root.T, directions)
-        return np.asarray((back * alone) @ back.T, dtype=np.float64)
+        return (back * alone) @ back.T
 
     def interval90(self, index: int) -> tuple[float, float]:
         """Compute the 90 % interval of one unknown by Student's t distribution.
@@ -234,7 +234,7 @@ def _by_unseen(ratio_fit: RatioFit, A: Array, bread: Array, free: Flags) -> Arra
     slopes = linearise(problem, estimate, ratio_parameters(estimate, unseen)).A
     spread = slopes @ np.linalg.cholesky(problem.prior.covariance[np.ix_(unseen, unseen)])
     shifts = bread @ np.einsum("smi,smj->ij", A[:, :, free], spread)
-    return np.asarray(shifts @ shifts.T, dtype=np.float64)
+    return shifts @ shifts.T
 
 
 def _block_scores(problem: Problem, scores: Array) -> Array:

@@ -15,7 +15,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.report import style
 from dpr_lab.report.digits import superscripts
 from dpr_lab.report.figures import new_figure, save_each
-from dpr_lab.report.pages.page import Section, page_html, page_table, pictures, write_page
+from dpr_lab.report.pages.page import Rows, Section, page_html, page_table, pictures, write_page
 from dpr_lab.shown import listed, percent
 
 CHART = (
@@ -87,7 +87,7 @@ def _has_size(parameter: ParameterChange) -> bool:
 
 
 @page_table("parameter", "significant", "mean of first group", "change", "simultaneous interval", "groups", "p-value")
-def change_table(drift: Drift) -> list[list[str]]:
+def change_table(drift: Drift) -> Rows:
     """Return one row for each parameter."""
     return [
         [
@@ -104,7 +104,7 @@ def change_table(drift: Drift) -> list[list[str]]:
 
 
 @page_table("parameter", "groups", "change", "simultaneous interval")
-def group_table(drift: Drift) -> list[list[str]]:
+def group_table(drift: Drift) -> Rows:
     """Return the rows of the table: one per parameter and later group."""
     return [
         [

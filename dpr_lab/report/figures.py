@@ -23,8 +23,8 @@ from dpr_lab.arrays import Array
 from dpr_lab.errors import DprError
 from dpr_lab.identification.compare import Comparison
 from dpr_lab.identification.model import Model
-from dpr_lab.identification.moving_arm.identify import JOINTS_READ, ArmComparison
-from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.identify import JOINTS_READ, AnyComparison, ArmComparison
+from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
 from dpr_lab.report import style
 from dpr_lab.report.digits import three
 from dpr_lab.report.envelope import signal_scale, trace
@@ -39,7 +39,7 @@ NOISE_SIGMAS = 2
 """Half height of the noise band, in standard deviations."""
 NO_COMPARISON = "No run was compared."
 
-Compared: TypeAlias = Comparison | ArmComparison | Sequence[Comparison | ArmComparison]
+Compared: TypeAlias = AnyComparison | Sequence[AnyComparison]
 """One or several comparisons, either all with a clamped arm or all with a moving arm."""
 
 _EVOLUTION = {
@@ -140,7 +140,7 @@ def error_figure(comparisons: Compared) -> Figure:
 
 def by_kind(comparisons: Compared) -> tuple[list[ArmComparison], list[Comparison]]:
     """Separate comparisons with a moving arm from comparisons with a clamped arm."""
-    every = [comparisons] if isinstance(comparisons, Comparison | ArmComparison) else list(comparisons)
+    every = [comparisons] if isinstance(comparisons, AnyComparison) else list(comparisons)
     arms = [comparison for comparison in every if isinstance(comparison, ArmComparison)]
     return arms, [comparison for comparison in every if isinstance(comparison, Comparison)]
 
@@ -181,7 +181,7 @@ def _arm_errors(runs: Sequence[ArmComparison]) -> Figure:
         return figure
 
 
-def evolution_figure(model: Model | MovingArmModel) -> Figure:
+def evolution_figure(model: AnyModel) -> Figure:
     """Draw cost and fitness of the search against the generations (figure 4 of the publication).
 
     Raises:

@@ -5,11 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.identification.compare import Comparison
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.identify import ArmComparison
-from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
 from dpr_lab.report import moving_arm, tables
 from dpr_lab.report.figures import error_figure, response_figure, save_each
 from dpr_lab.report.pages.page import Definitions, Formula, Items, Section, page_html, pictures, write_page

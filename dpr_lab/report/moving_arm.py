@@ -7,7 +7,7 @@ import numpy as np
 
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import plus_minus
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.report.run_names import run_label
 from dpr_lab.report.tables import role
 from dpr_lab.shown import counted
@@ -36,7 +36,7 @@ def summary(model: "MovingArmModel", angles: AngleUnit = RADIANS) -> str:
 
 
 @page_table("parameter", "value", "unit", "determined by")
-def absolute_table(model: "MovingArmModel") -> list[list[str]]:
+def absolute_table(model: "MovingArmModel") -> Rows:
     """Return one row for each absolute value."""
     fixed = {"data": "the recordings and measured values", "bound": "the scale of the rig file"}
     return [
@@ -46,7 +46,7 @@ def absolute_table(model: "MovingArmModel") -> list[list[str]]:
 
 
 @page_table("run", "role", "joint", "residual (mrad rms)", "noise (mrad)")
-def comparison_table(compared: Mapping[str, Any]) -> list[list[str]]:
+def comparison_table(compared: Mapping[str, Any]) -> Rows:
     """Return one row per run and joint of the output of `dpr-lab compare --json`."""
     return [
         [

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dpr_lab.identification.compare import Comparison
-    from dpr_lab.identification.moving_arm.identify import ArmComparison
+    from dpr_lab.identification.moving_arm.identify import AnyComparison
 
 
 def local_time(utc: str) -> str:
@@ -49,7 +48,7 @@ def run_label(stem: str) -> str:
     return f"{run_pose(file)} ({recorded_at})" if recorded_at else stem
 
 
-def compared_name(comparison: "Comparison | ArmComparison") -> str:
+def compared_name(comparison: "AnyComparison") -> str:
     """Return the label of a compared run.
 
     The label is the name of the run, preceded by the pose unless the name contains the pose as a word of its own.

@@ -8,14 +8,13 @@ from typing import Any
 from dpr_lab.acceptance.judge import Acceptance
 from dpr_lab.errors import ConfigError, DprError, RunError
 from dpr_lab.exports import FORMATS, ExportFormat
-from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.corrected import corrected_model
 from dpr_lab.exports.cost import REPLAY_RULE, Replayed, Yardstick, yardstick
 from dpr_lab.exports.refit import fitted_for
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.compare import Comparison
-from dpr_lab.identification.moving_arm.identify import ArmComparison
-from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.identify import AnyComparison, ArmComparison
+from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
 from dpr_lab.report.figures import by_kind, save_figures
 from dpr_lab.report.gap.figures import save_gap_figures
 from dpr_lab.report.gap.html import write_gap_report
@@ -30,7 +29,7 @@ from dpr_lab.whole_file import write_text, write_whole
 AXES = ("theta1", "theta2")
 
 
-def save_comparison(model: AnyModel, comparisons: Sequence[Comparison | ArmComparison], out: Path) -> dict[str, Any]:
+def save_comparison(model: AnyModel, comparisons: Sequence[AnyComparison], out: Path) -> dict[str, Any]:
     """Write figures and report of a comparison, and return the output of `dpr-lab compare --json`.
 
     For a model of a moving arm, the angles are written as `comparison.csv`.

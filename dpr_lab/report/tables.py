@@ -11,14 +11,14 @@ from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import ALONE, RATIO_UNITS, RATIOS
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, interval, pair, plus_minus, superscripts, three
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.report.run_names import compared_name
 from dpr_lab.shown import FIXED_BY
 
 if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison
     from dpr_lab.identification.model import Model, ParameterValue
-    from dpr_lab.identification.moving_arm.model import MovingArmModel
+    from dpr_lab.identification.moving_arm.model import AnyModel
     from dpr_lab.planning.result import LimitForecast, Plan, PlannedRelease
 
 RATIO_NOTE = (
@@ -118,7 +118,7 @@ def ratio_title(model: "Model") -> str:
 
 
 @page_table("ratio", "value ± std", "90 % interval", "unit")
-def ratio_table(model: "Model | MovingArmModel") -> list[list[str]]:
+def ratio_table(model: "AnyModel") -> Rows:
     """Return one row for each ratio that the recordings determine."""
     return [
         [
@@ -133,7 +133,7 @@ def ratio_table(model: "Model | MovingArmModel") -> list[list[str]]:
 
 
 @page_table("quantity", "undecided range", "unit", "decidable after the plan")
-def limit_forecast_table(made: "Plan") -> list[tuple[str, ...]]:
+def limit_forecast_table(made: "Plan") -> Rows:
     """Return one row for each limit that a plan tests."""
     return [
         (
@@ -154,7 +154,7 @@ def _obstacle(limit: "LimitForecast") -> str:
 
 
 @page_table("ratio", "now", "after the plan", "unit")
-def ratio_std_table(made: "Plan", release: "PlannedRelease") -> list[tuple[str, ...]]:
+def ratio_std_table(made: "Plan", release: "PlannedRelease") -> Rows:
     """Return the standard deviation of each ratio now and after a planned release.
 
     Before any recording, the rig file bounds only the ratios of the rods. The ratios of arm and drive are unknown.
@@ -199,7 +199,7 @@ def ratio_note(model: "Model") -> str:
 
 
 @page_table("base parameter", "value ± std", "unit", "meaning")
-def base_table(model: "Model") -> list[list[str]]:
+def base_table(model: "Model") -> Rows:
     """Return one row for each base parameter of the mounted rods.
 
     The list is empty if the runs do not identify the scale.
@@ -211,7 +211,7 @@ def base_table(model: "Model") -> list[list[str]]:
 
 
 @page_table("parameter", "value ± std", "90 % interval", "unit", "determined by", "meaning")
-def parameter_table(model: "Model") -> list[list[str]]:
+def parameter_table(model: "Model") -> Rows:
     """Return one row for each physical parameter with its source.
 
     Parameters of parts that are not mounted are omitted.
@@ -257,7 +257,7 @@ def role(held_out: bool, complete: bool) -> str:
     "horizon (s)",
     caption=COMPARISON_NOTE,
 )
-def comparison_table(comparisons: "Sequence[Comparison]", angles: AngleUnit = RADIANS) -> list[list[str]]:
+def comparison_table(comparisons: "Sequence[Comparison]", angles: AngleUnit = RADIANS) -> Rows:
     """Return one row for each compared run."""
     return [
         [
@@ -277,7 +277,7 @@ def comparison_table(comparisons: "Sequence[Comparison]", angles: AngleUnit = RA
 
 
 @page_table("file", "pose", "samples", "duration (s)", "segments", "χ² per dof", "SHA-256", style="hash")
-def run_table(model: "Model") -> list[list[str]]:
+def run_table(model: "Model") -> Rows:
     """Return one row for each fitted run."""
     return [
         [
@@ -299,7 +299,7 @@ def _zeros(fitted: Sequence[float]) -> str:
 
 
 @page_table("quantity", "value", style="prose")
-def search_table(model: "Model") -> list[list[str]]:
+def search_table(model: "Model") -> Rows:
     """Return the settings that are needed to repeat a search, followed by its result."""
     from dpr_lab.identification.objectives import objective_words
     from dpr_lab.search import search_words

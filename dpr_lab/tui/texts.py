@@ -13,6 +13,7 @@ from rich.text import Text
 from dpr_lab.report.digits import NUMERIC
 from dpr_lab.report.pages.page import PageTable
 from dpr_lab.report.run_names import recorded, run_name, run_pose
+from dpr_lab.shown import counted
 
 Value = TypeVar("Value")
 
@@ -90,11 +91,6 @@ def following(values: Sequence[Value], current: object, by: int = 1) -> Value:
     return values[(position + by) % len(values)]
 
 
-def counted_runs(count: int) -> str:
-    """Return the number of runs as text, for example `1 run` or `2 runs`."""
-    return f"{count} run" if count == 1 else f"{count} runs"
-
-
 def shorter(names: Sequence[str], most: int = 6) -> str:
     """Join the first `most` names by commas, and state the number of the remaining names."""
     more = len(names) - most
@@ -112,8 +108,8 @@ def named_runs(runs: Sequence[Path]) -> str:
         first, last = times[0], times[-1]
         names = [run_pose(run) for run in runs]
         when = first if first == last else f"{first[:16]} to {last[11:]}"
-        return f"{counted_runs(len(runs))}: {shorter(names)} ({when})"
-    return f"{counted_runs(len(runs))}: {shorter(names, most=3)}" if runs else ""
+        return f"{counted(len(runs), 'run')}: {shorter(names)} ({when})"
+    return f"{counted(len(runs), 'run')}: {shorter(names, most=3)}" if runs else ""
 
 
 @dataclass(frozen=True, slots=True)

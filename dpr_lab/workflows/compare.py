@@ -11,10 +11,9 @@ from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.events import OnEvent, RunCompared, RunLeftOut, ignore
 
 if TYPE_CHECKING:
-    from dpr_lab.identification.compare import Comparison, Followed, FreeRun
-    from dpr_lab.identification.model import Model
-    from dpr_lab.identification.moving_arm.identify import ArmComparison
-    from dpr_lab.identification.moving_arm.model import MovingArmModel
+    from dpr_lab.identification.compare import Followed, FreeRun
+    from dpr_lab.identification.moving_arm.identify import AnyComparison
+    from dpr_lab.identification.moving_arm.model import AnyModel
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
 
@@ -42,7 +41,7 @@ class CompareRequest:
 class CompareResult:
     """Runs compared with the model."""
 
-    comparisons: "tuple[Comparison | ArmComparison, ...]"
+    comparisons: "tuple[AnyComparison, ...]"
     followed: "tuple[Followed, ...]"
     """Fit of each comparison, from which `free_run` starts; empty for a moving arm. Only for use in this process."""
     left_out: tuple[Path, ...]
@@ -91,7 +90,7 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
         raise RunError(f"{request.model}: is a model of a moving arm, but a second curve needs one of a clamped arm")
     recorded: list[tuple[Path, Run, Rig]] = []
     followed: list[Followed] = []
-    comparisons: list[Comparison | ArmComparison] = []
+    comparisons: list[AnyComparison] = []
     left_out: list[Path] = []
     for file in request.runs:
         with _leaving_out(file, request, left_out, on_event):
@@ -127,7 +126,7 @@ def _leaving_out(file: Path, request: CompareRequest, left_out: list[Path], on_e
         on_event(RunLeftOut(file, str(error)))
 
 
-def _read(file: Path, model: "Model | MovingArmModel", request: CompareRequest, on_event: OnEvent) -> "tuple[Run, Rig]":
+def _read(file: Path, model: "AnyModel", request: CompareRequest, on_event: OnEvent) -> "tuple[Run, Rig]":
     """Read a run and its rig, with the length and gravity of the model.
 
     Raises:

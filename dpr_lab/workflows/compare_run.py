@@ -3,17 +3,13 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dpr_lab.identification.compare import Comparison
-    from dpr_lab.identification.model import Model
-    from dpr_lab.identification.moving_arm.identify import ArmComparison
-    from dpr_lab.identification.moving_arm.model import MovingArmModel
+    from dpr_lab.identification.moving_arm.identify import AnyComparison, ArmComparison
+    from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
 
 
-def compare_any_run(
-    run: "Run", rig: "Rig", model: "Model | MovingArmModel", segment_s: float = 0.5
-) -> "Comparison | ArmComparison":
+def compare_any_run(run: "Run", rig: "Rig", model: "AnyModel", segment_s: float = 0.5) -> "AnyComparison":
     """Simulate a run by segments with a model of any arm.
 
     Only the initial states are fitted. If the arm is clamped or prescribed, the result also contains one free run, from

@@ -14,11 +14,11 @@ from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult, diagnose
 from dpr_lab.workflows.events import OnEvent, ignore
 
 if TYPE_CHECKING:
-    from dpr_lab.exports.bodies import AnyModel
     from dpr_lab.exports.into.least_change import LeastChange
     from dpr_lab.exports.into.replay import FileReplay
     from dpr_lab.exports.into.target import PatchedModel
     from dpr_lab.gap.result.diagnosis import Diagnosis
+    from dpr_lab.identification.moving_arm.model import AnyModel
     from dpr_lab.report.schemas.printed import PrintedSimulator
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run

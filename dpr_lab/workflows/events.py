@@ -11,8 +11,7 @@ from dpr_lab.progress import FitBegan, GenerationDone, ImportProgress, LocalFitB
 if TYPE_CHECKING:
     from dpr_lab.acquisition.capture import Progress
     from dpr_lab.acquisition.swing import Captured
-    from dpr_lab.identification.compare import Comparison
-    from dpr_lab.identification.moving_arm.identify import ArmComparison
+    from dpr_lab.identification.moving_arm.identify import AnyComparison
     from dpr_lab.rig_tables import Pose
     from dpr_lab.trials.campaign import Failure
     from dpr_lab.trials.score import TrialOutcome
@@ -50,7 +49,7 @@ class RunRead:
 class RunCompared:
     """A run was compared with the model."""
 
-    comparison: "Comparison | ArmComparison"
+    comparison: "AnyComparison"
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,8 @@ from dpr_lab.workflows.events import OnEvent, StageBegan, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
-    from dpr_lab.exports.bodies import AnyModel
     from dpr_lab.exports.cost import Replayed
+    from dpr_lab.identification.moving_arm.model import AnyModel
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
 

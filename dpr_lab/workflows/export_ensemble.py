@@ -14,13 +14,12 @@ from dpr_lab.workflows.reading import read_runs
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from dpr_lab.exports.bodies import AnyModel
     from dpr_lab.exports.ensemble.amplitudes import FittedAmplitudes
     from dpr_lab.exports.ensemble.bands import PredictiveBand
     from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.gap.result.posterior import PosteriorComponent
     from dpr_lab.identification.model import Model
-    from dpr_lab.identification.moving_arm.model import MovingArmModel
+    from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
 

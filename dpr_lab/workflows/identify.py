@@ -9,8 +9,7 @@ from dpr_lab.workflows.events import GenerationDone, LocalFitBegan, OnEvent, Pro
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
-    from dpr_lab.identification.model import Model
-    from dpr_lab.identification.moving_arm.model import MovingArmModel
+    from dpr_lab.identification.moving_arm.model import AnyModel
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +45,7 @@ class IdentifyResult:
     A model that failed its own checks is also written; see `model.failures`.
     """
 
-    model: "Model | MovingArmModel"
+    model: "AnyModel"
     file: Path
 
     def to_json(self) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import ConfigError
-from dpr_lab.exports.bodies import AnyModel, bodies, in_words, left_out
+from dpr_lab.exports.bodies import bodies, in_words, left_out
 from dpr_lab.exports.into.description import DescriptionEditor
 from dpr_lab.exports.into.in_file import hinge
 from dpr_lab.exports.into.mjcf import MjcfEditor
@@ -30,6 +30,7 @@ from dpr_lab.exports.into.target import (
 )
 from dpr_lab.exports.into.urdf import UrdfEditor
 from dpr_lab.identification.model import Model
+from dpr_lab.identification.moving_arm.model import AnyModel
 from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import Rig
 from dpr_lab.simulator_models import of_format

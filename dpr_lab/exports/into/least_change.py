@@ -22,7 +22,7 @@ from dpr_lab.arrays import Array, Flags
 from dpr_lab.dynamics.base import BASE, base_parameters, ratios
 from dpr_lab.errors import ConfigError
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.exports.bodies import AnyModel, words_of
+from dpr_lab.exports.bodies import words_of
 from dpr_lab.exports.into.in_file import (
     CHANGE,
     Effects,
@@ -39,7 +39,7 @@ from dpr_lab.exports.into.in_file import (
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.compare import compare_run
 from dpr_lab.identification.model import Model, ParameterValue
-from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
 from dpr_lab.simulator_models.chain import ModelChain

@@ -20,13 +20,12 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.errors import ConfigError
-from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.into.target import PatchedModel
 from dpr_lab.exports.mjcf import CALLBACK
 from dpr_lab.exports.programs import Replay
 from dpr_lab.exports.replay import replays
 from dpr_lab.exports.xml import rendered
-from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
 from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run

@@ -15,11 +15,11 @@ import numpy as np
 
 from dpr_lab.effects.effect import Words
 from dpr_lab.errors import ConfigError
-from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.into.passive import PassiveForces
 from dpr_lab.exports.mjcf import CALLBACK
 from dpr_lab.exports.rigid_bodies import Bodies
 from dpr_lab.identification.model import Model
+from dpr_lab.identification.moving_arm.model import AnyModel
 from dpr_lab.rig import Rig
 from dpr_lab.shown import in_command
 from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain

@@ -167,13 +167,8 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
     determined = {name: std for name, std in relative.items() if np.isfinite(std)}
     of_parameters = dict(zip(sizes, spread(rows.known).tolist(), strict=True))
     values = dict(zip(combinations, fit.values.tolist(), strict=True)) if runs else {}
-    directions = rows.directions(_answers(sizes, parameters, rig))
     return ArmIdentifiability(
-        rank=directions.rank,
-        singular_values=directions.singular_values,
-        null_space=directions.null_space,
-        advice=directions.advice,
-        sequence=directions.sequence,
+        **rows.directions(_answers(sizes, parameters, rig)),
         arm=modes,
         input=unknowns.input if "driven" in modes else "",
         simulated=not runs,

@@ -9,6 +9,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.errors import IdentificationError, RunError
 from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.identification.compare import Comparison
 from dpr_lab.identification.identified import SETTINGS
 from dpr_lab.identification.model import EstimatedValue, RigFacts, RunUsed
 from dpr_lab.identification.moving_arm.doubts import failures, stop_sentence
@@ -210,6 +211,10 @@ class ArmComparison(Shown):
         by_kind = {"noise": self.noise_rad, "segments": self.rms_rad}
         rows = [(kind, *(f"{1e3 * values[name]:.3g}" for name in self.rms_rad)) for kind, values in by_kind.items()]
         return [("mrad rms", *self.rms_rad), *rows]
+
+
+AnyComparison = Comparison | ArmComparison
+"""Comparison of a run with a model of any arm."""
 
 
 def compare_moving_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float = 0.5) -> ArmComparison:

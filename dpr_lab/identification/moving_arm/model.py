@@ -129,7 +129,11 @@ def moved_ratios(
     }
 
 
-def load_model(path: Path | str) -> Model | MovingArmModel:
+AnyModel = Model | MovingArmModel
+"""Identified model of a rig with a clamped, prescribed or moving arm."""
+
+
+def load_model(path: Path | str) -> AnyModel:
     """Read a model that `identify` or `diagnose --out` has written.
 
     Args:

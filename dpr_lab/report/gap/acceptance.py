@@ -3,7 +3,7 @@
 import math
 
 from dpr_lab.acceptance.judge import Acceptance
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.shown import listed
 
 RULE = (
@@ -19,7 +19,7 @@ def answer_sentence(acceptance: Acceptance) -> str:
 
 
 @page_table("quantity", "limits", "90 % interval", "unit", "answer", "reason", style="prose")
-def limit_table(acceptance: Acceptance) -> list[tuple[str, ...]]:
+def limit_table(acceptance: Acceptance) -> Rows:
     """Return the rows of the table, in the order of the limits file."""
     return [
         (

@@ -9,7 +9,7 @@ from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.angles import RADIANS
 from dpr_lab.report.digits import NONE
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.report.words import in_words, named, size_words
 from dpr_lab.shown import in_command, listed
 
@@ -46,7 +46,7 @@ def how_to_record(diagnosis: Diagnosis, file: str) -> str:
 
 
 @page_table("cause", "probability before", "probability after", "Bayes factor", caption=MOVED_NOTE, style="prose")
-def moved_table(done: CheckDone) -> list[tuple[str, ...]]:
+def moved_table(done: CheckDone) -> Rows:
     """Return the probabilities before and after a check, the most probable cause first."""
     ranked = sorted(done.after, key=lambda name: -done.after[name])
     return [
@@ -81,7 +81,7 @@ def bits(information: float) -> str:
     style="prose",
     title="Possible checks",
 )
-def check_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def check_table(diagnosis: Diagnosis) -> Rows:
     """Return one row for each check with information, also if it is not recommended."""
     return [
         (

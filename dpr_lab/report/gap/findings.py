@@ -5,7 +5,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.finding import SensorFinding
 from dpr_lab.report.digits import NONE
 from dpr_lab.report.gap.tables import run_words
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.report.words import in_words, named
 
 
@@ -22,7 +22,7 @@ def findings_sentence(diagnosis: Diagnosis) -> str:
 
 
 @page_table("fault", "run", "axis", "time (s)", "evidence", style="prose")
-def finding_table(diagnosis: Diagnosis, most: int = 3) -> list[tuple[str, ...]]:
+def finding_table(diagnosis: Diagnosis, most: int = 3) -> Rows:
     """Return the sensor faults.
 
     More than `most` similar faults share one row.

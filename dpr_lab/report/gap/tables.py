@@ -16,7 +16,7 @@ from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.gap.sizes import sizes_cell
-from dpr_lab.report.pages.page import PageTable, page_table
+from dpr_lab.report.pages.page import PageTable, Rows, page_table
 from dpr_lab.report.run_names import run_label
 from dpr_lab.report.words import in_words, named, parameter_words, size_words
 from dpr_lab.shown import percent
@@ -108,7 +108,7 @@ def causes(diagnosis: Diagnosis) -> dict[str, NamedEffect]:
 
 
 @page_table("effect", "size, 90 % interval", "probability", style="prose")
-def summary_table(diagnosis: Diagnosis, *, brief: bool = False) -> list[tuple[str, ...]]:
+def summary_table(diagnosis: Diagnosis, *, brief: bool = False) -> Rows:
     """Return one row for each probable cause.
 
     `brief` is passed to `sizes_cell`.
@@ -128,7 +128,7 @@ def summary_table(diagnosis: Diagnosis, *, brief: bool = False) -> list[tuple[st
     caption=EFFECT_NOTE,
     style="prose",
 )
-def effect_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
+def effect_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> Rows:
     """Return one row for each effect of the corrected model."""
     return [
         (
@@ -143,7 +143,7 @@ def effect_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tupl
 
 
 @page_table("effect", "indistinguishable effects", "unique contribution", caption=EFFECT_NOTE)
-def contribution_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def contribution_table(diagnosis: Diagnosis) -> Rows:
     """Return one row for each effect of the corrected model."""
     return [(name, members, share) for name, members, _, share, _ in effect_table(diagnosis).rows]
 
@@ -169,7 +169,7 @@ class _Candidate:
     caption=STANDING_NOTE,
     style="prose",
 )
-def standing_table(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBABLE) -> list[tuple[str, ...]]:
+def standing_table(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBABLE) -> Rows:
     """Return the alternatives of each named effect.
 
     The probabilities of an effect and its alternatives add up to 1.
@@ -259,7 +259,7 @@ def _percent(probability: float) -> str:
     style="prose",
     title="Excess chi-square of the fitted recordings",
 )
-def step_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
+def step_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> Rows:
     """Return one row for each model, from the bare to the full model.
 
     A row contains the gap and the cumulative explained share of the excess.
@@ -303,7 +303,7 @@ def run_words(name: str, held_out: bool = False) -> str:
 
 
 @page_table("place", "coordinate", "share of the excess", "shape", style="prose")
-def place_table(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
+def place_table(diagnosis: Diagnosis, count: int = 4) -> Rows:
     """Return the locations that contribute most to the excess chi-square."""
     return [
         (in_words(place.site), place.coordinate, percent(place.share), in_words(place.sentence))
@@ -329,7 +329,7 @@ def place_map(place: Where, angles: AngleUnit = RADIANS, unknown: float = 1e3) -
     "gap, corrected model (mrad rms)",
     title="Gap by segment length, fitted recordings",
 )
-def horizon_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def horizon_table(diagnosis: Diagnosis) -> Rows:
     """Return the gap by segment length."""
     by_length = diagnosis.gap.by_horizon.items()
     return [(length, *(three(1e3 * gaps[name]) for name in ("before", "after"))) for length, gaps in by_length]
@@ -338,7 +338,7 @@ def horizon_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 @page_table(
     "place", "coordinate", "coordinate value", "quantity", "value", "90 % half width", title="Residual maps, values"
 )
-def map_table(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
+def map_table(diagnosis: Diagnosis, count: int = 4) -> Rows:
     """Return the knots of the `count` most important residual maps."""
     return [
         (in_words(place.site), coordinate(place)[0], three(knot), quantity(place)[0], three(value), three(half_width))
@@ -355,7 +355,7 @@ def map_table(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
     caption=CLOSED_NOTE,
     style="prose",
 )
-def closed_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, most: int | None = None) -> list[tuple[str, ...]]:
+def closed_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, most: int | None = None) -> Rows:
     """Return the gap reduction by run; held-out runs are marked.
 
     Args:
@@ -378,7 +378,7 @@ def closed_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, most: int | 
 
 
 @page_table("effect", "minimum detectable size", style="prose")
-def detectable_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
+def detectable_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> Rows:
     """Return the minimum detectable size of every effect in these recordings."""
     return [
         (

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.digits import NONE
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.report.words import in_words
 
 TRIAL_NOTE = (
@@ -16,7 +16,7 @@ TRIAL_NOTE = (
 
 
 @page_table("move", "change of the set", "criterion", "change", "decision", "reason", caption=TRIAL_NOTE)
-def trial_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def trial_table(diagnosis: Diagnosis) -> Rows:
     """Return one row for each trial of the model search."""
     return [
         (

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.trust import NOTHING, REFUSED, TrustShare, TrustTrial
 from dpr_lab.report.digits import NONE, three
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.report.words import named
 from dpr_lab.shown import percent
 
@@ -57,7 +57,7 @@ def _refused(trials: Sequence[TrustTrial]) -> str:
     style="prose",
     title="All trials",
 )
-def trust_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def trust_table(diagnosis: Diagnosis) -> Rows:
     """Return one row for each trial."""
     trials = diagnosis.trust.trials if diagnosis.trust else []
     return [

@@ -2,16 +2,13 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from dpr_lab.report import style
 from dpr_lab.report.figures import empty_figure, new_figure, save_each
-from dpr_lab.report.trials.tables import size_range
-
-Summary = Mapping[str, Any]
+from dpr_lab.report.trials.tables import Summary, size_range
 
 
 def confusion_figure(summary: Summary) -> Figure:

@@ -2,12 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from dpr_lab.report.pages.page import Items, Section, page_html, pictures, write_page
 from dpr_lab.report.trials import tables
-
-Summary = Mapping[str, Any]
+from dpr_lab.report.trials.tables import Summary
 
 FIGURES = {
     "by_size": (

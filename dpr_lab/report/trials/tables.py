@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dpr_lab.report.digits import NONE, three
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.report.words import named
 
 Summary = Mapping[str, Any]
@@ -34,7 +34,7 @@ NUMBERS = {
 
 
 @page_table("score", "value", "90 % interval", "basis")
-def score_table(summary: Summary) -> list[tuple[str, ...]]:
+def score_table(summary: Summary) -> Rows:
     """Return every score that has trials."""
     shares = [
         (label, percent(summary[name]), _interval(summary["interval90"][name]), f"{summary['of'][name]} trials")
@@ -47,7 +47,7 @@ def score_table(summary: Summary) -> list[tuple[str, ...]]:
 @page_table(
     "kind", "size", "trials", "first cause correct", "all causes correct", "false alarms", "unknown cause reported"
 )
-def kind_table(summary: Summary) -> list[tuple[str, ...]]:
+def kind_table(summary: Summary) -> Rows:
     """Return one row for each kind of plant."""
     shares = ("first", "exact", "false_alarms", "unexplained_recall")
     return [
@@ -57,7 +57,7 @@ def kind_table(summary: Summary) -> list[tuple[str, ...]]:
 
 
 @page_table("size / minimum detectable size", "effects", "named", "first cause correct", "all causes correct")
-def size_table(summary: Summary) -> list[tuple[str, ...]]:
+def size_table(summary: Summary) -> Rows:
     """Return one row for each range of sizes."""
     return [
         (size_range(row), str(row["effects"]), *(percent(row[name]) for name in ("named", "first", "exact")))
@@ -75,7 +75,7 @@ def size_table(summary: Summary) -> list[tuple[str, ...]]:
     "size error, 90th percentile",
     "coverage of 90 % intervals",
 )
-def effect_table(summary: Summary) -> list[tuple[str, ...]]:
+def effect_table(summary: Summary) -> Rows:
     """Return one row for each hidden effect."""
     shares, errors = ("named", "first", "exact"), ("size_error", "size_error_p90")
     return [
@@ -91,7 +91,7 @@ def effect_table(summary: Summary) -> list[tuple[str, ...]]:
 
 
 @page_table("claims", "stated probability", "observed frequency", "90 % interval")
-def claim_table(summary: Summary) -> list[tuple[str, ...]]:
+def claim_table(summary: Summary) -> Rows:
     """Return rows on the reliability of stated probabilities."""
     return [
         (
@@ -114,7 +114,7 @@ def claim_table(summary: Summary) -> list[tuple[str, ...]]:
     caption="Trials with an incorrect result; kind and seed reproduce the plant.",
     style="prose",
 )
-def failed_table(summary: Summary) -> list[tuple[str, ...]]:
+def failed_table(summary: Summary) -> Rows:
     """Return one row for each trial with an incorrect result."""
     return [
         (

@@ -19,8 +19,8 @@ from dpr_lab.workflows.identify import IdentifyRequest, IdentifyResult
 from dpr_lab.workflows.identify import identify as identify_runs
 
 if TYPE_CHECKING:
-    from dpr_lab.identification.compare import Comparison, FreeRun
-    from dpr_lab.identification.moving_arm.identify import ArmComparison
+    from dpr_lab.identification.compare import FreeRun
+    from dpr_lab.identification.moving_arm.identify import AnyComparison
     from dpr_lab.storage.inspect import RunInfo
 
 
@@ -74,7 +74,7 @@ def compare(control: JobControl, *, request: CompareRequest, keep: KeptCompariso
         control.report(FreeRunFrom(start, result.free_run(start.run, start.at_s)))
 
 
-def _keep(keep: KeptComparison | None, comparisons: "Sequence[Comparison | ArmComparison]") -> None:
+def _keep(keep: KeptComparison | None, comparisons: "Sequence[AnyComparison]") -> None:
     """Store comparisons for a faster display.
 
     Errors are ignored, because missing comparisons are simulated again.

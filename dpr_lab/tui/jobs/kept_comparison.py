@@ -12,8 +12,7 @@ import numpy as np
 from dpr_lab.whole_file import write_whole
 
 if TYPE_CHECKING:
-    from dpr_lab.identification.compare import Comparison
-    from dpr_lab.identification.moving_arm.identify import ArmComparison
+    from dpr_lab.identification.moving_arm.identify import AnyComparison
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +23,7 @@ class KeptComparison:
     subject: str
     """Description of the current model and runs. Stored comparisons of other inputs are ignored."""
 
-    def save(self, comparisons: "Sequence[Comparison | ArmComparison]") -> None:
+    def save(self, comparisons: "Sequence[AnyComparison]") -> None:
         """Save the comparisons in one file, atomically.
 
         Raises:
@@ -42,7 +41,7 @@ class KeptComparison:
 
         write_whole(self.file, write)
 
-    def load(self) -> "Sequence[Comparison | ArmComparison]":
+    def load(self) -> "Sequence[AnyComparison]":
         """Return the stored comparisons for the same inputs.
 
         The list is empty if none are stored or the file is invalid.

@@ -14,6 +14,7 @@ from dpr_lab.acquisition.holding import HangReading
 from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.report.run_names import run_name
 from dpr_lab.rig import Rig, load_rig
+from dpr_lab.shown import counted
 from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.recorder.attempt import Attempt, Phase
 from dpr_lab.tui.recorder.messages import (
@@ -30,7 +31,7 @@ from dpr_lab.tui.recorder.settings import SETTINGS
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.capture_choices import CHOICES
 from dpr_lab.tui.steps.step import Step
-from dpr_lab.tui.texts import counted_runs, following
+from dpr_lab.tui.texts import following
 from dpr_lab.tui.widgets.capture_view import CaptureState, CaptureView
 from dpr_lab.tui.widgets.checklist import kept, next_pose, set_aside
 from dpr_lab.tui.widgets.countdown import Countdown, new_code
@@ -93,7 +94,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
     def outcome(self) -> str:
         """Return the number of recorded runs as text."""
         count = len(self.workspace.runs)
-        return counted_runs(count) if count else ""
+        return counted(count, "run") if count else ""
 
     def missing(self) -> str:
         """Name the missing device, rig or pose; return an empty text if nothing is missing."""
@@ -211,13 +212,13 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         """Add the recording to the workspace."""
         self._decided("keep", self.workspace.runs.append)
         self._pose = next_pose(self._done(), self._repeats, self._pose)
-        self.post_message(self.Done())
+        self.changed()
         self._draw()
 
     def action_again(self) -> None:
         """Set the recording aside and repeat the pose."""
         self._decided("repeat", lambda run: self.notify(f"set aside: {set_aside(run)}"))
-        self.post_message(self.Done())
+        self.changed()
         if self.missing():
             self._draw()
         else:
@@ -256,7 +257,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         if self.device.opening is None:
             self._ended = None
             await self.services.connect()
-            self.post_message(self.Done())
+            self.changed()
             self._draw()
 
     def _require_none(self) -> None:
@@ -308,7 +309,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
             self._countdown.stop(attempt.obstacle)
         if isinstance(report, AttemptFinished):
             self.workspace.undecided = report.captured.run_file
-            self.post_message(self.Done())
+            self.changed()
         elif isinstance(report, AttemptSeen) and isinstance(report.progress, HangReading) and not report.progress.ok:
             errors = ", ".join(map(self.workspace.unit.text, report.progress.error))
             warning = (
@@ -324,7 +325,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
                 self._countdown.stop(report.message)
             if self.attempt is not None and self.attempt.phase is not Phase.JUDGED:
                 self._ended, self.attempt = self.attempt, None
-        self.post_message(self.Done())
+        self.changed()
 
     def _decided(self, what: str, take: Callable[[Path], None]) -> None:
         """Pass the run that waits for a decision to the function `take`.

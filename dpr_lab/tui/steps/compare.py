@@ -13,6 +13,7 @@ from textual.widgets import Select, Static
 
 from dpr_lab.errors import RunError
 from dpr_lab.report.run_names import compared_name, run_name
+from dpr_lab.shown import counted
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.jobs.jobs import ComparisonSaved, FreeRunFrom, FreeRunStart
 from dpr_lab.tui.jobs.kept_comparison import KeptComparison
@@ -22,7 +23,7 @@ from dpr_lab.tui.steps import arm_results
 from dpr_lab.tui.steps.compare_charts import AXES, SETTINGS, VIEWS, ComparedRun
 from dpr_lab.tui.steps.job_step import JobStep
 from dpr_lab.tui.steps.second_curve import SecondCurve
-from dpr_lab.tui.texts import counted_runs, following
+from dpr_lab.tui.texts import following
 from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.tui.widgets.slider import Slider
 from dpr_lab.workflows.compare import CompareRequest
@@ -30,7 +31,7 @@ from dpr_lab.workflows.events import RunCompared, RunLeftOut
 
 if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison, FreeRun
-    from dpr_lab.identification.moving_arm.identify import ArmComparison
+    from dpr_lab.identification.moving_arm.identify import AnyComparison
 
 
 class CompareStep(JobStep):
@@ -69,7 +70,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
     def __init__(self, services: Services) -> None:
         super().__init__(services)
         self._compared_subject: tuple[Path, float, tuple[Path, ...], str | None] | None = None
-        self._compared: Sequence[Comparison | ArmComparison] = ()
+        self._compared: Sequence[AnyComparison] = ()
         self._arm_moves = False
         self._joints, self._views = [0, 1], VIEWS
         self._free_runs: dict[FreeRunStart, FreeRun] = {}
@@ -97,7 +98,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
 
     def outcome(self) -> str:
         """Return the number of compared runs as text."""
-        return counted_runs(len(self._compared)) if self._compared and self._compared_subject is not None else ""
+        return counted(len(self._compared), "run") if self._compared and self._compared_subject is not None else ""
 
     def enter(self) -> None:
         """Show the last comparison, or start one if there is none.
@@ -175,7 +176,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
                 self.made()
                 without = f"; skipped: {', '.join(map(run_name, left_out))}" if left_out else ""
                 self._draw(self.worded(f"saved in {self.workspace.out / 'report'}, {{app.report}} opens it{without}"))
-                self.post_message(self.Done())
+                self.changed()
             case FreeRunFrom():
                 self._free_runs[value.start] = value.free_run
                 self._draw()
@@ -209,7 +210,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         """Move the start of the free run by a number of steps."""
         self.query_one(Slider).action_move(steps)
 
-    def show(self, comparisons: "Sequence[Comparison | ArmComparison]") -> None:
+    def show(self, comparisons: "Sequence[AnyComparison]") -> None:
         """Offer compared runs; draw the selected one."""
         from dpr_lab.identification.compare import Comparison
 
@@ -246,7 +247,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         self._arrange()
 
     @property
-    def _shown(self) -> "Comparison | ArmComparison | None":
+    def _shown(self) -> "AnyComparison | None":
         run = self.query_one("#run", Select).value
         return self._compared[run] if isinstance(run, int) and run < len(self._compared) else None
 

@@ -85,7 +85,7 @@ of its clock relative to this computer. This test closes the latch and leaves it
         match report:
             case Connected():
                 self._exercised = ""
-                self.post_message(self.Done())
+                self.changed()
             case Idle():
                 pass
             case Exercised():
@@ -131,7 +131,7 @@ of its clock relative to this computer. This test closes the latch and leaves it
         await self.services.connect()
         self.query_one(OptionList).focus()
         self.action_look()  # the list begins with the link used last
-        self.post_message(self.Done())
+        self.changed()
         self._draw()
 
     async def action_simulate(self) -> None:
@@ -150,7 +150,7 @@ of its clock relative to this computer. This test closes the latch and leaves it
         """Disconnect from the device."""
         self.services.require_free()
         await self.device.close()
-        self.post_message(self.Done())
+        self.changed()
         self._draw()
 
     def action_edit(self) -> None:

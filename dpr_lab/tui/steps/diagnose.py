@@ -185,7 +185,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.workspace.diagnosis = self._file = self._record
         self.query_one("#place", Select).clear()  # start at the first location
         self.show(result.diagnosis)
-        self.post_message(self.Done())
+        self.changed()
 
     def report(self) -> Path | None:
         """Report of the displayed diagnosis, or None if there is no report."""
@@ -241,7 +241,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         if runs is not None:
             self.workspace.held_out = runs
             self._show_held_out()
-            self.post_message(self.Done())
+            self.changed()
 
     def _show_held_out(self) -> None:
         self.put("held-out", named_runs(self.workspace.held_out) or "none")

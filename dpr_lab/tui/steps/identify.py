@@ -18,24 +18,25 @@ from textual.widgets import Input, Label, Select, Static, TabbedContent, TabPane
 
 from dpr_lab.errors import DprError
 from dpr_lab.progress import GenerationDone, LocalFitBegan
+from dpr_lab.shown import counted
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.job_step import READING
 from dpr_lab.tui.steps.result_step import ResultStep
-from dpr_lab.tui.texts import counted_runs, named_runs, report_table, sentences
+from dpr_lab.tui.texts import named_runs, report_table, sentences
 from dpr_lab.tui.widgets.chart import Chart, Series
 from dpr_lab.workflows.events import RunRead
 from dpr_lab.workflows.identify import IdentifyRequest
 
 if TYPE_CHECKING:
     from dpr_lab.identification.model import Model
-    from dpr_lab.identification.moving_arm.model import MovingArmModel
+    from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
 
 TABS = ("convergence", "ratios", "nine", "seen")
 
 
-class IdentifyStep(ResultStep["Model | MovingArmModel"]):
+class IdentifyStep(ResultStep["AnyModel"]):
     """Identification of the selected runs; writes model.json."""
 
     NAME = "Identify"
@@ -106,7 +107,7 @@ starts from the values of the rig file. The model is written to `model.json` in 
         """Return the number of fitted runs as text."""
         if self.workspace.model is None:
             return ""
-        return f"model of {counted_runs(len(self.result.runs))}" if self.result is not None else "model"
+        return f"model of {counted(len(self.result.runs), 'run')}" if self.result is not None else "model"
 
     def enter(self) -> None:
         """Show the workspace's runs and its model."""
@@ -165,7 +166,7 @@ starts from the values of the rig file. The model is written to `model.json` in 
         self.workspace.model = self._file = result.file
         self.show(result.model)
         self.query_one(TabbedContent).active = TABS[1]
-        self.post_message(self.Done())
+        self.changed()
         if result.model.failures:
             failed = "; ".join(result.model.failures).rstrip(".")
             raise DprError(f"{failed}. The model was written to {result.file}, but it is not reliable")
@@ -182,7 +183,7 @@ starts from the values of the rig file. The model is written to `model.json` in 
         super().action_stop()
         self.say("stopping after this generation; the local fit starts from its best individual")
 
-    def draw(self, model: "Model | MovingArmModel") -> str:
+    def draw(self, model: "AnyModel") -> str:
         """Draw a model: convergence, values, and the data that determine each value; return its summary."""
         from dpr_lab.identification.model import Model
 

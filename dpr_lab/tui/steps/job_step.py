@@ -142,7 +142,7 @@ class JobStep(Step):
         if self.display:
             self.focus()  # The focused widget may be in a hidden tab; then no key would control the job.
         self.refresh_bindings()
-        self.post_message(self.Done())
+        self.changed()
 
     def take_keys(self) -> None:
         """Focus the step if the focused widget has disappeared, so that its keys remain active."""
@@ -167,7 +167,7 @@ class JobStep(Step):
         self.workspace.torque = "" if self.workspace.torque else "commanded"
         chosen = f"selected: {self.workspace.torque or 'measured'} torques for runs that contain both kinds"
         self.say(self.worded(f"{chosen}; {{{self.NAME.lower()}.start}}: run again"))
-        self.post_message(self.Done())
+        self.changed()
 
     def action_start(self) -> None:
         """Start the job, or report what is missing."""
@@ -235,7 +235,7 @@ class JobStep(Step):
             return
         self.job = None
         self.refresh_bindings()
-        self.post_message(self.Done())
+        self.changed()
         match message.event:
             case JobFinished(result):
                 self.made()

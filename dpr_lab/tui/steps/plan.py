@@ -151,7 +151,7 @@ diagnosed first.
         self.say(
             f"{release.pose} for {release.duration_s:g} s{mounted} is the next release of Capture: press {capture}"
         )
-        self.post_message(self.Done())
+        self.changed()
 
     def _refuse_changed_setup(self, release: "PlannedRelease") -> None:
         """Refuse a release that was planned for other rods or masses.

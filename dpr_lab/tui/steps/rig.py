@@ -127,7 +127,7 @@ the selected rig.
         self.query_one(OptionList).focus()
         if changed and self._rig is not None and self.device.connected is not None:
             await self.services.connect()
-        self.post_message(self.Done())
+        self.changed()
 
     def action_write(self) -> None:
         """Open the editor for the rig file."""

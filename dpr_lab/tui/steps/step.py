@@ -54,6 +54,10 @@ class Step(Guarded, Vertical, can_focus=True):
         """Replace the placeholders of actions in a text by the operator's keys (`KeyNames.fill`)."""
         return self.services.keys.fill(text)
 
+    def changed(self) -> None:
+        """Announce that the state of the step has changed."""
+        self.post_message(self.Done())
+
     def warn(self, text: str) -> None:
         """Show a warning for some seconds."""
         self.notify(text, severity="warning", timeout=NOTICES.news_s)

@@ -10,7 +10,7 @@ from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.figures import legend_above, new_figure
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, evidence_of
 from dpr_lab.report.gap.tables import run_words
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.shown import percent
 
 
@@ -78,7 +78,7 @@ def _judged(error: float, uncertainty: float) -> str:
     style="prose",
     title="Uncertainty budget, values",
 )
-def source_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def source_table(diagnosis: Diagnosis) -> Rows:
     """Return the rows of all contributions, their combination, and the error."""
     budget = evidence_of(diagnosis).budget
     rows = [
@@ -110,7 +110,7 @@ def source_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     style="prose",
     title="Error and uncertainty by run",
 )
-def run_gap_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def run_gap_table(diagnosis: Diagnosis) -> Rows:
     """Return rows with error and uncertainty of each free run."""
     return [
         (

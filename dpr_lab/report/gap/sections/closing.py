@@ -12,7 +12,7 @@ from dpr_lab.report.figures import empty_figure, legend_above, new_figure
 from dpr_lab.report.gap.section import EvidenceSection, evidence_of
 from dpr_lab.report.gap.summary import held_out_words
 from dpr_lab.report.gap.tables import per_reading
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.report.words import named
 from dpr_lab.shown import percent
 
@@ -72,7 +72,7 @@ def closing_words(diagnosis: Diagnosis) -> list[str]:
     style="prose",
     title="Gap reduction by effect, values",
 )
-def closing_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def closing_table(diagnosis: Diagnosis) -> Rows:
     """Return one row for each model, with the gap and its cumulative reduction."""
     return [
         (

@@ -14,7 +14,7 @@ from dpr_lab.report.digits import three
 from dpr_lab.report.figures import empty_figure, legend_above, new_figure
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, evidence_of
 from dpr_lab.report.gap.tables import run_words
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 
 LINES = {"bare model": style.SIMULATED, "corrected model": style.RESIDUAL | {"linewidth": 1.1, "zorder": 4}}
 CURVE_NAMES = ("measured", *LINES)
@@ -107,7 +107,7 @@ def curves_words(diagnosis: Diagnosis) -> list[str]:
 @page_table(
     "run", "time (s)", "part", *(f"{curve} (rad)" for curve in CURVE_NAMES), style="prose", title="Curves, values"
 )
-def curves_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def curves_table(diagnosis: Diagnosis) -> Rows:
     """Return rows with every fifth point of the curves."""
     return [
         (run_words(curves.run), f"{curves.t_s[k]:.2f}", part, *(f"{angle:.4f}" for angle in angles[k]))

@@ -14,7 +14,7 @@ from dpr_lab.report import style
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.figures import empty_figure, new_figure
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, evidence_of
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 
 COLOURS = "cividis_r"
 """Colour map for colour-blind readers; Nuñez, Anderton & Renslow (2018), PLOS ONE 13(7)."""
@@ -98,7 +98,7 @@ def _days(days: list[str], count: int) -> str:
     style="prose",
     title="Map, values",
 )
-def domain_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def domain_table(diagnosis: Diagnosis) -> Rows:
     """Return rows with speeds and durations for each range of angles."""
     rows = []
     for rod, occupancy in evidence_of(diagnosis).coverage.items():

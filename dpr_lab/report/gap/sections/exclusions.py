@@ -6,7 +6,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import EXCLUDED, Exclusion
 from dpr_lab.report.angles import RADIANS
 from dpr_lab.report.gap.section import EvidenceSection, evidence_of
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.report.words import in_words, named, parameter_words, size_words
 from dpr_lab.shown import percent
 
@@ -38,7 +38,7 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
 
 
 @page_table("effect", "excluded from this size", "confidence", style="prose", title="All excluded effects")
-def exclusion_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def exclusion_table(diagnosis: Diagnosis) -> Rows:
     """Return one row for each excluded effect, in the order of the library."""
     excluded, _ = _split(diagnosis)
     return [

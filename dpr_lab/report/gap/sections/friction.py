@@ -12,7 +12,7 @@ from dpr_lab.report import style
 from dpr_lab.report.digits import interval, plus_minus, three
 from dpr_lab.report.figures import draw_with_intervals, empty_figure, legend_above, new_figure
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, evidence_of
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.report.words import named
 from dpr_lab.shown import listed
 
@@ -59,7 +59,7 @@ def friction_words(diagnosis: Diagnosis) -> list[str]:
 @page_table(
     "joint", "speed (rad/s)", "torque (mN m)", "90 % interval (mN m)", style="prose", title="Friction torque, values"
 )
-def friction_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def friction_table(diagnosis: Diagnosis) -> Rows:
     """Return rows for some speeds of each joint."""
     rows = []
     for joint, curve in evidence_of(diagnosis).friction.items():

@@ -11,7 +11,7 @@ from dpr_lab.report.digits import three
 from dpr_lab.report.figures import empty_figure, legend_above, new_figure
 from dpr_lab.report.gap.section import EvidenceSection, evidence_of
 from dpr_lab.report.gap.tables import run_words
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 
 RODS = ("inner rod", "outer rod")
 
@@ -89,7 +89,7 @@ def metric_words(diagnosis: Diagnosis) -> list[str]:
     style="prose",
     title="Areas and horizons by run",
 )
-def metric_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def metric_table(diagnosis: Diagnosis) -> Rows:
     """Return rows with area metric and horizon of each free run."""
     return [
         (

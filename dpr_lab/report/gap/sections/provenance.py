@@ -3,7 +3,7 @@
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.digits import NONE
 from dpr_lab.report.gap.section import EvidenceSection, evidence_of
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.report.tables import role
 
 
@@ -30,7 +30,7 @@ def provenance_words(diagnosis: Diagnosis) -> list[str]:
     style="hash",
     title="Recordings",
 )
-def recording_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def recording_table(diagnosis: Diagnosis) -> Rows:
     """Return one row for each recording, with its SHA-256."""
     return [
         (

@@ -11,7 +11,7 @@ from dpr_lab.report import style
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.figures import legend_above, new_figure
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, evidence_of
-from dpr_lab.report.pages.page import page_table
+from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.report.words import in_words
 from dpr_lab.shown import percent
 
@@ -87,7 +87,7 @@ def residual_words(diagnosis: Diagnosis) -> list[str]:
     style="prose",
     title="Autocorrelation, values",
 )
-def residual_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def residual_table(diagnosis: Diagnosis) -> Rows:
     """Return autocorrelation at six lags and large residuals, by joint and model."""
     rows = []
     for joint, models in evidence_of(diagnosis).residuals.joints.items():
@@ -106,7 +106,7 @@ def residual_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     style="prose",
     title="Quantiles, values",
 )
-def quantile_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def quantile_table(diagnosis: Diagnosis) -> Rows:
     """Return rows with every fifth point of the quantile plots, by joint."""
     look = evidence_of(diagnosis).residuals
     return [
