@@ -122,7 +122,7 @@ RIGHT: dict[str, Any] = {"unit": "deg", "zero": "hanging", "angles": "relative"}
     ("factor", "options", "mend"),
     [
         (1.0, {"angles": "absolute"}, r"relative to the inner rod \(--angles relative\)"),
-        (np.pi / 180, {}, r"the angles are in rad \(--unit rad\)"),
+        (np.pi / 180, {}, r"the angles are in rad \(--scale 57.2958\)"),
         (1.0, {"scale": {"theta1": -1.0, "theta2": -1.0}}, r"both angles have the opposite sign \(--scale 1\)"),
     ],
 )

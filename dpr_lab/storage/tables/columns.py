@@ -52,7 +52,7 @@ _PLACE = re.compile("pos(ition)?([cm]?m)?")
 """Pattern of a position: the position of a cart if another column is an angle, otherwise the angle of the rod."""
 _COORDINATE = re.compile(r"\W*[xy][\W_]*([cm]?m|px|pixels?)?\W*|.*[\W_][xy][\W_]*([cm]?m|px|pixels?)\W*", re.I)
 _TIME_UNIT_IN_NAME = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
-_UNIT_IN_NAME = re.compile(
+UNIT_IN_NAME = re.compile(
     r"((?<![a-z])rad|(?<![a-z])counts|(?<!m)(?<!milli)deg)(ians|rees|r[eé]s)?(?![a-z])|[°º˚]|gra(us|dos|di|den|d)(?![a-z])"
 )
 _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
@@ -335,7 +335,7 @@ def _refuse(table: Table, named: Mapping[str, str], stated: Mapping[str, str], t
 
 def _unit_in_names(names: Sequence[str], stated: Mapping[str, str]) -> str:
     angles = guess_columns(names, "rad") | dict(stated)
-    matches = [_UNIT_IN_NAME.search(angles[axis].lower()) for axis in AXES if axis in angles]
+    matches = [UNIT_IN_NAME.search(angles[axis].lower()) for axis in AXES if axis in angles]
     units = {match[1] or "deg" for match in matches if match}
     if len(units) == 1:
         return units.pop()
@@ -391,7 +391,7 @@ def _of_joint_states(names: Sequence[str], stated: Mapping[str, str]) -> dict[st
 
 def _check_units(table: Table, named: Mapping[str, str], unit: str, time_unit: str) -> None:
     for quantity, name in named.items():
-        pattern, stated_unit = (_TIME_UNIT_IN_NAME, time_unit) if quantity == "t" else (_UNIT_IN_NAME, unit)
+        pattern, stated_unit = (_TIME_UNIT_IN_NAME, time_unit) if quantity == "t" else (UNIT_IN_NAME, unit)
         match = pattern.search(name.lower())
         if match and (match[1] or "deg") != stated_unit:
             raise RunError(

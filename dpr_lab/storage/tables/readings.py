@@ -11,7 +11,7 @@ from dpr_lab.arrays import without_turns
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, energy_zeros
 from dpr_lab.identification.misread.torque_balance import TorqueBalance, torque_balance
 from dpr_lab.storage.tables.angles import Values
-from dpr_lab.storage.tables.columns import AXES, TO_RADIANS, TO_SECONDS
+from dpr_lab.storage.tables.columns import AXES, TO_RADIANS, TO_SECONDS, UNIT_IN_NAME
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.options import ImportOptions
 
@@ -295,7 +295,7 @@ def other_readings(read: InterpretedTable) -> Iterator[OtherReading]:
             yield replace(
                 other,
                 causes=(f"the angles are in {unit}", *other.causes),
-                words=("--unit", unit, *other.words),
+                words=(*unit_words(read), *other.words),
                 options=replace(other.options, unit=unit),
             )
     yield from _scaled(read)
@@ -303,6 +303,19 @@ def other_readings(read: InterpretedTable) -> Iterator[OtherReading]:
         factor = TO_SECONDS[unit] / TO_SECONDS[options.time_unit or "s"]
         if factor != 1:
             yield OtherReading((f"the times are in {unit}",), ("--time-unit", unit), read.values, options, factor)
+
+
+def unit_words(read: InterpretedTable) -> tuple[str, ...]:
+    """Return the options that exchange degrees and radians.
+
+    If the name of a column states its unit, `--unit` would contradict it, and a scale converts the angles.
+    """
+    unit = "deg" if read.options.unit == "rad" else "rad"
+    if not any(UNIT_IN_NAME.search(name.lower()) for axis, name in read.columns.items() if axis in AXES):
+        return "--unit", unit
+    factor = TO_RADIANS[unit] / TO_RADIANS[read.options.unit or "rad"]
+    scale = {axis: factor * read.options.scale.get(axis, 1.0) for axis in AXES[1:]}
+    return _per_rod("--scale", scale, 1.0)
 
 
 def _scaled(read: InterpretedTable) -> Iterator[OtherReading]:

@@ -1,17 +1,19 @@
-"""Warn if a column is probably not an angle.
+"""Warn if a column is probably not an angle, or an angle in another unit.
 
-The evidence is how the period of a single rod depends on the amplitude.
+The evidence is how the period of a single rod depends on the amplitude, or the torque balance of two rods.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from dpr_lab.arrays import Array
+from dpr_lab.identification.misread.torque_balance import torque_balance
 from dpr_lab.shown import percent
 from dpr_lab.storage.tables.columns import TO_RADIANS
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
+from dpr_lab.storage.tables.readings import READ, unit_words
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +31,12 @@ class PeriodSettings:
     overturned_rad: float = 3.0
     """Maximum amplitude of a swing, rad."""
     other_scale: float = 0.6
-    """Maximum scale of the amplitude for a warning. A true angle has the scale 1; an unnoticed eccentricity of an
-    encoder changes it by some tenths."""
+    """Maximum scale of the amplitude, or of its inverse, for a warning. A true angle has the scale 1; an unnoticed
+    eccentricity of an encoder changes it by some tenths."""
+    other_unit: float = 0.5
+    """Maximum difference of the best scale from that of angles in rad, relative to the latter."""
+    small: float = 0.7
+    """Maximum amplitude, in degrees, for a warning without evidence. The motion shows the unit of a larger swing."""
     significant: float = 25.0
     """Minimum difference between the sums of squares at the scale 1 and at the best scale, in units of the variance of
     a period. 25 corresponds to 5 standard deviations."""
@@ -41,37 +47,102 @@ class PeriodSettings:
 SETTINGS = PeriodSettings()
 
 
-def period_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn if the period of a column depends too little on its amplitude.
+@dataclass(frozen=True, slots=True)
+class AmplitudeScale:
+    """Scale of the amplitudes of a single rod that agrees with their periods."""
+
+    best: float
+    as_read: float
+    """Difference of the sums of squares at the scale 1 and at the best scale, in units of a significant difference."""
+    other_unit: float
+    """The same difference at the scale that exchanges degrees and radians; infinite if it is impossible."""
+    amplitudes: tuple[float, float]
+    """Largest and smallest amplitude, rad."""
+
+
+def amplitude_scale(table: InterpretedTable) -> AmplitudeScale | None:
+    """Fit the scale of the amplitudes to their periods; None without sufficient periods.
 
     The period of a freely swinging rod is T = T0 / agm(1, cos(A/2)), where A is the amplitude, T0 the period of small
-    swings and agm the arithmetic-geometric mean. A position in mm that is read as degrees has the period of another
-    amplitude.
+    swings and agm the arithmetic-geometric mean.
     """
-    unit = table.options.unit
-    if table.rig.rods.number != 1 or not table.free or unit not in TO_RADIANS:
-        return []
+    if table.rig.rods.number != 1 or not table.free:
+        return None
     periods, amplitudes = swings(table.t[table.swing], table.theta[table.swing, 1])
     large = amplitudes > SETTINGS.smallest_share * amplitudes.max(initial=0.0)
     periods, amplitudes = periods[large], amplitudes[large]
     if len(periods) < SETTINGS.fewest_periods or amplitudes.max() > SETTINGS.overturned_rad:
-        return []
+        return None
     if np.ptp(amplitudes) < SETTINGS.constant * amplitudes.max():
-        return []
-    scales = np.linspace(0.0, 1.0, 51)
+        return None
+    most = SETTINGS.overturned_rad / amplitudes.max()
+    scales = np.concatenate([np.linspace(0.0, 1.0, 51), np.geomspace(1.0, most, 101)[1:]])
     sums = np.array([_sum_of_squares(periods, scale * amplitudes) for scale in scales])
-    best = int(sums.argmin())
-    variance = sums[best] / (len(periods) - 2)
-    if scales[best] > SETTINGS.other_scale or not sums[-1] - sums[best] > SETTINGS.significant * variance:
+    worse = (sums - sums.min()) * (len(periods) - 2) / (SETTINGS.significant * sums.min())
+    as_read, other = np.interp([1.0, factor_of_other(table)], scales, worse, right=np.inf).tolist()
+    return AmplitudeScale(float(scales[sums.argmin()]), as_read, other, (amplitudes.max(), amplitudes.min()))
+
+
+def factor_of_other(table: InterpretedTable) -> float:
+    """Return the factor between the angles of a table in the other unit and in its own; 1 for counts."""
+    return {"deg": 1 / TO_RADIANS["deg"], "rad": TO_RADIANS["deg"]}.get(table.options.unit or "", 1.0)
+
+
+def period_questions(table: InterpretedTable) -> list[TableQuestion]:
+    """Warn if the period of a column depends on its amplitude like the period of other angles.
+
+    A position in mm that is read as degrees has the period of another amplitude. So have angles in another unit.
+    """
+    scale = amplitude_scale(table)
+    if scale is None or SETTINGS.other_scale < scale.best < 1 / SETTINGS.other_scale or not scale.as_read > 1:
         return []
+    larger, factor, unit = scale.best > 1, factor_of_other(table), table.options.unit
+    share = f"{scale.best:.3g} times" if larger else f"{percent(scale.best)} of"
+    sentence = "the amplitude decreases from {:.3g} to {:.3g} rad".format(*scale.amplitudes)
+    sentence += f", but the period changes as in a swing with {share} these angles"
+    near = abs(scale.best - factor) < SETTINGS.other_unit * factor if larger else scale.other_unit < 1
+    words = unit_words(table) if near and unit != "counts" else ()
+    if words and larger:
+        return [TableQuestion(f"{sentence}: the angles are probably in rad ({' '.join(words)})", words)]
+    if unit == "counts" or larger:
+        right = "counts_per_rev of the rig file" if unit == "counts" else "the unit of the angles (--unit, --scale)"
+        return [TableQuestion(f"{sentence}: is {right} right?")]
+    option = f"; {' '.join(words)} for degrees" if words else ""
     return [
         TableQuestion(
-            f"the amplitude decreases from {amplitudes.max():.3g} to {amplitudes.min():.3g} rad, but the period changes"
-            f" as in a swing with {percent(float(scales[best]))} of these angles: is the column an angle in {unit}"
-            " (--unit, --scale), and not the position of a point (export its x and y)? A spring that is stronger than"
-            " gravity has the same effect"
+            f"{sentence}: is the column an angle in {unit} (--unit, --scale{option}), and not the position of a point"
+            " (export its x and y)? A spring that is stronger than gravity has the same effect"
         )
     ]
+
+
+def small_questions(table: InterpretedTable) -> list[TableQuestion]:
+    """Warn about a small swing in degrees that may be in radians."""
+    amplitude = float(np.ptp(table.theta[table.swing, 1:], axis=0).max()) / 2 / TO_RADIANS["deg"]
+    if table.options.unit != "deg" or table.prescribed or amplitude > SETTINGS.overturned_rad:
+        return []
+    words = unit_words(table)
+    ratio = _residual_of_radians(table)
+    if 1 / READ.alike_balance <= ratio <= READ.alike_balance and (scale := amplitude_scale(table)):
+        ratio = np.inf if scale.other_unit - scale.as_read > 1 else ratio
+    sentence = f"the amplitude of the swing is only {amplitude:.2g} degrees"
+    if ratio < 1 / READ.alike_balance:
+        doubt = TableQuestion(f"{sentence}, but the accelerations agree better with rad ({' '.join(words)})", words)
+    elif ratio <= READ.alike_balance and amplitude < SETTINGS.small:
+        doubt = TableQuestion(f"{sentence}: if the table is in rad, import it with {' '.join(words)}")
+    else:
+        return []
+    return [doubt]
+
+
+def _residual_of_radians(table: InterpretedTable) -> float:
+    """Return the torque residual of angles in rad, relative to that in degrees; 1 if it is unknown."""
+    read = table.beginning()
+    rods = (read.rods(read.values, replace(read.options, unit=unit)) for unit in ("rad", "deg"))
+    converted, as_read = (torque_balance(read.t, angles, read.torques, read.rig) for angles in rods)
+    if converted is None or as_read is None or not (residual := as_read.residual()) > 0:
+        return 1.0
+    return converted.residual() / residual
 
 
 def swings(t: Array, angle: Array) -> tuple[Array, Array]:
@@ -80,9 +151,12 @@ def swings(t: Array, angle: Array) -> tuple[Array, Array]:
     A period begins at an upward crossing of the median angle.
     """
     x = angle - np.median(angle)
-    up = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))
-    crossings = t[up] - x[up] * (t[up + 1] - t[up]) / (x[up + 1] - x[up])
-    amplitudes = [0.5 * float(np.ptp(x[first : last + 1])) for first, last in pairwise(up)]
+    level = 0.5 * SETTINGS.smallest_share * np.abs(x).max(initial=0.0)  # noise crosses the median several times
+    outside = np.flatnonzero(np.abs(x) > level)
+    rises = np.flatnonzero((x[outside[:-1]] < 0) & (x[outside[1:]] > 0))
+    below, above = outside[rises], outside[rises + 1]
+    crossings = t[below] - x[below] * (t[above] - t[below]) / (x[above] - x[below])
+    amplitudes = [0.5 * float(np.ptp(x[first : last + 1])) for first, last in pairwise(above)]
     return np.diff(crossings), np.array(amplitudes)
 
 

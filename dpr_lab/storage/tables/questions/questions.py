@@ -13,7 +13,7 @@ from dpr_lab.storage.tables.questions.accelerations import balance_questions, ri
 from dpr_lab.storage.tables.questions.energy import energy_questions
 from dpr_lab.storage.tables.questions.hand import hand_questions
 from dpr_lab.storage.tables.questions.joined import gap_questions, joined_questions
-from dpr_lab.storage.tables.questions.period import period_questions
+from dpr_lab.storage.tables.questions.period import period_questions, small_questions
 from dpr_lab.storage.tables.questions.pose import apart, pose_questions
 from dpr_lab.storage.tables.questions.torques import torque_questions
 
@@ -39,12 +39,9 @@ def questions(table: InterpretedTable) -> list[TableQuestion]:
     posed = [] if other else pose_questions(table)
     certain = other or posed or arm or any(doubt.mend for doubt in doubts)
     if not certain:
-        doubts = balance_questions(table) or [
-            *period_questions(table),
-            *rig_questions(table),
-            *hand_questions(table),
-            *doubts,
-        ]
+        of_unit = period_questions(table) or small_questions(table)
+        sure = balance_questions(table) or [doubt for doubt in of_unit if doubt.mend]
+        doubts = sure or [*of_unit, *rig_questions(table), *hand_questions(table), *doubts]
     return [*doubts, *arm, *few_rows, *posed]
 
 
