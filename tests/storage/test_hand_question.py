@@ -35,7 +35,7 @@ def doubts(folder: Path, rig: Rig, angles: np.ndarray) -> list[str]:
 
 
 def test_a_hand_that_lifts_the_rod_before_the_release(tmp_path: Path, one: Rig) -> None:
-    lifted = np.linspace(1.58, 1.75, 25)
+    lifted = np.linspace(1.7, 1.75, 25)
     (doubt,) = doubts(tmp_path, one, np.concatenate([lifted, swing(1.75, friction=1.0)]))
     begins = re.match(r"until ([\d.]+) s, the rod accelerates less than gravity.* exclude this part", doubt)
     assert begins
@@ -43,7 +43,7 @@ def test_a_hand_that_lifts_the_rod_before_the_release(tmp_path: Path, one: Rig) 
     assert 24 / RATE_HZ <= float(begins[1]) <= 0.6
 
 
-@pytest.mark.parametrize(("lifted", "lasts"), [(1.4, 1.5), (0.4, 1.0)])
+@pytest.mark.parametrize(("lifted", "lasts"), [(1.4, 1.5), (0.4, 1.0), (0.6, 0.3)])
 def test_a_rod_that_is_lifted_from_hanging_has_one_option(
     lifted: float, lasts: float, tmp_path: Path, one: Rig
 ) -> None:
@@ -75,3 +75,25 @@ def test_a_rod_on_a_slow_cart_is_not_held(column: str, one: Rig, tmp_path: Path)
 def test_a_rod_that_never_accelerates_as_gravity_requires_has_no_free_part(tmp_path: Path, one: Rig) -> None:
     turned = 1.0 + 0.35 * np.sin(np.arange(0, 6, 1 / RATE_HZ))
     assert not [doubt for doubt in doubts(tmp_path, one, turned) if "accelerates less" in doubt]
+
+
+@pytest.mark.parametrize("hand", [np.linspace(0.15, 1.0, 30), np.array([]), np.full(10, 1.0)])
+def test_a_second_swing_is_noticed_although_the_rod_is_not_held(hand: np.ndarray, tmp_path: Path, one: Rig) -> None:
+    first = swing(1.2)[: round(4.5 * RATE_HZ)]
+    angles = np.concatenate([first, hand, swing(1.0)])
+    (doubt,) = doubts(tmp_path, one, angles)
+    parts = re.search(r"another swing begins.*separate runs \(--duration-s ([\d.]+); --start-s ([\d.]+)\)", doubt)
+    assert parts
+    assert 4.0 < float(parts[1]) < 4.6
+    assert -0.1 < float(parts[2]) - 4.5 - len(hand) / RATE_HZ < 0.4
+
+
+def test_a_push_during_a_swing_is_noticed(tmp_path: Path, one: Rig) -> None:
+    first, second = swing(0.8), swing(1.2)
+    (doubt,) = doubts(tmp_path, one, np.concatenate([first[:201], second[np.argmax(second < first[200]) :]]))
+    assert "another swing begins, a hand or a drive acts" in doubt
+
+
+@pytest.mark.parametrize("noise", [2e-3, 0.02])
+def test_noise_is_no_second_swing(noise: float, tmp_path: Path, one: Rig) -> None:
+    assert doubts(tmp_path, one, swing(0.4, noise=noise)) == []

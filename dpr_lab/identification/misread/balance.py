@@ -243,10 +243,10 @@ def _terms_of_table(
 ) -> Array | None:
     """Return the (m, k) balance terms of a table, or None without enough motion."""
     moving = local_motion(t, rods, periods(rig)[1], motion or ENERGY.motion)
-    return None if moving is None else _terms(moving, torques, rig)
+    return None if moving is None else balance_terms(moving, torques, rig)
 
 
-def _terms(moving: LocalMotion, torques: Array | None, rig: Rig) -> Array:
+def balance_terms(moving: LocalMotion, torques: Array | None, rig: Rig) -> Array:
     """Return the terms (m, k) of the balance, J.
 
     They are computed with the values of the rig file. The terms are, in this order:
@@ -276,14 +276,19 @@ def _terms(moving: LocalMotion, torques: Array | None, rig: Rig) -> Array:
 
 
 def _residual(covariance: Array, added: Array) -> float:
-    """Compute the rms error of the balance, relative to the potential energy.
+    """Compute the rms error of the balance; see `fit_balance`."""
+    return fit_balance(covariance, added)[0]
 
-    The coefficients are fitted within bounds. The result is infinite if the potential energy does not change. If an
+
+def fit_balance(covariance: Array, added: Array) -> tuple[float, Array]:
+    """Fit the coefficients within bounds; return the rms error of the balance and the coefficients (7 or 8,).
+
+    The error is relative to the potential energy. It is infinite if the potential energy does not change. If an
     angle is shifted, its cosine and sine become linear combinations of the original ones. The covariance of the
     original terms is therefore sufficient.
 
     Args:
-        covariance: (m, m) covariance of `_terms`
+        covariance: (m, m) covariance of `balance_terms`
         added: (2,) angles added to both rods, rad
     """
     inner, outer = added.tolist()
@@ -297,10 +302,11 @@ def _residual(covariance: Array, added: Array) -> float:
     potential -= target
     size = float(potential @ covariance @ potential)
     if not size > 0:
-        return np.inf
+        return np.inf, np.ones(7 + driven)
     H, gradient = (columns.T @ covariance @ x / size for x in (columns, target))
     x = coefficients(H, gradient, *coefficient_bounds(ENERGY.dry, driven))
-    return math.sqrt(max(float(target @ covariance @ target) / size + x @ H @ x - 2 * x @ gradient, 0.0))
+    square = float(target @ covariance @ target) / size + x @ H @ x - 2 * x @ gradient
+    return math.sqrt(max(square, 0.0)), x
 
 
 def coefficient_bounds(dry: float, driven: int) -> tuple[Array, Array]:

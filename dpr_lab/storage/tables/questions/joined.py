@@ -1,11 +1,15 @@
-"""Warn about a gap whose two sides do not belong to one motion."""
+"""Warn about a table that contains more than one motion."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.estimation.usable_runs import long_gap
+from dpr_lab.identification.misread.balance import periods
+from dpr_lab.identification.misread.rising_energy import largest_rise
+from dpr_lab.shown import percent
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.plausible import PLAUSIBLE
 
@@ -26,6 +30,9 @@ class JoinSettings:
     """Quantile of the residuals at other places that serves as the usual residual."""
     share: float = 0.02
     """Minimum residual relative to the range of the angle."""
+    margin: float = 0.25
+    """Duration before and after a rise of the energy that is excluded, too, in periods of small swings. A hand that
+    catches or holds the rods does not increase their energy."""
     places: tuple[int, int] = (20, 300)
     """Minimum and maximum number of other places."""
 
@@ -58,6 +65,33 @@ def gap_questions(table: InterpretedTable) -> list[TableQuestion]:
     t = table.t[table.swing]
     after, words = long_gap(t)
     return [TableQuestion(f"the table {words} ({_parts(table, t, after)})")] if words else []
+
+
+def rise_questions(table: InterpretedTable) -> list[TableQuestion]:
+    """Warn about a rise of the energy of a free swing, and name the parts without it."""
+    if not table.free or table.drive or table.ignored:
+        return []
+    read = table.beginning()
+    rise = largest_rise(read.t, read.rods(read.values, read.options), table.rig)
+    if rise is None:
+        return []
+    period = periods(table.rig)[0]
+    begin, end = rise.begin - JOIN.margin * period, rise.end + JOIN.margin * period
+    before = f"{math.floor(100 * (begin - table.t[0])) / 100:g}"
+    after = f"{math.ceil(100 * (end - table.t[0] + table.options.start_s)) / 100:g}"
+    share = f"{percent(rise.share)} of" if rise.share < 1 else "more than"
+    rises = f"the energy of the rods rises by {share} the energy exchanged by gravity"
+    force = "a drive or a hand probably acted"
+    if begin - read.t[0] < period:
+        sentence = f"use only the swing from {after} s on (--start-s {after}): before, {force}, because {rises}"
+    elif read.t[-1] - end < period:
+        sentence = f"use only the first {before} s (--duration-s {before}): later, {force}, because {rises}"
+    else:
+        sentence = (
+            f"{rises} after {before} s: another swing begins, a hand or a drive acts, or readings are wrong. Import the"
+            f" parts before and after as separate runs (--duration-s {before}; --start-s {after})"
+        )
+    return [TableQuestion(sentence)]
 
 
 def _parts(table: InterpretedTable, t: Array, after: int) -> str:

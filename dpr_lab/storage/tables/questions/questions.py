@@ -12,7 +12,7 @@ from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, Table
 from dpr_lab.storage.tables.questions.accelerations import balance_questions, rig_questions, unit_questions
 from dpr_lab.storage.tables.questions.energy import energy_questions
 from dpr_lab.storage.tables.questions.hand import hand_questions
-from dpr_lab.storage.tables.questions.joined import gap_questions, joined_questions
+from dpr_lab.storage.tables.questions.joined import gap_questions, joined_questions, rise_questions
 from dpr_lab.storage.tables.questions.period import period_questions, small_questions
 from dpr_lab.storage.tables.questions.pose import apart, pose_questions
 from dpr_lab.storage.tables.questions.torques import torque_questions
@@ -36,6 +36,9 @@ def questions(table: InterpretedTable) -> list[TableQuestion]:
     few_rows = [*joined_questions(table), *_few(table, t), *torque_questions(table)]
     if separate := gap_questions(table):  # the parts are tested when each is imported
         return separate
+    sure = other or any(doubt.mend for doubt in doubts)
+    if not sure and (separate := rise_questions(table)):
+        return [*separate, *arm, *few_rows]
     posed = [] if other else pose_questions(table)
     certain = other or posed or arm or any(doubt.mend for doubt in doubts)
     if not certain:
