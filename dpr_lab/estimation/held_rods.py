@@ -148,6 +148,7 @@ def free_part(motion: RodMotion, name: str) -> FreePart:
     held = _held_intervals(motion, band)
     edges = [(0, 0), *held, (n, n)]
     swings = [(first, stop) for (_, first), (stop, _) in pairwise(edges) if _swings(motion, first, stop, band)]
+    swings = [part for part in swings if not (_free(motion) and _lifted(motion, *part, band))] or swings
     if not swings:
         raise RunError(
             f"{name}: the rods are at rest during the whole recording ({t[-1] - t[0]:.4g} s), but a swing is needed."
@@ -333,6 +334,12 @@ def _swings(motion: RodMotion, first: int, stop: int, band: float) -> bool:
     moved = float(np.ptp(motion.rods[first:stop], axis=0).max())
     known = motion.torques is not None or motion.arm is not None
     return moved > HELD.swing * band or (whole and known and moved > 0)
+
+
+def _lifted(motion: RodMotion, first: int, stop: int, band: float) -> bool:
+    """Return whether the rods move from one held position to the next without turning back, as in a hand."""
+    rods = motion.rods[first:stop]
+    return stop < len(motion.t) and bool((np.ptp(rods, axis=0) <= np.abs(rods[-1] - rods[0]) + band).all())
 
 
 def _short_rest(motion: RodMotion, band: float) -> int:

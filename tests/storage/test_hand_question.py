@@ -97,3 +97,14 @@ def test_a_push_during_a_swing_is_noticed(tmp_path: Path, one: Rig) -> None:
 @pytest.mark.parametrize("noise", [2e-3, 0.02])
 def test_noise_is_no_second_swing(noise: float, tmp_path: Path, one: Rig) -> None:
     assert doubts(tmp_path, one, swing(0.4, noise=noise)) == []
+
+
+def test_a_hand_that_lifts_and_holds_the_rod_makes_no_swing(tmp_path: Path, one: Rig) -> None:
+    lifted = 0.8 * np.sin(np.pi / 2 * np.arange(0, 1, 1 / RATE_HZ)) ** 2
+    before = np.random.default_rng(3).normal(np.concatenate([np.zeros(50), lifted, np.full(40, 0.8)]), 5e-4)
+    angles = np.concatenate([before, swing(0.8, noise=5e-4)])
+    read = understand(
+        table(tmp_path, "t,theta1", np.arange(len(angles)) / RATE_HZ, angles), one, ImportOptions(zero="hanging")
+    )
+    assert read.t_offset_s == pytest.approx(len(before) / RATE_HZ, abs=0.06)
+    assert read.questions == ()
