@@ -120,6 +120,11 @@ def _rest(judged: JudgedRun) -> tuple[Array, Array] | None:
     return (run.t[window], run.theta[window]) if np.count_nonzero(window) >= judged.limits.fewest_samples else None
 
 
+def _worst_rod(judged: JudgedRun, errors: Array) -> tuple[str, float]:
+    """Return the name of the rod with the largest error, and this error."""
+    return judged.rig.rods.names[int(errors.argmax())], float(errors.max())
+
+
 def _hanging_before(judged: JudgedRun) -> Check | None:
     """Check the hanging position before the rods were raised.
 
@@ -129,7 +134,7 @@ def _hanging_before(judged: JudgedRun) -> Check | None:
         return None
     limit = judged.limits.hang_error
     error = np.abs(judged.hanging)
-    rod, worst = judged.rig.rods.names[int(error.argmax())], float(error.max())
+    rod, worst = _worst_rod(judged, error)
     sentence = (
         f"before the rods were raised, the {rod} deviated by {worst:.3f} rad from the vertical (limit {limit}):"
         " lost counts, or a wrong zero in the rig file"
@@ -162,7 +167,7 @@ def _pose(judged: JudgedRun) -> Check | None:
     if rest is None or judged.pose is None:
         return None
     error = np.abs(pose_error(rest[1], judged.pose)).mean(axis=0)[: judged.rig.rods.placed]
-    rod, worst, limit = judged.rig.rods.names[int(error.argmax())], float(error.max()), judged.pose.tolerance
+    (rod, worst), limit = _worst_rod(judged, error), judged.pose.tolerance
     sentence = f"the {rod} was {worst:.3f} rad away from the pose (limit {limit}): place the rods more accurately"
     return Check("pose", worst <= limit, worst, limit, "rad", sentence)
 
@@ -292,7 +297,7 @@ def _jumps(judged: JudgedRun) -> Check | None:
     turned = np.abs(np.diff(run.theta[:, 1:], axis=0)) - limits.sigmas * np.sqrt(2) * judged.rig.reading_std[1:]
     speed = np.maximum(turned, 0.0) / np.diff(run.t)[:, np.newaxis]
     share = (speed / (limits.speed_margin * fastest_possible(judged.rig))).max(axis=0)
-    rod, worst = judged.rig.rods.names[int(share.argmax())], float(share.max())
+    rod, worst = _worst_rod(judged, share)
     sentence = f"the {rod} jumps at {worst:.1f} times the maximum possible speed: check the encoder and its wiring"
     return Check("jumps", worst <= 1.0, worst, 1.0, "1", sentence)
 
@@ -333,7 +338,7 @@ def _hanging_after(judged: JudgedRun) -> Check | None:
     if run.duration <= rest.window_s or rest_motion(run.t[last], run.theta[last])[1] > rest.spread(judged.rig):
         return None
     error = np.abs((run.theta[last, 1:].mean(axis=0)) % (2 * np.pi) - np.pi)
-    rod, worst = judged.rig.rods.names[int(error.argmax())], float(error.max())
+    rod, worst = _worst_rod(judged, error)
     sentence = f"the {rod} came to rest {worst:.3f} rad away from hanging (limit {limit}): lost counts, or a wrong zero"
     return Check("hanging_after", worst <= limit, worst, limit, "rad", sentence)
 

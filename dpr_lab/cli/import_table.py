@@ -12,14 +12,14 @@ import typer
 
 from dpr_lab.cli.checks import Elbow, Json, RigName, Rods
 from dpr_lab.cli.console import emit, line, say, table
-from dpr_lab.cli.listing import Listing
+from dpr_lab.cli.listing import command_group
 from dpr_lab.cli.plugin_listing import PluginListing
 from dpr_lab.storage.tables.options import ImportOptions, TypedOption, parse_recorded_at, typed_options
 
 if TYPE_CHECKING:
     from dpr_lab.storage.tables.understood import Understood
 
-app = typer.Typer(help="Import recordings of other loggers.", cls=Listing, no_args_is_help=True, rich_markup_mode=None)
+app = command_group("Import recordings of other loggers.")
 
 
 @app.callback()

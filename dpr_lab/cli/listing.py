@@ -9,6 +9,11 @@ from typer.core import TyperGroup
 from dpr_lab.cli.checks import NO_RIG
 
 
+def command_group(text: str) -> typer.Typer:
+    """Create a group of commands; `text` is its help."""
+    return typer.Typer(help=text, cls=Listing, no_args_is_help=True, rich_markup_mode=None)
+
+
 class Listing(TyperGroup):
     """Command group whose help shows the complete first sentence of each command."""
 

@@ -8,16 +8,11 @@ import typer
 
 from dpr_lab.cli.checks import AnyJson, complete_rig, names_in, positive
 from dpr_lab.cli.console import emit, line, table, text
-from dpr_lab.cli.listing import Listing
+from dpr_lab.cli.listing import command_group
 from dpr_lab.cli.new_rig import new
 from dpr_lab.shown import in_command
 
-app = typer.Typer(
-    help="List, show, create and check rig files. docs/rig-file.md documents every key.",
-    cls=Listing,
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+app = command_group("List, show, create and check rig files. docs/rig-file.md documents every key.")
 
 RigFile = Annotated[str, typer.Argument(help="Rig file, or name of a built-in rig.", autocompletion=complete_rig)]
 

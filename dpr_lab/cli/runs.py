@@ -9,12 +9,10 @@ import typer
 
 from dpr_lab.cli.checks import Choices, Json, complete_rig
 from dpr_lab.cli.console import emit, line, say, table
-from dpr_lab.cli.listing import Listing
+from dpr_lab.cli.listing import command_group
 from dpr_lab.errors import RunError
 
-app = typer.Typer(
-    help="Inspect, check, repair and export run files.", cls=Listing, no_args_is_help=True, rich_markup_mode=None
-)
+app = command_group("Inspect, check, repair and export run files.")
 
 
 VIEWER_NAMES = Choices("viewer", "dpr_lab.storage.viewers:VIEWERS")

@@ -8,7 +8,7 @@ import typer
 
 from dpr_lab.cli.checks import Json, complete_rig
 from dpr_lab.cli.console import emit, line, report_table, say, table
-from dpr_lab.cli.listing import Listing
+from dpr_lab.cli.listing import command_group
 from dpr_lab.shown import counted, in_command
 from dpr_lab.trials.sealing import DRAWN, ON_ARM, Kind, Level, TrialArm
 
@@ -27,7 +27,7 @@ Example:
   dpr-lab trials open trial
 """
 
-app = typer.Typer(help=HELP, cls=Listing, no_args_is_help=True, rich_markup_mode=None)
+app = command_group(HELP)
 
 HIDDEN = (
     "one effect of the library (single), two (pair), three (triple) or none (clean); one effect of the library"

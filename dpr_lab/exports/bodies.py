@@ -18,7 +18,7 @@ from dpr_lab.effects.effect_kernels import active_effects, arm_model
 from dpr_lab.effects.quantities import HELD_ARM
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports.module_parts import base_of, constants_of, known_effects
-from dpr_lab.exports.rigid_bodies import Arm, Bodies, least_mass, rod_about_joint, words_of_joint
+from dpr_lab.exports.rigid_bodies import Arm, Bodies, added_length, least_mass, rod_about_joint, words_of_joint
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
 from dpr_lab.rig import Rig
@@ -83,7 +83,7 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
         return arm_bodies(model, rig, expressed)
     a, b, d, e1, _, c1, c2 = base_of(model)
     values, constants = list(expressed.values()), constants_of(model, rig)
-    length = model.rig.L1 + sum(words.get("added_length", 0.0) for words in values)
+    length = model.rig.L1 + added_length(expressed)
     length2 = rig.L2 or 2 * model.parameters["l2"].value
     m1, m2, mb = _masses(model, length)
     moment1, inertia1 = e1 / model.rig.g - (m2 + mb) * length, a - (m2 + mb) * length**2
@@ -154,7 +154,7 @@ def arm_bodies(model: MovingArmModel, rig: Rig, expressed: Mapping[str, Words]) 
             " current or voltage; or export to python"
         )
     values, both_rods, constants = model.sizes, model.mounted == "both", rig_constants(rig)
-    length = model.rig.L1 + sum(words.get("added_length", 0.0) for words in expressed.values())
+    length = model.rig.L1 + added_length(expressed)
     L0, S2 = values["L0"], values["d"] / length if both_rods else 0.0
     least2 = least_mass(S2, values["b"]) if both_rods else 0.0
     nominal1, nominal2 = rig.parameters["m1"].nominal, rig.parameters["m2"].nominal if both_rods else 0.0

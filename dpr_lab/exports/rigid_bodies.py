@@ -158,6 +158,11 @@ def words_of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]
     return of_joint
 
 
+def added_length(expressed: Mapping[str, Words]) -> float:
+    """Return the length that effects add to the inner rod, m."""
+    return sum(words.get("added_length", 0.0) for words in expressed.values())
+
+
 def least_mass(moment: float, about_joint: float, margin: float = 1.05) -> float:
     """Return the least mass of a rod with a first moment and an inertia about its joint, times a margin."""
     return margin * moment**2 / about_joint

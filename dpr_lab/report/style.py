@@ -13,13 +13,16 @@ WIDTH_IN = 9.0
 
 DPI = 150
 
+Style = dict[str, Any]
+"""Properties of a line, an area or a text in Matplotlib."""
+
 # Blues and orange of the palette of Okabe & Ito for colour-blind readers, and a vermillion that is darker in grey.
-MEASURED: dict[str, Any] = {"color": "#56b4e9", "linewidth": 2.6, "linestyle": "-", "zorder": 2}
-SIMULATED: dict[str, Any] = {"color": "#a63603", "linewidth": 1.1, "linestyle": (0, (4, 1.4)), "zorder": 3}
-BEYOND: dict[str, Any] = {"color": "#a63603", "linewidth": 0.9, "linestyle": "-", "alpha": 0.5, "zorder": 3}
-HORIZON: dict[str, Any] = {"color": "#222222", "linewidth": 1.2, "linestyle": ":", "zorder": 4}
-RESIDUAL: dict[str, Any] = {"color": "#0072b2", "linewidth": 0.7, "linestyle": "-", "zorder": 2}
-NOISE_BAND: dict[str, Any] = {
+MEASURED: Style = {"color": "#56b4e9", "linewidth": 2.6, "linestyle": "-", "zorder": 2}
+SIMULATED: Style = {"color": "#a63603", "linewidth": 1.1, "linestyle": (0, (4, 1.4)), "zorder": 3}
+BEYOND: Style = {"color": "#a63603", "linewidth": 0.9, "linestyle": "-", "alpha": 0.5, "zorder": 3}
+HORIZON: Style = {"color": "#222222", "linewidth": 1.2, "linestyle": ":", "zorder": 4}
+RESIDUAL: Style = {"color": "#0072b2", "linewidth": 0.7, "linestyle": "-", "zorder": 2}
+NOISE_BAND: Style = {
     # Drawn above the residual, so that its edges remain visible where dense noise fills the panel.
     "facecolor": ("#e69f00", 0.22),
     "edgecolor": "#222222",
@@ -27,14 +30,14 @@ NOISE_BAND: dict[str, Any] = {
     "linestyle": (0, (5, 2)),
     "zorder": 3,
 }
-EVOLUTION: dict[str, Any] = {"color": "#0072b2", "linewidth": 1.5, "linestyle": "-"}
-ZERO: dict[str, Any] = {"color": "#555555", "linewidth": 0.8}
-NOTE_BOX: dict[str, Any] = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
+EVOLUTION: Style = {"color": "#0072b2", "linewidth": 1.5, "linestyle": "-"}
+ZERO: Style = {"color": "#555555", "linewidth": 0.8}
+NOTE_BOX: Style = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
 
 MODELS = {"before": ("bare model", SIMULATED), "after": ("corrected model", RESIDUAL)}
 """Label and line of each model."""
 
-_SETTINGS: dict[str, Any] = {
+_SETTINGS: Style = {
     "figure.dpi": DPI,
     "font.size": 9,
     "axes.titlesize": 9.5,

@@ -29,6 +29,7 @@ from dpr_lab.exports.into.target import (
     rod_targets,
 )
 from dpr_lab.exports.into.urdf import UrdfEditor
+from dpr_lab.exports.rigid_bodies import added_length
 from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.model import AnyModel
 from dpr_lab.identification.moving_arm.setup import drive_gain
@@ -86,7 +87,7 @@ def into_file(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ())
     }
     corrected = bodies(model, rig, expressed)
     of_arm = arm_target(chain, arm, corrected, drive_gain(rig).value) if arm else None
-    longer = sum(words.get("added_length", 0.0) for words in expressed.values())
+    longer = added_length(expressed)
     for pair, shift in _moves(chain, longer, of_arm):
         text = _edited(editor, text, changes, editor.move_joint, pair, shift)
         read, chain = _read(editor, text, joints, model.rig.g)

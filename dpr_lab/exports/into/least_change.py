@@ -36,6 +36,7 @@ from dpr_lab.exports.into.in_file import (
     scaled,
     unseen,
 )
+from dpr_lab.exports.rigid_bodies import added_length
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.compare import compare_run
 from dpr_lab.identification.model import Model, ParameterValue
@@ -78,7 +79,7 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
         ConfigError: the rotor of joint 1 in the file is too large.
     """
     effects: Effects = model.effects
-    longer = sum(words.get("added_length", 0.0) for words in words_of(effects).values())
+    longer = added_length(words_of(effects))
     of_file = _base_of(chain, longer)
     in_order = np.array(list(of_file.values()))
     # of the base parameters, only a contains the armature

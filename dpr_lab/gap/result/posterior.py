@@ -3,16 +3,15 @@
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from dpr_lab.arrays import Array
 from dpr_lab.gap.result.saved import Number
+from dpr_lab.identification.scaling.scale import ModelPart
 
 
-class PosteriorComponent(BaseModel):
+class PosteriorComponent(ModelPart):
     """Fitted set of effects, with its probability and the normal distribution of its values."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
     probability: Annotated[float, Field(ge=0, le=1)]
     """Probability of the set among the fitted sets, given that the cause is in the library."""

@@ -20,10 +20,14 @@ ROD_OF = {"a": "inner rod about joint 1", "b": "outer rod about joint 2"}
 """Rods to which the inertias a and b belong."""
 
 
-class Scale(BaseModel):
-    """Scale of absolute sizes: the assumed inertia b, with its interval and source."""
+class ModelPart(BaseModel):
+    """Part of a model file; keys of other versions are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
+
+
+class Scale(ModelPart):
+    """Scale of absolute sizes: the assumed inertia b, with its interval and source."""
 
     b: Positive
     """Inertia assumed for all absolute sizes, kg m^2: b of the outer rod about joint 2, or a of an inner rod alone."""

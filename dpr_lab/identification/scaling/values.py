@@ -3,19 +3,13 @@
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.identification.scaling.scale import Scale
+from dpr_lab.identification.scaling.scale import ModelPart, Scale
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
-
-
-class ModelPart(BaseModel):
-    """Part of a model file; keys of other versions are ignored."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
 
 class EstimatedValue(ModelPart):
