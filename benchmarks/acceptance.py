@@ -1,18 +1,22 @@
 """Acceptance test of simulated rigs: pass rates of effects just above their limits, and at half of their limits.
 
     python benchmarks/acceptance.py --plants 20 --seed 1
+    python benchmarks/acceptance.py --plants 20 --seed 1 --level several
 
 A rig is drawn near `paper` with one effect of the library, and three releases of 6 s are recorded and diagnosed. The
 limits are chosen with knowledge of the true values. Each amplitude of the effect, and each ratio, lies 5 % above its
 limit (it must not pass) or at half of its limit (it should pass). A limit below the minimum detectable size is counted
 separately, because the recordings cannot decide it. The same applies to a tolerance of a ratio below five standard
 deviations. The limit of a ratio is a tolerance about a nominal value. The friction torque of each joint is limited up
-to a slow and a fast speed. Amplitudes of absent effects have their typical size as limit.
+to a slow and a fast speed. With `--level several`, a rig has two or three effects near their minimum detectable sizes,
+so that some are not named. They distort the ratios. Each ratio then lies above and below the nominal value, with two
+tolerances. Amplitudes of absent effects have their typical size as limit.
 """
 
 import sys
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from functools import cache
 from itertools import pairwise, product
 
 import numpy as np
@@ -26,7 +30,10 @@ from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.rig import PARAMETERS
+from dpr_lab.gap.result.evidence import DetectableSizes
+from dpr_lab.rig import PARAMETERS, Rig
+from sim_device.plant.config import PlantConfig
+from sim_device.trials.draw import alike, visible_effects
 from sim_device.trials.offline_recorder import record
 
 SWING_S = 6.0
@@ -37,6 +44,32 @@ FRICTION_UP_TO = (0.5, 6.0)
 """Speeds of a joint up to which its friction torque is limited, rad/s."""
 TOLERANCE = 0.03
 """Tolerance of a ratio, relative to its nominal value."""
+NEAR = (0.4, 1.6)
+"""Range of the sizes of several effects, in units of their minimum detectable sizes on a clean rig."""
+
+
+@cache
+def detectable() -> DetectableSizes:
+    """Minimum detectable sizes on a clean rig."""
+    plant, rig = hidden(Case("clean", "clean", 0))
+    return diagnose(record(plant, rig, SWING_S), rig).detectable
+
+
+def several(seed: int) -> tuple[PlantConfig, Rig]:
+    """Draw a rig with two or three effects near their minimum detectable sizes; common effects are more frequent."""
+    plant, rig = hidden(Case("clean", "clean", seed))
+    rng, sizes = np.random.default_rng([seed, 7]), detectable()
+    names = [name for name in visible_effects() if any(sizes.get(name, {}).values())]
+    weights = np.array([5.0 if EFFECTS[name].common else 1.0 for name in names])
+    effects: dict[str, dict[str, float]] = {}
+    for name in rng.choice(names, len(names), replace=False, p=weights / weights.sum()).tolist():
+        if len(effects) < 2 + seed % 2 and not any(alike(name, other) for other in effects):
+            size = float(np.exp(rng.uniform(*np.log(NEAR))))
+            effects[name] = {p.name: p.default for p in EFFECTS[name].shapes}
+            for p in EFFECTS[name].amplitudes:
+                sign = 1.0 if p.sign == "positive" or p.one_way else float(rng.choice([-1.0, 1.0]))
+                effects[name][p.name] = sign * size * (sizes[name].get(p.name) or 0.0)
+    return plant.model_copy(update={"effects": effects}), rig
 
 
 def limit_of(effect: str, parameter: str, size: float) -> Limits:
@@ -45,10 +78,10 @@ def limit_of(effect: str, parameter: str, size: float) -> Limits:
     return Limits.model_validate({"effects": {effect: {parameter: {"max": size, "unit": unit}}}})
 
 
-def range_of(ratio: str, true: float, share: float) -> Limits:
+def range_of(ratio: str, true: float, share: float, relative: float = TOLERANCE) -> Limits:
     """Create a tolerance of a ratio. The true deviation from the nominal value is `share` of the tolerance."""
-    nominal = true / (1 + share * TOLERANCE)
-    bounds = {"nominal": nominal, "tolerance": TOLERANCE * abs(nominal), "unit": RATIO_UNITS[ratio]}
+    nominal = true / (1 + share * relative)
+    bounds = {"nominal": nominal, "tolerance": relative * abs(nominal), "unit": RATIO_UNITS[ratio]}
     return Limits.model_validate({"ratios": {ratio: bounds}})
 
 
@@ -79,7 +112,7 @@ def largest_friction(effects: Mapping[str, Mapping[str, float]], joint: int, vis
 
 def answers(seed: int, level: str) -> Iterator[tuple[str, str, Answer, str]]:
     """Yield kind, quantity, result and reason for every limit of one plant."""
-    plant, rig = hidden(Case("single", f"single:{level}", seed))
+    plant, rig = several(seed) if level == "several" else hidden(Case("single", f"single:{level}", seed))
     truth = opened(plant, rig)
     diagnosis = diagnose(record(plant, rig, SWING_S), rig)
 
@@ -98,9 +131,12 @@ def answers(seed: int, level: str) -> Iterator[tuple[str, str, Answer, str]]:
     true = ratios(base_parameters(plant.Z, rig.L1, rig.g))
     stds = np.sqrt(np.diag(diagnosis.ratio_covariance)).tolist()
     for name, value, std in zip(RATIOS, true.tolist(), stds, strict=True):
-        for kind, share in (("ratio above", ABOVE), ("ratio half", HALF)):
-            hidden_from = kind == "ratio half" and TOLERANCE * abs(value) < SIGMAS * std
-            yield judged("ratio hidden" if hidden_from else kind, range_of(name, value, share))
+        signs, least = ((1, -1), SIGMAS * std / abs(value)) if level == "several" else ((1,), TOLERANCE)
+        for (kind, share), sign, relative in product(
+            (("ratio above", ABOVE), ("ratio half", HALF)), signs, {TOLERANCE, least}
+        ):
+            hidden_from = kind == "ratio half" and relative * abs(value) < 1.001 * SIGMAS * std
+            yield judged("ratio hidden" if hidden_from else kind, range_of(name, value, sign * share, relative))
     for joint, speed in product((1, 2), FRICTION_UP_TO):
         size = largest_friction(truth.effects, joint, plant.Z[PARAMETERS.index(f"c{joint}")], speed)
         for kind, share in (("friction above", ABOVE), ("friction half", HALF)):
@@ -121,7 +157,7 @@ def main() -> None:
     parser = options(__doc__)
     parser.add_argument("--plants", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0, help="seed of the first plant")
-    parser.add_argument("--level", default="subtle", help="visibility of the effect: clear, subtle or faint")
+    parser.add_argument("--level", default="subtle", help="visibility of the effect: clear, subtle, faint; or several")
     args = parser.parse_args()
     counts: dict[str, Counter[Answer]] = {}
     for seed in range(args.seed, args.seed + (1 if args.quick else args.plants)):

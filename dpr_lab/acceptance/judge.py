@@ -9,7 +9,9 @@ Two one-sided tests at 5 % each are equivalent to a comparison with the 90 % int
 The interval of a named effect comes from its fit. For any other effect, it is a -+ 1.645 s, with the amplitude a and
 its standard deviation s from the score test of the corrected model. All amplitudes of the effect are estimated
 together. If the common scale b is uncertain, an absolute size is a ratio times b^k, and its interval covers both ends
-of the interval of b.
+of the interval of b. An effect that is present but not named changes the ratios and the sizes of named effects. Their
+intervals therefore also cover those of the models with further effects that the recordings do not exclude
+(`dpr_lab.gap.evidence.wider_models`).
 
 The friction torque T(u) of a joint passes if |T(u)| + 1.645 s(u) is below the limit at every speed u up to the speed of
 the limit. This is an intersection-union test, which needs no correction for the number of speeds. The friction fails if
@@ -110,14 +112,15 @@ def judge(diagnosis: Diagnosis, limits: Limits, free_run_rad: Mapping[str, float
 def _effects(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
     for name, amplitudes in limits.effects.items():
         for parameter, limit in amplitudes.items():
-            interval = _size(diagnosis, name, parameter)
-            answer = _answer(interval, -limit.max, limit.max)
+            quantity, bounds = f"{name}.{parameter}", (-limit.max, limit.max)
+            interval, further = _widened(diagnosis, quantity, _size(diagnosis, name, parameter), bounds)
+            answer = _answer(interval, *bounds)
             reason = _untrusted(diagnosis) or _confused(diagnosis, name)
             if interval is None:
                 reason = reason or _unseen(diagnosis, name, parameter)
             if answer == "fail":
                 reason = reason or _unsure(diagnosis, name)
-            yield _judged(f"{name}.{parameter}", limit.unit, (-limit.max, limit.max), interval, answer, reason)
+            yield _judged(quantity, limit.unit, bounds, interval, answer, reason or further)
 
 
 def _frictions(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
@@ -168,10 +171,11 @@ def _other_friction(diagnosis: Diagnosis, joint: int) -> str:
 def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
     for name, limit in limits.ratios.items():
         stated = diagnosis.stated_ratios.get(name)
-        interval = stated.interval90 if stated else None
+        interval, further = _widened(diagnosis, name, stated.interval90 if stated else None, limit.bounds)
         reason = _untrusted(diagnosis) or _undetermined(diagnosis, name)
         reason = reason or next(filter(None, map(_doubted, diagnosis.effects)), "")
-        yield _judged(name, limit.unit, limit.bounds, interval, _answer(interval, *limit.bounds), reason)
+        answer = _answer(interval, *limit.bounds)
+        yield _judged(name, limit.unit, limit.bounds, interval, answer, reason or further)
 
 
 def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float]) -> Iterator[JudgedLimit]:
@@ -236,6 +240,29 @@ def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
         if (tested.effect, tested.parameter) == (effect, parameter) and tested.interval90 is not None:
             return _with_scale(diagnosis, effect, parameter, *tested.interval90)
     return None
+
+
+def _widened(
+    diagnosis: Diagnosis, quantity: str, interval: Range | None, bounds: tuple[float | None, float | None]
+) -> tuple[Range | None, str]:
+    """Widen an interval by those of the models with further effects.
+
+    The text states the effects that leave a limit undecided which the first interval decides. It is empty otherwise.
+    """
+    alone, reason = _answer(interval, *bounds), ""
+    for model in diagnosis.evidence.wider_models if diagnosis.evidence else ():
+        if interval is None or quantity not in model.intervals90:
+            continue
+        other, (name, _, parameter) = model.intervals90[quantity], quantity.partition(".")
+        if parameter:
+            other = _with_scale(diagnosis, name, parameter, *other)
+        interval = min(interval[0], other[0]), max(interval[1], other[1])
+        if not reason and _answer(interval, *bounds) != alone:
+            further = "common effects of undetectable sizes are present"
+            if model.probability is not None:
+                further = f"{listed(model.effects)} is present (probability {percent(model.probability)})"
+            reason = f"{WITHIN} if {further}: record more releases"
+    return interval, reason
 
 
 def _with_scale(diagnosis: Diagnosis, effect: str, parameter: str, low: float, high: float) -> Range:

@@ -4,9 +4,10 @@ from typing import Any
 
 import pytest
 
-from dpr_lab.acceptance.judge import _answer, _largest, judge
+from dpr_lab.acceptance.judge import Acceptance, JudgedLimit, _answer, _largest, judge
 from dpr_lab.acceptance.limits import Limits
 from dpr_lab.gap.result.evidence import JointFriction
+from dpr_lab.report.gap.acceptance import limit_table
 from tests.a_diagnosis import made
 
 
@@ -53,3 +54,9 @@ def test_the_median_of_free_run_errors_has_the_interval_of_student_s_t() -> None
     limits = Limits.model_validate({"free_run": {"max": 1.0, "horizon_s": 1.0, "unit": "rad"}})
     (judged,) = judge(made(), limits, {"X1": 2.718282, "X2": 1.0, "X3": 1 / 2.718282}).limits
     assert judged.interval90 == pytest.approx((1 / 5.3968, 5.3968), rel=1e-3)
+
+
+def test_the_interval_of_a_ratio_has_the_digits_that_show_its_width() -> None:
+    rows = [JudgedLimit("c2/b", "1/s", 0.001, 5.0, (low, high), "pass", "") for low, high in ((0.19551, 0.195543),)]
+    ((_, limits, interval, *_),) = limit_table(Acceptance("pass", "", tuple(rows))).rows
+    assert (limits, interval) == ("0.001 to 5", "0.19551 to 0.195543")

@@ -7,6 +7,7 @@ from dpr_lab.gap.evidence.exclusions import exclusions
 from dpr_lab.gap.evidence.joint_friction import joint_friction
 from dpr_lab.gap.evidence.residuals import residual_look
 from dpr_lab.gap.evidence.validation import validation
+from dpr_lab.gap.evidence.wider_models import wider_models
 from dpr_lab.gap.result.evidence import Evidence, RecordingUsed
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.state import Transferred
@@ -28,6 +29,7 @@ def evidence(state: Transferred) -> Evidence:
         closing=list(state.transfer.closing),
         residuals=residual_look(problem, selection.models),
         exclusions=exclusions(problem, selection.chosen, selection.final_test, selection.detectable),
+        wider_models=wider_models(state),
         friction=joint_friction(
             problem, selection.chosen, back_emf=rig.motor is not None and rig.motor.input == "voltage"
         ),

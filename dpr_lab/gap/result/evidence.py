@@ -130,6 +130,17 @@ class Exclusion(Saved):
         return EXCLUDED.of_shapes if EFFECTS[self.effect].shapes else EXCLUDED.sure
 
 
+class WiderModel(Saved):
+    """Fitted model with further effects that the recordings do not exclude."""
+
+    effects: list[str]
+    """The further effects."""
+    probability: Number | None = None
+    """Posterior probability of the further effect; None for all common effects together."""
+    intervals90: dict[str, tuple[Number, Number]]
+    """90 % interval of each ratio and of each fitted amplitude, such as `c1/b` or `coulomb_joint2.torque_Nm`."""
+
+
 class JointFriction(Saved):
     """Friction torque of a joint against its speed: viscous, named laws, and free-form curve."""
 
@@ -265,6 +276,8 @@ class Evidence(Saved):
     closing: list[Closing]
     residuals: ResidualLook
     exclusions: list[Exclusion]
+    wider_models: list[WiderModel] = []
+    """Models that an equivalence test allows for; empty in a file of an older version."""
     friction: dict[str, JointFriction] = {}
     """Friction torque by joint; empty in a file of an older version."""
     budget: Budget
