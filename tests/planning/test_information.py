@@ -14,7 +14,7 @@ from dpr_lab.planning.information import horizon_s, informed, problem_of_release
 from dpr_lab.planning.knowledge import Knowledge, known_before
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.stopping import Causes
-from dpr_lab.planning.worth.criteria import OpenPairs, detectable, given
+from dpr_lab.planning.worth.criteria import OpenPairs, detectable, given, shown_ratio_std
 from dpr_lab.planning.worth.objective import limit_forecasts
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import AddedMass, Pose
@@ -62,6 +62,18 @@ def test_a_limit_of_a_cable_is_forecast_with_its_other_amplitudes_free(known: Kn
     assert cable.reach > alone
     assert not detent.decides
     assert (cable.all_shapes, detent.all_shapes) == (False, True)
+
+
+def test_a_ratio_limit_is_forecast_with_the_common_effects_that_accept_allows_for(known: Knowledge) -> None:
+    """A small Coulomb friction or air drag has nearly the same effect on a swing as the viscous friction."""
+    (one,) = informed([CALM], known.model)
+    F = known.prior + one.information
+    ranges = {"c1/b": {"min": 0.0, "max": 1.0, "unit": "1/s"}, "a/b": {"min": 0.0, "max": 9.0, "unit": "1"}}
+    forecasts = limit_forecasts(known, F, Limits.model_validate({"ratios": ranges}))
+    alone = shown_ratio_std(known, F)
+    shares = [(forecast.reach or 0.0) / (NORMAL_Q90 * alone[forecast.quantity]) for forecast in forecasts]
+    assert min(shares) >= 1.0
+    assert 1.5 < shares[0] < 20.0
 
 
 def test_a_friction_limit_is_decided_only_if_the_joint_reaches_its_speed(known: Knowledge) -> None:

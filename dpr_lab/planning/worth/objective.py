@@ -8,7 +8,7 @@ limit in both directions.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.evidence.joint_friction import GRID, linear_torque
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
+from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.planning.information import reached_speeds
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.release import CandidateRelease
@@ -225,7 +226,7 @@ def _of_friction(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
 def _of_ratios(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
     if not limits.ratios:
         return
-    stds = shown_ratio_std(known, F)
+    stds = shown_ratio_std(*_with_common_effects(known, F))
     values = known.diagnosis.stated_ratios if known.diagnosis else {}
     for name, limit in limits.ratios.items():
         lower, upper = limit.bounds
@@ -240,3 +241,14 @@ def _of_ratios(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
         room = min(abs(end - middle) for end in (lower, upper) if end is not None)
         reach = NORMAL_Q90 * stds[name] if name in stds and np.isfinite(room) else None
         yield Goal(name, limit.unit, reach, max(float(room), 1e-300))
+
+
+def _with_common_effects(known: Knowledge, F: Array) -> tuple[Knowledge, Array]:
+    """Add the common effects to the model, as the intervals of `accept` do.
+
+    The prior of each amplitude has the mean zero and its minimum detectable size as standard deviation.
+    """
+    names = {name for name in known.places if EFFECTS[name].common} - known.named
+    places, wider = [i for name in sorted(names) for i in known.places[name]], F.copy()
+    wider[places, places] += np.diag(given(F, known.fitted, places)) / SIGMAS**2
+    return replace(known, named=known.named | names), wider
