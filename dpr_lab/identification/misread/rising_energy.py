@@ -20,8 +20,6 @@ class RiseSettings:
     ratio: float = 4.0
     """Minimum ratio of this rise to the rises before and after it. Noise, a wrong zero or a wrong unit causes rises in
     each period."""
-    edge: float = 0.05
-    """Share of the rise that is neglected before its begin and after its end."""
     instants: int = 6000
     """Maximum number of instants at which the energy is computed to find its rise."""
 
@@ -74,13 +72,7 @@ def largest_rise(t: Array, rods: Array, rig: Rig) -> EnergyRise | None:
 
 
 def _rise(energy: Array) -> tuple[float, int, int]:
-    """Return the largest rise of an energy (n,), and the indices of most of it.
-
-    Both indices are 0 if the energy never rises.
-    """
-    top = int(np.argmax(energy - np.minimum.accumulate(energy)))
-    low = float(energy[: top + 1].min())
-    rise = float(energy[top]) - low
-    begin = int(np.flatnonzero(energy[: top + 1] <= low + RISE.edge * rise)[-1])
-    end = begin + int(np.argmax(energy[begin : top + 1] >= energy[top] - RISE.edge * rise))
-    return rise, begin, end
+    """Return the largest rise of an energy (n,), and the indices at which it begins and ends."""
+    end = int(np.argmax(energy - np.minimum.accumulate(energy)))
+    begin = int(np.argmin(energy[: end + 1]))
+    return float(energy[end] - energy[begin]), begin, end

@@ -82,9 +82,12 @@ def rise_questions(table: InterpretedTable) -> list[TableQuestion]:
     share = f"{percent(rise.share)} of" if rise.share < 1 else "more than"
     rises = f"the energy of the rods rises by {share} the energy exchanged by gravity"
     force = "a drive or a hand probably acted"
-    if begin - read.t[0] < period:
+    earlier, later = begin - read.t[0] >= period, read.t[-1] - end >= period
+    if not (earlier or later):
+        return []
+    if not earlier:
         sentence = f"use only the swing from {after} s on (--start-s {after}): before, {force}, because {rises}"
-    elif read.t[-1] - end < period:
+    elif not later:
         sentence = f"use only the first {before} s (--duration-s {before}): later, {force}, because {rises}"
     else:
         sentence = (
