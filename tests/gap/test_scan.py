@@ -31,6 +31,16 @@ def test_the_arc_of_joint_1_is_that_of_its_readings_if_the_fit_swings_further() 
     assert [order for ((_, order),) in proposed] == [39.0, 40.0]
 
 
+def test_a_vibration_is_proposed_only_below_half_the_sampling_rate() -> None:
+    """A higher frequency has the same samples as a lower one, also one below the lowest of the scan."""
+    segments = SimpleNamespace(t=np.arange(100) / 5.0, owner=np.repeat([0, 1], 50))
+    problem: Any = SimpleNamespace(segments=segments)
+    unused: Any = None
+    proposed = ShapeScan(problem, unused, unused, Recorded((None, None), list)).shapes(EFFECTS["base_vibration"])
+    frequencies = [frequency for ((_, frequency),) in proposed]
+    assert (frequencies[0], frequencies[-1]) == (1.0, 2.4173)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["detent_joint1", "torque_ripple_joint1"])
 def test_a_pattern_is_proposed_only_where_it_repeats(

@@ -16,6 +16,7 @@ from dpr_lab.fitting.linearise import Linearisation
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace, SmallSets
 from dpr_lab.fitting.response import Trajectory
+from dpr_lab.gap.hypothesis.swing_lines import FREQUENCY
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +113,8 @@ class ShapeScan:
         if any(p.name == ORDER for p in effect.shapes):
             covered = self._covered(effect.joints[0])
             grid_points = [chosen for chosen in grid_points if chosen[0][1] * covered >= SCAN.periods * 2 * np.pi]
+        if [p.name for p in effect.shapes] == [FREQUENCY]:
+            grid_points = [chosen for chosen in grid_points if chosen[0][1] < self._resolved_hz]
         if len(grid_points) <= SCAN.many or effect.stage not in TRAJECTORY_TORQUES:
             return grid_points
         return self._between(effect, _apart(grid_points, self._gains(effect, grid_points)))
@@ -125,6 +128,12 @@ class ShapeScan:
         covered = arc(self.reference.joint_angle[:, joint])
         readings = self.problem.measured[self.problem.read[:, 0], 0]
         return min(covered, arc(readings)) if joint == 0 and len(readings) else covered
+
+    @property
+    def _resolved_hz(self) -> float:
+        """Half the sampling rate: samples do not distinguish a higher frequency from a lower one."""
+        segments = self.problem.segments
+        return 0.5 / float(np.median(np.diff(segments.t)[np.diff(segments.owner) == 0]))
 
     def _between(self, effect: Effect, separate: list[Shape]) -> list[Shape]:
         """Return the best shapes between the grid points of a continuous shape parameter.
