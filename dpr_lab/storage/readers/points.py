@@ -27,7 +27,8 @@ from dpr_lab.storage.readers.circle import most_of_a_circle, radius_error
 from dpr_lab.storage.readers.coordinates import OTHER, coordinate, in_plane, only_coordinate
 from dpr_lab.storage.readers.downwards import points_downwards
 from dpr_lab.storage.readers.rod_lengths import WANTED, rod_length
-from dpr_lab.storage.tables.columns import is_time, numbers
+from dpr_lab.storage.tables.columns import is_time
+from dpr_lab.storage.tables.questions.frame_numbers import numbers
 from dpr_lab.storage.tables.table import Column, Table, own_name, read_table
 from dpr_lab.storage.tables.time_stamps import never_falls, runs, varies
 

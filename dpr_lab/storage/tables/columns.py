@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.cells import listed, names_no_angle, names_rate
 from dpr_lab.storage.tables.options import AXES, ImportOptions
+from dpr_lab.storage.tables.questions.frame_numbers import counter
 from dpr_lab.storage.tables.questions.names import numbered, refuse_long_form, refuse_scaled_units, without_scaled_unit
 from dpr_lab.storage.tables.table import LIMITS, Column, Table, bare, own_name
 from dpr_lab.storage.tables.time_stamps import different_times, never_falls, runs, varies, without_speed
@@ -55,7 +55,6 @@ _TIME_UNIT_IN_NAME = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
 UNIT_IN_NAME = re.compile(
     r"((?<![a-z])rad|(?<![a-z])counts|(?<!m)(?<!milli)deg)(ians|rees|r[eé]s)?(?![a-z])|[°º˚]|gra(us|dos|di|den|d)(?![a-z])"
 )
-_COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
 _ERROR = re.compile(r"d[xyt]|(delta|δ|unc|uncertainty|sigma|std)\w*")
 """Pattern of the error of a value, a column of fit programs."""
 _NO_NAME = re.compile(r"\d+|.+\[\d+\]|[xy]", re.I)
@@ -83,28 +82,6 @@ def is_time(name: str, unit: str | None = None) -> bool:
 def is_duration(name: str) -> bool:
     """Check whether a name is a common name of the durations of rows."""
     return bool(re.fullmatch(_DURATION.format(unit=_ANY_TIME), bare(name)))
-
-
-def counter(table: Table) -> str:
-    """Return the name of a column that counts the rows, such as video frames; empty if there is none."""
-    for name, column in table.named:
-        steps = np.diff(column)
-        if _COUNTER.fullmatch(bare(name)) and len(steps) and (steps == np.rint(steps)).all() and steps.min() > 0:
-            return name
-    return ""
-
-
-def numbers(table: Table) -> Array:
-    """Return the number (n,) of each row in the recording, starting at 0.
-
-    Numbers are missing if frames were lost. The numbers of a column that counts every k-th frame are divided by k.
-    """
-    if table.frames is not None:
-        return table.frames
-    if not (name := counter(table)):
-        return np.arange(len(table.lines), dtype=np.float64)
-    counted = table.values[table.names.index(name)]
-    return (counted - counted[0]) / np.gcd.reduce(np.diff(counted).astype(np.int64))
 
 
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:

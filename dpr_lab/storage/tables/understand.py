@@ -27,7 +27,7 @@ from dpr_lab.storage.readers.merged import rows_of_angles
 from dpr_lab.storage.tables.angles import angles, in_radians
 from dpr_lab.storage.tables.arm_input import cart_note, known_inputs, stated_arm, unused_input
 from dpr_lab.storage.tables.clock_wrap import check_forwards, summed_durations, unwrapped_times
-from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, numbers, stated_columns
+from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, stated_columns
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.options import ImportOptions, date_in, parse_recorded_at
 from dpr_lab.storage.tables.plausible import (
@@ -43,6 +43,7 @@ from dpr_lab.storage.tables.plausible import (
     without_wraps,
     wrap_notes,
 )
+from dpr_lab.storage.tables.questions.frame_numbers import frame_step_note, numbers
 from dpr_lab.storage.tables.questions.questions import questions, refuse_push
 from dpr_lab.storage.tables.table import Table
 from dpr_lab.storage.tables.time_stamps import carried_times, even_times, shares_times, spread_times, stamps_at_gaps
@@ -114,7 +115,8 @@ def _readings(
     unwrapped = {axis: without_wraps(column, axis, rig, options) for axis, column in readings.items()}
     t, misplaced = stamps_at_gaps(t, unwrapped)
     stamps = filter(None, (carried, summed, rounded, shared, misplaced))
-    return t, readings, [*outliers, *empty, *stamps]
+    steps = [] if options.rate_hz is None else frame_step_note(table, options.rate_hz)
+    return t, readings, [*outliers, *empty, *stamps, *steps]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,57 @@
+"""Numbers of rows and frames: they show which rows a camera or logger lost."""
+
+import re
+
+import numpy as np
+
+from dpr_lab.arrays import Array
+from dpr_lab.storage.tables.table import Table, bare
+from dpr_lab.storage.tables.time_stamps import runs
+
+_COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
+
+
+def counter(table: Table) -> str:
+    """Return the name of a column that counts the rows, such as video frames; empty if there is none."""
+    for name, column in table.named:
+        steps = np.diff(column)
+        if _COUNTER.fullmatch(bare(name)) and len(steps) and (steps == np.rint(steps)).all() and steps.min() > 0:
+            return name
+    return ""
+
+
+def numbers(table: Table) -> Array:
+    """Return the number (n,) of each row in the recording, starting at 0.
+
+    Numbers are missing if frames were lost. The numbers of a column that counts every k-th frame are divided by k.
+    """
+    if table.frames is not None:
+        return table.frames
+    if not (name := _frame_column(table)):
+        return np.arange(len(table.lines), dtype=np.float64)
+    counted = table.column(name)
+    return (counted - counted[0]) / _step(counted)
+
+
+def frame_step_note(table: Table, rate_hz: float) -> list[str]:
+    """Return a note if a column counts every k-th frame, because the given rate can be that of all frames."""
+    if table.frames is not None or not (name := _frame_column(table)) or (step := _step(table.column(name))) == 1:
+        return []
+    return [
+        f"{name!r} increases in steps of {step}; {rate_hz:g} Hz is taken as the rate of the rows. If it is the frame"
+        f" rate of the camera, give --rate-hz {rate_hz / step:.6g}"
+    ]
+
+
+def _frame_column(table: Table) -> str:
+    """Return the column that counts rows or frames; in a table without names, the first, if its steps are equal.
+
+    Some steps are larger if frames were lost. Times in ms have unequal steps.
+    """
+    first, column = table.names[0], table.values[0]
+    whole = len(table.names) > 1 and first.isdecimal() and runs(column) and (column == np.rint(column)).all()
+    return counter(table) or (first if whole and np.median(np.diff(column)) == _step(column) else "")
+
+
+def _step(counted: Array) -> int:
+    return int(np.gcd.reduce(np.diff(counted).astype(np.int64)))
