@@ -201,6 +201,16 @@ def test_one_moving_point_is_a_single_rod(tmp_path: Path, points: np.ndarray, he
         read(file)
 
 
+@pytest.mark.parametrize(("head", "noted"), [("time [ms],t,x,y", True), ("frame,time [ms],x,y", False)])
+def test_the_time_of_a_point_keeps_its_unit_and_another_time_is_noted(tmp_path: Path, head: str, noted: bool) -> None:
+    other = T if noted else np.arange(N)
+    times = (1000 * T, other) if noted else (other, 1000 * T)
+    file = text(tmp_path / "bob.csv", np.column_stack([*times, TIP - ELBOW]), head=f"{head}\n")
+    run = import_csv(file, RIG.with_rods("inner"), ImportOptions(**GUESSED))
+    np.testing.assert_allclose(run.t, T, atol=1e-9)
+    assert ("time: t; time [ms] can also be the time (--columns t=NAME uses it)" in run.notes) is noted
+
+
 @pytest.mark.parametrize(("away", "noted"), [(0.006, True), (0.25, False)])
 def test_an_origin_near_the_centre_of_the_circle_may_be_the_pivot(tmp_path: Path, away: float, noted: bool) -> None:
     points = 0.3 * BOB + (away, 0.0) + np.random.default_rng(4).normal(0, 1e-4, BOB.shape)

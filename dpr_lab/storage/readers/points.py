@@ -233,8 +233,9 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
                 " camera does not look along the joint axes"
             )
     std = tuple(length.std for length in lengths)
-    times = [replace(column, name="t", strange="") for column in table.columns if is_time(column.name)]
-    clocks = times[:1] or [column for column in table.columns if runs(column.values)]
+    # a table of several points may repeat the time for each point
+    times = {column.name: replace(column, strange="") for column in reversed(table.columns) if is_time(column.name)}
+    clocks = list(times.values())[::-1] or [column for column in table.columns if runs(column.values)]
     return replace(
         table,
         columns=(*clocks, *map(Column, axes, angles)),

@@ -302,20 +302,22 @@ def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool
     speed = float(np.quantile(moved.max(axis=1) / steps, 0.1))
     turns, points = ("the rod turns", "the rod points") if rods == 1 else ("the rods turn", "both rods point")
     counted = in_radians and bool((np.abs(moved[:, :rods] - np.round(moved[:, :rods])) < PLAUSIBLE.whole).all())
-    units = (
+    whole = (
         "whole numbers are usually degrees (--unit deg), or counts of an encoder (--unit counts, with counts_per_rev in"
         " the rig file)"
-        if counted
-        else "are the units right (--unit, --scale, --time-unit)?"
     )
+    units = whole if counted else "are the units right (--unit, --scale, --time-unit)?"
     fast = [f"{turns} at more than {speed:.3g} rad/s most of the time: {units}"]
+    coarse = [f"{turns} in steps of whole radians: {whole}"]
     inverted = [f"{points} upwards most of the time: if the table's zero is hanging, import it with --zero hanging"]
     turned = _between_turning_points(theta[rows, 1]) if rods == 1 and in_radians else 0.0
     far = [
         f"the rod turns back after {turned / (2 * np.pi):.3g} turns, but gravity turns it back within one: are the"
         " angles in degrees (--unit deg)?"
     ]
-    impossible = fast if speed > PLAUSIBLE.speed else far if turned > PLAUSIBLE.back * 2 * np.pi else []
+    impossible = (
+        fast if speed > PLAUSIBLE.speed else coarse if counted else far if turned > PLAUSIBLE.back * 2 * np.pi else []
+    )
     return impossible + (inverted if above.all() and not falls else [])
 
 
