@@ -58,6 +58,12 @@ FORMS = {
     "a row for each message": "time,position,angle\n"
     + "".join(f"{t - 0.004:.3f},{t:.3f},\n{t:.3f},,{angle:.6f}\n" for t, angle in zip(T, SWING, strict=True)),
     "separators after the numbers, names in a comment": "# angle,t\n" + lines("{angle:.6f},{t:.2f},\n", SWING),
+    "decimal commas in quotation marks": '"time","angle (°)"\n'
+    + "".join(f'"{t:.2f}","{angle:.4f}"\n'.replace(".", ",") for t, angle in zip(T, DEG, strict=True)),
+    "names of devices above the names": "Card,Encoder\ntime [s],angle [deg]\n" + lines("{t:.2f},{angle:.4f}\n"),
+    "a repeated header": "t,angle_deg\n"
+    + (half := lines("{t:.2f},{angle:.4f}\n"))[:800]
+    + half[800:].replace("\n", "\nt,angle_deg\n", 1),
     "counts of an encoder": "time_ms,encoder\n" + lines("{ms},{angle:.0f}\n", 16384 / 360 * DEG),
 }
 
@@ -70,6 +76,17 @@ def test_a_swing_is_read_without_options(tmp_path, one, form):
     run = import_csv(file, one, ImportOptions(zero="hanging"))
     np.testing.assert_allclose(run.theta[:, 1] - np.pi, SWING, atol=1e-3)
     np.testing.assert_allclose(run.t, T, atol=1e-9)
+
+
+def test_a_date_and_a_time_of_day_may_have_a_column_each(tmp_path, one):
+    (tmp_path / "a.csv").write_text("Date,Time,angle_deg\n" + lines("2026-03-01,14:30:0{t:.2f},{angle:.4f}\n"))
+    run = import_csv(tmp_path / "a.csv", one, ImportOptions(zero="hanging"))
+    np.testing.assert_allclose(run.t, T, atol=1e-9)
+
+
+def test_a_repeated_header_is_noted(tmp_path):
+    (tmp_path / "a.csv").write_text("t,angle\n0,1\n1,2\nt,angle\n2,3\n")
+    assert read_table(tmp_path / "a.csv").notes == ("the header is repeated, first in line 4: these lines are ignored",)
 
 
 def test_a_time_before_each_line_is_read(tmp_path, one):
@@ -222,6 +239,8 @@ def test_whole_numbers_that_change_too_fast_for_radians_may_be_counts():
     theta = np.column_stack([0 * T, counts + np.pi, 0 * T])
     (note,) = odd_notes(T, theta, upright=False, rods=1, in_radians=True)
     assert "whole numbers are usually degrees (--unit deg), or counts of an encoder (--unit counts" in note
+    (note,) = odd_notes(T, np.round(0.05 * theta), upright=False, rods=2, in_radians=True)
+    assert "the rods turn in steps of whole radians: whole numbers are usually degrees (--unit deg)" in note
     (note,) = odd_notes(T, 1.01 * theta, upright=False, rods=1, in_radians=True)
     assert "are the units right" in note
 

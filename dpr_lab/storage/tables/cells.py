@@ -30,6 +30,7 @@ _STAMP = re.compile(rf"^({_CLOCK}) -> ?")
 _TIME_BEFORE = re.compile(rf"^\[?({_CLOCK}|{_NUMBER})(?:\s*->\s*|[\],;\s]+)(?=[^\W\d]\w*\s*[:=])", re.I)
 """Pattern of a time without a name before the named numbers of a line, such as `1.234 enc1=-5` or `[1.234] enc1=-5`."""
 CLOCK_TIME = re.compile(r"(?:.*[ T])?(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)(?:Z|[+-]\d{2}:?\d{2})?")
+_DATE = re.compile(r"\d{4}([-./])\d{1,2}\1\d{1,2}|\d{1,2}([-./])\d{1,2}\2\d{4}")
 _LABEL = rf"([^\W\d]\w*)\s*[:=]\s*({_CLOCK}|{_NUMBER})"
 _LABELLED = re.compile(rf"\s*{_LABEL}(?:[,;\s]+{_LABEL})*[,;\s]*", re.I)
 """Pattern of a line with a name before each number, such as `angle:57.3,speed:0.1` for the plotter of Arduino."""
@@ -116,8 +117,13 @@ def are_names(comment: Sequence[str], below: Sequence[str]) -> bool:
 
     Without units, it must name at least two times or angles.
     """
-    named = any(map(str.strip, below)) or sum(map(bool, map(_TIME_OR_ANGLE.match, comment))) >= 2
+    named = any(map(str.strip, below)) or times_and_angles(comment) >= 2
     return named and all(map(UNIT_CELL, below))
+
+
+def times_and_angles(names: Sequence[str]) -> int:
+    """Count the names of times and angles."""
+    return sum(map(bool, map(_TIME_OR_ANGLE.match, names)))
 
 
 def names_no_angle(name: str) -> bool:
@@ -192,10 +198,15 @@ def is_data(row: list[str]) -> bool:
     numbers = sum(map(_is_number, row))
     empty = sum(cell.lower() in NOT_A_VALUE for cell in row)
     quantities = sum(bool(match) and _is_number(match[1]) for match in map(QUANTITY.fullmatch, row))
-    clocks = sum(map(bool, map(CLOCK_TIME.fullmatch, row)))
+    clocks = sum(bool(CLOCK_TIME.fullmatch(cell) or _DATE.fullmatch(cell)) for cell in row)
     # A header may contain names such as `10 cm`.
-    with_units = quantities > 0 and numbers + quantities + empty + clocks == len(row)
-    return with_units or (numbers > 0 and 2 * (numbers + empty) >= len(row))
+    complete = numbers + quantities > 0 and numbers + quantities + empty + clocks == len(row)
+    return complete or (numbers > 0 and 2 * (numbers + empty) >= len(row))
+
+
+def has_decimal_comma(cell: str) -> bool:
+    """Check whether a field contains a number with a decimal comma."""
+    return "," in cell and _is_number(cell.strip()) and not _THOUSANDS.fullmatch(cell.strip())
 
 
 def _is_number(cell: str) -> bool:
@@ -227,7 +238,7 @@ def column_names(early: list[list[str]], comments: Sequence[str], delimiter: str
     wide = [row for row in early if len(row) == width and any(map(str.strip, row[1:]))]
     wide = wide or _otherwise_separated(early, delimiter, width)
     # Names of groups may precede the names of columns, and units may follow them.
-    names = max(wide or early[-1:], key=lambda row: sum(bool(cell.strip()) for cell in row))
+    names = max(wide or early[-1:], key=lambda row: (sum(bool(cell.strip()) for cell in row), times_and_angles(row)))
     below = wide[wide.index(names) + 1 :] if names in wide else []
     units = next((row for row in below if any(row) and all(map(UNIT_CELL, row))), ())
     return [*map(with_unit, names, units)] if units else names

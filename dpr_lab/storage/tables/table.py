@@ -29,6 +29,7 @@ from dpr_lab.storage.tables.cells import (
     column_names,
     delimiter_of,
     ends_with_delimiter,
+    has_decimal_comma,
     is_data,
     joined,
     labels_of,
@@ -168,8 +169,9 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
                     f" {begin[0]} has {width} fields: remove the names that belong to no column"
                 )
             first = [begin, *islice(rows, LIMITS.looked_at - 1)]
-            comma = delimiter != "," and any("," in cell for _, cells in first for cell in cells)
-            columns = _Columns(path, len(names), comma)
+            cells = [cell for _, row in first for cell in row]
+            comma = any(map(has_decimal_comma, cells)) or (delimiter != "," and any("," in cell for cell in cells))
+            columns = _Columns(path, len(names), comma, early)
             # `rows` may still contain lines of `head`.
             columns.take(chain(first, islice(rows, LIMITS.looked_at)))
             for number, text in content.blocks():
@@ -258,8 +260,10 @@ class _Growing:
 class _Columns:
     """Columns of numbers that grow row by row."""
 
-    def __init__(self, path: Path, width: int, decimal_comma: bool) -> None:
+    def __init__(self, path: Path, width: int, decimal_comma: bool, header: Sequence[Sequence[str]] = ()) -> None:
         self.notes: tuple[str, ...] = ()
+        self._header = {tuple(row) for row in header if len(row) == width > 1}
+        self._repeated: list[int] = []
         self._path, self._comma = path, decimal_comma
         self._columns = [_Growing() for _ in range(width)]
         self._lines = array("q")
@@ -280,6 +284,9 @@ class _Columns:
         Only the last row may be too short.
         """
         for number, cells in rows:
+            if tuple(cells) in self._header:
+                self._repeated.append(number)
+                continue
             row = numbers_of(cells)
             if len(row) == len(self._columns) + 1 and not row[-1].strip():
                 row.pop()  # the row ends with a delimiter
@@ -317,11 +324,13 @@ class _Columns:
         A last row that is too short is ignored, and a note is added. Such a row was truncated when the logger was
         switched off.
         """
+        if self._repeated:
+            self.notes = (f"the header is repeated, first in line {self._repeated[0]}: these lines are ignored",)
         if self._short is None:
             return
         if not self._lines:
             self._refuse(*self._short)
-        self.notes = (f"the last line, {self._short[0]}, is incomplete and was ignored",)
+        self.notes = (*self.notes, f"the last line, {self._short[0]}, is incomplete and was ignored")
 
     def _refuse(self, number: int, length: int, points: bool = False) -> NoReturn:
         width = len(self._columns)
