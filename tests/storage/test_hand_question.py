@@ -1,4 +1,4 @@
-"""Rods that a hand or a cart moves in a table."""
+"""Rods that a hand, a hidden drive or a cart moves in a table."""
 
 import math
 import re
@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dpr_lab.rig import Rig
-from dpr_lab.storage.csv_import import ImportOptions
+from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.tables.understand import understand
 from tests.storage.test_rod_alone import table
 
@@ -108,3 +108,40 @@ def test_a_hand_that_lifts_and_holds_the_rod_makes_no_swing(tmp_path: Path, one:
     )
     assert read.t_offset_s == pytest.approx(len(before) / RATE_HZ, abs=0.06)
     assert read.questions == ()
+
+
+@pytest.mark.parametrize(
+    ("driven", "ends"),
+    [
+        ((0, 3), r"use only the swing from 3\.[0-6]\d* s on \(--start-s 3"),
+        ((7, 10), r"use only the first 6\.[6-9]\d* s \(--duration-s 6"),
+        ((0, 10), ""),
+        ((0.6, 1.2), ""),  # the free part is shorter than a period
+    ],
+)
+def test_the_part_of_a_swing_without_a_hidden_drive_is_named(tmp_path, one, driven, ends):
+    """A coil increases the amplitude of a rod without a torque column, before or after a free decay."""
+    lasts = driven[1] if driven[1] < 2 else 10
+
+    def change(t: float, state: np.ndarray) -> list[float]:
+        damping = -8 / lasts if driven[0] <= t < driven[1] else 0.2
+        return [state[1], -45.3 * np.sin(state[0]) - damping * state[1]]
+
+    t = np.arange(0, lasts, 0.01)
+    angle = solve_ivp(change, (0, lasts), [0.2, 0], t_eval=t, max_step=0.01).y[0]
+    rows = "".join(f"{t:.2f},{angle:.6f}\n" for t, angle in zip(t, angle, strict=True))
+    (tmp_path / "a.csv").write_text("t,angle\n" + rows)
+    remarks = " ".join(import_csv(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).notes)
+    assert re.search("the energy of the (swing changes|rods rises) by", remarks)
+    assert bool(ends) == ("use only" in remarks) == ("check --unit" not in remarks)
+    assert re.search(ends, remarks)
+
+
+def test_a_part_without_a_hidden_drive_does_not_begin_in_a_gap(tmp_path, one):
+    """A coil acts for 3 s; after the usual margin, no rows are recorded."""
+    t = np.arange(0, 14, 0.01)
+    free = solve_ivp(lambda _, y: [y[1], -45.3 * np.sin(y[0]) - 0.1 * y[1]], (0, 14), [0.6, 0], t_eval=t).y[0]
+    rows = np.column_stack([t, np.where(t < 3, 0.4, 1.0) * free])[(t < 3) | (t > 5.5)]
+    np.savetxt(tmp_path / "a.csv", rows, "%.6f", ",", header="t,theta", comments="")
+    remarks = " ".join(import_csv(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).notes)
+    assert 5.51 <= float(re.search(r"--start-s ([\d.]+)", remarks)[1]) < 6
