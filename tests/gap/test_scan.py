@@ -42,6 +42,21 @@ def test_a_vibration_is_proposed_only_below_half_the_sampling_rate() -> None:
 
 
 @pytest.mark.slow
+def test_a_vibration_does_not_imitate_the_zero_error_of_a_slow_log(
+    bare, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At the sampling rate a vibration has the same phase in every sample, as a tilt of the rig."""
+    monkeypatch.setattr(one_rod, "RATE_HZ", 10.0)
+    monkeypatch.setattr(one_rod, "RELEASES", (math.radians(36.0),))
+    rod = one_rod.Rod(length=0.8, dry=0.0, damping=5e-3, offset=0.02, noise=1e-3, duration=19.0)
+    rig, runs = one_rod.recorded(rod, 1, tmp_path)
+    problem, base = bare(runs, rig)
+    along = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)
+    proposed = ShapeScan(problem, base.fit, along, Recorded((None, None), list)).shapes(EFFECTS["base_vibration"])
+    assert all(frequency < 5.2 for ((_, frequency),) in proposed)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["detent_joint1", "torque_ripple_joint1"])
 def test_a_pattern_is_proposed_only_where_it_repeats(
     name: str, bare, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
