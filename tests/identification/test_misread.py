@@ -265,6 +265,19 @@ def test_a_fit_that_cannot_reach_its_limit_ends_early(swings, paper: Rig) -> Non
     )
 
 
+def test_a_part_of_a_run_is_rejected_without_a_fit_to_its_minimum(swings, paper: Rig, monkeypatch) -> None:
+    fits = []
+
+    def stored(*args, **options):
+        fits.append(first_fit(*args, **options))
+        return fits[-1]
+
+    monkeypatch.setattr(tried, "first_fit", stored)
+    read = [replace(run, theta=run.theta * [1.0, 1.0, -1.0], counts=None) for run in swings]
+    assert fitted(read, paper, quick=True, worst=20.0) is None
+    assert fits[0].fit.stop is StopReason.BEATEN
+
+
 def test_the_right_reading_is_fitted_to_the_whole_runs(swings, paper: Rig) -> None:
     whole = fitted(swings, paper, quick=True)
     assert whole is not None

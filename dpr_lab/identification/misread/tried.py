@@ -305,7 +305,9 @@ def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> boo
         return False
     shares = len(runs) * SETTINGS.tried_s / SETTINGS.screened_s
     limit = SETTINGS.worse * shares * worst
-    first = first_fit(rig.nominal, beginning, rig, iterations=SETTINGS.iterations, settings=_ending_early(limit))
+    readings = sum(prepared.run.theta[:, 1:].size for prepared in beginning)
+    settings = replace(_ending_early(limit), to_beat=limit * readings)
+    first = first_fit(rig.nominal, beginning, rig, iterations=SETTINGS.iterations, settings=settings)
     return first.chi2_per_dof > limit
 
 
