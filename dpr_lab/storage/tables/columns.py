@@ -286,7 +286,7 @@ def _refuse(table: Table, named: Mapping[str, str], stated: Mapping[str, str], t
         unnamed = all(map(_NO_NAME.fullmatch, named_so))
         clocks = [name for name in names if "t" in missing and is_time(re.sub(r"\d+\W*$", "", name))]
         if len(clocks) > 1:
-            example = f"--columns t={clocks[0]}{'' if 'theta1' in named else ',theta1=NAME'}"
+            example = f"--columns t={clocks[0]}{'' if table.settled else ',theta1=NAME'}"
             rate = f"; {listed(clocks)} can each be the time. Of recordings next to each other import one: {example}"
         points = "; for points of a video add a first line with their names, for example t,x,y" if unnamed else ""
         unrated = re.compile(r"abs|column \d+ \(without", re.I)
