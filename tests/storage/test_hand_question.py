@@ -14,17 +14,17 @@ from dpr_lab.storage.tables.understand import understand
 from tests.storage.test_rod_alone import table
 
 RATE_HZ = 50.0
+T = np.arange(0, 6, 1 / RATE_HZ)
 
 
-def swing(angle: float, friction: float = 0.0, noise: float = 2e-3) -> np.ndarray:
+def swing(angle: float, friction: float = 0.0, noise: float = 2e-3, instants: np.ndarray = T) -> np.ndarray:
     """(n,) angle of a bob at 0.3 m with viscous and Coulomb friction, released at rest, rad."""
 
     def rates(_: float, state: np.ndarray) -> list[float]:
         resisting = 0.06 * state[1] + friction * math.tanh(state[1] / 0.05)
         return [state[1], -9.81 / 0.3 * math.sin(state[0]) - resisting]
 
-    instants = np.arange(0, 6, 1 / RATE_HZ)
-    angles = solve_ivp(rates, (0, 6), [angle, 0.0], t_eval=instants, rtol=1e-8, atol=1e-8).y[0]
+    angles = solve_ivp(rates, (0, instants[-1]), [angle, 0.0], t_eval=instants, rtol=1e-8, atol=1e-8).y[0]
     return angles + np.random.default_rng(4).normal(0, noise, len(angles))
 
 

@@ -7,6 +7,8 @@ import pytest
 
 from dpr_lab.rig import Rig
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
+from dpr_lab.storage.tables.understand import understand
+from tests.storage.test_hand_question import swing
 
 T = np.arange(0, 1, 0.01)
 
@@ -46,3 +48,16 @@ def test_a_rod_that_lingers_upright_before_it_falls_needs_no_other_zero(
     angle = fall if zero == "upright" else 2.5 * np.sin(5 * t) ** 3
     notes = import_csv(table(tmp_path, "t,theta1", t, angle), one, ImportOptions(keep_rest=True)).notes
     assert any("points upwards most of the time" in note for note in notes) is asks
+
+
+@pytest.mark.parametrize("rezeroed", [False, True])
+def test_a_proposed_zero_has_an_uncertainty_that_the_fit_may_correct(rezeroed: bool, one: Rig, tmp_path: Path) -> None:
+    rig = one.model_copy(update={"encoders": one.encoders.model_copy(update={"rezeroed": rezeroed})})
+    t = np.arange(0.0, 8.0, 0.01)
+    file = table(tmp_path, "t,theta1", t, 0.3 + swing(1.2, 0.3, 1e-3, t))
+    (doubt,) = understand(file, rig, ImportOptions(zero="hanging")).questions
+    assert doubt.mend == ("--offset", "-0.3")
+    ending = (
+        "the fit corrects it" if rezeroed else "with rezeroed = true in [encoders] of the rig file, the fit corrects it"
+    )
+    assert doubt.sentence.endswith(f"The zero is uncertain by about 0.005 rad: {ending}")

@@ -141,7 +141,7 @@ def energy_fit(t: Array, rods: Array, torques: Array | None, rig: Rig) -> Energy
     return EnergyFit(residual, scale, float(np.sqrt(kinetic.mean() / size)))
 
 
-def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
+def energy_zeros(t: Array, rods: Array, rig: Rig, *, nearest: bool = False) -> tuple[float, float] | None:
     """Find the zero corrections of both rods with the best energy balance, rad.
 
     The angles are less than one turn. The result is None if the motion is too small.
@@ -150,12 +150,13 @@ def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
         t: (n,) times, s
         rods: (n, 2) absolute angles, rad
         rig: the recorded rig
+        nearest: whether to search only from added angles of zero
     """
     stride = max(1, len(rods) // ENERGY.zero_rows)
     terms = _terms_of_table(t[::stride], rods[::stride], None, rig)
     if terms is None:
         return None
-    return best_zeros(partial(_residual, np.cov(terms, bias=True)), rig)
+    return best_zeros(partial(_residual, np.cov(terms, bias=True)), rig, nearest=nearest)
 
 
 def residual_near(

@@ -22,7 +22,7 @@ def balance_questions(table: InterpretedTable) -> list[TableQuestion]:
         return []
     others = balanced_readings(table.beginning())
     broken = "the accelerations do not follow from gravity and friction, but they do"
-    return [read_otherwise(broken, others)] if others else []
+    return [read_otherwise(broken, others, table.beginning())] if others else []
 
 
 def rig_questions(table: InterpretedTable) -> list[TableQuestion]:

@@ -57,7 +57,7 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
             raise RunError(_unit_of_time(table, other.mend[1]))
     if others:
         others = [as_posed(table, other) for other in others]
-        return [read_otherwise(BROKEN, others)], others
+        return [read_otherwise(BROKEN, others, read)], others
     notes = []
     unexplained = ENERGY.unexplained[table.torques is not None]
     if residual > unexplained:

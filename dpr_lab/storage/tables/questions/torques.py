@@ -25,7 +25,7 @@ def better_torques(fit: EnergyFit, read: InterpretedTable) -> list[TableQuestion
     residual, best = min(residuals, key=lambda pair: pair[0], default=(np.inf, None))
     if best is None or residual >= min(READ.sure, fit.residual / READ.better):
         return []
-    return [read_otherwise(BROKEN, [best])]
+    return [read_otherwise(BROKEN, [best], read)]
 
 
 def _others(read: InterpretedTable) -> Iterator[tuple[Array, OtherReading]]:
