@@ -361,10 +361,9 @@ def _line_search(
     initial_steps = state.linear.initial_steps(step)
     length, segment_length = 1.0, np.ones(len(before))
     at_start = prior.cost(np.zeros(len(free)))
-    known: tuple[Array, Flags] | None = None
     for attempt in range(tries):
         trial = moved(state.estimate, free, length * step, (length * segment_length)[:, None] * initial_steps)
-        predicted = problem.predict(trial) if known is None else problem.predict_again(trial, *known)
+        predicted = problem.predict(trial)
         after = problem.chi2_by_segment(predicted)
         at_end = prior.cost(length * step)
         if after[followed].sum() + at_end <= before[followed].sum() + at_start:
@@ -373,8 +372,6 @@ def _line_search(
         if attempt % 2 or worse.mean() > 0.5:
             length *= settings.shorten
             segment_length[:] = 1.0
-            known = None
         else:
             segment_length[worse] *= settings.shorten_segment
-            known = predicted, worse
     return None

@@ -36,10 +36,6 @@ class OutputModel(Protocol):
         """
         ...
 
-    def one_by_one(self, estimate: Estimate) -> bool:
-        """Return whether some of the segments can be predicted without the others, faster than all of them."""
-        ...
-
     def slopes(
         self,
         segments: Segments,
@@ -194,27 +190,6 @@ class Problem:
     def predict(self, estimate: Estimate) -> Array:
         """Return the (samples, 2) predicted readings, rad."""
         return self.model.predict(self.segments, estimate) + self._zeros(estimate)
-
-    def predict_again(self, estimate: Estimate, before: Array, changed: Flags) -> Array:
-        """Return `predict` after a change of the initial states of some segments.
-
-        Args:
-            estimate: estimate with the changed initial states
-            before: (samples, 2) predicted readings before this change, rad
-            changed: (segments,) mask of the changed segments
-        """
-        if not self.model.one_by_one(estimate):
-            return self.predict(estimate)
-        indices, readings = np.flatnonzero(changed), before.copy()
-        alone = self.only(indices)
-        readings[self.segments.samples_of(indices)] = alone.predict(estimate.changed(initial=estimate.initial[indices]))
-        return readings
-
-    def only(self, indices: Integers) -> "Problem":
-        """Return a copy with the segments of given ascending indices, without process noise."""
-        samples, chosen = self.segments.samples_of(indices), self.segments.chosen(indices)
-        measured, weight = self.measured[samples], self.weight[samples]
-        return replace(self, segments=chosen, measured=measured, weight=weight, disturbance=None)
 
     def _zeros(self, estimate: Estimate) -> Array | float:
         """Return the (samples, 2) encoder zeros, rad, that apply to the run of each sample.

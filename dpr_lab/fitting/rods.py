@@ -39,10 +39,6 @@ class RodsAlone:
         states, _ = followed(estimate.ratios, segments, estimate.initial, self.constants)
         return JointAngles(self.constants.relative2 == 1.0).of_rods(states[:, :2])
 
-    def one_by_one(self, estimate: Estimate) -> bool:
-        """Return False, because the known torques of the chosen segments would be computed again."""
-        return False
-
     def slopes(
         self,
         segments: Segments,

@@ -81,10 +81,6 @@ class RodsWithEffects:
             arm=segments.arm_moves,
         )
 
-    def one_by_one(self, estimate: Estimate) -> bool:
-        """Return whether segments are independent: none takes internal states from the previous segment."""
-        return not required_by(active_effects(estimate.params)).internal.any()
-
     def slopes(
         self,
         segments: Segments,

@@ -117,7 +117,6 @@ class Counting:
 
     def __init__(self, model):
         self.model, self.constants, self.asked, self.predicted = model, model.constants, 0, 0
-        self.one_by_one = model.one_by_one
 
     def predict(self, segments, at):
         self.predicted += 1

@@ -20,7 +20,7 @@ Source: R. L. Berger (1982), Multiparameter hypothesis testing and acceptance sa
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -176,7 +176,14 @@ def _beginning(problem: Problem, estimate: Estimate) -> tuple[Problem, Estimate]
     """Keep the segments that end within `SHAPES.longest_s` after the first reading."""
     ends = problem.t[problem.segments.offsets[1:] - 1]
     indices = np.flatnonzero(ends <= problem.t.min() + SHAPES.longest_s)
-    return problem.only(indices), estimate.changed(initial=estimate.initial[indices])
+    samples = problem.segments.samples_of(indices)
+    shortened = replace(
+        problem,
+        segments=problem.segments.chosen(indices),
+        measured=problem.measured[samples],
+        weight=problem.weight[samples],
+    )
+    return shortened, estimate.changed(initial=estimate.initial[indices])
 
 
 def _values(effect: Effect, problem: Problem) -> Array:

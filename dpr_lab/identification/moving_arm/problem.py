@@ -79,10 +79,6 @@ class ArmSwings:
             readings[:, 2] -= self.constants.relative2 * readings[:, 1]
         return readings
 
-    def one_by_one(self, estimate: Estimate) -> bool:
-        """Return False, because the model contains the inputs of all segments."""
-        return False
-
     def slopes(
         self, segments: Segments, estimate: Estimate, free: Sequence[FreeParameter], predicted: Array | None = None
     ) -> Array:
