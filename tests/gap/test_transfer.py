@@ -148,12 +148,16 @@ def test_the_sentence_names_improbable_causes_only_without_a_probable_one(
     assert [cause.name for cause in verdict.causes_named(state)] == named
 
 
-def test_the_sentence_omits_a_sure_but_small_effect_next_to_a_large_one() -> None:
+def test_the_sentence_states_a_probable_but_small_effect_next_to_a_large_one() -> None:
     base, large, both = (Mock(bounded_excess=excess) for excess in (1000.0, 8.0, 4.0))
     selection = Mock(expected=frozenset(), bare=base, path=[("a", large), ("b", both)])
     causes = [EffectPosterior(name, (name,), (), 0.98) for name in "ab"]
-    state = Mock(selection=selection, posteriors=causes, transfer=Mock(withdrawn=()))
+    state = Mock(selection=selection, posteriors=causes, transfer=Mock(withdrawn=(), tested=False))
     assert [cause.name for cause in verdict.causes_named(state)] == ["a"]
+    assert "by a (probability 98 %); b explains less than 1 % of it." in sentence._sentence("named", state, Mock())
+    assert list(_small_effects(state, "named")) == []
+    state.posteriors[1] = replace(causes[1], probability=0.3)
+    assert "by a (probability 98 %). " in sentence._sentence("named", state, Mock())
     assert list(_small_effects(state, "named")) == [
         "Small effects, together less than 1 % of the excess chi-square: b."
     ]

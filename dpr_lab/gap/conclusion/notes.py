@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator, Sequence
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.families import FAMILIES
-from dpr_lab.gap.conclusion.verdict import causes_named, listed_causes, small_effects
+from dpr_lab.gap.conclusion.verdict import causes_named, listed_causes, small_causes, small_effects
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.result.causes import NamedFamily
 from dpr_lab.gap.result.diagnosis import Verdict
@@ -46,10 +46,11 @@ def _restrictions(state: Transferred, kind: Verdict) -> Iterator[str]:
 
 
 def _small_effects(state: Transferred, kind: Verdict) -> Iterator[str]:
-    """Yield a sentence on the effects that explain too little for the verdict."""
+    """Yield a sentence on the less probable effects that explain too little for the verdict."""
     of_model = small_effects(state.selection.bare, state.selection.path)
     listable = [cause.name for cause in listed_causes(state.posteriors)]
-    excluded = {*state.transfer.withdrawn, *(cause.name for cause in causes_named(state))}
+    stated = (*causes_named(state), *small_causes(state))
+    excluded = {*state.transfer.withdrawn, *(cause.name for cause in stated)}
     small = [name for name in listable if name in of_model and name not in excluded]
     if small and kind in ("named", "partly_explained"):
         least = percent(THRESHOLDS.small)

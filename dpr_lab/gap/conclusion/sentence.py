@@ -15,8 +15,10 @@ from dpr_lab.gap.conclusion.verdict import (
     held_out_gap_invisible,
     listed_causes,
     only_held_out_gap,
+    small_causes,
 )
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.diagnosis import ONLY_FREE_RUN, UNCERTAIN
 from dpr_lab.gap.result.evidence import FREE_RUN_TEST, Budget
@@ -74,12 +76,19 @@ def _sentence(kind: DetailedVerdict, state: Transferred, budget: Budget) -> str:
     if kind == "named":
         least = min(cause.probability for cause in causes)
         return (
-            f"The gap is explained by {_classes(causes)} (probability {percent(least)}). {reduction}"
+            f"The gap is explained by {_classes(causes)} (probability {percent(least)}){_small(state)}. {reduction}"
             " Nothing above the noise floor remains."
         )
     causes = listed_causes(causes) or listed_causes(state.posteriors)
     remains = _remainder(state.selection.chosen, state.transfer)
-    return f"The gap is partly explained by {_classes(causes, doubts=True)}. {reduction} {remains}"
+    return f"The gap is partly explained by {_classes(causes, doubts=True)}{_small(state)}. {reduction} {remains}"
+
+
+def _small(state: Transferred) -> str:
+    """Return a clause on the probable causes of a small part of the gap, otherwise an empty text."""
+    if not (causes := small_causes(state)):
+        return ""
+    return f"; {_classes(causes)} explain{'s' * (len(causes) == 1)} less than {percent(THRESHOLDS.small)} of it"
 
 
 def _unexplained(state: Transferred, budget: Budget) -> str:

@@ -160,7 +160,8 @@ def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterio
 def causes_named(state: Transferred) -> Sequence[EffectPosterior]:
     """Return the causes that the verdict sentence names, which carry over to held-out data.
 
-    Small, expected and less probable effects are named only if there are no others. The table of causes lists them too.
+    Small, expected and less probable effects are named only if there are no others. The table of causes lists them too,
+    and `small_causes` contains the small ones.
     """
     carrying = [cause for cause in state.posteriors if cause.name not in state.transfer.withdrawn]
     unexpected = [cause for cause in carrying if cause.name not in state.selection.expected]
@@ -168,6 +169,17 @@ def causes_named(state: Transferred) -> Sequence[EffectPosterior]:
     little = small_effects(state.selection.bare, state.selection.path)
     large = [cause for cause in likely if cause.name not in little]
     return large or likely or listed_causes(unexpected) or listed_causes(carrying) or carrying
+
+
+def small_causes(state: Transferred) -> list[EffectPosterior]:
+    """Return the probable causes that carry over to held-out data and are too small for `causes_named`."""
+    named, little = causes_named(state), small_effects(state.selection.bare, state.selection.path)
+    return [
+        cause
+        for cause in state.posteriors
+        if cause not in named and cause.name in little and cause.name not in state.transfer.withdrawn
+        if cause.probability >= VERDICT.rather
+    ]
 
 
 def small_effects(bare: Hypothesis, path: Sequence[tuple[str, Hypothesis]]) -> frozenset[str]:
