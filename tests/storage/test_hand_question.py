@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.tables.understand import understand
@@ -15,6 +16,7 @@ from tests.storage.test_rod_alone import table
 
 RATE_HZ = 50.0
 T = np.arange(0, 6, 1 / RATE_HZ)
+HANGING = ImportOptions(zero="hanging")
 
 
 def swing(angle: float, friction: float = 0.0, noise: float = 2e-3, instants: np.ndarray = T) -> np.ndarray:
@@ -58,6 +60,17 @@ def test_a_rod_that_is_lifted_from_hanging_has_one_option(
 @pytest.mark.parametrize(("angle", "friction"), [(0.7, 0.0), (1.6, 3.0), (2.5, 1.0)])
 def test_a_free_release_is_not_attributed_to_a_hand(tmp_path: Path, one: Rig, angle: float, friction: float) -> None:
     assert doubts(tmp_path, one, swing(angle, friction, noise=0.01)) == []
+
+
+def test_a_rod_that_a_cart_sets_in_motion_is_not_refused_as_pushed(one: Rig, tmp_path: Path) -> None:
+    t = np.arange(0, 12, 0.02)
+    after = np.maximum(t - 2, 0.0)
+    angle = 0.38 * np.sin(2 * after) - 0.1 * np.sin(7 * after) + np.random.default_rng(2).normal(0, 5e-4, len(t))
+    read = understand(table(tmp_path, "t,cart,theta", t, 0.4 * np.sin(2 * after), angle), one, HANGING)
+    assert any("column cart is not used. If it is the position of a cart" in note for note in read.notes)
+    assert read.questions
+    with pytest.raises(RunError, match=r"hang at rest until 2.* they were pushed"):
+        understand(table(tmp_path, "t,theta", t, angle), one, HANGING)
 
 
 @pytest.mark.parametrize("column", ["x_m", "other"])

@@ -184,7 +184,7 @@ def _understood(
     doubts = questions(table)
     if counts is None and not any("--angles" in doubt.mend for doubt in doubts):
         notes += frame_notes(options, rig)
-    if not options.keep_rest:
+    if not options.keep_rest and read.cart is None:  # a cart may set the rod in motion; a note tells how to import it
         refuse_push(table, origin)
     if not rig.rig.on_earth(rig.g):
         sentence = f"g = {rig.g:g} m/s^2 in the rig file; on earth it is 9.78 to 9.83: correct g in the rig file"
