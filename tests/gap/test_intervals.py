@@ -14,7 +14,7 @@ from dpr_lab.gap.conclusion.ratios import determined
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.transfer.out_of_sample import block, reduction, share
 from dpr_lab.gap.transfer.outcome import Transfer
-from dpr_lab.gap.transfer.transfer import _relative_to_fitted, _sum, judged
+from dpr_lab.gap.transfer.transfer import _relative_to_fitted, _sum, judged, untested
 from dpr_lab.identification.scaling.scale import Scale
 
 
@@ -51,6 +51,35 @@ def test_an_effect_that_fails_a_test_is_less_probable() -> None:
     assert probabilities(basis="one release", unproven=("b",)) == [1.0, 0.87]
     assert probabilities(basis="one release", unproven=("b",), remainder=True) == [1.0, 0.5]
     assert probabilities(remainder=True) == [1.0, 1.0]
+
+
+def test_the_form_of_an_effect_with_several_parameters_is_untested_by_one_release_of_a_single_rod() -> None:
+    assert probabilities(basis="one release", untested=("a",)) == [0.65, 1.0]
+    assert probabilities(basis="one release", untested=("a", "b"), unproven=("a",)) == [0.65, 0.65]
+    assert probabilities(basis="one release", untested=("a",), unproven=("a", "b"), remainder=True) == [0.5, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("releases", "held_out", "alone", "expected"),
+    [(1, None, True, ("spring_joint1",)), (1, None, False, ()), (2, None, True, ()), (1, Fake(), True, ())],
+    ids=["one release", "two rods", "two releases", "held-out run"],
+)
+def test_a_second_release_or_rod_tests_the_form(
+    releases: int, held_out: Any, alone: bool, expected: tuple[str, ...]
+) -> None:
+    """Neither one parameter nor a class with such a member needs this test."""
+    classes = {
+        "spring_joint1": ("spring_joint1",),
+        "coulomb_joint1": ("coulomb_joint1",),
+        "hysteresis_joint1": ("hysteresis_joint1", "coulomb_joint1"),
+    }
+    state: Any = Fake(
+        held_out_prediction=held_out,
+        recordings=Fake(records=[None] * releases),
+        problem=Fake(segments=Fake(setups=[Fake(alone=alone)] * releases)),
+    )
+    effects: Any = [Fake(name=name, members=members) for name, members in classes.items()]
+    assert untested(state, effects) == expected
 
 
 def test_all_effects_are_less_probable_if_the_test_fails_as_a_whole() -> None:

@@ -154,6 +154,26 @@ def test_the_sentence_of_an_inconclusive_release_lists_the_leading_candidates_an
     assert f"The leading candidates are {candidates}. Record three releases" in words
 
 
+def test_the_sentence_states_why_a_cause_that_one_release_does_not_test_is_uncertain() -> None:
+    spring = EffectPosterior("spring_joint1", ("spring_joint1",), (), 0.64)
+    state: Any = Fake(
+        description=Fake(hint="", withholds=False),
+        selection=Fake(
+            bare=Fake(bounded_excess=100.0),
+            chosen=Fake(at_noise_floor=True),
+            path=[("spring_joint1", Fake(bounded_excess=0.0))],
+            expected=frozenset(),
+        ),
+        posteriors=(spring,),
+        transfer=transfer(basis="one release", untested=("spring_joint1",)),
+    )
+    why = "by spring_joint1 (probability 64 %, because one release hardly tests the form of spring_joint1)."
+    for verdict_kind in ("named", "partly_explained"):
+        assert why in sentence(verdict_kind, state, (10, 10), PREDICTED)
+    state.transfer = transfer(basis="releases left out")
+    assert "because" not in sentence("named", state, (10, 10), PREDICTED)
+
+
 def test_a_short_release_without_a_significant_effect_does_not_exclude_the_library() -> None:
     state: Any = Fake(
         description=Fake(hint="", withholds=False),

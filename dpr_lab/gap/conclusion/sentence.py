@@ -74,14 +74,15 @@ def _sentence(kind: DetailedVerdict, state: Transferred, budget: Budget) -> str:
         return _unexplained(state, budget)
     causes, reduction = causes_named(state), how_far(state.transfer)
     if kind == "named":
-        least = min(cause.probability for cause in causes)
+        least = min(causes, key=lambda cause: cause.probability)
         return (
-            f"The gap is explained by {_classes(causes)} (probability {percent(least)}){_small(state)}. {reduction}"
-            " Nothing above the noise floor remains."
+            f"The gap is explained by {_classes(causes)} (probability {percent(least.probability)}"
+            f"{_untested(least, state.transfer)}){_small(state)}. {reduction} Nothing above the noise floor remains."
         )
     causes = listed_causes(causes) or listed_causes(state.posteriors)
     remains = _remainder(state.selection.chosen, state.transfer)
-    return f"The gap is partly explained by {_classes(causes, doubts=True)}{_small(state)}. {reduction} {remains}"
+    explained = f"{_classes(causes, state.transfer)}{_small(state)}"
+    return f"The gap is partly explained by {explained}. {reduction} {remains}"
 
 
 def _small(state: Transferred) -> str:
@@ -217,16 +218,16 @@ _BASIS = {
 """Phrase of the sentence for each kind of held-out data."""
 
 
-def _classes(causes: Sequence[EffectPosterior], *, doubts: bool = False) -> str:
-    """Return the list of the classes in words.
+def _classes(causes: Sequence[EffectPosterior], transfer: Transfer | None = None) -> str:
+    """Return the list of the classes in words, with reasons for doubt if `transfer` is given.
 
     If there are several classes, each class of two members is put in parentheses.
     """
     words = [_class(cause) for cause in causes]
     if len(words) > 1:
         words = [f"({text})" if " or " in text else text for text in words]
-    if doubts:
-        words = [text + _doubt(cause) for text, cause in zip(words, causes, strict=True)]
+    if transfer:
+        words = [text + _doubt(cause, transfer) for text, cause in zip(words, causes, strict=True)]
     return listed(words)
 
 
@@ -240,6 +241,12 @@ def _class(posterior: EffectPosterior) -> str:
     return " or ".join(posterior.members)
 
 
-def _doubt(cause: EffectPosterior) -> str:
-    """Return a clause with the probability of an improbable cause, otherwise an empty text."""
-    return "" if cause.probability >= VERDICT.rather else f" (probability only {percent(cause.probability)})"
+def _doubt(cause: EffectPosterior, transfer: Transfer) -> str:
+    """Return a clause with the probability of an improbable or untested cause, otherwise an empty text."""
+    only, why = "" if cause.probability >= VERDICT.rather else "only ", _untested(cause, transfer)
+    return f" (probability {only}{percent(cause.probability)}{why})" if only or why else ""
+
+
+def _untested(cause: EffectPosterior, transfer: Transfer) -> str:
+    """Return the reason why a cause with several parameters is uncertain after one release of a single rod."""
+    return f", because one release hardly tests the form of {cause.name}" if cause.name in transfer.untested else ""

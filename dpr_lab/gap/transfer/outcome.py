@@ -53,6 +53,11 @@ class TransferSettings:
     It is the share of correct effects among the effects that failed this test in blind trials (decision 61). If a
     remainder is left, the factor is `unproven` (decision 96).
     """
+    untested: float = 0.65
+    """Maximum factor on the probability of an effect with several parameters in one release of a single rod.
+
+    There it also follows many causes outside the library. About half of these effects were correct (decision 123).
+    """
     oversized: float = 0.1
     """Factor on the probability of an effect with an impossible size; another cause is then more probable."""
     wildest: float = 1e12
@@ -109,5 +114,7 @@ class Transfer:
     """
     lone: LoneRecording | None = None
     """The only fitted recording with a remainder; None if there is none."""
+    untested: tuple[str, ...] = ()
+    """Effects with several parameters whose form no further release and no second rod tests."""
     too_short: bool = False
     """Whether the only release has fewer groups of segments than `TransferSettings.least_groups`."""

@@ -14,7 +14,8 @@ for each segment s, with neighbouring segments grouped. An effect carries over t
 
 An effect that fails explains only the fitted recordings and is withdrawn, but quarters of one release only make it
 uncertain. No effect is certain if all together increase the gap or worsen the free runs (`worse_free_run`), if one
-recording alone has a remainder (`lone_recording`), or if there are too few segments for a test.
+recording alone has a remainder (`lone_recording`), or if there are too few segments for a test. One release of a single
+rod does not test the form of an effect with several parameters.
 
 The scatter of the sum is large if a few segments have the largest reduction. The signed ranks detect a reduction in all
 segments.
@@ -28,6 +29,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dpr_lab.arrays import Array, Flags
+from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.cross_validation import FOLDS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
@@ -88,6 +90,7 @@ def transfer(state: Selected, freely: Mapping[str, FreeRuns]) -> Transfer:
             freely["before"].expected_errors(noise),
             held_out.names if held_out else errors["before"],
         ),
+        untested=untested(state.fitted, state.posteriors),
         lone=lone_recording(problem, chosen, [record.run.name for record in recordings.records]),
         too_short=one_release and test.groups < TRANSFER.least_groups,
     )
@@ -98,6 +101,13 @@ def _basis(fitted: Fitted) -> Basis:
     if fitted.held_out_prediction:
         return "held-out runs"
     return "one release" if len(fitted.recordings.records) == 1 else "releases left out"
+
+
+def untested(fitted: Fitted, posteriors: Sequence[EffectPosterior]) -> tuple[str, ...]:
+    """Return the effects with several parameters, shapes included, whose form no second release or rod tests."""
+    if _basis(fitted) != "one release" or not all(setup.alone for setup in fitted.problem.segments.setups):
+        return ()
+    return tuple(p.name for p in posteriors if all(len(EFFECTS[name].parameters) > 1 for name in p.members))
 
 
 def judged(
@@ -114,16 +124,19 @@ def judged(
         forced: whether a force that is not described probably acts
         remainder: whether a remainder above the noise is left
     """
-    untested, everything = not outcome.tested, {posterior.name for posterior in posteriors}
+    no_test, everything = not outcome.tested, {posterior.name for posterior in posteriors}
     one_release = outcome.basis == "one release"
-    not_validated = everything if one_release and untested else outcome.unproven
-    failed = outcome.worse_free_run or outcome.lone or outcome.closed.value < 0.0 or (untested and not one_release)
-    factors = dict.fromkeys(not_validated, TRANSFER.unproven if remainder else TRANSFER.weakly_tested)
-    factors |= dict.fromkeys(everything if failed or forced else outcome.withdrawn, TRANSFER.unproven)
-    factors |= dict.fromkeys(outcome.oversized, TRANSFER.oversized)
+    not_validated = everything if one_release and no_test else outcome.unproven
+    failed = outcome.worse_free_run or outcome.lone or outcome.closed.value < 0.0 or (no_test and not one_release)
+    limits = (
+        (not_validated, TRANSFER.unproven if remainder else TRANSFER.weakly_tested),
+        (outcome.untested, TRANSFER.untested),
+        (everything if failed or forced else outcome.withdrawn, TRANSFER.unproven),
+        (outcome.oversized, TRANSFER.oversized),
+    )
+    factors = {name: min([1.0, *(limit for names, limit in limits if name in names)]) for name in everything}
     return tuple(
-        replace(posterior, probability=factors.get(posterior.name, 1.0) * posterior.probability)
-        for posterior in posteriors
+        replace(posterior, probability=factors[posterior.name] * posterior.probability) for posterior in posteriors
     )
 
 
