@@ -86,6 +86,34 @@ def test_texts_that_are_not_as_they_were_written_are_left_to_json(old: bytes, ne
     assert samples_of(changed) is None
 
 
+@pytest.mark.parametrize(
+    ("tick", "angle"),
+    [
+        ("3", f"{10**310 - 1}.000"),
+        ("3", "2.10"),
+        ("3", "2"),
+        ("3", ".100"),
+        ("3", "1.   "),
+        ("3", "-.0"),
+        ("3", "-0.000"),
+        ("3", "01.000"),
+        ("3", "nan"),
+        ("012", "0.000"),
+        ("1_0", "0.000"),
+        ("3.000", "0.000"),
+        (str(2**53 + 1), "0.000"),
+        (str(-(2**63)), "0.000"),
+    ],
+)
+def test_numbers_that_are_not_written_are_left_to_json_in_each_row(tick: str, angle: str) -> None:
+    width, size = len(tick) + 1, max(len(angle) + 1, 6)
+    rows = [
+        list(f'{{"tick":{i:>{width}},"t": 0.000,"theta":[{x:>{size}}, 0.000, 0.000]}}'.encode())
+        for i, x in (("2", "0.000"), (tick, angle))
+    ]
+    assert samples_of(np.array(rows, dtype=np.uint8)) is None
+
+
 @pytest.mark.parametrize("odd", [1 / 3, 1e-12, 1e16])
 def test_numbers_without_a_short_text_are_written_row_by_row(odd: float, tmp_path: Path, paper) -> None:
     theta = THETA.copy()
