@@ -318,8 +318,8 @@ def as_mounted(theta: Array, mounting: Mounting, name: str) -> Array:
             "the elbow is specified as clamped" if mounting == "clamped" else f"only the {mounting} rod is mounted"
         )
         raise RunError(
-            f"{name}: joint 2 turns by {turned:.2f} rad although {mounting_words}. If both rods swing, remove --rods"
-            " and --elbow; if one rod swings, name its column theta1"
+            f"{name}: joint 2 turns by {turned:.2f} rad although {mounting_words}. If both rods swing, correct the"
+            " mounted rods (--rods, --elbow, or [rods] in the rig file); if one rod swings, name its column theta1"
         )
     return theta[:, [0, 1, 1]] if mounting in ("inner", "outer") else theta
 

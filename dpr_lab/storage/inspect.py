@@ -11,7 +11,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig
 from dpr_lab.storage.layout import INTERRUPTED, SAMPLES, TORQUE_KEYS
 from dpr_lab.storage.metadata import RunSummary
-from dpr_lab.storage.reader import arm_mode, inner_mode, lost_by_gaps, refuse_other_encoders, release_row
+from dpr_lab.storage.reader import arm_mode, inner_mode, lost_by_gaps, refuse_other_encoders, release_row, run_of
 from dpr_lab.storage.row_text import Samples
 from dpr_lab.storage.scan import Scan, no_such_file, scan, stored_messages
 from dpr_lab.storage.sidecar import read_note, read_sidecar, sidecar_of
@@ -194,7 +194,7 @@ def recover(path: Path | str, out: Path | str, rig: Rig | None = None) -> int:
         Number of recovered samples.
 
     Raises:
-        RunError: no sample can be recovered, `out` cannot be written, or the run belongs to another rig.
+        RunError: no sample can be recovered, `out` cannot be written, or the rig does not describe the recording.
     """
     stored = scan(Path(path))
     samples = stored.samples()
@@ -211,12 +211,34 @@ def recover(path: Path | str, out: Path | str, rig: Rig | None = None) -> int:
         refuse_other_encoders(stored, rig)
         if metadata.pose not in (None, *rig.poses):
             raise RunError(f"{path}: was released from the pose {metadata.pose}, which the rig file does not contain")
+        _refuse_fixed(stored, samples, rig)
         metadata = replace(metadata, rig=rig)
+        run_of(replace(stored, metadata=metadata))  # the new run must be readable
         notes += ("the description of the rig was corrected after the recording",)
     with whole_run(out, metadata) as writer:
         writer.copy(stored_messages(stored.path))
         writer.finish(replace(summary, notes=notes))
     return recovered
+
+
+def _refuse_fixed(stored: Scan, samples: Samples, rig: Rig) -> None:
+    """Check that a rig changes no value that the recording states independently of its rig.
+
+    Raises:
+        RunError: a value would be changed without effect.
+    """
+    old, extra = stored.metadata.rig, stored.metadata.extra
+    fixed = {
+        "zero_counts": samples.counts is None and rig.encoders.zero_counts != old.encoders.zero_counts,
+        "arm.mode": "arm" in extra and rig.arm.mode not in (old.arm.mode, arm_mode(stored)),
+        "joints.inner": "inner" in extra and rig.joints.inner not in (old.joints.inner, inner_mode(stored)),
+    }
+    if any(fixed.values()):
+        again = "import the table" if stored.metadata.source == "import" else "record"
+        raise RunError(
+            f"{stored.path}: another {' or '.join(key for key in fixed if fixed[key])} in the rig file has no effect on"
+            f" a copy of this run: {again} again with this rig file"
+        )
 
 
 def _interruption(stored: Scan, samples: Samples) -> str:

@@ -1,5 +1,6 @@
 """Read a complete or damaged run file as a `Run`."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar, get_args
@@ -22,6 +23,8 @@ from dpr_lab.storage.sidecar import read_sidecar
 
 # Encoder zeros and noise may differ between runs of the same rig, so they are not compared.
 _SAME_ENCODERS = ("counts_per_rev", "joint2", "direction")
+_RECORDED = ("added_mass.", "rods.", "arm.mode", "joints.inner", "encoders.zero_counts")
+"""Keys of a rig file that describe one recording. They are always taken from the run."""
 Mode = TypeVar("Mode", bound=str)
 
 
@@ -38,8 +41,8 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
 
     Args:
         path: the run file
-        rig: the rig to which the run should belong: its name and encoders must be those of the run. Lengths, gravity
-            and parameters may have been corrected since the recording; a note of the run lists the differences.
+        rig: the rig to which the run should belong: its name and encoders must be those of the run. Other values may
+            have been corrected since the recording; notes of the run list the differences.
         verify: whether to compare the file with the hash that was written when the file was finished
 
     Raises:
@@ -53,7 +56,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
         return run_of(stored)
     refuse_other_encoders(stored, rig)
     run = run_of(stored)
-    return replace(run, notes=(*run.notes, *_corrections(stored.metadata.rig, rig)))
+    return replace(run, notes=(*run.notes, *_corrections(stored, rig)))
 
 
 def run_of(stored: Scan) -> Run:
@@ -323,27 +326,39 @@ def refuse_other_encoders(stored: Scan, rig: Rig) -> None:
         )
 
 
-def _corrections(recorded: Rig, given: Rig) -> list[str]:
-    """Return notes on values that differ between the rig in a run and a rig file that was corrected later."""
-    old, new = _described(recorded), _described(given)
-    changed = [f"{key} = {new[key]} (in the run: {old[key]})" for key in new if new[key] != old[key]]
-    notes = [f"uses the corrected description of the rig: {', '.join(changed)}"] if changed else []
-    if recorded.added_mass and given.added_mass and recorded.added_mass != given.added_mass:
-        mass = recorded.added_mass
+def _corrections(stored: Scan, given: Rig) -> list[str]:
+    """Return notes on values that differ between the rig in a run and a rig file that was corrected later.
+
+    Poses and the link describe future recordings and are not compared.
+    """
+    old, new = _flat(stored.metadata.rig.model_dump()), _flat(given.model_dump())
+    modes = {"arm.mode": arm_mode(stored), "joints.inner": inner_mode(stored)}
+    old |= {key: mode for key, mode in modes.items() if new[key] != old[key]}
+    differing = {
+        key: f"{key} = {new.get(key, 'none')} (in the run: {old.get(key, 'none')})"
+        for key in {**old, **new}
+        if new.get(key) != old.get(key) and not key.startswith(("link.", "poses."))
+    }
+    ignored = [text for key, text in differing.items() if key.startswith(_RECORDED)]
+    used = [text for key, text in differing.items() if not key.startswith(_RECORDED)]
+    notes = [f"uses the corrected description of the rig: {', '.join(used)}"] if used else []
+    if ignored:
         notes.append(
-            f"uses the added mass of the recording, {mass.mass:g} kg at {mass.position:g} m on the {mass.rod} rod, not"
-            " that of the rig file; if it is wrong in the recording, write a corrected copy by `dpr-lab run recover"
-            " --rig`"
+            f"ignored in the rig file, taken from the recording: {', '.join(ignored)}; if the recording states a wrong"
+            " value, write a corrected copy by `dpr-lab run recover --rig`"
         )
     return notes
 
 
-def _described(rig: Rig) -> dict[str, float | str]:
-    """Return the lengths, gravity and parameters of a rig by their keys in the rig file."""
-    values = {f"rig.{key}": value for key, value in rig.rig if key != "name"}
-    for name, parameter in rig.parameters.items():
-        values |= {f"parameters.{name}.{key}": getattr(parameter, key) for key in ("nominal", "measured")}
-    return {key: "none" if value is None else value for key, value in values.items()}
+def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return the values of nested tables by their keys in the rig file, without missing values."""
+    flat: dict[str, Any] = {}
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{key}.")
+        elif value is not None:
+            flat[f"{prefix}{key}"] = value
+    return flat
 
 
 def _what_happened(stored: Scan) -> list[str]:

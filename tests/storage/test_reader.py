@@ -97,7 +97,7 @@ def test_a_corrected_rig_file_is_used_and_its_differences_are_noted(tmp_path):
     run = load_run(path, changed(rig={"L1": 0.39}, parameters=values))
     assert run.notes == (
         "uses the corrected description of the rig: rig.L1 = 0.39 (in the run: 0.4), parameters.m1.measured = 0.12 (in"
-        " the run: none)",
+        " the run: none), parameters.m1.std = 0.001 (in the run: none)",
     )
     assert not load_run(path, RIG).notes
 
@@ -108,13 +108,44 @@ def test_a_corrected_added_mass_is_used_in_a_corrected_copy(tmp_path):
     wrong, right = (Rig.model_validate({**values, "added_mass": {**mass, "mass": m}}) for m in (1.0, 2.0))
     path = record(tmp_path / "a.mcap", np.full((5, 3), 0.1), rig=wrong)
     (note,) = load_run(path, right).notes
-    assert note.startswith("uses the added mass of the recording, 1 kg at 0.2 m on the outer rod")
+    assert note.startswith(
+        "ignored in the rig file, taken from the recording: added_mass.mass = 2.0 (in the run: 1.0);"
+    )
     recover(path, tmp_path / "b.mcap", right)
     assert load_run(tmp_path / "b.mcap", right).added_mass == right.added_mass
     with pytest.raises(RunError, match="run of another rig"):
         recover(path, tmp_path / "c.mcap", changed(encoders={"direction": [1, 1, -1]}))
     with pytest.raises(RunError, match="pose X2, which the rig file does not contain"):
         recover(path, tmp_path / "c.mcap", Rig.model_validate({**values, "poses": {}}))
+
+
+def test_every_other_value_is_noted_as_used_or_as_ignored(tmp_path):
+    path, values = record(tmp_path / "a.mcap", np.full((5, 3), 0.1)), RIG.model_dump(mode="json", exclude_none=True)
+    values["parameters"]["l1"]["upper"] = 0.3
+    values["motor"] = {"input": "torque"}
+    values["encoders"] = {"zero_counts": [1, 2, 3]}
+    values |= {"rods": {"elbow": "clamped"}, "added_mass": {"rod": "inner", "mass": 1.0, "position": 0.2}}
+    values |= {"arm": {"mode": "prescribed"}, "link": {"rate_hz": 500}}
+    used, ignored = load_run(path, Rig.model_validate(values)).notes
+    assert used.startswith("uses the corrected description of the rig: parameters.l1.upper = 0.3 (in the run: 0.24), ")
+    assert "motor.input = torque (in the run: none)" in used
+    keys = ("encoders.zero_counts", "added_mass.rod", "added_mass.mass", "rods.elbow", "arm.mode")
+    assert [key for key in keys if f"{key} = " in ignored and f"{key} = " not in used] == [*keys]
+    assert "link" not in used + ignored
+
+
+def test_a_copy_that_the_corrected_rig_cannot_describe_is_not_written(tmp_path):
+    metadata = RunMetadata(RIG, None, 100, "import", time_source="table", extra={"arm": "clamped"})
+    t = np.arange(200) / 100
+    with RunWriter(tmp_path / "a.mcap", metadata) as writer:
+        writer.table(t, np.column_stack([0 * t, np.cos(3 * t), np.cos(5 * t)]))
+        writer.finish(RunSummary(release_tick=0))
+    rig = changed(encoders={"zero_counts": [1, 2, 3]}, arm={"mode": "prescribed"})
+    with pytest.raises(RunError, match=r"another zero_counts or arm.mode in .* no effect .*: import the table again"):
+        recover(tmp_path / "a.mcap", tmp_path / "b.mcap", rig)
+    with pytest.raises(RunError, match=r"only the inner rod is mounted. If both .* \[rods\] in the rig file"):
+        recover(tmp_path / "a.mcap", tmp_path / "b.mcap", RIG.with_rods("inner"))
+    assert not [*tmp_path.glob("b*")]
 
 
 def test_other_bounds_or_a_new_zero_are_the_same_rig(tmp_path):
