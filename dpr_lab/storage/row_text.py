@@ -166,8 +166,6 @@ _SAMPLE = re.compile(
     rb'\{"tick":' + _NUMBER + rb',"t":' + _NUMBER + rb"(?:" + _vector("counts", JOINTS) + rb")?"
     + _vector("theta", JOINTS) + b"".join(rb"(?:" + _vector(key, 2) + rb")?" for key in TORQUE_KEYS) + rb"\}"
 )  # fmt: skip
-_KINDS = (np.int64, np.float64, *[np.int64] * JOINTS, *[np.float64] * (JOINTS + 4))
-"""Types of the numbers of `_SAMPLE`."""
 
 
 def samples_of(texts: Bytes) -> Samples | None:
@@ -178,9 +176,10 @@ def samples_of(texts: Bytes) -> Samples | None:
     match = _SAMPLE.fullmatch(texts[0].tobytes())
     if match is None:
         return None
+    kinds = (np.int64, np.float64, *[np.int64] * JOINTS, *[np.float64] * (_SAMPLE.groups - 2 - JOINTS))
     parts = (texts[:, slice(*match.span(group))] for group in range(1, _SAMPLE.groups + 1))
     try:
-        columns = [_numbers(part, kind) for part, kind in zip(parts, _KINDS, strict=True)]
+        columns = [_numbers(part, kind) for part, kind in zip(parts, kinds, strict=True)]
     except (ValueError, OverflowError):  # for example two signs, or a blank between digits
         return None
     counts, theta, *torques = (np.column_stack(columns[i:j]) for i, j in pairwise((2, 5, 8, 10, 12)))
