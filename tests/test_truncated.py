@@ -8,7 +8,7 @@ import pytest
 
 import dpr_lab as dpr
 from dpr_lab.certificate.document import Certificate, CertifiedRecording
-from dpr_lab.certificate.files import certify_recording, compare_incomplete, incomplete
+from dpr_lab.certificate.files import certify_recording, compare_truncated, truncated_recordings
 from dpr_lab.report.tables import comparison_table
 from dpr_lab.run import Run
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
@@ -35,14 +35,14 @@ def cut(tmp_path: Path, rig: dpr.Rig) -> Run:
 def test_a_truncated_recording_is_named_by_every_result(rig: dpr.Rig, cut: Run) -> None:
     model = dpr.identify(cut, rig)
     assert SENTENCE in model.warnings
-    assert [run.complete for run in model.runs] == [False]
+    assert [run.truncated for run in model.runs] == [True]
     comparison = dpr.compare(cut, rig, model)
-    assert not comparison.complete
+    assert comparison.truncated
     assert comparison_table([comparison]).rows[0][1] == "fitted, truncated"
     diagnosis = dpr.diagnose(cut, rig, library=candidates("coulomb_joint1"))
     assert diagnosis.notes[0] == NOTE
     assert diagnosis.evidence is not None
-    assert [recording.complete for recording in diagnosis.evidence.recordings] == [False]
+    assert [recording.truncated for recording in diagnosis.evidence.recordings] == [True]
 
 
 def test_a_certificate_states_which_recordings_are_truncated(tmp_path: Path) -> None:
@@ -51,8 +51,10 @@ def test_a_certificate_states_which_recordings_are_truncated(tmp_path: Path) -> 
         writer.samples(np.arange(5), np.zeros((5, 3), dtype=np.int64))
         writer.abort("stopped by the operator", RunSummary(1))
     recording: CertifiedRecording = certify_recording(tmp_path / "cut.mcap", tmp_path, held_out=False)
-    assert incomplete([recording], tmp_path) == ("cut.mcap",)
-    certificate = Certificate.model_construct(recordings=[recording], incomplete=("cut.mcap",), limits=None)
-    assert compare_incomplete(certificate, tmp_path) == []
-    [fault] = compare_incomplete(certificate.model_copy(update={"incomplete": ()}), tmp_path)
+    assert truncated_recordings([recording], tmp_path) == ("cut.mcap",)
+    certificate = Certificate.model_construct(recordings=[recording], truncated_recordings=("cut.mcap",), limits=None)
+    assert compare_truncated(certificate, tmp_path) == []
+    [fault] = compare_truncated(certificate.model_copy(update={"truncated_recordings": ()}), tmp_path)
     assert not fault.holds
+    (older,) = compare_truncated(certificate.model_copy(update={"truncated_recordings": None}), tmp_path)
+    assert (older.holds, older.now, older.reason) == (True, "cut.mcap", "the certificate does not state them")

@@ -16,13 +16,13 @@ def choices_of(certificate: Certificate) -> list[Declared]:
     If a choice differs from its default, its note names the default.
     """
     choices, recordings = certificate.choices, certificate.recordings
-    library, without = choices.library, ", ".join(choices.without)
+    library, without, truncated = choices.library, ", ".join(choices.without), certificate.truncated_recordings
     return [
         Declared("fitted recordings", ", ".join(recording.file for recording in recordings if not recording.held_out)),
         Declared(
             "held-out recordings", ", ".join(recording.file for recording in recordings if recording.held_out) or "none"
         ),
-        *([Declared("truncated recordings", ", ".join(certificate.incomplete))] if certificate.incomplete else []),
+        *([Declared("truncated recordings", ", ".join(truncated))] if truncated else []),
         Declared("rig file", f"{certificate.rig.file} (SHA-256 {certificate.rig.sha256[:12]})"),
         Declared("library", EVERYTHING) if library is None else _not_default("library", ", ".join(library), EVERYTHING),
         _choice("excluded effects", without or "none", "none"),

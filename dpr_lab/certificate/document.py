@@ -143,8 +143,9 @@ class Certificate(_Part):
     rig: CertifiedRig
     limits: CertifiedLimits | None = None
     """Limits file whose test results are also claimed; None if there are no limits."""
-    incomplete: tuple[FilePath, ...] = ()
-    """Recordings that were interrupted or damaged, and are used up to this point."""
+    truncated_recordings: tuple[FilePath, ...] | None = None
+    """Recordings that were interrupted or damaged, and are used up to this point; None if an older version did not
+    state them."""
     choices: CertifiedChoices
     made_with: MadeWith
     claims: dict[str, CertifiedClaim]
@@ -162,9 +163,9 @@ class Certificate(_Part):
     def content(self) -> bytes:
         """Canonical JSON of all fields except signature and seal.
 
-        The fields `limits` and `incomplete` are left out if they are empty.
+        The fields `limits` and `truncated_recordings` are left out if they are missing.
         """
-        absent = {name for name in ("limits", "incomplete") if not getattr(self, name)}
+        absent = {name for name in ("limits", "truncated_recordings") if getattr(self, name) is None}
         fields = self.model_dump(mode="json", exclude={"signature", "seal"} | absent)
         return json.dumps(fields, sort_keys=True, separators=(",", ":")).encode()
 

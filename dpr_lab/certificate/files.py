@@ -86,16 +86,18 @@ def _compare(certified: CertifiedRecording, path: Path) -> tuple[bool, str | Non
     return True, sha256[:12], "" if same_file else "another file with the same readings"
 
 
-def incomplete(recordings: Iterable[CertifiedRecording], folder: Path) -> tuple[str, ...]:
+def truncated_recordings(recordings: Iterable[CertifiedRecording], folder: Path) -> tuple[str, ...]:
     """Return the files of recordings that were interrupted or damaged."""
     return tuple(recording.file for recording in recordings if not load_run(folder / recording.file).complete)
 
 
-def compare_incomplete(certificate: Certificate, folder: Path) -> list[Verified]:
+def compare_truncated(certificate: Certificate, folder: Path) -> list[Verified]:
     """Compare the truncated recordings with the certified list; the result is empty if they agree."""
-    certified, now = certificate.incomplete, incomplete(certificate.recordings, folder)
-    if certified == now:
+    certified, now = certificate.truncated_recordings, truncated_recordings(certificate.recordings, folder)
+    if (certified or ()) == now:
         return []
+    if certified is None:
+        return [Verified("truncated recordings", None, ", ".join(now), True, "the certificate does not state them")]
     reason = "the certificate names other truncated recordings"
     return [Verified("truncated recordings", ", ".join(certified), ", ".join(now), False, reason)]
 

@@ -70,8 +70,8 @@ class Comparison(Shown):
     """(2,) root mean square of `measured` - `free_run` up to the horizon, rad."""
     torque_kind: str = ""
     """Kind of the known torques, `measured` or `commanded`; empty if unknown."""
-    complete: bool = True
-    """Whether the recording was neither interrupted nor damaged."""
+    truncated: bool = False
+    """Whether the recording was interrupted or damaged."""
 
     def _heading(self) -> str:
         role = "held out" if self.held_out else "used in the fit"
@@ -284,7 +284,7 @@ def compare_followed(followed: Followed) -> Comparison:
         segment_rms_rad=segment_rms,
         free_run_rms_rad=free_run_rms,
         torque_kind=run.torque_kind,
-        complete=run.complete,
+        truncated=not run.complete,
     )
 
 

@@ -95,13 +95,15 @@ class RunUsed(ModelPart):
     """Kind of the known torques, `measured` or `commanded`; empty if unknown."""
     zeros_rad: list[Number] = []
     """Fitted zero offsets of encoders 1 and 2 in this run, rad; empty for fixed zeros."""
-    complete: bool = True
-    """Whether the recording was neither interrupted nor damaged."""
+    truncated: bool = False
+    """Whether the recording was interrupted or damaged."""
 
     @classmethod
     def of(cls, run: Run, **figures: Any) -> "RunUsed":
         """Create the entry of a run; `figures` contains the other fields by name."""
-        return cls(file=str(run.file or run.name), sha256=run.sha256, pose=run.pose, complete=run.complete, **figures)
+        return cls(
+            file=str(run.file or run.name), sha256=run.sha256, pose=run.pose, truncated=not run.complete, **figures
+        )
 
 
 class Covariance(ModelPart):

@@ -51,7 +51,7 @@ def comparison_table(compared: Mapping[str, Any]) -> Rows:
     return [
         [
             run_label(run["run"]),
-            role(run["held_out"], run["complete"]),
+            role(run["held_out"], run["truncated"]),
             joint,
             f"{1e3 * rms:.3g}",
             f"{1e3 * run['noise_rad'][joint]:.2g}",

@@ -52,7 +52,7 @@ def save_comparison(model: AnyModel, comparisons: Sequence[AnyComparison], out: 
 def _save_arm_comparison(model: MovingArmModel, compared: Sequence[ArmComparison], out: Path) -> dict[str, Any]:
     file = out / "comparison.csv"
     write_text(file, angles_csv(compared), RunError)
-    keys = ("run", "held_out", "complete", "segment_s", "rms_rad", "noise_rad")
+    keys = ("run", "held_out", "truncated", "segment_s", "rms_rad", "noise_rad")
     saved = {"file": str(file), "runs": [{key: getattr(comparison, key) for key in keys} for comparison in compared]}
     return saved | {"report": str(write_arm_report(model, compared, saved, out))}
 
@@ -189,7 +189,7 @@ def _record(comparison: Comparison) -> dict[str, Any]:
         "run": comparison.run,
         "pose": comparison.pose,
         "held_out": comparison.held_out,
-        "complete": comparison.complete,
+        "truncated": comparison.truncated,
         **({"torque_kind": comparison.torque_kind} if comparison.torque_kind else {}),
         "horizon_s": comparison.horizon_s,
         "segments": comparison.segments,

@@ -241,9 +241,9 @@ def parameter_note(model: "Model") -> str:
     return f"{PARAMETER_NOTE} {superscripts(model.scale_sentence)}" if model.scale else PARAMETER_NOTE
 
 
-def role(held_out: bool, complete: bool) -> str:
+def role(held_out: bool, truncated: bool) -> str:
     """Return the role of a recording, and whether it is truncated."""
-    return ("held out" if held_out else "fitted") + ("" if complete else ", truncated")
+    return ("held out" if held_out else "fitted") + (", truncated" if truncated else "")
 
 
 @page_table(
@@ -262,7 +262,7 @@ def comparison_table(comparisons: "Sequence[Comparison]", angles: AngleUnit = RA
     return [
         [
             compared_name(comparison),
-            role(comparison.held_out, comparison.complete)
+            role(comparison.held_out, comparison.truncated)
             + (f", {comparison.torque_kind} torques" if comparison.torque_kind else ""),
             str(comparison.segments),
             pair(angles.small_per_rad * comparison.segment_rms_rad[:rods]),

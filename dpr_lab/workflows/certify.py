@@ -121,7 +121,7 @@ def _certificate(
 ) -> "Certificate":
     from dpr_lab.certificate.code import made_with
     from dpr_lab.certificate.document import POLICY, Certificate, CertifiedChoices, MadeWith
-    from dpr_lab.certificate.files import certify_limits, certify_recording, certify_rig, incomplete
+    from dpr_lab.certificate.files import certify_limits, certify_recording, certify_rig, truncated_recordings
 
     recordings = [
         *(certify_recording(path, folder, held_out=False) for path in request.runs),
@@ -133,7 +133,7 @@ def _certificate(
         recordings=recordings,
         rig=certify_rig(request.rig, folder),
         limits=certify_limits(limits, folder) if limits else None,
-        incomplete=incomplete(recordings, folder),
+        truncated_recordings=truncated_recordings(recordings, folder),
         choices=CertifiedChoices(**choices),
         made_with=MadeWith(**made_with()),
         claims={name: required.claim for name, required in claims.items()},
@@ -169,7 +169,7 @@ def verify(
     from dpr_lab.certificate.code import compare_code, made_with
     from dpr_lab.certificate.declared import choices_of, origin_of
     from dpr_lab.certificate.document import load_certificate
-    from dpr_lab.certificate.files import compare_incomplete, compare_limits, compare_recording, compare_rig
+    from dpr_lab.certificate.files import compare_limits, compare_recording, compare_rig, compare_truncated
     from dpr_lab.certificate.policy import compare_claims
     from dpr_lab.certificate.signature import compare_signature, load_public_key
     from dpr_lab.planning.limits import PlanLimits
@@ -185,7 +185,7 @@ def verify(
         *compare_limits(certificate, path.parent),
     ]
     if all(line.holds for line in lines):
-        lines += compare_incomplete(certificate, path.parent)
+        lines += compare_truncated(certificate, path.parent)
     if all(line.holds for line in lines):
         request = _request(certificate, path.parent)
         requirements = load_limits(path.parent / certificate.limits.file, PlanLimits) if certificate.limits else None

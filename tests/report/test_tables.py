@@ -168,7 +168,7 @@ def test_the_tables_of_a_moving_arm_state_units_and_label_runs_like_those_of_a_c
     assert {row[0]: row[3] for row in rows} == {"e1/a": "1/s²", "A/a": "1", "kt/(R a)": "1/(s² V)"}
     name = "20261121T101500Z_X1_00000001"
     size = {"joint 0": 1e-3}
-    runs = [{"run": name, "held_out": False, "complete": True, "rms_rad": size, "noise_rad": size}]
+    runs = [{"run": name, "held_out": False, "truncated": False, "rms_rad": size, "noise_rad": size}]
     ((label, *_),) = moving_arm.comparison_table({"runs": runs}).rows
     assert label == run_names.run_name(Path(f"{name}.mcap")) != name
 

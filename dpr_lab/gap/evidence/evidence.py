@@ -51,7 +51,7 @@ def _used(recordings: Recordings, *, held_out: bool) -> list[RecordingUsed]:
             held_out=held_out,
             duration_s=float(record.t[-1] - record.t[0]),
             readings=record.readings,
-            complete=record.run.complete,
+            truncated=not record.run.complete,
         )
         for record in recordings.records
     ]

@@ -26,8 +26,8 @@ class RecordingUsed(Saved):
     duration_s: Number
     readings: int
     """Number of readings that the diagnosis uses, of all joints together; an absent rod has none."""
-    complete: bool = True
-    """Whether the recording was neither interrupted nor damaged."""
+    truncated: bool = False
+    """Whether the recording was interrupted or damaged."""
 
 
 class Occupancy(Saved):

@@ -172,8 +172,8 @@ class ArmComparison(Shown):
     """Rms residual of each joint, rad."""
     noise_rad: dict[str, float]
     """Standard deviation of the noise of the readings of each joint, rad."""
-    complete: bool = True
-    """Whether the recording was neither interrupted nor damaged."""
+    truncated: bool = False
+    """Whether the recording was interrupted or damaged."""
 
     @classmethod
     def of(

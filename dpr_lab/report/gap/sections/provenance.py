@@ -35,7 +35,7 @@ def recording_table(diagnosis: Diagnosis) -> Rows:
     return [
         (
             recording.name,
-            role(recording.held_out, recording.complete),
+            role(recording.held_out, recording.truncated),
             recording.recorded_utc[:16].replace("T", " ") or NONE,
             recording.pose or NONE,
             f"{recording.duration_s:.3g}",
