@@ -31,14 +31,30 @@ def test_the_arc_of_joint_1_is_that_of_its_readings_if_the_fit_swings_further() 
     assert [order for ((_, order),) in proposed] == [39.0, 40.0]
 
 
+def scan_at_5_hz(lengths: list[int], read: np.ndarray) -> ShapeScan:
+    """Segments of one run that is sampled at 5 Hz."""
+    times, owner = np.arange(sum(lengths)) / 5.0, np.repeat(np.arange(len(lengths)), lengths)
+    segments = SimpleNamespace(t=times, owner=owner, run=np.zeros(len(lengths), dtype=np.int64))
+    problem: Any = SimpleNamespace(segments=segments, read=read)
+    unused: Any = None
+    return ShapeScan(problem, unused, unused, Recorded((None, None), list))
+
+
 def test_a_vibration_is_proposed_only_below_half_the_sampling_rate() -> None:
     """A higher frequency has the same samples as a lower one, also one below the lowest of the scan."""
-    segments = SimpleNamespace(t=np.arange(100) / 5.0, owner=np.repeat([0, 1], 50))
-    problem: Any = SimpleNamespace(segments=segments)
-    unused: Any = None
-    proposed = ShapeScan(problem, unused, unused, Recorded((None, None), list)).shapes(EFFECTS["base_vibration"])
+    proposed = scan_at_5_hz([50, 50], np.ones((100, 2), dtype=np.bool_)).shapes(EFFECTS["base_vibration"])
     frequencies = [frequency for ((_, frequency),) in proposed]
     assert (frequencies[0], frequencies[-1]) == (1.0, 2.4173)
+
+
+@pytest.mark.parametrize(
+    ("lengths", "together", "resolved_hz"),
+    [([1] * 8, True, 2.5), ([8], False, 1.25), ([1], True, math.inf), ([2], False, math.inf)],
+)
+def test_the_sampling_rate_is_that_of_one_joint(lengths: list[int], together: bool, resolved_hz: float) -> None:
+    """Encoders that are read at alternate instants have half the rate of the samples."""
+    alternate = (np.arange(sum(lengths))[:, None] + [0, 1]) % 2 == 0
+    assert scan_at_5_hz(lengths, alternate | together).resolved_hz == pytest.approx(resolved_hz)
 
 
 @pytest.mark.slow

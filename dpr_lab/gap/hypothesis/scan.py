@@ -114,7 +114,7 @@ class ShapeScan:
             covered = self._covered(effect.joints[0])
             grid_points = [chosen for chosen in grid_points if chosen[0][1] * covered >= SCAN.periods * 2 * np.pi]
         if [p.name for p in effect.shapes] == [FREQUENCY]:
-            grid_points = [chosen for chosen in grid_points if chosen[0][1] < self._resolved_hz]
+            grid_points = [chosen for chosen in grid_points if chosen[0][1] < self.resolved_hz]
         if len(grid_points) <= SCAN.many or effect.stage not in TRAJECTORY_TORQUES:
             return grid_points
         return self._between(effect, _apart(grid_points, self._gains(effect, grid_points)))
@@ -130,10 +130,17 @@ class ShapeScan:
         return min(covered, arc(readings)) if joint == 0 and len(readings) else covered
 
     @property
-    def _resolved_hz(self) -> float:
-        """Half the sampling rate: samples do not distinguish a higher frequency from a lower one."""
+    def resolved_hz(self) -> float:
+        """Half the sampling rate: samples do not distinguish a higher frequency from a lower one.
+
+        Each joint has its own instants. The rate is that of the joint with more readings per second; it is infinite if
+        no run has two readings of a joint.
+        """
         segments = self.problem.segments
-        return 0.5 / float(np.median(np.diff(segments.t)[np.diff(segments.owner) == 0]))
+        run = segments.run[segments.owner]
+        steps = [np.diff(segments.t[read])[np.diff(run[read]) == 0] for read in self.problem.read.T]
+        medians = [float(np.median(of_joint)) for of_joint in steps if len(of_joint)]
+        return 0.5 / min(medians) if medians else np.inf
 
     def _between(self, effect: Effect, separate: list[Shape]) -> list[Shape]:
         """Return the best shapes between the grid points of a continuous shape parameter.
