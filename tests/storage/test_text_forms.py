@@ -88,6 +88,17 @@ def test_a_repeated_header_is_noted(tmp_path):
     assert read_table(tmp_path / "a.csv").notes == ("the header is repeated, first in line 4: these lines are ignored",)
 
 
+@pytest.mark.parametrize("empty", ["nan,nan", ","])
+def test_rows_without_values_are_no_repeated_header(tmp_path, one, empty):
+    rows = lines("{angle:.5f},{t:.2f}\n", SWING).splitlines()
+    rows[3:6] = [empty] * 3
+    (tmp_path / "a.csv").write_text("\n".join(["theta1,other", empty, *rows]) + "\n")
+    swing = understand(tmp_path / "a.csv", one, ImportOptions(zero="hanging", rate_hz=100))
+    assert swing.since_first_s[-1] == pytest.approx(T[-1])
+    assert "gaps kept: 1, the longest 0.04 s" in swing.notes
+    assert not any("header" in note for note in swing.notes)
+
+
 def test_a_time_before_each_line_is_read(tmp_path, one):
     (tmp_path / "a.log").write_text(lines("14:03:{t:06.3f} -> {angle:.6f}\n", SWING))
     run = import_csv(tmp_path / "a.log", one, ImportOptions(zero="hanging"))
@@ -144,6 +155,21 @@ def test_separators_of_thousands_are_read(tmp_path):
     for name in ("a.csv", "b.csv"):
         table = read_table(tmp_path / name)
         np.testing.assert_array_equal(np.column_stack(table.values), [[1.5, 1234.5, -1002003.25], [2.5, 0.5, 7.0]])
+
+
+@pytest.mark.parametrize("sign", [".", ","])
+def test_a_number_that_begins_with_zero_has_no_thousands(tmp_path, sign):
+    """Three decimals after a comma look like a group of three digits."""
+    values = np.array([[0.01, 0.956], [0.02, -0.1], [0.03, 1.234]])
+    rows = [(f"{t:.3f}".replace(".", sign), f"{x:.3f}".replace(".", ",")) for t, x in values]
+    rows = [f'"{t}","{x}"' for t, x in rows]
+    (tmp_path / "a.csv").write_text("t,x\n" + "\n".join(rows) + "\n")
+    np.testing.assert_array_equal(np.column_stack(read_table(tmp_path / "a.csv").values), values)
+
+
+def test_a_sign_for_print_does_not_make_thousands_decimal(tmp_path):
+    (tmp_path / "a.csv").write_text('t,x\n0.5,"\N{MINUS SIGN}1,234"\n1.5,"2,500"\n')
+    np.testing.assert_array_equal(read_table(tmp_path / "a.csv").values[1], [-1234, 2500])
 
 
 def test_different_units_in_a_column_are_refused(tmp_path, one):

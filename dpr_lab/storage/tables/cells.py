@@ -45,8 +45,8 @@ _OTHER_UNIT = re.compile(rf"(?!\W*[xyXY]\b).*[(\[]\s*({_UNITS})\s*[)\]]\s*$")
 """Pattern of a name with the unit of another quantity, such as `Light (%)`. Voltages and coordinates give angles."""
 QUANTITY = re.compile(rf"(.*[\d.,])\s*({UNIT_WORDS})", re.I)
 """Pattern of a field with a number and its unit, such as `12.3 deg`."""
-_THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?|[-+]?\d{1,3}(?:\.\d{3})+,\d*")
-"""Pattern of a number with separators between groups of three digits, such as `1,234.5` or `1.234,5`."""
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:(?:,\d{3})+(?:\.\d*)?|(?:\.\d{3})+,\d*)")
+"""Pattern of a number with separators between groups of three digits, such as `1,234.5` or `1.234,5`; not `0,956`."""
 
 # The order matters: in a table with another delimiter, a comma is the decimal sign.
 DELIMITERS = ("|", ";", "\t", ",")
@@ -204,9 +204,15 @@ def is_data(row: list[str]) -> bool:
     return complete or (numbers > 0 and 2 * (numbers + empty) >= len(row))
 
 
+def has_name(row: Sequence[str]) -> bool:
+    """Check whether a row contains a field that is neither a number nor a missing value."""
+    return any(cell.strip().lower() not in NOT_A_VALUE and not _is_number(cell.strip()) for cell in row)
+
+
 def has_decimal_comma(cell: str) -> bool:
     """Check whether a field contains a number with a decimal comma."""
-    return "," in cell and _is_number(cell.strip()) and not _THOUSANDS.fullmatch(cell.strip())
+    cell = cell.strip().replace(MINUS, "-")
+    return "," in cell and _is_number(cell) and not _THOUSANDS.fullmatch(cell)
 
 
 def _is_number(cell: str) -> bool:

@@ -30,6 +30,7 @@ from dpr_lab.storage.tables.cells import (
     delimiter_of,
     ends_with_delimiter,
     has_decimal_comma,
+    has_name,
     is_data,
     joined,
     labels_of,
@@ -262,7 +263,7 @@ class _Columns:
 
     def __init__(self, path: Path, width: int, decimal_comma: bool, header: Sequence[Sequence[str]] = ()) -> None:
         self.notes: tuple[str, ...] = ()
-        self._header = {tuple(row) for row in header if len(row) == width > 1}
+        self._header = {tuple(row) for row in header if len(row) == width > 1 and has_name(row)}
         self._repeated: list[int] = []
         self._path, self._comma = path, decimal_comma
         self._columns = [_Growing() for _ in range(width)]
