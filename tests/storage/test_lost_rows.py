@@ -43,15 +43,24 @@ def test_frames_that_are_missing_in_their_column_are_gaps(tmp_path: Path, every:
 
 
 def test_frame_numbers_need_no_name(tmp_path: Path) -> None:
-    """A table without names begins with the numbers of every tenth frame; times in ms are no such numbers."""
+    """A table without names begins with the numbers of every fifth frame; times in ms are no such numbers."""
     kept = np.delete(np.arange(N), [30, 31, 32, 90])
-    rows, options = np.c_[10 * kept, THETA[kept]], ImportOptions(rate_hz=FPS, columns={"theta1": "2", "theta2": "3"})
+    rows, options = np.c_[5 * kept, THETA[kept]], ImportOptions(rate_hz=FPS, columns={"theta1": "2", "theta2": "3"})
     run = import_csv(write(tmp_path, "0,1.5708,0.4", *rows[1:].T), RIG, options)
     np.testing.assert_allclose(run.t, T[kept], atol=1e-9)
-    assert any("'1' increases in steps of 10; 100 Hz is taken as the rate of the rows" in note for note in run.notes)
+    assert any("'1' increases in steps of 5; 100 Hz is taken as the rate of the rows" in note for note in run.notes)
     ms = np.rint(1e3 * np.arange(N) / 30.0)
     timed = import_csv(write(tmp_path, "0,1.5708,0.4", *np.c_[ms, THETA][1:].T), RIG, options)
     np.testing.assert_allclose(timed.t, T, atol=1e-9)
+
+
+def test_steps_that_agree_with_the_rate_are_times(tmp_path: Path) -> None:
+    file = write(tmp_path, "0,1.5708,0.4", *np.c_[1e3 * T, THETA][1:].T)
+    angles = {"theta1": "2", "theta2": "3"}
+    notes = import_csv(file, RIG, ImportOptions(rate_hz=FPS, columns=angles)).notes
+    sentence = "in steps of 10, probably times in ms: replace --rate-hz by --columns t=1 --time-unit ms"
+    assert [note for note in notes if "--rate-hz" in note] == [f"'1' increases {sentence}"]
+    np.testing.assert_allclose(import_csv(file, RIG, ImportOptions(time_unit="ms", columns={"t": "1"} | angles)).t, T)
 
 
 @pytest.mark.parametrize("header", ["x1,y1,x2,y2", "frame_index,x1,y1,x2,y2"])

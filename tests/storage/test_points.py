@@ -201,6 +201,13 @@ def test_one_moving_point_is_a_single_rod(tmp_path: Path, points: np.ndarray, he
         read(file)
 
 
+def test_the_first_of_two_times_with_one_unit_is_used(tmp_path: Path) -> None:
+    file = text(tmp_path / "bob.csv", np.column_stack([T, TIP - ELBOW, T + 5]), head="Time,x,y,t\n")
+    run = import_csv(file, RIG.with_rods("inner"), ImportOptions(**GUESSED))
+    assert "time: Time; t can also be the time (--columns t=NAME uses it)" in run.notes
+    np.testing.assert_allclose(run.t, T, atol=1e-9)
+
+
 @pytest.mark.parametrize(("head", "noted"), [("time [ms],t,x,y", True), ("frame,time [ms],x,y", False)])
 def test_the_time_of_a_point_keeps_its_unit_and_another_time_is_noted(tmp_path: Path, head: str, noted: bool) -> None:
     other = T if noted else np.arange(N)

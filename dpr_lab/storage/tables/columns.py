@@ -158,6 +158,8 @@ def find_columns(table: Table, stated: Mapping[str, str], options: ImportOptions
     names = [name for name in names if not (clocks and is_time(name)) or clocks.get(name) == max(clocks.values())]
     unit = options.unit or ("counts" if _is_counted(table, stated.get("theta1", "")) else _unit_in_names(names, stated))
     time_unit = options.time_unit or _time_unit_in_names(names, stated)
+    if table.settled and "t" not in guess_columns(names, unit, time_unit):  # points of one film share their times
+        names = [name for name in names if name not in [name for name in names if is_time(name, time_unit)][1:]]
     named, notes = guess_columns(names, unit, time_unit) | dict(stated), ()
     named = {quantity: name for quantity, name in named.items() if quantity in stated or name not in stated.values()}
     if joints := _of_joint_states(names, stated):

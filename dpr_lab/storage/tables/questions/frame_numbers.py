@@ -34,9 +34,16 @@ def numbers(table: Table) -> Array:
 
 
 def frame_step_note(table: Table, rate_hz: float) -> list[str]:
-    """Return a note if a column counts every k-th frame, because the given rate can be that of all frames."""
+    """Return a note if a column counts every k-th frame, because the given rate can be that of all frames.
+
+    A column without a name may instead contain the times of rows at the given rate, in ms or us.
+    """
     if table.frames is not None or not (name := _frame_column(table)) or (step := _step(table.column(name))) == 1:
         return []
+    unit = {1_000: "ms", 1_000_000: "us"}.get(round(step * rate_hz, 6), "")
+    if unit and name.isdecimal():
+        option = f"--columns t={name} --time-unit {unit}"
+        return [f"{name!r} increases in steps of {step}, probably times in {unit}: replace --rate-hz by {option}"]
     return [
         f"{name!r} increases in steps of {step}; {rate_hz:g} Hz is taken as the rate of the rows. If it is the frame"
         f" rate of the camera, give --rate-hz {rate_hz / step:.6g}"
@@ -46,7 +53,7 @@ def frame_step_note(table: Table, rate_hz: float) -> list[str]:
 def _frame_column(table: Table) -> str:
     """Return the column that counts rows or frames; in a table without names, the first, if its steps are equal.
 
-    Some steps are larger if frames were lost. Times in ms have unequal steps.
+    Some steps are larger if frames were lost. Times in ms have unequal steps, unless a step is a whole number of ms.
     """
     first, column = table.names[0], table.values[0]
     whole = len(table.names) > 1 and first.isdecimal() and runs(column) and (column == np.rint(column)).all()
