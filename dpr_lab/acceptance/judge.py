@@ -250,15 +250,19 @@ def _widened(
     The text states the effects that leave a limit undecided which the first interval decides. It is empty otherwise.
     """
     alone, reason = _answer(interval, *bounds), ""
+    name, _, parameter = quantity.partition(".")
+    fitted = not parameter or any(named.name == name for named in diagnosis.effects)
     for model in diagnosis.evidence.wider_models if diagnosis.evidence else ():
+        if fitted and not model.intervals90 and alone != "not decidable":
+            reason = reason or f"{listed(model.effects)} together are indistinguishable from the fitted values"
         if interval is None or quantity not in model.intervals90:
             continue
-        other, (name, _, parameter) = model.intervals90[quantity], quantity.partition(".")
+        other = model.intervals90[quantity]
         if parameter:
             other = _with_scale(diagnosis, name, parameter, *other)
         interval = min(interval[0], other[0]), max(interval[1], other[1])
         if not reason and _answer(interval, *bounds) != alone:
-            further = "common effects of undetectable sizes are present"
+            further = f"common effects of undetectable sizes are present ({listed(model.effects)})"
             if model.probability is not None:
                 further = f"{listed(model.effects)} is present (probability {percent(model.probability)})"
             reason = f"{WITHIN} if {further}: record more releases"

@@ -9,17 +9,22 @@ from dpr_lab.acceptance.judge import judge
 from dpr_lab.acceptance.limits import Limits
 from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.result.evidence import Evidence, WiderModel
+from dpr_lab.gap.result.evidence import Evidence, Exclusion, WiderModel
 from dpr_lab.rig import Rig
 from sim_device.plant.config import load_plant
 from tests.a_diagnosis import CLOCK, interval, made
 
 CLOCK_LIMIT = {"effects": {CLOCK: {"excess": {"max": 0.0055, "unit": "1"}}}}
+FRICTION_LIMIT = {"effects": {"coulomb_joint1": {"torque_Nm": {"max": 1e-3, "unit": "N m"}}}}
 RATIO_LIMIT = {"ratios": {"c1/b": {"max": 1.05, "unit": "1/s"}}}
 
 
 @pytest.mark.parametrize(
-    ("probability", "words"), [(0.12, "air_drag_both is present (probability 12 %)"), (None, "common effects")]
+    ("probability", "words"),
+    [
+        (0.12, "air_drag_both is present (probability 12 %)"),
+        (None, "common effects of undetectable sizes are present (air_drag_both)"),
+    ],
 )
 @pytest.mark.parametrize(
     ("quantity", "limits", "upper"), [(f"{CLOCK}.excess", CLOCK_LIMIT, 0.006), ("c1/b", RATIO_LIMIT, 1.1)]
@@ -40,6 +45,22 @@ def test_a_limit_passes_only_if_effects_that_are_not_excluded_do_not_violate_it(
     assert answers[1].interval90 is not None
     assert answers[1].interval90[1] == pytest.approx(upper)
     assert words in answers[1].reason
+
+
+@pytest.mark.parametrize(
+    ("limits", "answer"),
+    [(CLOCK_LIMIT, "not decidable"), (RATIO_LIMIT, "not decidable"), (FRICTION_LIMIT, "pass")],
+)
+def test_no_fitted_value_passes_if_common_effects_are_indistinguishable_from_it(limits: Any, answer: str) -> None:
+    absent = Exclusion(
+        effect="coulomb_joint1", parameter="torque_Nm", size=1e-5, estimate=0, confidence=1, interval90=(-1e-6, 1e-6)
+    )
+    further = WiderModel(effects=["air_drag_both", "base_tilt"], intervals90={})
+    evidence = Evidence.model_construct(exclusions=[absent], wider_models=[further])
+    result = made(determined={"c1/b": interval(1.0)}, evidence=None).model_copy(update={"evidence": evidence})
+    (limit,) = judge(result, Limits.model_validate(limits)).limits
+    assert limit.answer == answer
+    assert ("air_drag_both and base_tilt together are indistinguishable" in limit.reason) == (answer != "pass")
 
 
 @pytest.mark.slow
