@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -69,8 +70,29 @@ def test_a_rod_that_a_cart_sets_in_motion_is_not_refused_as_pushed(one: Rig, tmp
     read = understand(table(tmp_path, "t,cart,theta", t, 0.4 * np.sin(2 * after), angle), one, HANGING)
     assert any("column cart is not used. If it is the position of a cart" in note for note in read.notes)
     assert read.questions
-    with pytest.raises(RunError, match=r"hang at rest until 2.* they were pushed"):
-        understand(table(tmp_path, "t,theta", t, angle), one, HANGING)
+
+
+@pytest.mark.parametrize(
+    ("column", "position"),
+    [
+        ("", None),
+        ("x_m", lambda angle, noise: 0.3 * np.sin(angle) + 5e-4 * noise),  # tip of the rod
+        ("position", lambda angle, _: np.round(angle * 4096 / (2 * np.pi))),  # counts of the same encoder
+        ("cart", lambda _, noise: 1e-5 * noise),
+        ("cart", lambda _, noise: np.round(0.4 * noise)),  # counts of a cart at rest
+    ],
+)
+def test_a_column_that_does_not_set_the_rod_in_motion_does_not_hide_a_push(
+    column: str, position: Callable[[np.ndarray, np.ndarray], np.ndarray] | None, one: Rig, tmp_path: Path
+) -> None:
+    t, rng = np.arange(0, 10, 0.02), np.random.default_rng(2)
+    angle = 0.6 * np.sin(5.7 * np.maximum(t - 2, 0.0))
+    columns = [] if position is None else [position(angle, rng.normal(size=len(t)))]
+    header = ",".join(filter(None, ["t", column, "theta"]))
+    file = table(tmp_path, header, t, *columns, angle + rng.normal(0, 5e-4, len(t)))
+    with pytest.raises(RunError, match=r"hang at rest until 2.* they were pushed") as refusal:
+        understand(file, one, HANGING)
+    assert (f"Or a cart set the rod in motion: column {column} is not used" in str(refusal.value)) == bool(column)
 
 
 @pytest.mark.parametrize("column", ["x_m", "other"])

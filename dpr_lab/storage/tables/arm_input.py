@@ -271,7 +271,7 @@ def cart_note(
 ) -> tuple[list[str], Array | None]:
     """Explain how to import a cart if an unused column contains its position.
 
-    The result is a note and theta_0, rad, if there is such a column.
+    The result is a note and the position, m, if there is such a column.
 
     A cart at the position x is represented by an arm of the length R that turns by theta_0 = -x / R. The pivot of the
     rod then has the acceleration of the cart, because the terms with the squared speed of the arm vanish for a long
@@ -297,11 +297,11 @@ def cart_note(
     if len(carts) != 1:
         return [], None
     ((name, match),) = carts.items()
-    per_column = -_METRES[match[1] or "m"] / SETTINGS.rail_m
+    metres = _METRES[match[1] or "m"]
     note = (
         f"column {name} is not used. If it is the position of a cart that carries the rod, describe the rail as a long"
         f' arm: L0 = {SETTINGS.rail_m:g} in [rig], mode = "prescribed" in [arm]. Then import with --columns'
-        f" theta0={name},theta1={used['theta1']} --scale theta0={per_column * _ANGLES[options.unit]:.4g}"
+        f" theta0={name},theta1={used['theta1']} --scale theta0={-metres / SETTINGS.rail_m * _ANGLES[options.unit]:.4g}"
         + ("" if match[1] else " (for metres)")
     )
-    return [note], per_column * table.column(name)
+    return [note], metres * table.column(name)

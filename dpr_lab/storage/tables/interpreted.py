@@ -69,6 +69,14 @@ class QuestionSettings:
     """Smallest ratio of the later excursion to the angle of the rest. A single rod that is released from rest stays
     within twice the angle of the release; a wrong zero changes this angle. Of two rods, a light outer rod swings
     further: up to 8.5 times the angle with a tenth of the mass of the inner rod, but 13 times with 3 % of it."""
+    of_angle: float = 0.02
+    """Maximum variance, relative to the variance of a column, that is not a function of the angle, for a column of the
+    same rod. A cart that moves as a sine under a rod has more than 0.05."""
+    carried: float = 0.1
+    """Smallest motion of a cart that sets a rod in motion, relative to the length of the pendulum times the excursion
+    in its first period. An impulse has 1, and a cart in resonance 0.3."""
+    jitter: float = 3.0
+    """Smallest ratio of this motion to the range of the position at rest."""
 
 
 SETTINGS = QuestionSettings()

@@ -93,7 +93,8 @@ def understand(
     midnight = next((column.midnight for column in table.columns if column.name == named.get("t")), 0.0)
     torques = inputs.torques(known, t, rows)
     cart = None if cart is None or not np.isfinite(cart[rows]).all() else cart[rows]
-    read = _Rows(path, rows, t, values, torques, named, options, ignored, drive, midnight, table.recorded_at, cart)
+    recorded_at, note = table.recorded_at, "".join(of_cart)
+    read = _Rows(path, rows, t, values, torques, named, options, ignored, drive, midnight, recorded_at, cart, note)
     understood = replace(_understood(read, notes, rig, table.kind, inputs.pairs), film_noise=table.film_noise)
     return _at_edges(understood, rig)
 
@@ -140,7 +141,9 @@ class _Rows:
     recorded_at: str
     """Date, or date and time, in the lines above the numbers; empty if unknown."""
     cart: Array | None
-    """(kept rows,) position of a cart that carries the rod, as the angle of a long arm, rad; None without a cart."""
+    """(kept rows,) column that may be the position of a cart that carries the rod, m; None if there is no column."""
+    of_cart: str
+    """Note on how to import this cart; empty if there is no column."""
 
 
 def _ignored(
@@ -184,8 +187,8 @@ def _understood(
     doubts = questions(table)
     if counts is None and not any("--angles" in doubt.mend for doubt in doubts):
         notes += frame_notes(options, rig)
-    if not options.keep_rest and read.cart is None:  # a cart may set the rod in motion; a note tells how to import it
-        refuse_push(table, origin)
+    if not options.keep_rest:
+        refuse_push(table, origin, read.cart, read.of_cart)
     if not rig.rig.on_earth(rig.g):
         sentence = f"g = {rig.g:g} m/s^2 in the rig file; on earth it is 9.78 to 9.83: correct g in the rig file"
         doubts.append(TableQuestion(sentence))
