@@ -1,6 +1,7 @@
 """Zero and height of a single rod in a table."""
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -50,14 +51,19 @@ def test_a_rod_that_lingers_upright_before_it_falls_needs_no_other_zero(
     assert any("points upwards most of the time" in note for note in notes) is asks
 
 
+@pytest.mark.parametrize(
+    ("unit", "offset", "uncertain"), [("rad", "-0.3", "0.005 rad"), ("deg", "-17.2", "0.3 degrees")]
+)
 @pytest.mark.parametrize("rezeroed", [False, True])
-def test_a_proposed_zero_has_an_uncertainty_that_the_fit_may_correct(rezeroed: bool, one: Rig, tmp_path: Path) -> None:
+def test_a_proposed_zero_has_an_uncertainty_that_the_fit_may_correct(
+    rezeroed: bool, unit: Literal["rad", "deg"], offset: str, uncertain: str, one: Rig, tmp_path: Path
+) -> None:
     rig = one.model_copy(update={"encoders": one.encoders.model_copy(update={"rezeroed": rezeroed})})
     t = np.arange(0.0, 8.0, 0.01)
-    file = table(tmp_path, "t,theta1", t, 0.3 + swing(1.2, 0.3, 1e-3, t))
-    (doubt,) = understand(file, rig, ImportOptions(zero="hanging")).questions
-    assert doubt.mend == ("--offset", "-0.3")
-    ending = (
-        "the fit corrects it" if rezeroed else "with rezeroed = true in [encoders] of the rig file, the fit corrects it"
-    )
-    assert doubt.sentence.endswith(f"The zero is uncertain by about 0.005 rad: {ending}")
+    angle = 0.3 + swing(1.2, 0.3, 1e-3, t)
+    file = table(tmp_path, "t,theta1", t, angle if unit == "rad" else np.degrees(angle))
+    (doubt,) = understand(file, rig, ImportOptions(zero="hanging", unit=unit)).questions
+    assert doubt.mend == ("--offset", offset)
+    fit = "the fit corrects them"
+    ending = fit if rezeroed else f"with rezeroed = true in [encoders] of the rig file, {fit}"
+    assert doubt.sentence.endswith(f"Proposed zeros are uncertain by about {uncertain}: {ending}")

@@ -140,8 +140,10 @@ def read_otherwise(broken: str, others: list[OtherReading], read: InterpretedTab
     causes = "; or ".join(other.sentence for other in others)
     if len(others) == 1 and any(others[0].offset):
         uncertain = max(READ.zero_std_rad, _distance_of_zeros(read, others[0]))
+        unit = others[0].options.unit or "rad"
+        about = f"{uncertain / TO_RADIANS[unit]:.1g} {'degrees' if unit == 'deg' else unit}"
         rezeroed = "" if read.rig.encoders.rezeroed else "with rezeroed = true in [encoders] of the rig file, "
-        causes += f". The zero is uncertain by about {uncertain:.1g} rad: {rezeroed}the fit corrects it"
+        causes += f". Proposed zeros are uncertain by about {about}: {rezeroed}the fit corrects them"
     return TableQuestion(f"with these options {broken} if {causes}", others[0].mend if len(others) == 1 else ())
 
 
