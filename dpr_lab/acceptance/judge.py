@@ -35,7 +35,7 @@ from dpr_lab.acceptance.limits import Limits, friction_quantity
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.evidence.joint_friction import laws_of
-from dpr_lab.gap.result.causes import NamedEffect
+from dpr_lab.gap.result.causes import UNTESTED, NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.shown import listed, percent
@@ -164,7 +164,8 @@ def _other_friction(diagnosis: Diagnosis, joint: int) -> str:
         alternatives = [rival for rival in diagnosis.rivals if rival.instead_of == named.name]
         sure += sum(rival.probability for rival in alternatives if rival.name in laws)
         if 1 - SURE < sure < SURE:
-            return f"the probability that {named.name} is a friction law of joint {joint} is {percent(sure)}"
+            law = f"a friction law of joint {joint} is {percent(sure)}{_because(named)}"
+            return f"the probability that {named.name} is {law}"
     return ""
 
 
@@ -329,7 +330,13 @@ def _doubted(named: NamedEffect) -> str:
     """
     if named.probability >= SURE:
         return ""
-    return f"the ratios depend on the cause, and {named.name} has a probability of only {percent(named.probability)}"
+    only = f"only {percent(named.probability)}{_because(named)}"
+    return f"the ratios depend on the cause, and {named.name} has a probability of {only}"
+
+
+def _because(named: NamedEffect) -> str:
+    """Return the reason for a limited probability and the remedy, or an empty text."""
+    return f", {UNTESTED}: record a second release" if named.untested else ""
 
 
 def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> str:
@@ -353,6 +360,6 @@ def _unsure(diagnosis: Diagnosis, effect: str) -> str:
             return (
                 ""
                 if probability >= SURE
-                else f"the probability that this effect is the cause is {percent(probability)}"
+                else f"the probability that this effect is the cause is {percent(probability)}{_because(named)}"
             )
     return ""

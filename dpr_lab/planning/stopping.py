@@ -65,8 +65,8 @@ def causes_of(diagnosis: Diagnosis) -> Iterator[Causes]:
     """Yield the candidate causes of each named effect, with their probabilities.
 
     The candidates are the members of the class of the effect, and its alternatives. If an effect fails the test on the
-    quarters of a single release, its probability is reduced. A second release replaces this test, so the missing
-    probability does not belong to a cause outside the library.
+    quarters of a single release, or if this release does not test its form, its probability is reduced. A second
+    release replaces both tests, so the missing probability does not belong to a cause outside the library.
     """
     alone = recorded_releases(diagnosis) < STOPPING.fewest
     for effect in diagnosis.effects:
@@ -94,14 +94,17 @@ def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
         diagnosis: diagnosis of the runs recorded so far
         inseparable: causes that no release separates; they count as one cause, and a bench check distinguishes them
     """
-    uncertain = bool(inseparable) and diagnosis.only_uncertain  # the gap is explained, but the cause is ambiguous
+    untested = untested_forms(diagnosis)
+    explained = diagnosis.only_uncertain and bool(inseparable or untested)  # but the cause is uncertain
     if diagnosis.hints:
         return "the description of the recordings is probably wrong"
     if diagnosis.verdict == "inconclusive":
         question = "decide the cause of the gap" if diagnosis.undecided else "show a gap"
         return f"the recordings cannot {question}"
-    if not (uncertain or diagnosis.verdict in ("no_gap", "named")):
+    if not (explained or diagnosis.verdict in ("no_gap", "named")):
         return "part of the gap is unexplained"
+    if untested:
+        return f"a second release must test the form of {listed(untested)}"
     unsure = [causes.about for causes in causes_of(diagnosis) if _most_probable(causes, inseparable) < SURE]
     if unsure:
         return f"another effect could be the cause instead of {listed(unsure)}"
@@ -120,6 +123,11 @@ def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
     if no_gap and (names := possible(diagnosis)):
         return f"no gap is visible, but {listed(names)} may have the minimum detectable size"
     return ""
+
+
+def untested_forms(diagnosis: Diagnosis) -> list[str]:
+    """Return the uncertain effects whose form a second release must test, after all checks."""
+    return [effect.name for effect in diagnosis.effects if effect.untested and effect.probability < SURE]
 
 
 def reservation(diagnosis: Diagnosis) -> str:

@@ -9,6 +9,7 @@ from dpr_lab.acceptance.limits import Limits
 from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.report.gap.acceptance import limit_table
 from tests.a_diagnosis import made
+from tests.one_cause import one_cause
 
 
 @pytest.mark.parametrize(
@@ -60,3 +61,12 @@ def test_the_interval_of_a_ratio_has_the_digits_that_show_its_width() -> None:
     rows = [JudgedLimit("c2/b", "1/s", 0.001, 5.0, (low, high), "pass", "") for low, high in ((0.19551, 0.195543),)]
     ((_, limits, interval, *_),) = limit_table(Acceptance("pass", "", tuple(rows))).rows
     assert (limits, interval) == ("0.001 to 5", "0.19551 to 0.195543")
+
+
+def test_a_ratio_that_depends_on_an_untested_form_needs_a_second_release() -> None:
+    result = one_cause()
+    limited = result.effects[0].model_copy(update={"probability": 0.64, "untested": True})
+    limits = Limits.model_validate({"ratios": {"c2/b": {"min": 0.0, "unit": "1/s"}}})
+    (judged,) = judge(result.model_copy(update={"effects": [limited]}), limits).limits
+    assert judged.answer == "not decidable"
+    assert judged.reason.endswith("64 %, because one release hardly tests its form: record a second release")

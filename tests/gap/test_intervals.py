@@ -24,10 +24,11 @@ class Judged:
 
     name: str
     probability: float = 1.0
+    untested: bool = False
 
 
-def probabilities(*, forced: bool = False, remainder: bool = False, **outcome: Any) -> list[float]:
-    """Factors on the probabilities of the effects a and b after a test."""
+def after_tests(*, forced: bool = False, remainder: bool = False, **outcome: Any) -> tuple[Any, ...]:
+    """The effects a and b after a test, with their probabilities reduced from 1."""
     values: dict[str, Any] = {
         "basis": "releases left out",
         "tested": True,
@@ -41,7 +42,12 @@ def probabilities(*, forced: bool = False, remainder: bool = False, **outcome: A
     others: dict[str, Any] = dict.fromkeys(("gap_ratio", "closing", "left_out", "held_out", "effects"))
     state = Transfer(**values | others | outcome)
     effects: Any = (Judged("a"), Judged("b"))
-    return [posterior.probability for posterior in judged(state, effects, forced=forced, remainder=remainder)]
+    return judged(state, effects, forced=forced, remainder=remainder)
+
+
+def probabilities(**outcome: Any) -> list[float]:
+    """Factors on the probabilities of the effects a and b after a test."""
+    return [posterior.probability for posterior in after_tests(**outcome)]
 
 
 def test_an_effect_that_fails_a_test_is_less_probable() -> None:
@@ -57,6 +63,16 @@ def test_the_form_of_an_effect_with_several_parameters_is_untested_by_one_releas
     assert probabilities(basis="one release", untested=("a",)) == [0.65, 1.0]
     assert probabilities(basis="one release", untested=("a", "b"), unproven=("a",)) == [0.65, 0.65]
     assert probabilities(basis="one release", untested=("a",), unproven=("a", "b"), remainder=True) == [0.5, 0.5]
+
+
+@pytest.mark.parametrize(
+    "smaller",
+    [{"oversized": ("a",)}, {"unproven": ("a",), "remainder": True}, {"lone": Fake()}, {"worse_free_run": Fake()}],
+)
+def test_only_the_applied_limit_is_a_reason(smaller: dict[str, Any]) -> None:
+    for other, limited in (({}, True), ({"unproven": ("a",)}, True), (smaller, False)):
+        a, b = after_tests(basis="one release", untested=("a",), **other)
+        assert (a.untested, b.untested) == (limited, False)
 
 
 @pytest.mark.parametrize(

@@ -154,7 +154,7 @@ def test_the_sentence_states_a_probable_but_small_effect_next_to_a_large_one() -
     causes = [EffectPosterior(name, (name,), (), 0.98) for name in "ab"]
     state = Mock(selection=selection, posteriors=causes, transfer=Mock(withdrawn=(), tested=False))
     assert [cause.name for cause in verdict.causes_named(state)] == ["a"]
-    assert "by a (probability 98 %); b explains less than 1 % of it." in sentence._sentence("named", state, Mock())
+    assert "by a (probability 98 %); b explains less than 1 % of the gap." in sentence._sentence("named", state, Mock())
     assert list(_small_effects(state, "named")) == []
     state.posteriors[1] = replace(causes[1], probability=0.3)
     assert "by a (probability 98 %). " in sentence._sentence("named", state, Mock())

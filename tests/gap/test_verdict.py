@@ -1,5 +1,6 @@
 """Verdicts for given shares, probabilities and reductions on held-out data."""
 
+from dataclasses import replace
 from types import SimpleNamespace as Fake
 from typing import Any
 
@@ -154,24 +155,70 @@ def test_the_sentence_of_an_inconclusive_release_lists_the_leading_candidates_an
     assert f"The leading candidates are {candidates}. Record three releases" in words
 
 
-def test_the_sentence_states_why_a_cause_that_one_release_does_not_test_is_uncertain() -> None:
-    spring = EffectPosterior("spring_joint1", ("spring_joint1",), (), 0.64)
-    state: Any = Fake(
+WHY = "because one release hardly tests its form"
+
+
+def cause(*members: str, probability: float = 0.64, untested: bool = True) -> EffectPosterior:
+    """Class of effects with a limited probability."""
+    return EffectPosterior(members[0], members, (), probability, untested=untested)
+
+
+def of_causes(*causes: EffectPosterior, large: int = 9) -> Any:
+    """State whose causes leave only noise; the causes after the first `large` ones are small."""
+    path = [(of.name, Fake(bounded_excess=0.5 if k + 1 >= large else 40.0)) for k, of in enumerate(causes)]
+    if large > len(causes):
+        path[-1] = (causes[-1].name, Fake(bounded_excess=0.0))
+    return Fake(
         description=Fake(hint="", withholds=False),
+        fitted=Fake(problem=Fake(t=np.array([0.0, 1.3]))),
         selection=Fake(
-            bare=Fake(bounded_excess=100.0),
-            chosen=Fake(at_noise_floor=True),
-            path=[("spring_joint1", Fake(bounded_excess=0.0))],
-            expected=frozenset(),
+            bare=Fake(bounded_excess=100.0), chosen=Fake(at_noise_floor=True), path=path, expected=frozenset()
         ),
-        posteriors=(spring,),
-        transfer=transfer(basis="one release", untested=("spring_joint1",)),
+        posteriors=causes,
+        transfer=transfer(basis="one release"),
     )
-    why = "by spring_joint1 (probability 64 %, because one release hardly tests the form of spring_joint1)."
-    for verdict_kind in ("named", "partly_explained"):
-        assert why in sentence(verdict_kind, state, (10, 10), PREDICTED)
-    state.transfer = transfer(basis="releases left out")
-    assert "because" not in sentence("named", state, (10, 10), PREDICTED)
+
+
+COULOMB = cause("coulomb_joint1", probability=0.61, untested=False)
+
+
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        (of_causes(cause("spring_joint1")), f"by spring_joint1 (probability 64 %, {WHY})"),
+        (
+            of_causes(cause("spring_joint1"), COULOMB),
+            f"by spring_joint1 (probability 64 %, {WHY}) and coulomb_joint1 (probability 61 %)",
+        ),
+        (
+            of_causes(cause("spring_joint1", "cogging_joint1"), COULOMB),
+            f"by (spring_joint1 or cogging_joint1) (probability 64 %, {WHY}) and coulomb_joint1 (probability 61 %)",
+        ),
+        (
+            of_causes(
+                COULOMB, cause("spring_joint1"), cause("detent_joint1", "stop_joint1", probability=0.55), large=1
+            ),
+            f"by coulomb_joint1 (probability 61 %); spring_joint1 (probability 64 %, {WHY}) and (detent_joint1 or"
+            f" stop_joint1) (probability 55 %, {WHY}) together explain less than 1 % of the gap",
+        ),
+        (
+            of_causes(COULOMB, cause("base_tilt", probability=0.55, untested=False), large=1),
+            "(probability 61 %); base_tilt (probability 55 %) explains less than 1 % of the gap",
+        ),
+        (of_causes(COULOMB, cause("base_tilt", untested=False)), "coulomb_joint1 and base_tilt (probability 61 %)"),
+    ],
+    ids=["one", "two", "a class", "small", "small and tested", "tested"],
+)
+def test_the_sentence_states_why_a_cause_that_one_release_does_not_test_is_uncertain(state: Any, words: str) -> None:
+    assert f"{words}." in sentence("named", state, (10, 10), PREDICTED)
+
+
+def test_uncertain_verdicts_state_why_a_cause_is_uncertain() -> None:
+    state = of_causes(cause("spring_joint1", probability=0.4), replace(COULOMB, probability=0.3))
+    words = f"spring_joint1 (probability only 40 %, {WHY}) and coulomb_joint1 (probability only 30 %)."
+    assert words in sentence("partly_explained", state, (10, 10), PREDICTED)
+    candidates = f"are spring_joint1 (40 %, {WHY}) and coulomb_joint1 (30 %)."
+    assert candidates in sentence("too_short", state, (10, 10), PREDICTED)
 
 
 def test_a_short_release_without_a_significant_effect_does_not_exclude_the_library() -> None:

@@ -33,6 +33,7 @@ from dpr_lab.planning.worth.criteria import open_bits
 from dpr_lab.planning.worth.objective import Gain, Objective
 from dpr_lab.report.gap.next_steps import next_steps
 from dpr_lab.report.gap.sections.exclusions import exclusion_words
+from dpr_lab.report.gap.tables import effect_table
 from dpr_lab.rig import Rig
 from tests.one_cause import of_runs, one_cause
 
@@ -205,6 +206,30 @@ def test_a_plan_tests_the_effects_that_keep_no_gap_undecided(paper: Rig) -> None
 )
 def test_an_inconclusive_diagnosis_leaves_the_question_of_its_verdict(changed: dict[str, Any], question: str) -> None:
     assert undecided(one_cause(verdict="inconclusive", **changed)) == f"the recordings {question}"
+
+
+@pytest.mark.parametrize("verdict", ["named", "partly_explained"])
+def test_a_second_release_tests_the_form_of_an_uncertain_effect_first(verdict: str, paper: Rig) -> None:
+    sentence = UNCERTAIN if verdict == "partly_explained" else ""
+    result = of_runs(one_cause(verdict=verdict, sentence=sentence), "P1")
+    (friction,) = result.effects
+    assert not friction.untested, "the file of an older version"
+    limited = friction.model_copy(update={"probability": 0.62, "untested": True})
+    result = result.model_copy(update={"effects": [limited]})
+    question = "a second release must test the form of coulomb_joint1"
+    assert undecided(result) == undecided(result, ["coulomb_joint1", "stribeck_joint1"]) == question
+    made = summed_up(Objective.of(replace(known_before(paper), diagnosis=result)), [], PlanLimits(), 0.0)
+    assert made.state == "record"
+    first, *others = next_steps(result)
+    assert first.startswith("Record a second release from another angle")
+    assert "to test the form of " in first
+    assert not any("The causes are uncertain" in step for step in others)
+    confirmed = result.model_copy(update={"effects": [limited.model_copy(update={"probability": 0.97})]})
+    assert undecided(confirmed) != question, "a bench check has confirmed the effect"
+    remainder = result.model_copy(update={"verdict": "partly_explained", "sentence": "A remainder of 9."})
+    assert undecided(remainder) == "part of the gap is unexplained"
+    assert next_steps(remainder)[0] == first
+    assert effect_table(result).rows[0][2] == "62 % (form untested)"
 
 
 @pytest.mark.parametrize("changed", [{"verdict": "partly_explained"}, {"hints": ["the clock"]}])

@@ -59,6 +59,8 @@ class EffectPosterior:
     """Share of each member in the probability."""
     outside: float = 0.0
     """Probability that a cause outside the library replaces the effect."""
+    untested: bool = False
+    """Whether the probability is limited because only one release of a single rod was recorded."""
 
 
 def effect_posterior(selection: Selection, name: str) -> EffectPosterior:

@@ -33,6 +33,7 @@ def named_effect(state: Transferred, posterior: EffectPosterior, scale: Scale) -
             "forms": list(posterior.forms),
             "probability": posterior.probability,
             "outside": posterior.outside,
+            "untested": posterior.untested,
             "parameters": {
                 name: _size(scale, posterior.name, name, value, errors[name]) for name, value in values.items()
             }

@@ -19,7 +19,7 @@ from dpr_lab.gap.conclusion.verdict import (
 )
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
-from dpr_lab.gap.result.causes import PROBABLE
+from dpr_lab.gap.result.causes import PROBABLE, UNTESTED
 from dpr_lab.gap.result.diagnosis import ONLY_FREE_RUN, UNCERTAIN
 from dpr_lab.gap.result.evidence import FREE_RUN_TEST, Budget
 from dpr_lab.gap.screen.pieces import are_pieces
@@ -56,7 +56,8 @@ def _too_short(state: Transferred) -> str:
         if other.probability >= PROBABLE:
             probable[other.name] = max(probable.get(other.name, 0.0), other.probability)
     leading = sorted(probable.items(), key=lambda candidate: -candidate[1])[: VERDICT.candidates]
-    candidates = listed([f"{words} ({percent(probability)})" for words, probability in leading])
+    why = {_class(cause): _because(cause) for cause in causes}
+    candidates = listed([f"{words} ({percent(probability)}{why.get(words, '')})" for words, probability in leading])
     are = "candidates are" if len(leading) > 1 else "candidate is"
     return (
         f"Inconclusive: this release of {np.ptp(t):.2g} s is too short to decide the cause of the gap. The leading"
@@ -74,22 +75,27 @@ def _sentence(kind: DetailedVerdict, state: Transferred, budget: Budget) -> str:
         return _unexplained(state, budget)
     causes, reduction = causes_named(state), how_far(state.transfer)
     if kind == "named":
-        least = min(causes, key=lambda cause: cause.probability)
-        return (
-            f"The gap is explained by {_classes(causes)} (probability {percent(least.probability)}"
-            f"{_untested(least, state.transfer)}){_small(state)}. {reduction} Nothing above the noise floor remains."
-        )
+        explained = f"The gap is explained by {_certain(causes)}{_small(state)}."
+        return f"{explained} {reduction} Nothing above the noise floor remains."
     causes = listed_causes(causes) or listed_causes(state.posteriors)
     remains = _remainder(state.selection.chosen, state.transfer)
-    explained = f"{_classes(causes, state.transfer)}{_small(state)}"
+    explained = f"{_classes(causes, VERDICT.rather)}{_small(state)}"
     return f"The gap is partly explained by {explained}. {reduction} {remains}"
+
+
+def _certain(causes: Sequence[EffectPosterior]) -> str:
+    """Return the named causes, with their least probability or, if one is untested, the probability of each."""
+    if any(cause.untested for cause in causes):
+        return _classes(causes, np.inf)
+    return f"{_classes(causes)} (probability {percent(min(cause.probability for cause in causes))})"
 
 
 def _small(state: Transferred) -> str:
     """Return a clause on the probable causes of a small part of the gap, otherwise an empty text."""
     if not (causes := small_causes(state)):
         return ""
-    return f"; {_classes(causes)} explain{'s' * (len(causes) == 1)} less than {percent(THRESHOLDS.small)} of it"
+    explain = "explains" if len(causes) == 1 else "together explain"
+    return f"; {_classes(causes, VERDICT.sure)} {explain} less than {percent(THRESHOLDS.small)} of the gap"
 
 
 def _unexplained(state: Transferred, budget: Budget) -> str:
@@ -218,17 +224,15 @@ _BASIS = {
 """Phrase of the sentence for each kind of held-out data."""
 
 
-def _classes(causes: Sequence[EffectPosterior], transfer: Transfer | None = None) -> str:
-    """Return the list of the classes in words, with reasons for doubt if `transfer` is given.
+def _classes(causes: Sequence[EffectPosterior], below: float = -np.inf) -> str:
+    """Return the list of the classes in words, with each probability less than `below` or limited.
 
-    If there are several classes, each class of two members is put in parentheses.
+    If there are several classes, each class of two members is put in parentheses. A limited probability has its reason.
     """
     words = [_class(cause) for cause in causes]
     if len(words) > 1:
         words = [f"({text})" if " or " in text else text for text in words]
-    if transfer:
-        words = [text + _doubt(cause, transfer) for text, cause in zip(words, causes, strict=True)]
-    return listed(words)
+    return listed([text + _probability(cause, below) for text, cause in zip(words, causes, strict=True)])
 
 
 def _class(posterior: EffectPosterior) -> str:
@@ -241,12 +245,11 @@ def _class(posterior: EffectPosterior) -> str:
     return " or ".join(posterior.members)
 
 
-def _doubt(cause: EffectPosterior, transfer: Transfer) -> str:
-    """Return a clause with the probability of an improbable or untested cause, otherwise an empty text."""
-    only, why = "" if cause.probability >= VERDICT.rather else "only ", _untested(cause, transfer)
-    return f" (probability {only}{percent(cause.probability)}{why})" if only or why else ""
+def _probability(cause: EffectPosterior, below: float) -> str:
+    only = "" if cause.probability >= VERDICT.rather else "only "
+    stated = f" (probability {only}{percent(cause.probability)}{_because(cause)})"
+    return stated if cause.probability < below or cause.untested else ""
 
 
-def _untested(cause: EffectPosterior, transfer: Transfer) -> str:
-    """Return the reason why a cause with several parameters is uncertain after one release of a single rod."""
-    return f", because one release hardly tests the form of {cause.name}" if cause.name in transfer.untested else ""
+def _because(cause: EffectPosterior) -> str:
+    return f", {UNTESTED}" if cause.untested else ""

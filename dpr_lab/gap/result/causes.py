@@ -8,6 +8,9 @@ from dpr_lab.gap.result.saved import Interval, Number, Saved
 PROBABLE = 0.05
 """Minimum probability of an effect that is listed as a cause, and of an alternative that a check should exclude."""
 
+UNTESTED = "because one release hardly tests its form"
+"""Reason why the probability of an effect with several parameters is limited (decision 123)."""
+
 
 class EffectSize(Interval):
     """Size of a parameter of an effect: value, ratio to b^k, and their intervals.
@@ -43,6 +46,8 @@ class NamedEffect(Saved):
     """Probability that the cause is one of the members."""
     outside: Number | None = None
     """Probability that a cause outside the library replaces the effect; None in a file of an older version."""
+    untested: bool = False
+    """Whether the probability is limited because one release of a single rod hardly tests the form of the effect."""
     parameters: dict[str, EffectSize]
     """Size of each parameter, SI, by the name of the parameter."""
     share: Number

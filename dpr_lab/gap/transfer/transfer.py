@@ -136,7 +136,12 @@ def judged(
     )
     factors = {name: min([1.0, *(limit for names, limit in limits if name in names)]) for name in everything}
     return tuple(
-        replace(posterior, probability=factors[posterior.name] * posterior.probability) for posterior in posteriors
+        replace(
+            posterior,
+            probability=factors[posterior.name] * posterior.probability,
+            untested=posterior.name in outcome.untested and factors[posterior.name] == TRANSFER.untested,
+        )
+        for posterior in posteriors
     )
 
 

@@ -7,7 +7,7 @@ from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, recommended
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.pieces import are_pieces
-from dpr_lab.planning.stopping import STOPPING, by_prior, recorded_releases, reservation, undecided
+from dpr_lab.planning.stopping import STOPPING, by_prior, recorded_releases, reservation, undecided, untested_forms
 from dpr_lab.report.gap.check_tables import bits
 from dpr_lab.report.gap.tables import per_reading
 from dpr_lab.report.words import in_words, named
@@ -36,13 +36,18 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         "unexplained": unknown,
         "inconclusive": "Record further releases as the verdict says (dpr-lab plan proposes them).",
     }
-    checked = list(_after_checks(diagnosis))
-    last = [unexplained[diagnosis.verdict]] if diagnosis.verdict in unexplained and not checked else []
+    checked, second = list(_after_checks(diagnosis)), list[str]()
     advised = [in_words(text) for text in diagnosis.advice]  # of files without checks
+    if untested := listed([named(name) for name in untested_forms(diagnosis)]):
+        second = [
+            f"Record a second release from another angle (dpr-lab plan proposes it) to test the form of {untested}."
+        ]
+    answered = bool(checked or (second and diagnosis.only_uncertain))
+    last = [unexplained[diagnosis.verdict]] if diagnosis.verdict in unexplained and not answered else []
     if diagnosis.checks or diagnosis.checks_done:
         advised = [_step(diagnosis, check) for check in recommended(diagnosis.checks)]
-    if checked or advised or last:
-        return [*checked, *advised, *last]
+    if checked or second or advised or last:
+        return [*checked, *second, *advised, *last]
     if reason := undecided(diagnosis):
         return [f"Record a further release (dpr-lab plan proposes it): {in_words(reason)}."]
     of_prior = in_words(by_prior(diagnosis))

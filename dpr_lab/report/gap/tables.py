@@ -134,7 +134,7 @@ def effect_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> Rows:
         (
             named(effect.name),
             ", ".join(named(name) for name in effect.members if name != effect.name) or ALONE,
-            percent(effect.probability),
+            percent(effect.probability) + " (form untested)" * effect.untested,
             percent(effect.share, 1),
             sizes_cell(diagnosis, effect, angles),
         )
