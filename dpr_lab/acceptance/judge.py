@@ -289,6 +289,8 @@ def _untrusted(diagnosis: Diagnosis) -> str:
     """Return the reason why a diagnosis has no valid intervals; empty if they are valid."""
     if diagnosis.hints:
         return f"the description of the recordings is probably wrong: {diagnosis.hints[0]}"
+    if diagnosis.only_uncertain and (untested := [named for named in diagnosis.effects if named.untested]):
+        return f"the cause is uncertain{_because(untested[0])}"
     reasons = {
         "inconclusive": "the recordings cannot show a gap, or cannot decide its cause",
         "unexplained": "no effect explains the gap, so the intervals are not valid",

@@ -6,6 +6,7 @@ import pytest
 
 from dpr_lab.acceptance.judge import Acceptance, JudgedLimit, _answer, _largest, judge
 from dpr_lab.acceptance.limits import Limits
+from dpr_lab.gap.result.diagnosis import UNCERTAIN
 from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.report.gap.acceptance import limit_table
 from tests.a_diagnosis import made
@@ -70,3 +71,6 @@ def test_a_ratio_that_depends_on_an_untested_form_needs_a_second_release() -> No
     (judged,) = judge(result.model_copy(update={"effects": [limited]}), limits).limits
     assert judged.answer == "not decidable"
     assert judged.reason.endswith("64 %, because one release hardly tests its form: record a second release")
+    uncertain = result.model_copy(update={"effects": [limited], "verdict": "partly_explained", "sentence": UNCERTAIN})
+    (judged,) = judge(uncertain, limits).limits
+    assert judged.reason == "the cause is uncertain, because one release hardly tests its form: record a second release"
