@@ -84,6 +84,18 @@ def test_a_date_and_a_time_of_day_may_have_a_column_each(tmp_path, one):
 
 
 def test_a_repeated_header_is_noted(tmp_path):
+@pytest.mark.parametrize(
+    "days", ["01.05.24 02.05.24", "5/1/24 5/2/24", "2024-05-01 2024-05-02", "05/01/2024 05/02/2024"]
+)
+def test_a_column_of_dates_continues_the_times_after_midnight(tmp_path, one, days):
+    before, after = days.split()
+    clocks = [f"{before},23:59:{59.5 + t:.2f}" if t < 0.495 else f"{after},00:00:0{t - 0.5:.2f}" for t in T]
+    rows = "".join(f"{clock},{angle:.4f}\n" for clock, angle in zip(clocks, DEG, strict=True))
+    (tmp_path / "a.csv").write_text("Date,Time,angle_deg\n" + rows)
+    run = import_csv(tmp_path / "a.csv", one, ImportOptions(zero="hanging"))
+    np.testing.assert_allclose(run.t, T, atol=1e-9)
+
+
     (tmp_path / "a.csv").write_text("t,angle\n0,1\n1,2\nt,angle\n2,3\n")
     assert read_table(tmp_path / "a.csv").notes == ("the header is repeated, first in line 4: these lines are ignored",)
 

@@ -30,7 +30,8 @@ _STAMP = re.compile(rf"^({_CLOCK}) -> ?")
 _TIME_BEFORE = re.compile(rf"^\[?({_CLOCK}|{_NUMBER})(?:\s*->\s*|[\],;\s]+)(?=[^\W\d]\w*\s*[:=])", re.I)
 """Pattern of a time without a name before the named numbers of a line, such as `1.234 enc1=-5` or `[1.234] enc1=-5`."""
 CLOCK_TIME = re.compile(r"(?:.*[ T])?(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)(?:Z|[+-]\d{2}:?\d{2})?")
-_DATE = re.compile(r"\d{4}([-./])\d{1,2}\1\d{1,2}|\d{1,2}([-./])\d{1,2}\2\d{4}")
+DATE = re.compile(r"(?:\d{4}([-./])\d{1,2}\1\d{1,2}|\d{1,2}([-./])\d{1,2}\2\d{2}(?:\d{2})?)(?=[ T]|$)")
+"""Pattern of a date at the start of a field."""
 _LABEL = rf"([^\W\d]\w*)\s*[:=]\s*({_CLOCK}|{_NUMBER})"
 _LABELLED = re.compile(rf"\s*{_LABEL}(?:[,;\s]+{_LABEL})*[,;\s]*", re.I)
 """Pattern of a line with a name before each number, such as `angle:57.3,speed:0.1` for the plotter of Arduino."""
@@ -198,7 +199,7 @@ def is_data(row: list[str]) -> bool:
     numbers = sum(map(_is_number, row))
     empty = sum(cell.lower() in NOT_A_VALUE for cell in row)
     quantities = sum(bool(match) and _is_number(match[1]) for match in map(QUANTITY.fullmatch, row))
-    clocks = sum(bool(CLOCK_TIME.fullmatch(cell) or _DATE.fullmatch(cell)) for cell in row)
+    clocks = sum(bool(CLOCK_TIME.fullmatch(cell) or DATE.fullmatch(cell)) for cell in row)
     # A header may contain names such as `10 cm`.
     complete = numbers + quantities > 0 and numbers + quantities + empty + clocks == len(row)
     return complete or (numbers > 0 and 2 * (numbers + empty) >= len(row))

@@ -19,6 +19,7 @@ from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.run import FilmNoise
 from dpr_lab.storage.tables.cells import (
     CLOCK_TIME,
+    DATE,
     MINUS,
     NEXT,
     NOT_A_VALUE,
@@ -88,6 +89,8 @@ class Table:
     """(n,) original number of each row, from 0, if frames of a video were removed; None for consecutive rows."""
     recorded_at: str = ""
     """Date, or date and time in UTC, in the lines above the numbers; empty if they contain none."""
+    repeated: tuple[int, ...] = ()
+    """Lines in which the header is repeated."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -188,7 +191,7 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
     recorded_at = date_in(" ".join(chain(comments, *early)))
     named = columns.named(names)
     table = Table(path, named, columns.line_numbers, columns.notes, heading=heading, recorded_at=recorded_at)
-    return _in_columns(table)
+    return _in_columns(replace(table, repeated=tuple(columns.repeated)))
 
 
 def _in_columns(table: Table) -> Table:
@@ -229,15 +232,16 @@ class _Growing:
             midnight = self.midnight.timestamp() if self.midnight else 0.0
         return Column(printable(with_unit(name, self.unit)), values, self.strange, midnight)
 
-    def take(self, word: str, line: int, decimal_comma: bool) -> None:
+    def take(self, word: str, line: int, decimal_comma: bool, day: int) -> None:
         """Append the number in a field.
 
         A time such as `14:30:00.123` or `30:00.1` is converted to seconds. A time with an ISO date is converted to
-        seconds since the midnight before the first row. All fields of a column must have the same unit.
+        seconds since the midnight before the first row, as is a time after `day` changes of another date. All fields of
+        a column must have the same unit.
         """
-        self.values.append(self._number(word.strip().replace(MINUS, "-"), line, decimal_comma))
+        self.values.append(self._number(word.strip().replace(MINUS, "-"), line, decimal_comma, day))
 
-    def _number(self, word: str, line: int, decimal_comma: bool) -> float:
+    def _number(self, word: str, line: int, decimal_comma: bool, day: int) -> float:
         if (value := value_of(word, decimal_comma)) is not None:
             return value
         if clock := CLOCK_TIME.fullmatch(word):
@@ -247,7 +251,7 @@ class _Growing:
                 below_1us = float(f"0.000000{seconds[len('00.000000') :]}")  # digits that `stamp` lacks
                 self.midnight = self.midnight or datetime.combine(stamp, time(), stamp.tzinfo)
                 return (stamp - self.midnight).total_seconds() + below_1us
-            return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(",", "."))
+            return 86400.0 * day + 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(",", "."))
         if (quantity := QUANTITY.fullmatch(word)) and self.unit in ("", quantity[2]):
             value = value_of(quantity[1], decimal_comma)
         if quantity and value is not None:
@@ -264,11 +268,13 @@ class _Columns:
     def __init__(self, path: Path, width: int, decimal_comma: bool, header: Sequence[Sequence[str]] = ()) -> None:
         self.notes: tuple[str, ...] = ()
         self._header = {tuple(row) for row in header if len(row) == width > 1 and has_name(row)}
-        self._repeated: list[int] = []
+        self.repeated: list[int] = []
         self._path, self._comma = path, decimal_comma
         self._columns = [_Growing() for _ in range(width)]
         self._lines = array("q")
         self._short: tuple[int, int] | None = None
+        self._dates: list[str] = []
+        self._day = 0
 
     def named(self, names: Sequence[str]) -> tuple[Column, ...]:
         """Return the complete columns."""
@@ -286,7 +292,7 @@ class _Columns:
         """
         for number, cells in rows:
             if tuple(cells) in self._header:
-                self._repeated.append(number)
+                self.repeated.append(number)
                 continue
             row = numbers_of(cells)
             if len(row) == len(self._columns) + 1 and not row[-1].strip():
@@ -301,8 +307,11 @@ class _Columns:
             if len(self._lines) == LIMITS.rows:
                 raise RunError(f"{self._path}: has more than {LIMITS.rows:,} rows: split it into recordings")
             self._lines.append(number)
+            if dates := [match[0] for match in map(DATE.match, row) if match]:
+                self._day += dates != (self._dates or dates)
+                self._dates = dates
             for column, cell in zip(self._columns, row, strict=True):
-                column.take(cell, number, self._comma)
+                column.take(cell, number, self._comma, self._day)
 
     def take_block(self, number: int, text: str, delimiter: str | None) -> bool:
         """Append a block of number lines; `number` is the number of its first line.
@@ -325,8 +334,8 @@ class _Columns:
         A last row that is too short is ignored, and a note is added. Such a row was truncated when the logger was
         switched off.
         """
-        if self._repeated:
-            self.notes = (f"the header is repeated, first in line {self._repeated[0]}: these lines are ignored",)
+        if self.repeated:
+            self.notes = (f"the header is repeated, first in line {self.repeated[0]}: these lines are ignored",)
         if self._short is None:
             return
         if not self._lines:
