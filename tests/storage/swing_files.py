@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.integrate import solve_ivp
 from scipy.io import savemat
 
 from dpr_lab.rig import load_rig
@@ -21,6 +22,11 @@ THETA2 = np.pi + 2.0 * np.cos(4 * T)
 SWING = {"t": T, "theta1": THETA1, "theta2": THETA2}
 ROWS = np.column_stack([T, THETA1, THETA2])
 GUESSED: dict[str, Any] = {"unit": None, "time_unit": None}
+
+
+def small_swing(t: np.ndarray, start: float) -> np.ndarray:
+    """Angle of the rod of the fixture `one` after its release, rad; 0 = hanging."""
+    return solve_ivp(lambda _, y: [y[1], -45.3 * np.sin(y[0]) - 0.1 * y[1]], (0, 6), [start, 0], t_eval=t).y[0]
 
 
 def read(path: Path, **options: Any) -> Run:

@@ -106,6 +106,17 @@ def test_a_film_in_slow_motion_is_questioned_about_its_frame_rate(tmp_path: Path
     assert "--rate-hz" not in " ".join(import_csv(file, RIG, ImportOptions(rate_hz=FPS)).notes)
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_only_one_message_states_the_rate_of_a_film_without_most_of_its_frames(tmp_path: Path, noise: float) -> None:
+    """The rate is that of all frames, and the table contains every fourth."""
+    angles = THETA + np.random.default_rng(10).normal(0, noise, THETA.shape)
+    file = write(tmp_path, "frame,theta1,theta2", 4 * np.arange(float(N)), *angles.T)
+    notes = import_csv(file, RIG, ImportOptions(rate_hz=4 * FPS)).notes
+    assert [
+        note.count(f"{FPS:g} Hz (--rate-hz)") + note.count("--rate-hz 100") for note in notes if "rate" in note
+    ] == [1]
+
+
 def test_rows_of_other_quantities_are_no_lost_readings(tmp_path: Path) -> None:
     """A table with a row for each message keeps the lost readings of the angles as gaps."""
     empty, angles = np.full(N, np.nan), THETA.copy()

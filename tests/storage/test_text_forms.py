@@ -1,12 +1,10 @@
 """Forms of text tables of real loggers: the same swing is read with the same angles from each."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig
@@ -14,6 +12,7 @@ from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.table import read_table
 from dpr_lab.storage.tables.understand import understand
+from tests.storage.swing_files import small_swing
 
 T = np.arange(0, 1, 0.01)
 SWING = 1.2 * np.cos(6 * T)
@@ -83,7 +82,6 @@ def test_a_date_and_a_time_of_day_may_have_a_column_each(tmp_path, one):
     np.testing.assert_allclose(run.t, T, atol=1e-9)
 
 
-def test_a_repeated_header_is_noted(tmp_path):
 @pytest.mark.parametrize(
     "days", ["01.05.24 02.05.24", "5/1/24 5/2/24", "2024-05-01 2024-05-02", "05/01/2024 05/02/2024"]
 )
@@ -96,6 +94,7 @@ def test_a_column_of_dates_continues_the_times_after_midnight(tmp_path, one, day
     np.testing.assert_allclose(run.t, T, atol=1e-9)
 
 
+def test_a_repeated_header_is_noted(tmp_path):
     (tmp_path / "a.csv").write_text("t,angle\n0,1\n1,2\nt,angle\n2,3\n")
     assert read_table(tmp_path / "a.csv").notes == ("the header is repeated, first in line 4: these lines are ignored",)
 
@@ -282,35 +281,6 @@ def test_whole_numbers_that_change_too_fast_for_radians_may_be_counts():
     assert "are the units right" in note
 
 
-@pytest.mark.parametrize("appended", [True, False])
-def test_a_swing_that_is_appended_after_a_gap_is_named(tmp_path, one, appended):
-    """A log that was continued; rows that are lost in one swing are no other recording."""
-    t = np.delete(np.arange(0, 4, 0.04), [40, 71, 72])
-    angle = 1.2 * np.exp(-0.1 * t) * np.cos(6 * t + 1.5 * appended * (t > 71.5 * 0.04))
-    angle += np.random.default_rng(1).normal(0, 2e-3, len(t))
-    np.savetxt(tmp_path / "a.csv", np.column_stack([t, angle]), "%.5f", ",", header="t,theta", comments="")
-    sentences = [q.sentence for q in understand(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).questions]
-    named = [sentence for sentence in sentences if "do not belong to one motion" in sentence]
-    assert len(named) == appended
-    assert all("(--duration-s 2.84; --start-s 2.92)" in sentence for sentence in named)
-
-
-@pytest.mark.parametrize("start", [0.0, 1.0])
-@pytest.mark.parametrize("second", [1.0, 1.5])
-def test_both_parts_of_a_table_with_a_long_gap_are_named(tmp_path, one, start, second):
-    """No other warning judges both parts as one swing."""
-    t = np.arange(0, 5, 0.01)
-    parts = [np.column_stack([t + 305 * n, small_swing(t, angle)]) for n, angle in enumerate((1.2, second))]
-    np.savetxt(tmp_path / "a.csv", np.concatenate(parts), "%.5f", ",", header="t,theta", comments="")
-    options = ImportOptions(zero="hanging", start_s=start)
-    (question,) = understand(tmp_path / "a.csv", one, options).questions
-    assert "has a gap of 300 s at" in question.sentence
-    assert f"(--duration-s {5 - start:g}; --start-s 305)" in question.sentence
-    first = import_csv(tmp_path / "a.csv", one, replace(options, duration_s=5 - start))
-    later = import_csv(tmp_path / "a.csv", one, replace(options, start_s=305))
-    assert (len(first.t), len(later.t)) == (500 - 100 * start, 500)
-
-
 @pytest.mark.parametrize("zero", ["hanging", "upright"])
 def test_angles_in_mrad_are_questioned_without_a_correction(tmp_path, one, zero):
     t = np.arange(0, 4, 0.02)
@@ -347,10 +317,6 @@ def test_a_column_in_a_unit_with_a_factor_requires_its_scale(tmp_path, one, name
         import_csv(tmp_path / "a.csv", one, ImportOptions(zero="hanging"))
     scaled = ImportOptions(zero="hanging", unit=unit, scale={"theta1": scale})
     np.testing.assert_allclose(import_csv(tmp_path / "a.csv", one, scaled).theta[:, 1] - np.pi, SWING, atol=1e-5)
-
-
-def small_swing(t: np.ndarray, start: float) -> np.ndarray:
-    return solve_ivp(lambda _, y: [y[1], -45.3 * np.sin(y[0]) - 0.1 * y[1]], (0, 6), [start, 0], t_eval=t).y[0]
 
 
 def test_a_swing_in_degrees_is_named(tmp_path, one):

@@ -1,5 +1,6 @@
 """Define a table with its interpretation, and the limits of the plausibility checks."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -77,6 +78,9 @@ class QuestionSettings:
     in its first period. Simulated carts have 0.7 to 5."""
     jitter: float = 3.0
     """Smallest ratio of this motion to the range of the position at rest."""
+    near_rate: float = 1.5
+    """Maximum factor between the rate that conserves the energy best and the rate of the rows in a film of which not
+    every frame has a row. The rates that are compared differ by factors of two."""
 
 
 SETTINGS = QuestionSettings()
@@ -114,6 +118,10 @@ class InterpretedTable:
     """Kind and (n, 2) torques of the table that the options ignore, N m; None if no torques are ignored."""
     drive: str = ""
     """Sign in the table that an unknown torque drives the rods; empty if there is none."""
+    sections: tuple[float, ...] = ()
+    """Times at which the header is repeated, in a table whose times follow from the rate, s."""
+    every: int = 1
+    """Number of frames per row, if a column of such a table counts the frames."""
 
     @property
     def arm_moves(self) -> bool:
@@ -144,6 +152,11 @@ class InterpretedTable:
     def looked_at(self) -> slice:
         """Samples of the swing that are used in the energy test."""
         return slice(self.part.start, min(self.part.stop, self.part.start + SETTINGS.energy_rows))
+
+    def near_frames(self, rate_hz: float) -> float:
+        """Return the rate of the rows if the given rate is that of all frames and `rate_hz` is near it."""
+        rate = (self.options.rate_hz or math.nan) / self.every
+        return rate if self.every > 1 and abs(math.log(rate_hz / rate)) < math.log(SETTINGS.near_rate) else rate_hz
 
     def beginning(self) -> "InterpretedTable":
         """Return the samples at the beginning of the swing.

@@ -365,7 +365,7 @@ def _scaled(read: InterpretedTable) -> Iterator[OtherReading]:
 def _slower(read: InterpretedTable, factor: float) -> OtherReading:
     """Create an interpretation in which the times of the table are multiplied by a factor."""
     if read.options.rate_hz is not None:
-        cause = f"the rate is about {read.options.rate_hz / factor:.3g} Hz (--rate-hz)"
+        cause = f"the rate is about {read.near_frames(read.options.rate_hz / factor):.3g} Hz (--rate-hz)"
     else:
         cause = (
             f"one second of the table is about {factor:.3g} s: wrong clock of the logger, or use a rate"

@@ -5,6 +5,7 @@ previous row are removed, counted and reported. Times change only if they wrap, 
 `dpr_lab.storage.tables.time_stamps`.
 """
 
+import re
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -43,12 +44,15 @@ from dpr_lab.storage.tables.plausible import (
     without_wraps,
     wrap_notes,
 )
-from dpr_lab.storage.tables.questions.frame_numbers import frame_step_note, numbers
+from dpr_lab.storage.tables.questions.frame_numbers import counted_frames, frame_step_note, numbers
 from dpr_lab.storage.tables.questions.questions import questions, refuse_push
 from dpr_lab.storage.tables.table import Table
 from dpr_lab.storage.tables.time_stamps import carried_times, even_times, shares_times, spread_times, stamps_at_gaps
 from dpr_lab.storage.tables.torques import PASSIVE, find_torques, set_point, torque_column, unnumbered
 from dpr_lab.storage.tables.understood import Understood
+
+_RATE = re.compile(r"--rate-hz \d|Hz \(--rate-hz\)")
+"""Pattern of a warning that states another rate."""
 
 
 def understand(
@@ -69,6 +73,9 @@ def understand(
     options = stated_arm(rig, options, path, columns.names, recorded)
     _refuse_conventions(table, options)
     t, readings, notes = _readings(table, columns.names, rig, options)
+    timed = options.rate_hz is None
+    begins = np.searchsorted(table.lines, () if timed else table.repeated)
+    sections = tuple(t[begins[begins < len(t)]].tolist())
     of_cart, cart = cart_note(table, columns.names, rig, options)
     inputs = known_inputs(recorded, table.other_lengths, rig, options, path)
     known = {name: torque_column(table, name) for pair in inputs.pairs.values() for name in pair}
@@ -95,6 +102,7 @@ def understand(
     cart = None if cart is None or not np.isfinite(cart[rows]).all() else cart[rows]
     recorded_at, note = table.recorded_at, "".join(of_cart)
     read = _Rows(path, rows, t, values, torques, named, options, ignored, drive, midnight, recorded_at, cart, note)
+    read = replace(read, sections=sections, frames=("", 1) if timed else counted_frames(table))
     understood = replace(_understood(read, notes, rig, table.kind, inputs.pairs), film_noise=table.film_noise)
     return _at_edges(understood, rig)
 
@@ -116,8 +124,7 @@ def _readings(
     unwrapped = {axis: without_wraps(column, axis, rig, options) for axis, column in readings.items()}
     t, misplaced = stamps_at_gaps(t, unwrapped)
     stamps = filter(None, (carried, summed, rounded, shared, misplaced))
-    steps = [] if options.rate_hz is None else frame_step_note(table, options.rate_hz)
-    return t, readings, [*outliers, *empty, *stamps, *steps]
+    return t, readings, [*outliers, *empty, *stamps]
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +151,10 @@ class _Rows:
     """(kept rows,) column that may be the position of a cart that carries the rod, m; None if there is no column."""
     of_cart: str
     """Note on how to import this cart; empty if there is no column."""
+    sections: tuple[float, ...] = ()
+    """Times at which the header is repeated, in a table without times, s."""
+    frames: tuple[str, int] = ("", 1)
+    """Column that counts the frames of a table without times, and its step from row to row."""
 
 
 def _ignored(
@@ -184,7 +195,11 @@ def _understood(
     table = InterpretedTable(
         path, rig, options, read.columns, time, mounted, read.values, part, driven, pair, read.ignored, read.drive
     )
+    name, every = read.frames
+    table = replace(table, sections=read.sections, every=every)
     doubts = questions(table)
+    if options.rate_hz and every > 1 and not any(_RATE.search(doubt.sentence) for doubt in doubts):
+        notes.append(frame_step_note(name, every, options.rate_hz))
     if counts is None and not any("--angles" in doubt.mend for doubt in doubts):
         notes += frame_notes(options, rig)
     if not options.keep_rest:

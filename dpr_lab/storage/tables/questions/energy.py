@@ -66,7 +66,7 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
         share, rate = f"{percent(residual)} of" if residual < 1 else "more than", table.options.rate_hz
         pace = other_pace(read.t, read.theta[:, 1:], table.rig) if rate and table.free else 1.0
         other = (
-            f"; much less with --rate-hz {rate * pace:g}: was this the frame rate of the camera?"
+            f"; much less with --rate-hz {table.near_frames(rate * pace):g}: was this the frame rate of the camera?"
             if rate and pace != 1.0
             else _nearest(read, residual)
         )

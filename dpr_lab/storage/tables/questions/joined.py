@@ -1,6 +1,7 @@
 """Warn about a table that contains more than one motion."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.estimation.usable_runs import long_gap
 from dpr_lab.identification.misread.balance import periods
-from dpr_lab.identification.misread.rising_energy import largest_rise
+from dpr_lab.identification.misread.rising_energy import energy_rises
 from dpr_lab.shown import percent
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.plausible import PLAUSIBLE
@@ -54,7 +55,7 @@ def joined_questions(table: InterpretedTable) -> list[TableQuestion]:
             if (_residual(t[part], theta[part]) > most).any():
                 sentence = (
                     f"the readings before and after the gap at {t[after - 1]:.5g} s do not belong to one motion: if"
-                    f" another swing begins there, import both separately ({_parts(table, t, after)})"
+                    f" another swing begins there, import both separately ({_gap_parts(table, t, after)})"
                 )
                 return [TableQuestion(sentence)]
     return []
@@ -64,44 +65,74 @@ def gap_questions(table: InterpretedTable) -> list[TableQuestion]:
     """Warn about the first gap in which the motion cannot be predicted."""
     t = table.t[table.swing]
     after, words = long_gap(t)
-    return [TableQuestion(f"the table {words} ({_parts(table, t, after)})")] if words else []
+    return [TableQuestion(f"the table {words} ({_gap_parts(table, t, after)})")] if words else []
+
+
+def section_questions(table: InterpretedTable) -> list[TableQuestion]:
+    """Warn about a repeated header in a table without times, because another recording begins there."""
+    t, half = table.t, 0.5 * float(np.median(np.diff(table.t)))
+    begins = [begin - half for begin in table.sections if t[0] < begin <= t[-1]]
+    if not begins or np.diff([t[0], *begins, t[-1]]).min() < periods(table.rig)[0]:
+        return []
+    recordings = "; ".join(_parts(table, [(begin - t[0], begin - t[0]) for begin in begins]))
+    return [TableQuestion(f"another recording begins at the repeated header: import each separately ({recordings})")]
 
 
 def rise_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about a rise of the energy of a free swing, and name the parts without it."""
+    """Warn about rises of the energy of a free swing, and name the parts without them."""
     if not table.free or table.drive or table.ignored:
         return []
     read = table.beginning()
-    rise = largest_rise(read.t, read.rods(read.values, read.options), table.rig)
-    if rise is None:
+    rises = energy_rises(read.t, read.rods(read.values, read.options), table.rig)
+    if not rises:
         return []
-    period = periods(table.rig)[0]
-    begin, end = rise.begin - JOIN.margin * period, rise.end + JOIN.margin * period
-    before = f"{math.floor(100 * (begin - table.t[0])) / 100:g}"
-    after = f"{math.ceil(100 * (end - table.t[0] + table.options.start_s)) / 100:g}"
-    share = f"{percent(rise.share)} of" if rise.share < 1 else "more than"
-    rises = f"the energy of the rods rises by {share} the energy exchanged by gravity"
+    period, first = periods(table.rig)[0], table.t[0]
+    margin = JOIN.margin * period
+    begins, ends = [rise.begin - margin for rise in rises], [rise.end + margin for rise in rises]
+    long = np.subtract([*begins, read.t[-1]], [read.t[0], *ends]) >= period
+    if not long.any():
+        return []
+    cuts = [
+        (math.floor(100 * (begin - first)) / 100, math.ceil(100 * (end - first)) / 100)
+        for begin, end in zip(begins, ends, strict=True)
+    ]
+    before, after = f"{cuts[0][0]:g}", f"{cuts[-1][1] + table.options.start_s:g}"
+    share = max(rise.share for rise in rises)
+    amount = f"{percent(share)} of" if share < 1 else "more than"
+    rises_by = f"the energy of the rods rises by {amount} the energy exchanged by gravity"
     force = "a drive or a hand probably acted"
-    earlier, later = begin - read.t[0] >= period, read.t[-1] - end >= period
-    if not (earlier or later):
-        return []
-    if not earlier:
-        sentence = f"use only the swing from {after} s on (--start-s {after}): before, {force}, because {rises}"
-    elif not later:
-        sentence = f"use only the first {before} s (--duration-s {before}): later, {force}, because {rises}"
+    if not long[:-1].any():
+        sentence = f"use only the swing from {after} s on (--start-s {after}): before, {force}, because {rises_by}"
+    elif not long[1:].any():
+        sentence = f"use only the first {before} s (--duration-s {before}): later, {force}, because {rises_by}"
     else:
+        places = " and ".join(f"after {begin:g} s" for begin, _ in cuts)
+        parts = "; ".join(part for part, usable in zip(_parts(table, cuts), long, strict=True) if usable)
         sentence = (
-            f"{rises} after {before} s: another swing begins, a hand or a drive acts, or readings are wrong. Import the"
-            f" parts before and after as separate runs (--duration-s {before}; --start-s {after})"
+            f"{rises_by} {places}: another swing begins, a hand or a drive acts, or readings are wrong. Import the"
+            f" parts without a rise as separate runs ({parts})"
         )
     return [TableQuestion(sentence)]
 
 
-def _parts(table: InterpretedTable, t: Array, after: int) -> str:
+def _gap_parts(table: InterpretedTable, t: Array, after: int) -> str:
     """Return the import options of the two parts of a table: before and after the gap that ends at row `after`."""
-    begin, end = t[[after - 1, after]] - table.t[0]
-    lasts = begin + np.median(np.diff(t))  # the row at the end of a duration is excluded
-    return f"--duration-s {lasts:.6g}; --start-s {table.options.start_s + end:.6g}"
+    begin, end = (t[[after - 1, after]] - table.t[0]).tolist()
+    lasts = begin + float(np.median(np.diff(t)))  # the row at the end of a duration is excluded
+    return "; ".join(_parts(table, [(lasts, end)]))
+
+
+def _parts(table: InterpretedTable, cuts: Sequence[tuple[float, float]]) -> list[str]:
+    """Return the import options of each part of a table without the cuts.
+
+    A cut lasts from its first to its second instant, s after the first row.
+    """
+    parts = list[str]()
+    for begin, end in zip([0.0, *(end for _, end in cuts)], [*(begin for begin, _ in cuts), math.inf], strict=True):
+        start = f"--start-s {table.options.start_s + begin:.6g}" if begin else ""
+        duration = f"--duration-s {end - begin:.6g}" if end < math.inf else ""
+        parts.append(f"{start} {duration}".strip())
+    return parts
 
 
 def _usual(t: Array, theta: Array, whole: Flags, lost: int) -> float:

@@ -12,7 +12,7 @@ from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, Table
 from dpr_lab.storage.tables.questions.accelerations import balance_questions, rig_questions, unit_questions
 from dpr_lab.storage.tables.questions.energy import energy_questions
 from dpr_lab.storage.tables.questions.hand import hand_questions
-from dpr_lab.storage.tables.questions.joined import gap_questions, joined_questions, rise_questions
+from dpr_lab.storage.tables.questions.joined import gap_questions, joined_questions, rise_questions, section_questions
 from dpr_lab.storage.tables.questions.period import period_questions, small_questions
 from dpr_lab.storage.tables.questions.pose import apart, pose_questions
 from dpr_lab.storage.tables.questions.torques import torque_questions
@@ -34,7 +34,7 @@ def questions(table: InterpretedTable) -> list[TableQuestion]:
     doubts, other = energy_questions(table)
     arm = _arm_questions(table, theta[:, 0])
     few_rows = [*joined_questions(table), *_few(table, t), *torque_questions(table)]
-    if separate := gap_questions(table):  # the parts are tested when each is imported
+    if separate := section_questions(table) or gap_questions(table):  # the parts are tested when each is imported
         return separate
     sure = other or any(doubt.mend for doubt in doubts)
     if not sure and (separate := rise_questions(table)):
