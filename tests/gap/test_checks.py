@@ -1,6 +1,8 @@
 """Recommended checks have ids; their results update the probabilities of the diagnosis that recommended them."""
 
 import json
+import math
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -30,6 +32,8 @@ from sim_device.plant.drives import JointDrives
 from sim_device.trials.offline_recorder import record
 from tests.a_diagnosis import CLOCK, LENGTH, SIZES, made, measurement
 from tests.blank_figures import save_blank
+from tests.one_rod import Rod
+from tests.one_rod import recorded as one_rod
 
 FEW = ("base_tilt", "encoder_offset_joint1", "com_offset_link1", "coulomb_joint2")
 TILT, OFFSET = FEW[:2]
@@ -211,6 +215,22 @@ def test_a_recording_decides_between_two_causes(diagnosis: Diagnosis) -> None:
     after = result.checks_done[0].after
     assert after[TILT] + after[OFFSET] > 0.9
     assert after["com_offset_link1"] < 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_release_that_soon_ends_at_rest_does_not_exclude_the_cause(tmp_path: Path) -> None:
+    """Both friction laws fit this release, but a fit that starts with viscous friction alone may miss the noise."""
+    cause, other = "coulomb_joint1", "load_friction_joint1"
+    rod = Rod(length=0.3, mass=0.12, dry=0.00567, damping=0.004, offset=0.015, noise=1e-3, duration=8.0)
+    rig, runs = one_rod(rod, 1, tmp_path)
+    library = {name: EFFECTS[name] for name in (cause, other, "stribeck_joint1", TILT, OFFSET)}
+    before = diagnose(runs, rig, library=library)
+    asked = release_between(cause, other, 1.0)
+    small = one_rod(replace(rod, duration=10.0), 6, tmp_path, [math.radians(3.0)])[1]
+    density = recording.result(before, asked, CheckAnswer(tuple(small), rig), dict.fromkeys((cause, other), 0.5))
+    assert cause in before.model_effects
+    assert density.log_densities[cause] == pytest.approx(density.log_densities[other], abs=2.0)
 
 
 @pytest.mark.slow

@@ -4,10 +4,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects import EFFECTS, effect_params, without_effect
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.usable_runs import refuse_other_rigs
+from dpr_lab.fitting.estimate import Estimate, moved
 from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.advice.check_kind import CheckAnswer, OpenQuestion, Result, expected_bits, log_mean
 from dpr_lab.gap.advice.expected_recordings import ExpectedRecording
 from dpr_lab.gap.advice.measurement import CHECK
@@ -15,11 +17,12 @@ from dpr_lab.gap.bare_model import fit_bare_model
 from dpr_lab.gap.damage.steps import recorded_properties
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
-from dpr_lab.gap.hypothesis.refits import refit_with
-from dpr_lab.gap.hypothesis.score_test import score_test
+from dpr_lab.gap.hypothesis.refits import refit, refit_with, shaped
+from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, score_test
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.as_diagnosed import recordings_as_in
+from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.run import torque_kinds
 
 DISTINGUISHED = 5.0
@@ -112,7 +115,10 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
 
 
 def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: CheckAnswer) -> dict[str, Hypothesis]:
-    """Fit each candidate to the runs, together with the other named effects."""
+    """Fit each candidate to the runs, together with the other named effects.
+
+    The fits start from the bare model and, if the named effect is part of the diagnosed model, also from this model.
+    """
     if answer.rig is None:
         raise RunError("give the rig of the runs")
     rig = answer.rig
@@ -123,16 +129,56 @@ def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: Chec
             f" {diagnosis.evidence.rig}: record the release of the check with that rig"
         )
     recordings = recordings_as_in(diagnosis, answer.runs, rig)
-    recordings, problem, others_model = fit_bare_model(recordings, diagnosis.unknowns)
-    others = {name: dict(values) for name, values in diagnosis.model_effects.items() if name != about}
-    if others:
-        initial = others_model.estimate.changed(params=effect_params(others))
-        free = free_parameters(initial, tuple(others), problem)
-        others_model = hypothesis(problem, others, fit(problem, initial, free, iterations=CHECK.iterations))
-    known = recorded_properties(recordings.records, problem, others_model.fit)
-    test = score_test(problem, others_model.fit, [EFFECTS[name] for name in names], known)
-    return {
-        name: refit_with(problem, others_model, test, score, CHECK.iterations)
+    recordings, problem, bare = fit_bare_model(recordings, diagnosis.unknowns)
+    others = {name: values for name, values in diagnosis.model_effects.items() if name != about}
+    without = _with_effects(problem, bare.estimate, others) if others else bare
+    test = _test(recordings, problem, without, names)
+    fits = {
+        name: refit_with(problem, without, test, score, CHECK.iterations)
         for name in names
         if (score := test.of(name)) is not None
     }
+    if about not in fits or about not in diagnosis.model_effects:
+        return fits
+    diagnosed = bare.estimate.changed(ratios=diagnosis.unknowns, params=effect_params(diagnosis.model_effects))
+    with_states = fit(problem, diagnosed, (), iterations=CHECK.iterations).estimate
+    named = _with_effects(problem, with_states, diagnosis.model_effects)
+    test = _test(recordings, problem, named, [name for name in fits if name != about])
+    exchanged = {about: named} | {
+        name: _exchanged(problem, named, about, score) for name in fits if (score := test.of(name)) is not None
+    }
+    return {
+        name: min(model, exchanged.get(name, model), key=lambda fitted: fitted.cost) for name, model in fits.items()
+    }
+
+
+def _exchanged(problem: Problem, named: Hypothesis, about: str, score: Score) -> Hypothesis:
+    """Replace the named effect of a fit by another effect.
+
+    The fit starts from the same ratios, and from the size whose linear signature is closest to that of the named
+    effect. In a release that soon ends at rest, the bare model replaces Coulomb friction by too much viscous friction,
+    and a fit that starts from there can end in a local minimum.
+    """
+    start = shaped(named, score)
+    free = free_parameters(start, (*named.effects, score.effect.name), problem)
+    A, _ = fit(problem, start, free, iterations=0).linear.flat
+    old = [i for i, parameter in enumerate(free) if parameter.effect == about and parameter.amplitude]
+    new = [i for i, parameter in enumerate(free) if parameter.effect == score.effect.name and parameter.amplitude]
+    signature = A[:, old] @ np.array([free[i].read(start) for i in old])
+    sizes = np.linalg.lstsq(A[:, new], signature, rcond=1e-10)[0]
+    without = start.changed(params=without_effect(start.params, about))
+    exchanged = moved(without, [free[i] for i in new], sizes, np.zeros_like(without.initial))
+    names = tuple(score.effect.name if name == about else name for name in named.effects)
+    return refit(problem, exchanged, names, CHECK.iterations)
+
+
+def _with_effects(problem: Problem, start: Estimate, effects: Mapping[str, Mapping[str, float]]) -> Hypothesis:
+    """Fit a set of effects with given initial sizes."""
+    initial = start.changed(params=effect_params(effects))
+    free = free_parameters(initial, tuple(effects), problem)
+    return hypothesis(problem, tuple(effects), fit(problem, initial, free, iterations=CHECK.iterations))
+
+
+def _test(recordings: Recordings, problem: Problem, model: Hypothesis, names: Sequence[str]) -> ScoreTest:
+    known = recorded_properties(recordings.records, problem, model.fit)
+    return score_test(problem, model.fit, [EFFECTS[name] for name in names], known)
