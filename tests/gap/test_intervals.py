@@ -76,12 +76,18 @@ def test_only_the_applied_limit_is_a_reason(smaller: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("releases", "held_out", "alone", "expected"),
-    [(1, None, True, ("spring_joint1",)), (1, None, False, ()), (2, None, True, ()), (1, Fake(), True, ())],
-    ids=["one release", "two rods", "two releases", "held-out run"],
+    ("fitted", "held_out", "alone", "expected"),
+    [
+        (["P1"], [], True, ("spring_joint1",)),
+        (["P1"], [], False, ()),
+        (["P1", "P2"], [], True, ()),
+        (["P1"], ["P2"], True, ()),
+        (["P1 0-10 s", "P1 20-30 s"], ["P1 10-20 s"], True, ("spring_joint1",)),
+    ],
+    ids=["one release", "two rods", "two releases", "held-out run", "pieces of one release"],
 )
 def test_a_second_release_or_rod_tests_the_form(
-    releases: int, held_out: Any, alone: bool, expected: tuple[str, ...]
+    fitted: list[str], held_out: list[str], alone: bool, expected: tuple[str, ...]
 ) -> None:
     """Neither one parameter nor a class with such a member needs this test."""
     classes = {
@@ -89,11 +95,9 @@ def test_a_second_release_or_rod_tests_the_form(
         "coulomb_joint1": ("coulomb_joint1",),
         "hysteresis_joint1": ("hysteresis_joint1", "coulomb_joint1"),
     }
-    state: Any = Fake(
-        held_out_prediction=held_out,
-        recordings=Fake(records=[None] * releases),
-        problem=Fake(segments=Fake(setups=[Fake(alone=alone)] * releases)),
-    )
+    recordings, others = (Fake(records=[Fake(run=Fake(name=name)) for name in names]) for names in (fitted, held_out))
+    setups = [Fake(alone=alone) for _ in fitted]
+    state: Any = Fake(recordings=recordings, held_out=others, problem=Fake(segments=Fake(setups=setups)))
     effects: Any = [Fake(name=name, members=members) for name, members in classes.items()]
     assert untested(state, effects) == expected
 

@@ -37,6 +37,7 @@ from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
 from dpr_lab.gap.result.diagnosis import Basis
 from dpr_lab.gap.result.evidence import Closing
 from dpr_lab.gap.result.saved import Interval
+from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.gap.state import Fitted, Selected
 from dpr_lab.gap.transfer.free_run import FreeRuns
 from dpr_lab.gap.transfer.lone_recording import lone_recording
@@ -104,8 +105,12 @@ def _basis(fitted: Fitted) -> Basis:
 
 
 def untested(fitted: Fitted, posteriors: Sequence[EffectPosterior]) -> tuple[str, ...]:
-    """Return the effects with several parameters, shapes included, whose form no second release or rod tests."""
-    if _basis(fitted) != "one release" or not all(setup.alone for setup in fitted.problem.segments.setups):
+    """Return the effects with several parameters, shapes included, whose form no second release or rod tests.
+
+    The pieces of a long recording are one release.
+    """
+    releases = {whole(record.run.name) for record in (*fitted.recordings.records, *fitted.held_out.records)}
+    if len(releases) > 1 or not all(setup.alone for setup in fitted.problem.segments.setups):
         return ()
     return tuple(p.name for p in posteriors if all(len(EFFECTS[name].parameters) > 1 for name in p.members))
 
