@@ -7,9 +7,11 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from dpr_lab.effects import effect_params
 from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.conclusion import ratios
-from dpr_lab.gap.conclusion.causes import _implied, _size
+from dpr_lab.gap.conclusion.causes import _implied, _size, named_effect
 from dpr_lab.gap.conclusion.ratios import determined
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.transfer.out_of_sample import block, reduction, share
@@ -70,9 +72,19 @@ def test_the_form_of_an_effect_with_several_parameters_is_untested_by_one_releas
     [{"oversized": ("a",)}, {"unproven": ("a",), "remainder": True}, {"lone": Fake()}, {"worse_free_run": Fake()}],
 )
 def test_only_the_applied_limit_is_a_reason(smaller: dict[str, Any]) -> None:
-    for other, limited in (({}, True), ({"unproven": ("a",)}, True), (smaller, False)):
+    others: list[tuple[dict[str, Any], bool]] = [({}, True), ({"unproven": ("a",)}, True), (smaller, False)]
+    for other, limited in others:
         a, b = after_tests(basis="one release", untested=("a",), **other)
         assert (a.untested, b.untested) == (limited, False)
+
+
+@pytest.mark.parametrize("limited", [True, False])
+def test_the_result_marks_an_untested_effect(limited: bool) -> None:
+    posterior = EffectPosterior("spring_joint1", ("spring_joint1",), (), 0.64, untested=limited)
+    chosen = Fake(estimate=Fake(params=effect_params({})))
+    state: Any = Fake(selection=Fake(chosen=chosen, unique_share=lambda _: 0.5), intervals={})
+    stored = named_effect(state, posterior, cast(Scale, None)).model_dump(by_alias=True)
+    assert stored["untested"] is limited
 
 
 @pytest.mark.parametrize(
