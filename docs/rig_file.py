@@ -52,6 +52,8 @@ note lists the keys that differ from the run. `compare` uses the length and grav
   from the run; a note lists them if they differ. If one of them is wrong in a run, write a copy with the corrected
   file: `dpr-lab run recover old.mcap --rig corrected.toml --out new.mcap`. A copy of an imported table cannot correct
   the modes, or the zeros of angles without counts: import the table again.
+- A single rod has no second joint, so `L1` does not influence its swing. If its length is wrong, correct `l1` and `J1`
+  with their bounds, or write a new file with `rig new`.
 - A run of a rig with another name, `counts_per_rev`, `direction` or `joint2` is refused, because its counts may belong
   to another machine.
 """
