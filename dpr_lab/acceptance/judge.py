@@ -255,7 +255,8 @@ def _widened(
     fitted = not parameter or any(named.name == name for named in diagnosis.effects)
     for model in diagnosis.evidence.wider_models if diagnosis.evidence else ():
         if fitted and not model.intervals90 and alone != "not decidable":
-            reason = reason or f"{listed(model.effects)} together are indistinguishable from the fitted values"
+            words = "together are" if len(model.effects) > 1 else "is"
+            reason = reason or f"{listed(model.effects)} {words} indistinguishable from the fitted values"
         if interval is None or quantity not in model.intervals90:
             continue
         other = model.intervals90[quantity]

@@ -247,7 +247,10 @@ def _standing(
     split = [name for name in named.members if name not in members]
     probability = sum(after[name] for name in members)
     odds = {name: after[name] / probability for name in members} if probability > 0 else {}
-    standing = named.model_copy(update={"members": members, "odds": odds, "probability": probability})
+    # the probability is now that of the check, which also tests the form
+    standing = named.model_copy(
+        update={"members": members, "odds": odds, "probability": probability, "untested": False}
+    )
     effects = [standing if effect.name == about else effect for effect in diagnosis.effects]
     rivals = [
         rival.model_copy(update={"probability": after[rival.name]}) if rival.instead_of == about else rival

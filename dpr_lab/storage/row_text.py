@@ -186,7 +186,8 @@ def samples_of(texts: Bytes) -> Samples | None:
     known = [pair for pair in torques if pair.size]
     torque = np.reshape(known, (len(known), len(texts), 2))
     samples = Samples(columns[0], columns[1], theta, counts if counts.size else None, torque)
-    return samples if np.array_equal(sample_texts(samples), texts) else None
+    again = sample_texts(samples)
+    return samples if again is not None and np.array_equal(again, texts) else None
 
 
 def _numbers(texts: Bytes, kind: type[np.generic]) -> NDArray[Any]:

@@ -155,12 +155,13 @@ def test_a_decided_question_is_no_longer_recommended() -> None:
 @pytest.mark.parametrize("std", [3e-3, 3e-4])  # both members remain in the class, or one
 def test_the_odds_of_a_class_are_those_after_the_check(std: float) -> None:
     before = made(checks=[measurement(CLOCK, CLOCK, 1)])
-    named = before.effects[0].model_copy(update={"odds": {CLOCK: 0.5, LENGTH: 0.5}})
+    named = before.effects[0].model_copy(update={"odds": {CLOCK: 0.5, LENGTH: 0.5}, "untested": True})
     result = update(
         before.model_copy(update={"effects": [named]}), before.checks[0], CheckAnswer(value=SIZES[CLOCK], std=std)
     )
     after = {name: p for name, p in result.checks_done[0].after.items() if name != NONE_OF_THEM}
     assert after[CLOCK] > 0.7
+    assert not result.effects[0].untested
     (causes,) = causes_of(result)
     assert causes.probabilities == pytest.approx(after)
 

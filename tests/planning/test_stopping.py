@@ -229,6 +229,8 @@ def test_a_second_release_tests_the_form_of_an_uncertain_effect_first(verdict: s
     remainder = result.model_copy(update={"verdict": "partly_explained", "sentence": "A remainder of 9."})
     assert undecided(remainder) == "part of the gap is unexplained"
     assert next_steps(remainder)[0] == first
+    described = result.model_copy(update={"hints": ["the clock"]})
+    assert not any(step.startswith("Record a second release") for step in next_steps(described))
     assert effect_table(result).rows[0][2] == "62 % (form untested)"
 
 

@@ -165,7 +165,7 @@ def _exchanged(problem: Problem, named: Hypothesis, about: str, score: Score) ->
     old = [i for i, parameter in enumerate(free) if parameter.effect == about and parameter.amplitude]
     new = [i for i, parameter in enumerate(free) if parameter.effect == score.effect.name and parameter.amplitude]
     signature = A[:, old] @ np.array([free[i].read(start) for i in old])
-    sizes = np.linalg.lstsq(A[:, new], signature, rcond=1e-10)[0]
+    sizes = np.asarray(np.linalg.lstsq(A[:, new], signature, rcond=1e-10)[0], dtype=np.float64)
     without = start.changed(params=without_effect(start.params, about))
     exchanged = moved(without, [free[i] for i in new], sizes, np.zeros_like(without.initial))
     names = tuple(score.effect.name if name == about else name for name in named.effects)

@@ -38,7 +38,8 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     }
     checked, second = list(_after_checks(diagnosis)), list[str]()
     advised = [in_words(text) for text in diagnosis.advice]  # of files without checks
-    if untested := listed([named(name) for name in untested_forms(diagnosis)]):
+    untested = listed([named(name) for name in untested_forms(diagnosis)])
+    if untested and not diagnosis.hints:
         second = [
             f"Record a second release from another angle (dpr-lab plan proposes it) to test the form of {untested}."
         ]
