@@ -94,6 +94,18 @@ def test_a_column_of_dates_continues_the_times_after_midnight(tmp_path, one, day
     np.testing.assert_allclose(run.t, T, atol=1e-9)
 
 
+def test_dates_of_two_time_zones_change_independently(tmp_path):
+    rows = [
+        f"01.01.2025 00:59:{59.5 + t:.2f},31.12.2024 23:59:{59.5 + t:.2f},1\n"
+        if t < 0.495
+        else f"01.01.2025 01:00:0{t - 0.5:.2f},01.01.2025 00:00:0{t - 0.5:.2f},1\n"
+        for t in T
+    ]
+    (tmp_path / "a.csv").write_text("time,utc,theta\n" + "".join(rows))
+    time, utc, _ = read_table(tmp_path / "a.csv").values
+    np.testing.assert_allclose([time - time[0], utc - utc[0]], [T, T], atol=1e-9)
+
+
 def test_a_repeated_header_is_noted(tmp_path):
     (tmp_path / "a.csv").write_text("t,angle\n0,1\n1,2\nt,angle\n2,3\n")
     assert read_table(tmp_path / "a.csv").notes == ("the header is repeated, first in line 4: these lines are ignored",)

@@ -222,6 +222,10 @@ class _Growing:
     """Unit in the fields; empty if they contain only numbers."""
     midnight: datetime | None = None
     """Midnight before the first row, for times with dates."""
+    date: str = ""
+    """Last date before a time."""
+    day: int = 0
+    """Number of changes of this date."""
 
     def named(self, name: str, number: int) -> Column:
         """Return the complete column; `number` is its number, from 1."""
@@ -236,8 +240,8 @@ class _Growing:
         """Append the number in a field.
 
         A time such as `14:30:00.123` or `30:00.1` is converted to seconds. A time with an ISO date is converted to
-        seconds since the midnight before the first row, as is a time after `day` changes of another date. All fields of
-        a column must have the same unit.
+        seconds since the midnight before the first row, as is a time after changes of another date. `day` is the number
+        of changes for a time without a date. All fields of a column must have the same unit.
         """
         self.values.append(self._number(word.strip().replace(MINUS, "-"), line, decimal_comma, day))
 
@@ -246,6 +250,9 @@ class _Growing:
             return value
         if clock := CLOCK_TIME.fullmatch(word):
             hours, minutes, seconds = clock.groups("0")
+            if date := DATE.match(word):
+                self.day += date[0] != (self.date or date[0])
+                self.date, day = date[0], self.day
             with suppress(ValueError, TypeError):  # no date, or another zone than in the first row
                 stamp = datetime.fromisoformat(word)
                 below_1us = float(f"0.000000{seconds[len('00.000000') :]}")  # digits that `stamp` lacks
