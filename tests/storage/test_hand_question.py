@@ -123,6 +123,14 @@ def test_a_second_swing_is_noticed_although_the_rod_is_not_held(hand: np.ndarray
     assert -0.1 < float(parts[2]) - 4.5 - len(hand) / RATE_HZ < 0.4
 
 
+def test_a_rise_near_the_first_row_leaves_one_part(tmp_path: Path, one: Rig) -> None:
+    """The first and the last swing are too short to use."""
+    angles = np.concatenate([swing(0.5)[:10], swing(1.2)[:225], swing(1.2)[:40]])
+    (doubt,) = doubts(tmp_path, one, angles)
+    assert re.search(r"after 0 s and after 4\.[3-6]\d* s: another swing begins", doubt)
+    assert re.search(r"Use only the part without a rise \(--start-s 0\.\d+ --duration-s [34]\.\d+\)$", doubt)
+
+
 def test_a_push_during_a_swing_is_noticed(tmp_path: Path, one: Rig) -> None:
     first, second = swing(0.8), swing(1.2)
     (doubt,) = doubts(tmp_path, one, np.concatenate([first[:201], second[np.argmax(second < first[200]) :]]))

@@ -93,7 +93,7 @@ def rise_questions(table: InterpretedTable) -> list[TableQuestion]:
     if not long.any():
         return []
     cuts = [
-        (math.floor(100 * (begin - first)) / 100, math.ceil(100 * (end - first)) / 100)
+        (math.floor(100 * max(begin - first, 0.0)) / 100, math.ceil(100 * (end - first)) / 100)
         for begin, end in zip(begins, ends, strict=True)
     ]
     before, after = f"{cuts[0][0]:g}", f"{cuts[-1][1] + table.options.start_s:g}"
@@ -107,10 +107,13 @@ def rise_questions(table: InterpretedTable) -> list[TableQuestion]:
         sentence = f"use only the first {before} s (--duration-s {before}): later, {force}, because {rises_by}"
     else:
         places = " and ".join(f"after {begin:g} s" for begin, _ in cuts)
-        parts = "; ".join(part for part, usable in zip(_parts(table, cuts), long, strict=True) if usable)
+        parts = [part for part, usable in zip(_parts(table, cuts), long, strict=True) if usable]
+        use = "Use only the part without a rise"
+        if len(parts) > 1:
+            use = "Import the parts without a rise as separate runs"
         sentence = (
-            f"{rises_by} {places}: another swing begins, a hand or a drive acts, or readings are wrong. Import the"
-            f" parts without a rise as separate runs ({parts})"
+            f"{rises_by} {places}: another swing begins, a hand or a drive acts, or readings are wrong. {use}"
+            f" ({'; '.join(parts)})"
         )
     return [TableQuestion(sentence)]
 
