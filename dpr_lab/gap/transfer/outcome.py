@@ -56,7 +56,7 @@ class TransferSettings:
     untested: float = 0.65
     """Maximum factor on the probability of an effect with several parameters in one release of a single rod.
 
-    Such an effect also follows many causes outside the library. 0.42 of these effects were correct (decision 123).
+    Such an effect also follows many causes outside the library: 42 % of these effects were correct (decision 123).
     """
     oversized: float = 0.1
     """Factor on the probability of an effect with an impossible size; another cause is then more probable."""

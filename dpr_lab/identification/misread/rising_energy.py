@@ -58,7 +58,7 @@ def energy_rises(t: Array, rods: Array, rig: Rig) -> list[EnergyRise]:
     """
     slow, fast = periods(rig)
     shortest = RISE.apart * slow
-    windows = [replace(of, looked_at=len(t), instants=RISE.instants) for of in (ENERGY.motion, ENERGY.smooth)]
+    windows = [replace(w, looked_at=len(t), instants=RISE.instants) for w in (ENERGY.motion, ENERGY.smooth)]
     motions = [moving for settings in windows if (moving := local_motion(t, rods, fast, settings)) is not None]
     largest: list[EnergyRise] = []
     for most in range(1, RISE.most + 1):
@@ -74,7 +74,8 @@ def energy_rises(t: Array, rods: Array, rig: Rig) -> list[EnergyRise]:
                 parts = _between(spans, len(energy))
                 others = max(_rise(energy, *part)[0] for part in parts) / size
                 shares = (float(energy[end] - energy[begin]) / size for begin, end in spans)
-                rises = [EnergyRise(*of) for of in zip(shares, *moving.t[np.transpose(spans)].tolist(), strict=True)]
+                begins, ends = moving.t[np.transpose(spans)].tolist()
+                rises = list(map(EnergyRise, shares, begins, ends))
                 candidates.append((others, rises))
                 of_parts = [terms[:, first : last + 1] for first, last in parts]
                 about_mean = np.hstack([part - part.mean(axis=1, keepdims=True) for part in of_parts])
