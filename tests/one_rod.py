@@ -116,14 +116,14 @@ def swing(rod: Rod, start: float, t: Array) -> Array:
     return angles
 
 
-def recorded(rod: Rod, seed: int, folder: Path, starts: Sequence[float] = RELEASES) -> tuple[Rig, list[Run]]:
-    """Rig file as drafted by a user, and recordings as imported tables."""
+def recorded(rod: Rod, seed: int, folder: Path, starts: Sequence[float] | None = None) -> tuple[Rig, list[Run]]:
+    """Rig file as drafted by a user, and recordings as imported tables; they start at `RELEASES` by default."""
     rng = np.random.default_rng([seed, 27])
     measured = Measure(rod.mass)
     named = RigMeasures("one rod", rod.length, rod.length, measured, measured, counts_per_rev=rod.counts)
     rig = parse_rig(draft_rig(named)).with_rods("inner")
     runs = []
-    for number, start in enumerate(starts):
+    for number, start in enumerate(RELEASES if starts is None else starts):
         t = np.arange(0.0, rod.duration, 1 / RATE_HZ)
         true = swing(rod, start, np.maximum(t + rng.normal(0.0, rod.jitter, len(t)), 0.0))
         zero = rod.offset + rod.drift * t + rod.eccentric * np.sin(true + 1.0)

@@ -36,7 +36,7 @@ def test_after_an_unexplained_gap_a_probable_effect_is_not_excluded() -> None:
     held_out = SimpleNamespace(held_out={})
     gap = SimpleNamespace(after_rad={"joint1": 1e-3}, floor_rad={"joint1": 1e-4}, closed_held_out=held_out)
     made: Any = SimpleNamespace(verdict="unexplained", rivals=[], advice=[], checks=[], gap=gap, only_uncertain=False)
-    made.hints, made.checks_done, made.only_free_run = [], [], False
+    made.hints, made.checks_done, made.effects, made.only_free_run = [], [], [], False
     made.basis = "releases left out"
     assert next_steps(made)[0].startswith("No effect of the library is the cause")
     made.basis = "one release"
