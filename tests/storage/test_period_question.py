@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -49,8 +50,8 @@ def test_a_true_angle_is_not_doubted(tmp_path: Path, one: Rig, angle: float, dra
     assert not doubts(tmp_path, one, np.degrees(swing(angle, drag)))
 
 
-def warned(file: Path, rig: Rig, unit: str | None = "deg") -> list[tuple[str, tuple[str, ...]]]:
-    options = ImportOptions(unit=unit, zero="hanging")  # type: ignore[arg-type]
+def warned(file: Path, rig: Rig, unit: Literal["deg", "counts"] = "deg") -> list[tuple[str, tuple[str, ...]]]:
+    options = ImportOptions(unit=unit, zero="hanging")
     return [(doubt.sentence, doubt.mend) for doubt in understand(file, rig, options).questions]
 
 

@@ -106,6 +106,14 @@ def test_dates_of_two_time_zones_change_independently(tmp_path):
     np.testing.assert_allclose([time - time[0], utc - utc[0]], [T, T], atol=1e-9)
 
 
+def test_dates_that_change_in_different_rows_are_one_midnight_of_a_time_without_a_date(tmp_path):
+    rows = "01.01.2025 23:00:00,01.01.2025 23:59:59,23:59:59,1\n01.01.2025 23:00:01,02.01.2025 00:00:00,00:00:00,1\n"
+    rows += "02.01.2025 00:00:00,02.01.2025 00:59:59,00:59:59,1\n"
+    (tmp_path / "a.csv").write_text(f"time,utc,clock,theta\n{rows}")
+    *clocks, _ = read_table(tmp_path / "a.csv").values
+    np.testing.assert_allclose([clock - clock[0] for clock in clocks], [[0, 1, 3600]] * 3)
+
+
 def test_a_repeated_header_is_noted(tmp_path):
     (tmp_path / "a.csv").write_text("t,angle\n0,1\n1,2\nt,angle\n2,3\n")
     assert read_table(tmp_path / "a.csv").notes == ("the header is repeated, first in line 4: these lines are ignored",)

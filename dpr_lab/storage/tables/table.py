@@ -223,9 +223,9 @@ class _Growing:
     midnight: datetime | None = None
     """Midnight before the first row, for times with dates."""
     date: str = ""
-    """Last date before a time."""
+    """Last date in the fields; empty without a date."""
     day: int = 0
-    """Number of changes of this date."""
+    """Number of changes of the date."""
 
     def named(self, name: str, number: int) -> Column:
         """Return the complete column; `number` is its number, from 1."""
@@ -236,12 +236,18 @@ class _Growing:
             midnight = self.midnight.timestamp() if self.midnight else 0.0
         return Column(printable(with_unit(name, self.unit)), values, self.strange, midnight)
 
+    def count_day(self, word: str) -> None:
+        """Count a change of the date at the start of a field."""
+        if date := DATE.match(word.strip()):
+            self.day += date[0] != (self.date or date[0])
+            self.date = date[0]
+
     def take(self, word: str, line: int, decimal_comma: bool, day: int) -> None:
         """Append the number in a field.
 
-        A time such as `14:30:00.123` or `30:00.1` is converted to seconds. A time with an ISO date is converted to
-        seconds since the midnight before the first row, as is a time after changes of another date. `day` is the number
-        of changes for a time without a date. All fields of a column must have the same unit.
+        A time such as `14:30:00.123` or `30:00.1` is converted to seconds, and a time with a date to seconds since the
+        midnight before the first row. For a time without a date, `day` is the number of midnights since then. All
+        fields of a column must have the same unit.
         """
         self.values.append(self._number(word.strip().replace(MINUS, "-"), line, decimal_comma, day))
 
@@ -250,9 +256,7 @@ class _Growing:
             return value
         if clock := CLOCK_TIME.fullmatch(word):
             hours, minutes, seconds = clock.groups("0")
-            if date := DATE.match(word):
-                self.day += date[0] != (self.date or date[0])
-                self.date, day = date[0], self.day
+            day = self.day if self.date else day
             with suppress(ValueError, TypeError):  # no date, or another zone than in the first row
                 stamp = datetime.fromisoformat(word)
                 below_1us = float(f"0.000000{seconds[len('00.000000') :]}")  # digits that `stamp` lacks
@@ -280,8 +284,6 @@ class _Columns:
         self._columns = [_Growing() for _ in range(width)]
         self._lines = array("q")
         self._short: tuple[int, int] | None = None
-        self._dates: list[str] = []
-        self._day = 0
 
     def named(self, names: Sequence[str]) -> tuple[Column, ...]:
         """Return the complete columns."""
@@ -314,11 +316,11 @@ class _Columns:
             if len(self._lines) == LIMITS.rows:
                 raise RunError(f"{self._path}: has more than {LIMITS.rows:,} rows: split it into recordings")
             self._lines.append(number)
-            if dates := [match[0] for match in map(DATE.match, row) if match]:
-                self._day += dates != (self._dates or dates)
-                self._dates = dates
             for column, cell in zip(self._columns, row, strict=True):
-                column.take(cell, number, self._comma, self._day)
+                column.count_day(cell)
+            day = max(column.day for column in self._columns)  # dates of two zones change in different rows
+            for column, cell in zip(self._columns, row, strict=True):
+                column.take(cell, number, self._comma, day)
 
     def take_block(self, number: int, text: str, delimiter: str | None) -> bool:
         """Append a block of number lines; `number` is the number of its first line.

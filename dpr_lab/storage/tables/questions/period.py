@@ -119,6 +119,7 @@ def period_questions(table: InterpretedTable) -> list[TableQuestion]:
 def small_questions(table: InterpretedTable) -> list[TableQuestion]:
     """Warn about a small swing in degrees that may be in radians."""
     amplitude = float(np.ptp(table.theta[table.swing, 1:], axis=0).max()) / 2 / TO_RADIANS["deg"]
+    # the same number in rad would be the amplitude
     if table.options.unit != "deg" or table.prescribed or amplitude > SETTINGS.overturned_rad:
         return []
     words = unit_words(table)
