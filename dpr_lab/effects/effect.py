@@ -32,7 +32,7 @@ ARM = JointIndex().arm
 LEVERS = ("friction_radius_m", "offset_m")
 """Parameters that are lever arms of forces known from the rig file; they scale like torques."""
 
-_UNIT_SUFFIX = re.compile(r"(_(per|Nms?|m2?|rad3?|s2?|kg(m2)?|Hz))+$")
+_UNIT_SUFFIX = re.compile(r"(_(per|Nms?|m2?|rad3?|s2?|kg(m2)?|[hH]z))+$")
 """Pattern of the unit at the end of a parameter's name."""
 
 _RATIO_UNITS = {

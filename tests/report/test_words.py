@@ -26,6 +26,7 @@ def test_every_effect_has_words_followed_by_its_identifier(name):
 def test_the_words_of_a_rise_of_friction_give_its_speeds():
     assert parameter_words("friction_curve_joint1", "rise1_Nm") == "rise (0 to 0.3 rad/s)"
     assert parameter_words("stribeck_joint1", "extra_at_rest_Nm") == "extra at rest"
+    assert parameter_words("arm_compliance", "frequency_hz") == "frequency"
 
 
 def test_words_are_unique():
