@@ -9,9 +9,11 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.evidence import exclusions as of_exclusions
 from dpr_lab.gap.evidence.coverage import coverage
 from dpr_lab.gap.evidence.exclusions import AllShapes, exclusions
+from dpr_lab.gap.evidence.joint_friction import joint_friction
 from dpr_lab.gap.evidence.residuals import residual_look
 from dpr_lab.gap.evidence.validation import validation
 from dpr_lab.gap.hypothesis.detectable import detectable
+from dpr_lab.gap.hypothesis.refits import refit_with
 from dpr_lab.gap.hypothesis.score_test import score_test
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.transfer.free_run import free_runs
@@ -50,6 +52,14 @@ def test_error_stays_within_its_uncertainty_until_something_is_missing(looked_at
         assert np.sqrt(squares) == pytest.approx(budget.u_after_rad)
         assert all(run.until_s <= 2.6 for run in budget.runs)
         assert len(curves) == len(budget.runs) == 2
+
+
+def test_a_spring_with_a_constant_torque_does_not_hide_the_friction(recorded: Any, bare: Any, tested: Any):
+    problem, model = bare(recorded({}, duration=2.0)[:1])
+    test = tested(problem, model.fit, [EFFECTS["spring_joint1"]])
+    spring = refit_with(problem, model, test, test.of("spring_joint1"), iterations=1)
+    alone, with_spring = (joint_friction(problem, of, back_emf=False)["joint1"] for of in (model, spring))
+    assert max(with_spring.std_Nm) < 3 * max(alone.std_Nm)
 
 
 @pytest.mark.slow

@@ -89,6 +89,16 @@ def test_a_friction_limit_is_decided_only_if_the_joint_reaches_its_speed(known: 
         assert slow == ([None] * 2 if decides else list(reached.values()))
 
 
+def test_a_spring_with_a_constant_torque_does_not_hide_the_friction(known: Knowledge) -> None:
+    (one,) = informed([CALM], known.model)
+    limits = Limits.model_validate({"friction": {"joint1": {"max": 1.0, "speed_rad_s": 1.0, "unit": "N m"}}})
+    reaches = [
+        limit_forecasts(replace(known, named=frozenset(named)), known.prior + one.information, limits)[0].reach or 0.0
+        for named in ((), ("spring_joint1",))
+    ]
+    assert 0.0 < reaches[1] < 3 * reaches[0]
+
+
 def test_a_joint_without_a_rod_or_with_a_clamp_has_no_speed(known: Knowledge) -> None:
     alone, clamped = CandidateRelease(2.2, 2.2, 4.0, "inner"), CandidateRelease(2.2, 2.2, 4.0, "clamped")
     assert reached_speeds([alone], known.model)["joint2"] == 0.0

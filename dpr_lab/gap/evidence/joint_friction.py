@@ -9,6 +9,9 @@ are hardly distinguishable from each other and from c, but T(u) depends only on 
 has the variance g(u)^T C g(u), where C is the covariance of all fitted values and g(u) the derivative of T(u) with
 respect to them.
 
+A constant torque of the model, such as that of a spring, is indistinguishable from a difference of the friction between
+the two directions. The difference then counts as the constant torque: the curve is equal in both directions.
+
 Joint 0 is the joint of an arm that is free or driven. The back-EMF of a voltage drive adds ke kt gear^2 / R to its c,
 and no recording separates the two.
 """
@@ -37,8 +40,9 @@ from dpr_lab.fitting.estimate import (
 )
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.projection import ColumnSpace
+from dpr_lab.fitting.projection import TINY, ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
+from dpr_lab.gap.hypothesis.detectable import SEEN
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import JointFriction
 
@@ -47,6 +51,10 @@ FRICTION_CURVES = (FRICTION_CURVE_JOINT0, *FRICTION_CURVE)
 
 LAWS = ((COULOMB_JOINT0, *COULOMB), (STRIBECK_JOINT0, *STRIBECK), FRICTION_CURVES)
 """Friction laws that depend only on the speed of the joint, each for joints 0, 1 and 2."""
+
+
+BY_DIRECTION = ("forward_Nm", "backward_Nm")
+"""Amplitudes of the friction curve at rest, one for each direction."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,13 +89,15 @@ def joint_friction(problem: Problem, model: Hypothesis, *, back_emf: bool) -> di
     reached = _reached(trajectory(problem, fit.estimate, spacing=TRAJECTORY.coarse_s))
     added = {joint: _curve(joint, fit.free) for joint, speed in reached.items() if speed > GRID.slowest}
     columns = (*fit.free, *(column for curve in added.values() for column in curve))
-    space = ColumnSpace.of(*linearise(problem, fit.estimate, columns).flat)
+    A, e = linearise(problem, fit.estimate, columns).flat
     friction: dict[str, JointFriction] = {}
     for joint, curve in added.items():
         chosen = [i for i, column in enumerate(columns) if i < len(fit.free) or column in curve]
-        of_joint, free = space.chosen(chosen), [columns[i] for i in chosen]
+        free = [columns[i] for i in chosen]
         speeds = GRID.up_to(reached[joint])
         torque, slope = linear_torque(joint, speeds, fit.estimate, free, problem.model.constants)
+        basis = curve_basis(A[:, chosen].T @ A[:, chosen], free, curve)
+        of_joint, slope = ColumnSpace.of(A[:, chosen] @ basis, e), slope @ basis
         variance = model.inflation * np.einsum("ui,ij,uj->u", slope, of_joint.covariance(), slope)
         friction[f"joint{joint}"] = JointFriction(
             speed_rad_per_s=speeds.tolist(),
@@ -97,6 +107,29 @@ def joint_friction(problem: Problem, model: Hypothesis, *, back_emf: bool) -> di
             back_emf=back_emf and joint == 0,
         )
     return friction
+
+
+def curve_basis(H: Array, free: Sequence[FreeParameter], curve: Sequence[FreeParameter]) -> Array:
+    """Return a basis of the fitted values, in its columns.
+
+    It contains no difference of the curve between the directions if the other values absorb this difference.
+
+    Args:
+        H: (k, k) normal matrix of the fitted values
+        free: the fitted values
+        curve: amplitudes of the curve that are not part of the model
+    """
+    basis = np.eye(len(free))
+    ends = [i for i, column in enumerate(free) if column in curve and column.name in BY_DIRECTION]
+    if len(ends) == len(BY_DIRECTION):
+        forward, backward = ends
+        basis[backward, forward], basis[forward, backward] = 1.0, -1.0  # their sum and their difference
+        G = basis.T @ H @ basis
+        scale = 1 / np.sqrt(np.maximum(np.diag(G), TINY))
+        space = ColumnSpace(scale, G * scale[:, None] * scale, np.zeros(len(G)))
+        remaining = scale[backward] ** 2 / space.covariance()[backward, backward]
+        return np.delete(basis, backward, axis=1) if remaining < SEEN else np.eye(len(free))
+    return basis
 
 
 def _reached(swings: Trajectory) -> dict[int, float]:

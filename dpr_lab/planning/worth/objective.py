@@ -17,7 +17,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.gap.evidence.joint_friction import GRID, linear_torque
+from dpr_lab.gap.evidence.joint_friction import GRID, curve_basis, linear_torque
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.planning.information import reached_speeds
@@ -218,7 +218,10 @@ def _of_friction(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
         places = list(dict.fromkeys([*known.fitted, *curve]))
         free = [model.columns[i] for i in places]
         _, slope = linear_torque(joint, GRID.up_to(limit.speed_rad_s), model.estimate, free, model.rods.constants)
-        variance = np.einsum("ui,ij,uj->u", slope, np.linalg.inv(F[np.ix_(places, places)]), slope)
+        H, prior = F[np.ix_(places, places)], known.prior[np.ix_(places, places)]
+        basis = curve_basis(H - prior, free, free[len(known.fitted) :])
+        slope = slope @ basis
+        variance = np.einsum("ui,ij,uj->u", slope, np.linalg.inv(basis.T @ H @ basis), slope)
         reach = NORMAL_Q90 * float(np.sqrt(variance.max())) if curve else None
         yield Goal(friction_quantity(name, limit), limit.unit, reach, limit.max / 2)
 
