@@ -190,7 +190,7 @@ def test_only_effects_with_one_amplitude_replace_a_curve_and_only_if_parameters_
     [
         ("stribeck_joint1", 1.0, "the richer form is not needed, because it explains about as much"),
         ("stribeck_joint1", 1e6, "indistinguishable"),
-        ("encoder_offset_joint1", 1.0, "indistinguishable"),
+        (SCALE, 1.0, "indistinguishable"),
     ],
 )
 def test_a_rejected_richer_form_is_not_called_indistinguishable(replacing: str, ratio: float, start: str) -> None:
@@ -199,3 +199,22 @@ def test_a_rejected_richer_form_is_not_called_indistinguishable(replacing: str, 
     decision = LARGER_PRIOR.accept(cast("FittedSets", None), current, Proposal(proposed, ratio))
     assert decision.accepted is (ratio > THRESHOLDS.likelier)
     assert decision.reason.startswith(f"{start}; the ratio")
+
+
+@pytest.mark.parametrize(
+    ("current", "replacing", "ratio", "accepted"),
+    [
+        ("base_tilt", "encoder_offset_joint1", 0.9, True),
+        ("encoder_offset_joint1", "base_tilt", 1.1, False),
+        ("wrong_length_L1", "base_tilt", 1.0, True),
+        ("base_tilt", "encoder_offset_joint1", 0.1, False),
+        ("encoder_offset_joint1", "base_tilt", 10.0, True),
+        ("com_offset_link1", SCALE, 1.0, False),
+    ],
+)
+def test_two_indistinguishable_common_effects_have_a_fixed_order(
+    current: str, replacing: str, ratio: float, accepted: bool
+) -> None:
+    """Otherwise rounding decides which of them is named, and a headline changes with the number of readings."""
+    before, proposed = (cast("Hypothesis", SimpleNamespace(key=frozenset({name}))) for name in (current, replacing))
+    assert LARGER_PRIOR.accept(cast("FittedSets", None), before, Proposal(proposed, ratio)).accepted is accepted

@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from itertools import product, starmap
 
 from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.imitation import follows_remainder
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
@@ -142,13 +144,28 @@ def _larger_priors(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
             model = sets.fits.get(smaller.key | {other.effect.name})
             if model is None or model.key == chosen.key or abs(model.cost - chosen.cost) > margin:
                 continue
-            if test.indistinguishable(score, other) and cost_with_prior(model, chosen) < chosen.cost:
+            first = _comes_first(other.effect.name, name)
+            tolerance = CALIBRATION.unit(chosen.inflation) * math.log(THRESHOLDS.likelier) if first else 0.0
+            same = test.indistinguishable(score, other) or (
+                first and sets.test(chosen).absorbs(other.effect, EFFECTS[name])
+            )
+            if same and cost_with_prior(model, chosen) < chosen.cost + tolerance:
                 yield Proposal(model, math.exp(log_prior_ratio(model, chosen)))
+
+
+def _comes_first(name: str, other: str) -> bool:
+    """Return whether an effect represents a class of two common effects: zero errors first, others by their names."""
+    first, second = EFFECTS[name], EFFECTS[other]
+    order = [(not effect.stage.startswith("encoder"), effect.name) for effect in (first, second)]
+    return first.common and second.common and order[0] < order[1]
 
 
 def _far_larger_prior(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     ratio = f"the ratio of the prior probabilities is {proposal.value:.2g}"
     accepted = proposal.value > THRESHOLDS.likelier
+    added, removed = proposal.model.key - current.key, current.key - proposal.model.key
+    if proposal.value > 1 / THRESHOLDS.likelier and added and all(starmap(_comes_first, product(added, removed))):
+        return Decision(True, f"indistinguishable, and first in the fixed order of common effects; {ratio}")
     richer = any(not current.key.isdisjoint(EFFECTS[name].nested) for name in proposal.model.key - current.key)
     if richer and not accepted:
         return Decision(False, f"the richer form is not needed, because it explains about as much; {ratio}")
@@ -157,7 +174,8 @@ def _far_larger_prior(sets: FittedSets, current: Hypothesis, proposal: Proposal)
 
 LARGER_PRIOR = Move(
     "larger prior probability",
-    "of two indistinguishable effects, the one with the far larger prior probability is named",
+    "of two indistinguishable effects, the one with the far larger prior probability is named, and of two common"
+    " effects with similar priors the first of a fixed order",
     _larger_priors,
     _far_larger_prior,
 )
