@@ -45,7 +45,7 @@ Angle = Annotated[float, Field(ge=-100, le=100, strict=True), BeforeValidator(_i
 class RigTable(BaseModel):
     """Table of a TOML file; unknown keys are refused."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True, allow_inf_nan=False)
 
 
 class Parameter(RigTable):

@@ -22,15 +22,13 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, StrictFloat, ValidationInfo, field_validator, model_validator
 
 from dpr_lab.configs import read_config
 from dpr_lab.dynamics.base import RATIO_UNITS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import ConfigError, unknown_name
 from dpr_lab.rig_tables import Positive, RigTable
-
-Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 
 
 class EffectLimit(RigTable):
@@ -45,13 +43,13 @@ class EffectLimit(RigTable):
 class RatioLimit(RigTable):
     """Permitted range of a ratio: a nominal value with a tolerance, or bounds."""
 
-    nominal: Finite | None = None
+    nominal: StrictFloat | None = None
     """Centre of the range; used with `tolerance`."""
     tolerance: Positive | None = None
     """Half width of the range; used with `nominal`."""
-    min: Finite | None = None
+    min: StrictFloat | None = None
     """Lower bound; None: unbounded."""
-    max: Finite | None = None
+    max: StrictFloat | None = None
     """Upper bound; None: unbounded."""
     unit: str
     """Unit of the ratio."""

@@ -25,8 +25,6 @@ POLICY: Policy = get_args(Policy)[0]
 WRITER = "`dpr-lab certify`"
 """Command that writes certificates."""
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
-
 
 def _path(text: str) -> str:
     """Validate the text of a file path.
@@ -45,7 +43,9 @@ Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True, populate_by_name=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, defer_build=True, populate_by_name=True, allow_inf_nan=False
+    )
 
 
 class CertifiedRecording(_Part):
@@ -120,9 +120,9 @@ class MadeWith(_Part):
 class CertifiedClaim(_Part):
     """A claim of a certificate."""
 
-    value: Annotated[str, Field(max_length=65536)] | Number
+    value: Annotated[str, Field(max_length=65536)] | float
     """Value of the claim: a text, or a number in SI units."""
-    interval90: tuple[Number, Number] | None
+    interval90: tuple[float, float] | None
     """90 % interval of a number; None for a text, or for a number without an interval."""
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationError, computed_field, model_validator
+from pydantic import AfterValidator, PositiveFloat, ValidationError, computed_field, model_validator
 
 from dpr_lab.arrays import Array
 from dpr_lab.configs import first_fault
@@ -19,7 +19,6 @@ from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.identification.scaling.values import (
     EstimatedValue,
     ModelPart,
-    Number,
     ParameterValue,
     base_alone,
     ratios_alone,
@@ -61,9 +60,9 @@ class RigFacts(ModelPart):
     """Name of the rig."""
     sha256: str
     """SHA-256 of the rig file."""
-    L1: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    L1: PositiveFloat
     """Distance between the two joints along the inner rod, m."""
-    g: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    g: PositiveFloat
     """Gravity, m/s^2."""
 
     @classmethod
@@ -83,17 +82,17 @@ class RunUsed(ModelPart):
     """Name of the pose of the run; None if unknown."""
     samples: int = 0
     """Number of samples."""
-    duration_s: Number = 0.0
+    duration_s: float = 0.0
     """Time from the release to the last sample, s."""
-    chi2_per_dof: Number | None = None
+    chi2_per_dof: float | None = None
     """Reduced chi-square of this run alone."""
     segments: int = 0
     """Number of segments with free initial states."""
-    horizon_s: Number | None = None
+    horizon_s: float | None = None
     """Predictability horizon, s: time at which the uncertainty of the initial state reaches 0.1 rad in a free run."""
     torque_kind: str = ""
     """Kind of the known torques, `measured` or `commanded`; empty if unknown."""
-    zeros_rad: list[Number] = []
+    zeros_rad: list[float] = []
     """Fitted zero offsets of encoders 1 and 2 in this run, rad; empty for fixed zeros."""
     truncated: bool = False
     """Whether the recording was interrupted or damaged."""
@@ -111,7 +110,7 @@ class Covariance(ModelPart):
 
     order: list[str]
     """Names of the n unknowns, in the order of rows and columns."""
-    matrix: list[list[Number]]
+    matrix: list[list[float]]
     """(n, n) covariance matrix, SI."""
 
     @model_validator(mode="after")
@@ -128,7 +127,7 @@ class Identifiable(ModelPart):
 
     rank: int
     """Number of directions, of nine, that the runs determine."""
-    null_space: list[dict[str, Number]]
+    null_space: list[dict[str, float]]
     """Directions that have no influence on any swing, as relative changes of the parameters."""
     advice: list[str]
     """Bench measurements that would determine more parameters, best first."""
@@ -137,17 +136,17 @@ class Identifiable(ModelPart):
 class FitSummary(ModelPart):
     """Quality of the fit to the runs, in segments with free initial states."""
 
-    rms_rad: Annotated[dict[str, Number], AfterValidator(by_name(RODS))]
+    rms_rad: Annotated[dict[str, float], AfterValidator(by_name(RODS))]
     """Rms residual of `theta1` and `theta2`, rad."""
-    noise_rad: Annotated[dict[str, Number], AfterValidator(by_name(RODS))]
+    noise_rad: Annotated[dict[str, float], AfterValidator(by_name(RODS))]
     """Noise floor of `theta1` and `theta2`, rad, from the rest before the release, quantisation or differences."""
     segments: int
     """Number of segments with free initial states."""
-    chi2_per_dof: Number
+    chi2_per_dof: float
     """Reduced chi-square; 1 = noise only."""
     iterations: int
     """Number of iterations of the local solver."""
-    longest_segment_s: Number
+    longest_segment_s: float
     """Length of the longest segment, s."""
 
 
@@ -162,15 +161,15 @@ class SearchRecord(ModelPart):
     """Seed of all random numbers."""
     evaluations: int
     """Number of simulated candidates."""
-    seconds: Number
+    seconds: float
     """Duration of the search, s."""
     generations: int
     """Number of the last generation."""
-    best: dict[str, Number]
+    best: dict[str, float]
     """Best individual of the search, before the local solver."""
-    best_cost: Number
+    best_cost: float
     """Cost of the best individual, in the unit of the objective."""
-    history: dict[str, list[Number]]
+    history: dict[str, list[float]]
     """Columns of the history by generation: `evaluations`, `best_cost`, `best_fitness`, `population_fitness`."""
 
 
@@ -181,7 +180,7 @@ class FittedModel(Shown, ModelPart):
     """Rig of the model."""
     ratios: dict[str, EstimatedValue]
     """Ratios of inertias, frictions, gravity torques and gain to the inertia of the scale, SI; `L0` of an arm in m."""
-    effects: dict[str, dict[str, Number]] = {}
+    effects: dict[str, dict[str, float]] = {}
     """Values of the named effects of a diagnosis, by effect and parameter, SI."""
     runs: list[RunUsed]
     """Runs used in the identification."""
@@ -234,7 +233,7 @@ class Model(FittedModel):
     """
     covariance: Covariance
     """Covariance of the unknowns that the runs determine."""
-    cramer_rao_std: Annotated[dict[str, Number], AfterValidator(lambda ratios: ratios and of_rods(ratios))]
+    cramer_rao_std: Annotated[dict[str, float], AfterValidator(lambda ratios: ratios and of_rods(ratios))]
     """Cramer-Rao bound of the standard deviation of each ratio at this noise; empty in a corrected model of one rod."""
     parameters: Annotated[dict[str, ParameterValue], AfterValidator(by_name(PARAMETERS))]
     """The nine kinetic parameters by name, in SI units, with their sources."""
@@ -251,7 +250,7 @@ class Model(FittedModel):
     """Residuals, noise and segments of the fit."""
     search: SearchRecord
     """Result of the global search."""
-    p_over_b: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    p_over_b: PositiveFloat | None = None
     """Additional ratio m2 L1^2 / b for runs with only the inner rod; None if there are no such runs."""
 
     def _heading(self) -> str:

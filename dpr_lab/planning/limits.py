@@ -34,7 +34,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, StrictFloat, model_validator
 
 from dpr_lab.acceptance.limits import Limits, refuse_other_limits
 from dpr_lab.arrays import Array, Flags
@@ -45,8 +45,7 @@ from dpr_lab.planning.release import ArmState
 from dpr_lab.rig import MASSES, PARAMETERS, Rig, refuse_impossible_arm
 from dpr_lab.rig_tables import AddedMass, Mounting, Positive, RigTable
 
-StartAngle = Annotated[float, Field(allow_inf_nan=False, strict=True)]
-Range = tuple[StartAngle, StartAngle]
+Range = tuple[StrictFloat, StrictFloat]
 Both = tuple[Positive, Positive]
 Minutes = Annotated[float, Field(ge=0, le=1e4, strict=True)]
 

@@ -1,18 +1,16 @@
 """Result of planning, as printed by `dpr-lab plan --json`."""
 
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr
+from pydantic import BaseModel, ConfigDict, PrivateAttr
 
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.setup import Torques
 from dpr_lab.shown import Row, Shown
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
-
 
 class _Record(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True, allow_inf_nan=False)
 
 
 class PairBits(_Record):
@@ -20,7 +18,7 @@ class PairBits(_Record):
 
     causes: tuple[str, str]
     """The two causes, the more probable one first."""
-    bits: Number
+    bits: float
     """Expected reduction of the entropy between the two causes, from this release and the previous releases, bits."""
 
 
@@ -33,11 +31,11 @@ class PlannedRelease(_Record):
     """Instruction for the operator."""
     reason: str
     """Text on the contribution of this release in addition to the previous releases."""
-    theta1_rad: Number
+    theta1_rad: float
     """Absolute angle of the inner rod, which is at rest at the release, rad; 0 = upright."""
-    theta2_rad: Number
+    theta2_rad: float
     """Absolute angle of the outer rod at the release, rad."""
-    duration_s: Number
+    duration_s: float
     """Duration of the recording, s."""
     rate_hz: int
     """Sampling rate, samples per second."""
@@ -57,20 +55,20 @@ class PlannedRelease(_Record):
     """Rig file for `capture`, which describes pose, rods, mass and arm; None if no output folder was given."""
     input: str | None
     """File of the input signal, which the device replays; None for a free swing, or if no output folder was given."""
-    minutes: Number
+    minutes: float
     """Time that the release takes after the previous one, minutes."""
-    horizon_s: Number
+    horizon_s: float
     """Time for which the swing is predictable if the start pose is placed by hand, s."""
     pairs: list[PairBits]
     """Expected information about each open pair of causes, from this release and the previous releases."""
-    library_bits: Number
+    library_bits: float
     """Mean expected information about pairs of effects of the library, from this release and the previous releases.
 
     The unit is bits, from 0 to 1.
     """
-    ratio_std: dict[str, Number]
+    ratio_std: dict[str, float]
     """Expected standard deviation of each ratio after this release and the previous releases."""
-    decided: Number | None
+    decided: float | None
     """Probability that no further release is necessary after this release.
 
     None before any recording, and if no further release is necessary now.
@@ -98,11 +96,11 @@ class Detectable(_Record):
     """Name of the amplitude."""
     unit: str
     """SI unit of the amplitude."""
-    before: Number | None
+    before: float | None
     """Minimum detectable size with the recordings so far; None if no size is detectable."""
-    after: Number | None
+    after: float | None
     """Minimum detectable size with the planned releases added; None if no size is detectable."""
-    typical: Number
+    typical: float
     """Typical size on a laboratory rig."""
 
 
@@ -122,10 +120,10 @@ class LimitForecast(_Record):
     """Name of the limited quantity, as in `dpr-lab accept`."""
     unit: str
     """SI unit of the quantity."""
-    reach: Number | None
+    reach: float | None
     """Distance from the limit within which a value remains undecided after the plan; None if the quantity is not
     detectable."""
-    reached_rad_per_s: Number | None = None
+    reached_rad_per_s: float | None = None
     """Speed that the joint reaches, rad/s, if it is below the speed of a friction limit; otherwise None."""
     all_shapes: bool = False
     """Whether the interval of `accept` covers all shapes of an effect; `reach` applies to one shape."""
@@ -147,14 +145,14 @@ class Plan(Shown, _Record):
     """Sentences with the recommendation."""
     releases: list[PlannedRelease]
     """Planned releases in the order of recording; the release with the most information per minute comes first."""
-    minutes: Number
+    minutes: float
     """Time that all releases take, minutes."""
-    forecast: list[Number]
+    forecast: list[float]
     """Probability that no further release is necessary after 1, 2, ... of these releases.
 
     Empty before any recording, and if no further release is necessary now.
     """
-    ratio_std: dict[str, Number]
+    ratio_std: dict[str, float]
     """Standard deviation of each ratio with the recordings so far.
 
     Before any recording it follows from the bounds of the rig file.
@@ -167,7 +165,7 @@ class Plan(Shown, _Record):
     """Forecasts for the limits in the limits file that the rig must satisfy."""
     assumptions: list[str]
     """Sentences on the assumptions of the plan."""
-    seconds: Number
+    seconds: float
     """Computing time, s."""
 
     def _heading(self) -> str:

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveFloat, PositiveInt
 
 from dpr_lab.search.fitness import FAILED_ABOVE
 from dpr_lab.search.population import Population, merged, ranked
 from dpr_lab.search.problem import SearchProblem
-from dpr_lab.search.settings import Count, Positive, SearchSettings
+from dpr_lab.search.settings import SearchSettings
 
 FEWEST_GENES = 2
 """Minimum number of dimensions that the package `cma` accepts; a dummy dimension is added to a single gene."""
@@ -32,9 +32,9 @@ class CmaEsSettings(SearchSettings, frozen=True):
     """Maximum number of generations after the first sample, summed over all restarts."""
     population: Annotated[int, Field(ge=4)] | None = None
     """Number of candidates in a generation of the first search; default: 4 + 3 ln(number of genes)."""
-    sigma: Annotated[Positive, Field(le=1)] = 0.3
+    sigma: Annotated[PositiveFloat, Field(le=1)] = 0.3
     """Initial standard deviation of the sample, as a share of each gene's range."""
-    restart_growth: Count = 2
+    restart_growth: PositiveInt = 2
     """Factor by which the population grows at each restart, up to `LARGEST_GROWTH` times the first population."""
 
 

@@ -4,13 +4,13 @@ from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, NonNegativeFloat
 
 from dpr_lab.arrays import Array
 from dpr_lab.search.fitness import FAILED_ABOVE
 from dpr_lab.search.population import Population, latin_hypercube, ranked
 from dpr_lab.search.problem import Bounds, SearchProblem
-from dpr_lab.search.settings import NotNegative, SearchSettings, Share
+from dpr_lab.search.settings import SearchSettings, Share
 
 
 class DifferentialEvolutionSettings(SearchSettings, frozen=True):
@@ -28,7 +28,7 @@ class DifferentialEvolutionSettings(SearchSettings, frozen=True):
         "best1bin"
     )
     """Strategy that constructs the trial vectors, by its name in scipy."""
-    mutation: tuple[NotNegative, NotNegative] = (0.5, 1.0)
+    mutation: tuple[NonNegativeFloat, NonNegativeFloat] = (0.5, 1.0)
     """Range from which the differential weight is drawn, once for each generation."""
     recombination: Share = 0.7
     """Share of the genes of a trial vector that come from its mutant."""

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveFloat, PositiveInt
 
 from dpr_lab.arrays import Array
 from dpr_lab.search.fitness import cost
 from dpr_lab.search.population import Population, latin_hypercube, merged
 from dpr_lab.search.problem import SearchProblem
-from dpr_lab.search.settings import Count, Positive, SearchSettings
+from dpr_lab.search.settings import SearchSettings
 
 MAX_POWER = 16
 """Exponent p of the p-norm of the errors E of the poses, a smooth approximation of the largest E.
@@ -30,9 +30,9 @@ class MultistartSettings(SearchSettings, frozen=True):
     """Maximum number of generations, each of which is one local search."""
     population: Annotated[int, Field(ge=2)] = 50
     """Number of points of a Latin hypercube. When all points have been used as starts, the next hypercube is drawn."""
-    iterations: Count = 50
+    iterations: PositiveInt = 50
     """Maximum number of iterations of a local search."""
-    difference: Annotated[Positive, Field(lt=0.1)] = 1e-6
+    difference: Annotated[PositiveFloat, Field(lt=0.1)] = 1e-6
     """Step of the finite differences, as a share of each gene's range."""
 
 

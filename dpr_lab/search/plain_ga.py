@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveFloat, PositiveInt
 
 from dpr_lab.arrays import Array
 from dpr_lab.search.population import Population, merged, ranked
 from dpr_lab.search.problem import Bounds, SearchProblem
-from dpr_lab.search.settings import Count, Positive, SearchSettings, Share
+from dpr_lab.search.settings import SearchSettings, Share
 
 
 class PlainGaSettings(SearchSettings, frozen=True):
@@ -23,15 +23,15 @@ class PlainGaSettings(SearchSettings, frozen=True):
     """Maximum number of generations after the initial population."""
     population: Annotated[int, Field(ge=2)] = 100
     """Number of chromosomes in the population."""
-    elite: Count = 2
+    elite: PositiveInt = 2
     """Number of the best chromosomes that survive a generation unchanged."""
-    tournament: Count = 3
+    tournament: PositiveInt = 3
     """Number of chromosomes in a tournament, whose winner becomes a parent."""
     crossover_rate: Share = 0.8
     """Share of the pairs of parents that are crossed."""
     mutation_rate: Share = 0.1
     """Share of the genes of the offspring that mutate."""
-    mutation_std: Positive = 0.05
+    mutation_std: PositiveFloat = 0.05
     """Standard deviation of the Gaussian mutation, as a share of the gene's range."""
 
 

@@ -2,15 +2,12 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Count = Annotated[int, Field(ge=1)]
+Share = Annotated[float, Field(ge=0, le=1)]
 
 
-class SearchSettings(BaseModel, extra="forbid", frozen=True):
+class SearchSettings(BaseModel, extra="forbid", frozen=True, allow_inf_nan=False):
     """Settings that all algorithms share."""
 
     algorithm: str
@@ -18,13 +15,13 @@ class SearchSettings(BaseModel, extra="forbid", frozen=True):
     """Maximum number of generations after the initial population."""
     aggregate: Literal["sum", "max", "min"] = "sum"
     """Combination of the errors E of the poses to the cost H."""
-    stagnation_generations: Count | None = None
+    stagnation_generations: PositiveInt | None = None
     """Number of generations without progress after which the search stops; None: it does not stop early."""
     stagnation_improvement: Share = 0.01
     """Relative decrease of the best cost up to which the search counts as stagnant."""
-    delta: Positive = 35.0
+    delta: PositiveFloat = 35.0
     """Constant added to H in the fitness; a larger value increases the selection probability of bad individuals."""
-    fitness_scale: Positive = 350.0
+    fitness_scale: PositiveFloat = 350.0
     """M of docs/theory.md (10), not published. With 350, the fitness threshold sigma = 5 corresponds to H < 35."""
 
 
@@ -43,11 +40,11 @@ class IgaSettings(SearchSettings, frozen=True):
 
     Dynamic encoding and feedback mutation are used if the best fitness also exceeds `sigma`.
     """
-    sigma: NotNegative = 5.0
+    sigma: NonNegativeFloat = 5.0
     """Best fitness above which the population may count as converged; the second condition is `alpha`."""
-    mu: Positive = 0.95
+    mu: PositiveFloat = 0.95
     """Lower end of the range of dynamic encoding, as a multiple of the best gene."""
-    nu: NotNegative = 0.1
+    nu: NonNegativeFloat = 0.1
     """Width of the range of dynamic encoding: its upper end is (mu + nu) times the best gene."""
     similarity: Share = 0.01
     """Largest difference, as a share of the gene's range, at which the feedback mutation regards two genes as equal."""

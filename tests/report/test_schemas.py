@@ -2,15 +2,21 @@
 
 import copy
 import json
+import math
 import runpy
 from pathlib import Path
 from typing import Any
 
 import pytest
 from jsonschema import Draft202012Validator, ValidationError
+from pydantic import BaseModel
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.gap.result.saved import Saved
+from dpr_lab.identification.scaling.scale import ModelPart
 from dpr_lab.report.schemas import SCHEMAS, schema
+from dpr_lab.rig_tables import RigTable
+from dpr_lab.search.settings import SearchSettings
 from tests.schemas import FOLDER, validator
 
 ROOT = Path(__file__).parents[2]
@@ -31,6 +37,16 @@ def test_schemas_in_the_docs_agree_with_the_types() -> None:
 @pytest.mark.parametrize("name", SCHEMAS)
 def test_a_schema_is_valid_itself(name: str) -> None:
     Draft202012Validator.check_schema(dict(validator(name).schema))
+
+
+@pytest.mark.parametrize("base", [Saved, ModelPart, RigTable, SearchSettings])
+def test_records_contain_finite_numbers_only(base: type[BaseModel]) -> None:
+    class Record(base):  # pyright: ignore[reportGeneralTypeIssues, reportUntypedBaseClass]
+        value: dict[str, tuple[float, ...]]
+
+    for number in (math.nan, math.inf, -math.inf):
+        with pytest.raises(ValueError, match="finite"):
+            Record.model_validate({"value": {"one": (0.0, number)}})
 
 
 @pytest.mark.parametrize("name", WRITTEN)

@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.gap.result.saved import Interval, Number, Saved
+from dpr_lab.gap.result.saved import Interval, Saved
 
 PROBABLE = 0.05
 """Minimum probability of an effect that is listed as a cause, and of an alternative that a check should exclude."""
@@ -18,13 +18,13 @@ class EffectSize(Interval):
     `interval90` contains only the uncertainty of the fit, for the assumed b.
     """
 
-    ratio: Number | None = None
+    ratio: float | None = None
     """Ratio value / b^k, which does not depend on the scale; None if the recordings determine b, or if k is 0."""
     ratio_unit: str = ""
     """Unit of the ratio, SI."""
-    ratio_interval90: tuple[Number, Number] | None = None
+    ratio_interval90: tuple[float, float] | None = None
     """90 % interval of the ratio."""
-    interval90_with_scale: tuple[Number, Number] | None = None
+    interval90_with_scale: tuple[float, float] | None = None
     """90 % interval of the absolute value, including the uncertainty of b; None in a file of an older version."""
 
 
@@ -35,22 +35,22 @@ class NamedEffect(Saved):
     """Name of the effect, a key of `dpr_lab.effects.EFFECTS`."""
     members: list[str] = Field(alias="class")
     """The effect and the effects that are indistinguishable from it in these recordings."""
-    odds: dict[str, Number] = {}
+    odds: dict[str, float] = {}
     """Share of each member of the class in the probability, by the plausibility of its size."""
     forms: list[str] = []
     """Richer forms of the members that count as the simpler form.
 
     All their additional amplitudes are excluded at the minimum detectable sizes.
     """
-    probability: Number
+    probability: float
     """Probability that the cause is one of the members."""
-    outside: Number | None = None
+    outside: float | None = None
     """Probability that a cause outside the library replaces the effect; None in a file of an older version."""
     untested: bool = False
     """Whether the probability is limited because one release of a single rod hardly tests the form of the effect."""
     parameters: dict[str, EffectSize]
     """Size of each parameter, SI, by the name of the parameter."""
-    share: Number
+    share: float
     """Unique contribution: share of the excess that returns without the effect."""
 
     @property
@@ -86,9 +86,9 @@ class NamedFamily(Saved):
     """Description of the component, for readers."""
     effects: list[str]
     """Named effects that belong to the family."""
-    probability: Number
+    probability: float
     """Probability of the component: the largest probability of its specific effects."""
-    share: Number
+    share: float
     """Share of the excess chi2 that returns if all effects of the family are removed."""
 
 
@@ -99,9 +99,9 @@ class RivalEffect(Saved):
     """Name of the alternative, a key of `dpr_lab.effects.EFFECTS`."""
     members: list[str] = Field(alias="class")
     """The effect and the effects that are indistinguishable from it in these recordings."""
-    probability: Number
+    probability: float
     """Probability that the alternative is the cause instead."""
-    cosine: Number
+    cosine: float
     """Cosine similarity between the signatures of this effect and of the named effect; 1 for equal shapes."""
     instead_of: str = ""
     """Named effect that the alternative could replace; empty if no effect is named."""

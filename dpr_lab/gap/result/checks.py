@@ -9,7 +9,7 @@ from pydantic import model_validator
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.effects.units import DISPLAYED
-from dpr_lab.gap.result.saved import Interval, Number, Saved
+from dpr_lab.gap.result.saved import Interval, Saved
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.shown import listed
 
@@ -30,11 +30,11 @@ RECOMMENDATION = Recommendation()
 class AdvisedRelease(Saved):
     """A recommended release, from rest."""
 
-    theta1_rad: Number
+    theta1_rad: float
     """Absolute angle of the inner rod at the release, rad."""
-    theta2_rad: Number
+    theta2_rad: float
     """Absolute angle of the outer rod at the release, rad."""
-    duration_s: Number
+    duration_s: float
     """Duration of the recording, s."""
     added_mass: AddedMass | None = None
     """Known mass to attach to a rod; None if no mass is attached."""
@@ -103,7 +103,7 @@ class AdvisedCheck(Saved):
     """Named effect that the check distinguishes from the members of its class or from its alternatives."""
     splits: list[str]
     """Effects that the check distinguishes from each other."""
-    expected_bits: Number
+    expected_bits: float
     """Expected reduction of the entropy between these effects, in bits."""
     measures: str = ""
     """Effect whose amplitude a measurement determines. If this effect is not the cause, the amplitude is about zero."""
@@ -198,15 +198,15 @@ class CheckDone(Saved):
     """The recommended check."""
     result: str
     """Description of the result."""
-    value: Number | None = None
+    value: float | None = None
     """Measured value, in the unit of the quantity; None for a recording."""
-    std: Number | None = None
+    std: float | None = None
     """Standard uncertainty of the measured value, in the unit of the quantity; None for a recording."""
-    before: dict[str, Number]
+    before: dict[str, float]
     """Probability of each candidate, and of a cause outside the candidates ("unexplained"), before the check."""
-    after: dict[str, Number]
+    after: dict[str, float]
     """Probability of each candidate after the check."""
-    log10_bayes_factor: dict[str, Number] = {}
+    log10_bayes_factor: dict[str, float] = {}
     """Base-10 logarithm of the Bayes factor of each candidate against all others together.
 
     A positive value means that the result supports the candidate.

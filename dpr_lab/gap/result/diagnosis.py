@@ -19,7 +19,7 @@ from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.finding import SensorFinding
 from dpr_lab.gap.result.gap_size import Gap, Where
 from dpr_lab.gap.result.posterior import PosteriorComponent
-from dpr_lab.gap.result.saved import Interval, Number, Saved
+from dpr_lab.gap.result.saved import Interval, Saved
 from dpr_lab.gap.result.search_step import SearchStep
 from dpr_lab.gap.result.trust import Trust
 from dpr_lab.gap.screen.shutter import RollingShutter
@@ -74,9 +74,9 @@ class Diagnosis(Shown, Saved):
     """Components that several of the named effects form."""
     rivals: list[RivalEffect]
     """Effects that could replace the named ones, most probable first."""
-    probabilities: dict[str, Number]
+    probabilities: dict[str, float]
     """Probability of `no_gap`, of `unexplained`, and of each effect."""
-    detectable: dict[str, dict[str, Number | None]]
+    detectable: dict[str, dict[str, float | None]]
     """Minimum detectable size at the assumed b, SI, by effect and by parameter; None if no size is detectable."""
     absorbed: dict[str, dict[str, str]] = {}
     """Quantity from which an amplitude is indistinguishable in these recordings, by effect and amplitude.
@@ -106,7 +106,7 @@ class Diagnosis(Shown, Saved):
     Parts that are not mounted have the values of the rig file. These ratios are initial values for other commands, not
     results.
     """
-    ratio_covariance: list[list[Number]]
+    ratio_covariance: list[list[float]]
     """(5, 5) covariance of the ratios a/b, d/b, e1/b, c1/b, c2/b."""
     determined: dict[str, Interval] = {}
     """Ratios that the recordings determine: to b, or to a if only the inner rod is mounted.
@@ -114,29 +114,29 @@ class Diagnosis(Shown, Saved):
     They include A/b and c0/b of a moving arm. The values of `ratios` that are not in this dictionary come from the rig
     file. Empty in a file of an older version.
     """
-    determined_covariance: list[list[Number]] = []
+    determined_covariance: list[list[float]] = []
     """Covariance matrix of the values of `determined`, in the same order."""
-    chi2_per_dof: Number
+    chi2_per_dof: float
     """Reduced chi-square of the corrected model, over segments of 0.5 s."""
     exact_torques: bool = False
     """Whether measured torques were assumed to be exact.
 
     This is the case if the remainder is far above the influence of their noise.
     """
-    torques_earlier: Number = 0.0
+    torques_earlier: float = 0.0
     """Time by which known torques act before their rows, as a share of the interval between rows."""
     shutter: RollingShutter | None = None
     """Rolling shutter for which the readings were corrected; None if no correction was made."""
     segments: int
     """Number of segments of 0.5 s."""
-    scale_b: Number
+    scale_b: float
     """Inertia b to which all sizes refer, kg m^2.
 
     It comes from the rig file if the recordings determine only ratios to b.
     """
     scale: Scale | None = None
     """Value of b that absolute sizes assume, with its interval and source; None in a file of an older version."""
-    p_over_b: Number | None = None
+    p_over_b: float | None = None
     """Ratio m2 L1^2 / b. Together with the other ratios it determines the swing of the inner rod without the outer
     rod."""
     search: list[SearchStep] = []
@@ -146,7 +146,7 @@ class Diagnosis(Shown, Saved):
 
     Empty in a file of an older version.
     """
-    model_effects: dict[str, dict[str, Number]]
+    model_effects: dict[str, dict[str, float]]
     """Effects of the corrected model with all parameters, as input of `dpr_lab.effects.effect_params`."""
     assumptions: list[str]
     """Assumptions of the diagnosis, in sentences."""
@@ -154,7 +154,7 @@ class Diagnosis(Shown, Saved):
     """Evidence for the result; None in a diagnosis of an older version."""
     trust: Trust | None = None
     """Blind trials on simulated plants similar to this rig; None unless requested."""
-    seconds: Number
+    seconds: float
     """Computing time, s."""
 
     @property

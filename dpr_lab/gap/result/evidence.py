@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.gap.result.saved import Number, Saved
+from dpr_lab.gap.result.saved import Saved
 
 
 class RecordingUsed(Saved):
@@ -23,7 +23,7 @@ class RecordingUsed(Saved):
     driven: bool
     """Whether known torques drove the joints."""
     held_out: bool
-    duration_s: Number
+    duration_s: float
     readings: int
     """Number of readings that the diagnosis uses, of all joints together; an absent rod has none."""
     truncated: bool = False
@@ -33,12 +33,12 @@ class RecordingUsed(Saved):
 class Occupancy(Saved):
     """Time that a rod spent in each range of angle and speed."""
 
-    angle_edges_rad: list[Number]
+    angle_edges_rad: list[float]
     """Edges of the cells by angle, rad, in a full turn: 0 is upright, pi is hanging."""
-    speed_edges_rad_per_s: list[Number]
-    fitted_s: list[list[Number]]
+    speed_edges_rad_per_s: list[float]
+    fitted_s: list[list[float]]
     """(angles, speeds) time in each cell over the fitted recordings, s."""
-    held_out_s: list[list[Number]]
+    held_out_s: list[list[float]]
     """(angles, speeds) time in each cell over the held-out recordings, s."""
 
 
@@ -47,31 +47,31 @@ class Closing(Saved):
 
     effect: str
     """Name of the added effect; empty for the bare model."""
-    left_rad: Number
+    left_rad: float
     """Remaining gap on the data on which the verdict was tested: rms of a reading above the noise, rad."""
-    closed: Number
+    closed: float
     """Share of the gap that the effects added so far close."""
 
 
 class Whiteness(Saved):
     """Residuals of one joint under one model, in standard deviations of the noise."""
 
-    autocorrelation: list[Number]
+    autocorrelation: list[float]
     """Autocorrelation of the residuals at lag 1, 2 and so on."""
-    quantiles: list[Number]
+    quantiles: list[float]
     """Quantiles of the residuals at `ResidualLook.normal`."""
-    beyond3: Number
+    beyond3: float
     """Share of the residuals beyond three standard deviations; 0.0027 for a normal distribution."""
 
 
 class ResidualLook(Saved):
     """Residual analysis of the fitted recordings, with free initial states of the segments."""
 
-    spacing_s: Number
+    spacing_s: float
     """Time between neighbouring readings, s."""
     readings: int
     """Number of residuals of each joint."""
-    normal: list[Number]
+    normal: list[float]
     """Quantiles of the standard normal distribution, to which the residuals are compared."""
     joints: dict[str, dict[str, Whiteness]]
     """Residual analysis by joint, and by model: `before` and `after` the correction."""
@@ -102,13 +102,13 @@ class Exclusion(Saved):
 
     effect: str
     parameter: str
-    size: Number
+    size: float
     """Minimum detectable size of the amplitude, SI."""
-    estimate: Number
+    estimate: float
     """Estimate of the amplitude from these recordings, with all named effects in the model, SI."""
-    confidence: Number
+    confidence: float
     """Confidence that the effect is smaller than `size`, 0 to 1."""
-    interval90: tuple[Number, Number] | None = None
+    interval90: tuple[float, float] | None = None
     """90 % interval of the amplitude, fitted together with the other amplitudes, over all shapes of the effect.
 
     None if the recordings do not separate the amplitudes.
@@ -135,9 +135,9 @@ class WiderModel(Saved):
 
     effects: list[str]
     """The further effects."""
-    probability: Number | None = None
+    probability: float | None = None
     """Posterior probability of the further effect; None for all common effects together."""
-    intervals90: dict[str, tuple[Number, Number]]
+    intervals90: dict[str, tuple[float, float]]
     """90 % interval of each ratio and of each fitted amplitude, such as `c1/b` or `coulomb_joint2.torque_Nm`; empty if
     the further effects are indistinguishable from the fitted values."""
 
@@ -145,14 +145,14 @@ class WiderModel(Saved):
 class JointFriction(Saved):
     """Friction torque of a joint against its speed: viscous, named laws, and free-form curve."""
 
-    speed_rad_per_s: list[Number]
+    speed_rad_per_s: list[float]
     """Speeds of the joint in both directions, ascending, rad/s.
 
     The joint reaches the largest of these speeds in both directions.
     """
-    torque_Nm: list[Number]
+    torque_Nm: list[float]
     """Friction torque at each speed, at the assumed b, N m; positive if it opposes a positive speed."""
-    std_Nm: list[Number]
+    std_Nm: list[float]
     """Standard deviation of the friction torque at each speed, N m."""
     coefficients: int
     """Number of fitted values on which the friction torque depends."""
@@ -167,14 +167,14 @@ class UncertaintySource(Saved):
     kind: Literal["numerical", "input", "data"]
     how: str
     """Origin of the value, and the assumed uncertainty."""
-    left: Number
+    left: float
     """Factor by which the recordings reduce the assumed uncertainty, because they would show a larger error.
 
     It is computed under the assumption that the corrected model is right.
     """
-    before_rad: Number
+    before_rad: float
     """Rms change of a prediction of the bare model by this source, rad."""
-    after_rad: Number
+    after_rad: float
     """Rms change of a prediction of the corrected model by this source, rad."""
 
 
@@ -199,20 +199,20 @@ class RunBudget(Saved):
 
     run: str
     held_out: bool
-    until_s: Number
+    until_s: float
     """End of the comparison, s after the first reading: the predictability horizon, or the end of the free run."""
     reaches_horizon: bool
     """Whether the predictability horizon lies within the free run."""
-    growth_per_s: Number
+    growth_per_s: float
     """Largest growth rate of an initial error of the angles until the end of the comparison, 1/s."""
-    error_before_rad: Number
-    error_after_rad: Number
-    u_before_rad: Number
-    u_after_rad: Number
-    area_before_rad: Number
+    error_before_rad: float
+    error_after_rad: float
+    u_before_rad: float
+    u_after_rad: float
+    area_before_rad: float
     """Area between the distribution of the measured angles and the distribution simulated by the bare model, rad."""
-    area_after_rad: Number
-    area_noise_rad: Number
+    area_after_rad: float
+    area_noise_rad: float
     """Area between two distributions of the angles that the corrected model predicts: without and with noise of the
     readings, rad."""
 
@@ -226,10 +226,10 @@ class Budget(Saved):
     """Validation uncertainty: the possible error of a prediction by a correct model."""
 
     sources: list[UncertaintySource]
-    error_before_rad: Number
-    error_after_rad: Number
-    u_before_rad: Number
-    u_after_rad: Number
+    error_before_rad: float
+    error_after_rad: float
+    u_before_rad: float
+    u_after_rad: float
     runs: list[RunBudget]
 
     @property
@@ -245,20 +245,20 @@ class Curves(Saved):
 
     run: str
     held_out: bool
-    settled_s: Number
+    settled_s: float
     """End of the interval to which the initial state was fitted, s after the first reading."""
-    until_s: Number
+    until_s: float
     """Predictability horizon, or end of the free run, s after the first reading."""
-    t_s: list[Number]
-    measured_rad: list[list[Number]]
+    t_s: list[float]
+    measured_rad: list[list[float]]
     """(n, 2) angles of the inner and outer rod, rad, 0 = upright."""
-    before_rad: list[list[Number]]
-    after_rad: list[list[Number]]
+    before_rad: list[list[float]]
+    after_rad: list[list[float]]
     rods: int = 2
     """Number of rods that swing separately. If it is 1, only the first angle has a meaning."""
-    arm_rad: list[list[Number]] = []
+    arm_rad: list[list[float]] = []
     """(n, 3) angle of an arm that is free or driven, rad: measured, before and after correction."""
-    input: list[Number] = []
+    input: list[float] = []
     """(n,) input of the arm's drive, in the unit of `input_name`."""
     input_name: str = ""
     """Name of the input with its unit."""

@@ -11,7 +11,7 @@ from pydantic.json_schema import SkipJsonSchema
 class SensorFinding:
     """A sensor fault that was detected without a model."""
 
-    __pydantic_config__ = ConfigDict(extra="forbid", revalidate_instances="always")
+    __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False, revalidate_instances="always")
 
     name: str
     """Kind of the sensor fault."""
@@ -19,7 +19,7 @@ class SensorFinding:
     """Name of the run."""
     axis: str | None
     """Encoder with the fault: `joint1`, `joint2` or `joint0`; None for all encoders."""
-    at_s: Annotated[float, Field(allow_inf_nan=False)] | None
+    at_s: float | None
     """Instant of the fault, s since the release; None for the whole run."""
     evidence: str
     """Description of the evidence."""

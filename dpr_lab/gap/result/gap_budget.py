@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from dpr_lab.gap.result.saved import Number, Saved
+from dpr_lab.gap.result.saved import Saved
 
-Share = Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=1.0)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,13 +31,13 @@ class VaryingParameter(Saved):
     """Name of the effect, a key of `dpr_lab.effects.EFFECTS`; empty for a ratio of the rods."""
     name: str
     """Name of the parameter."""
-    values: dict[str, Number]
+    values: dict[str, float]
     """Value of the parameter, SI, by recording or quarter. All other parameters have common values."""
-    std: Number
+    std: float
     """Standard deviation of one value due to noise and disturbances, SI."""
-    spread: Number
+    spread: float
     """Standard deviation of the true value between recordings, SI: the scatter without the part due to `std`."""
-    sigmas: Number
+    sigmas: float
     """Scatter of the values, in standard deviations of one value; 1 is expected by chance."""
 
 

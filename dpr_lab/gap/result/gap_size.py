@@ -5,20 +5,20 @@ from typing import Any
 from pydantic import model_validator
 
 from dpr_lab.gap.result.gap_budget import GapBudget
-from dpr_lab.gap.result.saved import Number, Saved
+from dpr_lab.gap.result.saved import Saved
 
 
 class ClosedShare(Saved):
     """Share of the gap that the named effects close on held-out data."""
 
-    estimate: Number
+    estimate: float
     """Share that closes on the held-out runs or, if there are none, on each run when it is predicted from the other
     runs."""
-    interval90: tuple[Number, Number]
+    interval90: tuple[float, float]
     """90 % interval of the estimate."""
-    per_run: dict[str, Number]
+    per_run: dict[str, float]
     """Share of the gap that closes on each run, by the name of the run."""
-    held_out: dict[str, Number] = {}
+    held_out: dict[str, float] = {}
     """Share of the gap that closes on each held-out run, by the name of the run."""
 
 
@@ -28,23 +28,23 @@ class Gap(Saved):
     The size is the rms of a reading above the noise, unless a field states another quantity.
     """
 
-    floor_rad: dict[str, Number]
+    floor_rad: dict[str, float]
     """Noise floor of each joint, rad, by the name of the joint; 0 for a joint without readings.
 
     It is the noise of the readings that the diagnosis fits: averages over blocks of at most 5 ms, with the errors of
     the time stamps and the measured correlation of the noise. `noise_rad` of a model is the noise of a single reading.
     """
-    before_rad: dict[str, Number]
+    before_rad: dict[str, float]
     """Rms of the residual of the bare model above the noise, rad, by joint."""
-    after_rad: dict[str, Number]
+    after_rad: dict[str, float]
     """Rms of the residual of the corrected model above the noise, rad, by joint."""
-    explained_share: Number
+    explained_share: float
     """Share of the excess chi-square of the bare model that the corrected model explains."""
     closed_held_out: ClosedShare
     """Share of the gap that closes on data that were not fitted."""
-    by_horizon: dict[str, dict[str, Number]] = {}
+    by_horizon: dict[str, dict[str, float]] = {}
     """Rms above the noise, rad, by segment length in s, and by model: `before` and `after` the correction."""
-    free_run_rad: dict[str, dict[str, Number]] = {}
+    free_run_rad: dict[str, dict[str, float]] = {}
     """Rms error of a free run from the release, rad, by run, and by model: `before` and `after` the correction."""
     waterfall: list[dict[str, Any]] = []
     """Gap after each effect, with the effects in the order of their contribution.
@@ -53,12 +53,12 @@ class Gap(Saved):
     of a reading above the noise, over all axes, rad. `rms_rad`, the root of the sum over the axes, is kept for one
     version.
     """
-    remainder_Nm: dict[str, Number] = {}
+    remainder_Nm: dict[str, float] = {}
     """Rms torque of a discrepancy term that is fitted to the residual of the model, N m, by joint.
 
     Empty if the residual is noise.
     """
-    remainder_rad: dict[str, Number] = {}
+    remainder_rad: dict[str, float] = {}
     """Rms encoder error of the discrepancy term, rad, by joint."""
     budget: GapBudget | None = None
     """Reproducible share of the gap, and the part that effects explain; None in a file of an older version."""
@@ -77,15 +77,15 @@ class Where(Saved):
     """Site of the location: a joint, an encoder, or the base."""
     coordinate: str
     """Coordinate of the map: `angle`, `speed` or `time`."""
-    share: Number
+    share: float
     """Share of the excess chi-square that a map at this location explains."""
     sentence: str
     """Description of the map."""
-    knots: list[Number] = []
+    knots: list[float] = []
     """(n,) coordinates of the map, SI; only those that the recordings reach."""
-    values: list[Number] = []
+    values: list[float] = []
     """(n,) values of the map at the knots, in `unit`, without the part that the ratios absorb."""
-    std: list[Number] = []
+    std: list[float] = []
     """(n,) standard deviations of the values, in `unit`."""
     unit: str = ""
     """Unit of the values, SI."""

@@ -6,7 +6,6 @@ import numpy as np
 from pydantic import Field
 
 from dpr_lab.arrays import Array
-from dpr_lab.gap.result.saved import Number
 from dpr_lab.identification.scaling.scale import ModelPart
 
 
@@ -15,22 +14,22 @@ class PosteriorComponent(ModelPart):
 
     probability: Annotated[float, Field(ge=0, le=1)]
     """Probability of the set among the fitted sets, given that the cause is in the library."""
-    ratios: dict[str, Number]
+    ratios: dict[str, float]
     """Ratios a/b, d/b, e1/b, c1/b, c2/b, and b, kg m^2, if the recordings determine it."""
-    effects: dict[str, dict[str, Number]]
+    effects: dict[str, dict[str, float]]
     """Value of each parameter, SI, by effect and parameter, for the b in `ratios` or else for that of the diagnosis."""
     free: list[str]
     """Names of the fitted values, in the order of the covariance: a ratio, or `effect.parameter`."""
-    covariance: list[list[Number]]
+    covariance: list[list[float]]
     """(free, free) covariance of the fitted values, SI."""
-    between: list[list[Number]] = []
+    between: list[list[float]] = []
     """(free, free) covariance of the difference between the values of another recording and these values, SI, without
     the noise of the readings.
 
     It is zero if the recordings do not differ significantly, and empty in a file of an older version.
     """
 
-    left_out: list[list[Number]] = []
+    left_out: list[list[float]] = []
     """(recordings, free) values fitted without each recording, SI.
 
     Empty in a file of an older version, and for a single recording.

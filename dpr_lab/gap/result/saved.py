@@ -1,26 +1,22 @@
-"""Base types of saved results: frozen records, finite numbers, intervals."""
+"""Base types of saved results: frozen records with finite numbers, intervals."""
 
 import math
-from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
-
-Number = Annotated[float, Field(allow_inf_nan=False)]
-"""A finite number."""
+from pydantic import BaseModel, ConfigDict
 
 
 class Saved(BaseModel):
     """Base class of frozen records; a file with unknown keys is refused."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True, populate_by_name=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True, populate_by_name=True, allow_inf_nan=False)
 
 
 class Interval(Saved):
     """A number with its 90 % interval."""
 
-    value: Number
+    value: float
     """Value of the number, SI."""
-    interval90: tuple[Number, Number]
+    interval90: tuple[float, float]
     """Limits of the 90 % interval, SI."""
 
     @classmethod

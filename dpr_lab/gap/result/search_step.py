@@ -1,6 +1,6 @@
 """One trial of the search for a set of effects."""
 
-from dpr_lab.gap.result.saved import Number, Saved
+from dpr_lab.gap.result.saved import Saved
 
 
 class SearchStep(Saved):
@@ -12,9 +12,9 @@ class SearchStep(Saved):
     """Effects of the set that was current before this trial."""
     tried: list[str]
     """Effects of the proposed set, which was tried."""
-    criterion: Number | None = None
+    criterion: float | None = None
     """Criterion of the proposed set: held-out chi-square plus the penalty of the parameters; None if the fit failed."""
-    change: Number | None
+    change: float | None
     """Change of the criterion from the current set to the proposed one; negative is better, None if a fit failed."""
     accepted: bool
     """Whether the proposed set became the current one."""

@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from dpr_lab.gap.result.saved import Number, Saved
+from dpr_lab.gap.result.saved import Saved
 
 NOTHING = "nothing"
 """Entry of the confusion matrix for a plant without a further effect, or for a diagnosis that names no further
@@ -21,7 +21,7 @@ class TrustTrial(Saved):
 
     kind: Literal["as found", "another", "clean"]
     """Kind of effects of the plant: the named effects, one effect drawn from the library, or no effect."""
-    truth: dict[str, dict[str, Number]]
+    truth: dict[str, dict[str, float]]
     """Effects of the plant with all parameters, SI."""
     named: list[str]
     verdict: str
@@ -30,7 +30,7 @@ class TrustTrial(Saved):
     """Effects of the plant that were named, alone or in a class of indistinguishable effects."""
     wrong: list[str]
     """Named effects that the plant does not have."""
-    seconds: Number
+    seconds: float
 
 
 class ConfusionCell(Saved):
@@ -46,7 +46,7 @@ class TrustShare(Saved):
 
     held: int
     of: int
-    interval90: tuple[Number, Number]
+    interval90: tuple[float, float]
     """90 % Wilson score interval of the share."""
 
 
@@ -54,7 +54,7 @@ class Trust(Saved):
     """Blind trials of a diagnosis, with their summary."""
 
     seed: int
-    seconds_each: Number
+    seconds_each: float
     """Median computing time of a trial, s."""
     trials: list[TrustTrial]
     confusion: list[ConfusionCell]

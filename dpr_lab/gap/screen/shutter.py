@@ -16,7 +16,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array, without_turns
 from dpr_lab.effects.quantities import RigConstants
-from dpr_lab.gap.result.saved import Number, Saved
+from dpr_lab.gap.result.saved import Saved
 from dpr_lab.joint_angles import JointAngles
 
 Lines = Literal["horizontal", "vertical"]
@@ -30,7 +30,7 @@ class RollingShutter(Saved):
 
     lines: Lines
     """Direction of the lines of the picture."""
-    delay_s_per_m: Number
+    delay_s_per_m: float
     """Delay between lines per distance on the rig, s/m."""
 
     def corrected(self, t: Array, shown: Array, constants: RigConstants, *, alone: bool) -> Array:

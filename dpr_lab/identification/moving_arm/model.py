@@ -10,7 +10,7 @@ from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects.coulomb import COULOMB_JOINT0
 from dpr_lab.effects.spring import SPRING_JOINT0
 from dpr_lab.errors import RunError
-from dpr_lab.identification.model import EstimatedValue, FittedModel, Model, ModelPart, Number, read_model
+from dpr_lab.identification.model import EstimatedValue, FittedModel, Model, ModelPart, read_model
 from dpr_lab.identification.moving_arm.unknowns import parameter_of
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -20,19 +20,19 @@ from dpr_lab.shown import counted
 class ArmFitSummary(ModelPart):
     """Quality of the fit to the runs, in segments with free initial states."""
 
-    rms_rad: dict[str, Number]
+    rms_rad: dict[str, float]
     """Rms residual of the encoder readings of each joint, rad."""
-    noise_rad: dict[str, Number]
+    noise_rad: dict[str, float]
     """Standard deviation of the noise of the encoder readings of each joint, rad."""
     segments: int
     """Number of segments with free initial states."""
-    segment_s: Number
+    segment_s: float
     """Median length of a segment, s."""
-    chi2_per_dof: Number
+    chi2_per_dof: float
     """Reduced chi-square; 1 = noise only."""
     converged: bool
     """Whether the fit converged."""
-    merges: list[tuple[Number, Number]] = []
+    merges: list[tuple[float, float]] = []
     """Segment length, s, and reduced chi-square, for the first segments and after each merge."""
 
 
@@ -49,7 +49,7 @@ class MovingArmModel(FittedModel):
     """Inertia by which ratios are divided: a if only the inner rod is mounted, b for both rods."""
     undetermined: dict[str, str]
     """Unknowns that are not determined, with the reason for each."""
-    covariance: list[list[Number]]
+    covariance: list[list[float]]
     """(n, n) covariance of all unknowns, in the order of `unknowns`."""
     unknowns: list[str]
     """Names of all unknowns that were fitted."""
@@ -60,7 +60,7 @@ class MovingArmModel(FittedModel):
     """
     scale_sentence: str
     """Sentence on the source of the scale of absolute values."""
-    swing: Annotated[list[Number], Field(min_length=12, max_length=12)]
+    swing: Annotated[list[float], Field(min_length=12, max_length=12)]
     """Fitted parameters in the order of `dpr_lab.dynamics.moving_arm.swing.SWING_PARAMETERS`, divided by the scale."""
     fit: ArmFitSummary
     """Residuals, noise and segments of the fit."""

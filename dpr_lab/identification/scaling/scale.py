@@ -5,14 +5,12 @@ are uncertain. The power k is 1 for a torque or an inertia, and -1 for a quantit
 """
 
 from math import exp, hypot
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, NonNegativeFloat, PositiveFloat
 
 from dpr_lab.estimation.noise import NORMAL_Q90
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Interval90 = tuple[float, float]
 
 
@@ -23,15 +21,15 @@ ROD_OF = {"a": "inner rod about joint 1", "b": "outer rod about joint 2"}
 class ModelPart(BaseModel):
     """Part of a model file; keys of other versions are ignored."""
 
-    model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
+    model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True, allow_inf_nan=False)
 
 
 class Scale(ModelPart):
     """Scale of absolute sizes: the assumed inertia b, with its interval and source."""
 
-    b: Positive
+    b: PositiveFloat
     """Inertia assumed for all absolute sizes, kg m^2: b of the outer rod about joint 2, or a of an inner rod alone."""
-    interval90: tuple[Positive, Positive]
+    interval90: tuple[PositiveFloat, PositiveFloat]
     """90 % interval of b from the recordings and the rig file together, kg m^2."""
     fixed_by: Literal["data", "measured", "bound"]
     """Source of the scale: `data`, `measured` or `bound`.
@@ -41,7 +39,7 @@ class Scale(ModelPart):
     """
     inertia: Literal["a", "b"] = "b"
     """Name of the inertia: `b` of the outer rod about joint 2, or `a` of the inner rod about joint 1 if it is alone."""
-    constants_std: NonNegative = 0.0
+    constants_std: NonNegativeFloat = 0.0
     """Relative standard deviation of b due to motor constants of the rig file; 0 if b does not depend on them."""
 
     @property

@@ -1,27 +1,25 @@
 """Estimated values with their uncertainty and source, and the values of the inner rod alone."""
 
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import Field
+from pydantic import NonNegativeFloat
 
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.identification.scaling.scale import ModelPart, Scale
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
-
 
 class EstimatedValue(ModelPart):
     """Estimated value, its standard deviation and its 90 % interval."""
 
-    value: Number
+    value: float
     """Estimated value, SI."""
-    std: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    std: NonNegativeFloat
     """Standard deviation, in the unit of the value."""
-    interval90: tuple[Number, Number]
+    interval90: tuple[float, float]
     """90 % interval, in the unit of the value."""
-    profile90: tuple[Number | None, Number | None] | None = None
+    profile90: tuple[float | None, float | None] | None = None
     """90 % interval by profile likelihood, if requested; an end without a bound is None."""
     fixed_by: Literal["data", "bound"] = "data"
     """Source: `data`, or `bound` if the value depends mainly on nominal values and bounds of the rig file."""
@@ -44,14 +42,14 @@ class EstimatedValue(ModelPart):
 class ParameterValue(ModelPart):
     """One of the nine kinetic parameters and its source."""
 
-    value: Number
+    value: float
     """Value of the parameter, SI."""
-    std: Number | None
+    std: float | None
     """Standard deviation, SI; None for a value that only bounds determine."""
     fixed_by: Literal["data", "measured", "bound"]
     """Source: `data` (the recordings and measured values determine the value), `measured` (a bench measurement), or
     `bound` (only the bounds of the search determine the value, so other values are equally good)."""
-    interval90: tuple[Number, Number] | None = None
+    interval90: tuple[float, float] | None = None
     """90 % interval from the recordings and the rig file; that of the prior if only the bounds determine the value."""
 
 
