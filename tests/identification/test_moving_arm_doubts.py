@@ -22,7 +22,6 @@ from dpr_lab.identification.moving_arm.identify import identify_moving_arm
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.problem import recordings_of
 from dpr_lab.identification.moving_arm.scale import motor_notes, scale_of_arm
-from dpr_lab.identification.moving_arm.soft_stop import SoftStopSettings, soft_stop
 from dpr_lab.rig import load_rig
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.options import ImportOptions
@@ -195,47 +194,6 @@ def test_an_arm_that_hits_its_stop_is_named_without_a_test_of_other_zeros_and_sc
     assert tried == [()]
 
 
-def with_torque(rig, Z, arm, start, torque):
-    """(n, 3) swing with a further torque on the arm, a function of its angle that is held for a row."""
-    x = np.zeros((len(T), 6))
-    x[0] = start
-    for i in range(1, len(T)):
-        drive = np.full(2, PUSH[i - 1] + torque(x[i - 1, 0]))
-        x[i] = simulate_arm(Z, (rig.L0, rig.L1, rig.g), arm, x[i - 1], T[i - 1 : i + 1], drive=drive)[-1]
-    return x[:, :3]
-
-
-@pytest.mark.slow
-def test_a_cable_that_stiffens_gradually_is_no_stop(monkeypatch):
-    rng, rig = np.random.default_rng(6), rig_with("driven", "torque")
-    Z, arm, start = drawn(rng, rig)
-    run = recorded(rig, Z, arm._replace(k0=1.0), start, PUSH, PUSH, rng)
-    swing = with_torque(rig, Z, arm._replace(k0=1.0), start, lambda q: -20.0 * q**3)
-    run.theta[:] = swing + rng.normal(0, NOISE, swing.shape)
-    assert soft_stop(run, rig) is None
-    monkeypatch.setattr("dpr_lab.identification.moving_arm.soft_stop.SOFT_STOP", SoftStopSettings(separated=0.0))
-    assert soft_stop(run, rig) is not None  # a stop alone explains much of this torque, too
-
-
-@pytest.mark.slow
-def test_the_end_of_a_cable_is_named_and_a_cable_that_always_pulls_is_not():
-    rng, rig = np.random.default_rng(6), rig_with("driven", "torque")
-    Z, arm, start = drawn(rng, rig)
-    arm = arm._replace(k0=1.0)
-    free = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
-    limit = 0.4 * free.theta[:, 0].max()
-    swing = with_torque(rig, Z, arm, start, lambda q: -8.0 * max(q - limit, 0.0))
-    tight = replace(free, theta=swing + rng.normal(0, NOISE, swing.shape))
-    assert not stops(T, tight.theta[:, 0])
-    assert soft_stop(free, rig) is None
-    result = soft_stop(tight, rig)
-    assert result is not None
-    assert (result.end, len(result.contacts) >= 2) == ("largest", True)
-    assert result.angle == pytest.approx(limit, abs=0.1 * np.ptp(tight.theta[:, 0]))
-    if FULL:  # the fit behind this sentence takes three seconds
-        assert any("its cable tightens there" in failure for failure in identify_moving_arm([tight], rig).failures)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("read", "option"),
@@ -328,7 +286,7 @@ def test_a_prescribed_run_of_one_rod_on_a_rig_with_a_motor_is_identified(tmp_pat
     table, run = tmp_path / "swing.csv", tmp_path / "swing.mcap"
     np.savetxt(table, np.column_stack([t, swing]), delimiter=",", header="t,theta0,theta1", comments="", fmt="%.7f")
     import_csv(table, rig, ImportOptions(arm="prescribed", keep_rest=True), out=run)
-    request = IdentifyRequest((run,), "furuta", tmp_path / "model.json", search="multistart")
+    request = IdentifyRequest((run,), "furuta", tmp_path / "model.json", search="cma_es")
     done = identify(request)
     assert isinstance(done.model, Model)
     a = J1 + m1 * l1**2

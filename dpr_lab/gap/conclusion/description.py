@@ -124,7 +124,7 @@ def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Descr
     if selection.chosen.at_noise_floor or selection.share_explained >= THRESHOLDS.explained:
         return Description()
     runs = [record.run.swing for record in records]
-    stops = [] if HARD_STOP_JOINT0.name in selection.chosen.effects else [stop_sentence(run, rig) for run in runs]
+    stops = [] if HARD_STOP_JOINT0.name in selection.chosen.effects else [stop_sentence(run) for run in runs]
     pushed = undescribed_drive(runs, rig)
     sentence = next(filter(None, stops), "") or pushed[:1].upper() + pushed[1:]
     return Description(f"{sentence}." if sentence else "", bool(sentence))

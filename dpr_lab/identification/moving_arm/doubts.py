@@ -19,7 +19,6 @@ from dpr_lab.identification.misread.moving_arm_description import (
 from dpr_lab.identification.misread.scaled_readings import ScaledReadings
 from dpr_lab.identification.moving_arm.fit import ArmFit, fit_short_segments
 from dpr_lab.identification.moving_arm.problem import ArmRecording
-from dpr_lab.identification.moving_arm.soft_stop import ArmStop, soft_stop
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -62,7 +61,7 @@ def failures(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig, *, gain_
     """
     runs = [recording.run for recording in recordings]
     poor = fit.misfit > DESCRIPTION.doubted
-    stops = [sentence for run in runs if fit.misfit > 1.5 and (sentence := stop_sentence(run, rig))]
+    stops = [sentence for run in runs if fit.misfit > 1.5 and (sentence := stop_sentence(run))]
     if poor and (cause := _wrong_angles(recordings, rig, () if stops else OTHER_ANGLES)):
         return [cause]
     if poor and not stops and (pushed := undescribed_drive(runs, rig)):
@@ -120,11 +119,10 @@ def _reinterpreted(recording: ArmRecording, other: ScaledReadings) -> ArmRecordi
     return replace(recording, run=run, std=other.of_sigma(recording.std[..., [1, 2, 0]])[..., [2, 0, 1]])
 
 
-def stop_sentence(run: Run, rig: Rig) -> str:
-    """Return a message if the arm hits a stop or tightens its cable.
+def stop_sentence(run: Run) -> str:
+    """Return a message if the arm hits a stop, otherwise an empty text.
 
-    Otherwise, the text is empty. At a stop, the speed of the arm jumps at least twice, or the speed jumps once and the
-    arm then stays at the stop. At a soft stop, a torque acts when the arm exceeds a limit angle.
+    At a stop, the speed of the arm jumps at least twice, or the speed jumps once and the arm then stays at the stop.
     """
     if run.arm_mode == "clamped" or np.ptp(run.theta[:, 0]) < DOUBTS.hardly_rad:
         return ""
@@ -133,20 +131,10 @@ def stop_sentence(run: Run, rig: Rig) -> str:
         often = f"{len(contacts)} times" if len(contacts) > 1 else "and stays there"
         return (
             f"{name}: the arm hits a stop at theta0 = {angle:.3g} rad, its {end} angle, {often}, first at"
-            f" {contacts[0]:.2f} s: the speed of the arm changes abruptly there. {_without_stop(contacts[0])}"
-        )
-    if soft := soft_stop(run, rig):
-        return (
-            f"{name}: the arm is held back beyond theta0 = {soft.angle:.3g} rad, near its {soft.end} angle, first at"
-            f" {soft.contacts[0]:.2f} s: it hits a soft stop, or its cable tightens there."
-            f" {_without_stop(soft.contacts[0])}"
+            f" {contacts[0]:.2f} s: the speed of the arm changes abruptly there. Record smaller motions, or"
+            f" import the part before it (--duration-s {max(contacts[0] - 0.01, 0.0):.2f})"
         )
     return ""
-
-
-def _without_stop(first: float) -> str:
-    """Advise how to record without the contact, which begins at `first`, s."""
-    return f"Record smaller motions, or import the part before it (--duration-s {max(first - 0.01, 0.0):.2f})"
 
 
 def _stays(t: Array, theta0: Array, contact: int, angle: float, reach: float) -> bool:
@@ -155,8 +143,8 @@ def _stays(t: Array, theta0: Array, contact: int, angle: float, reach: float) ->
     return bool(t[-1] - t[contact] > DOUBTS.held_s and (np.abs(theta0[after] - angle) < reach).all())
 
 
-def stops(t: Array, theta0: Array) -> list[ArmStop]:
-    """Find the stops of an arm.
+def stops(t: Array, theta0: Array) -> list[tuple[str, float, list[float]]]:
+    """Find the stops of an arm: end of its range, angle, rad, and instants of the contacts, s.
 
     Args:
         t: (n,) times, s
@@ -168,10 +156,10 @@ def stops(t: Array, theta0: Array) -> list[ArmStop]:
     change = np.abs(speed[k:] - speed[:-k])  # change i is at sample i + k
     limit = max(DOUBTS.sudden * float(np.quantile(change, 0.9)), DOUBTS.strong * float(np.abs(speed).max()))
     reach = DOUBTS.apart * float(np.ptp(theta0))
-    hard_stops = list[ArmStop]()
+    hard_stops = list[tuple[str, float, list[float]]]()
     for end, angle in (("largest", float(theta0.max())), ("smallest", float(theta0.min()))):
         sudden = np.flatnonzero((change > limit) & (np.abs(theta0[k : k + len(change)] - angle) < reach))
         first = sudden[np.diff(sudden, prepend=-10 * k) > 4 * k] if len(sudden) else sudden
         if len(first) >= 2 or (len(first) == 1 and _stays(t, theta0, int(first[0]) + k, angle, reach)):
-            hard_stops.append(ArmStop(end, angle, t[first + k].tolist()))
+            hard_stops.append((end, angle, t[first + k].tolist()))
     return hard_stops

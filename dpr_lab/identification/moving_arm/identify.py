@@ -94,7 +94,7 @@ def _fitted(recordings: Sequence[ArmRecording], rig: Rig) -> ArmFit:
     try:
         return fit_moving_arm(recordings, rig)
     except IdentificationError as error:
-        if stop := next(filter(None, (stop_sentence(recording.run, rig) for recording in recordings)), ""):
+        if stop := next(filter(None, (stop_sentence(recording.run) for recording in recordings)), ""):
             raise IdentificationError(stop) from error
         raise
 
