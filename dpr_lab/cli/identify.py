@@ -30,9 +30,8 @@ def identify(
         str,
         typer.Option(
             help=(
-                "Search algorithm: improved genetic algorithm [iga], plain genetic algorithm [plain_ga], differential"
-                " evolution [differential_evolution], covariance matrix adaptation [cma_es] or local searches from many"
-                " starts [multistart]."
+                "Search algorithm: improved genetic algorithm [iga], plain genetic algorithm [plain_ga] or covariance"
+                " matrix adaptation [cma_es]."
             ),
             callback=SEARCHES.check,
             autocompletion=SEARCHES.complete,

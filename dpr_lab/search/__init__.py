@@ -10,20 +10,14 @@ from dpr_lab.errors import ConfigError, unknown_name
 from dpr_lab.plugins.rows import plugin_rows
 from dpr_lab.search.algorithm import Algorithm
 from dpr_lab.search.cma_es import CmaEsSettings, cma_es
-from dpr_lab.search.differential_evolution import DifferentialEvolutionSettings, differential_evolution
 from dpr_lab.search.iga import iga
-from dpr_lab.search.multistart import MultistartSettings, multistart
 from dpr_lab.search.plain_ga import PlainGaSettings, plain_ga
 from dpr_lab.search.settings import IgaSettings, SearchSettings
 
 ALGORITHMS: dict[str, Algorithm[Any]] = {
     "iga": Algorithm(IgaSettings, iga, "improved genetic algorithm"),
     "plain_ga": Algorithm(PlainGaSettings, plain_ga, "plain genetic algorithm"),
-    "differential_evolution": Algorithm(
-        DifferentialEvolutionSettings, differential_evolution, "differential evolution"
-    ),
     "cma_es": Algorithm(CmaEsSettings, cma_es, "covariance matrix adaptation"),
-    "multistart": Algorithm(MultistartSettings, multistart, "local searches from many starts"),
 }
 ALGORITHMS |= plugin_rows("searches", Algorithm, ALGORITHMS)
 """All search algorithms, by the value of `algorithm` in a search file.
