@@ -23,7 +23,6 @@ from dpr_lab.report.angles import UNITS
 from dpr_lab.tui import FRAMES_PER_S
 from dpr_lab.tui.guard import Guarded, log
 from dpr_lab.tui.keys import Keymap, KeyNames, about_keys, actions, bindings
-from dpr_lab.tui.line_breaks import keep_units_whole
 from dpr_lab.tui.notices import FILE, MessageLog, NoticeApp
 from dpr_lab.tui.pages import open_page
 from dpr_lab.tui.palette import commands
@@ -51,7 +50,6 @@ from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.tui.widgets.dialogs import HelpScreen, Question, confirm
 from dpr_lab.tui.widgets.key_line import KeyLine
 from dpr_lab.tui.widgets.run_browser import RunBrowser
-from dpr_lab.tui.widgets.slider import Slider
 from dpr_lab.tui.widgets.status_line import StatusLine
 from dpr_lab.tui.widgets.stepper import Stepper, StepStatus
 from dpr_lab.tui.workspace import Workspace
@@ -62,7 +60,7 @@ STEPS: tuple[type[Step], ...] = (ConnectStep, RigStep, CaptureStep, IdentifyStep
 LEAST = (80, 24)
 """Minimum size of the window: columns and rows."""
 
-KEYED: tuple[type[DOMNode], ...] = (*STEPS, Chart, Slider, RunBrowser)
+KEYED: tuple[type[DOMNode], ...] = (*STEPS, Chart, RunBrowser)
 """Classes, in addition to the app, whose actions can be assigned other keys."""
 
 
@@ -101,7 +99,6 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
     ) -> None:
         super().__init__()
         self.read_only = read_only
-        keep_units_whole()
         self._filters.append(Plain())
         self.terminal = Display(lambda: self._driver, self.console._color_system, allow_release)
         self.workspace = workspace

@@ -42,7 +42,6 @@ ACTIONS = frozenset(
         "pan",
         "quit",
         "read",
-        "to",
         "verify",
         "view",
         "whole",

@@ -11,7 +11,6 @@ from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.events import OnEvent, RunCompared, RunLeftOut, ignore
 
 if TYPE_CHECKING:
-    from dpr_lab.identification.compare import Followed, FreeRun
     from dpr_lab.identification.moving_arm.identify import AnyComparison
     from dpr_lab.identification.moving_arm.model import AnyModel
     from dpr_lab.rig import Rig
@@ -42,27 +41,9 @@ class CompareResult:
     """Runs compared with the model."""
 
     comparisons: "tuple[AnyComparison, ...]"
-    followed: "tuple[Followed, ...]"
-    """Fit of each comparison, from which `free_run` starts; empty for a moving arm. Only for use in this process."""
     left_out: tuple[Path, ...]
     saved: dict[str, Any]
     """Output of `compare --json`."""
-
-    def free_run(self, run: int, at_s: float) -> "FreeRun":
-        """Return the free run of a run. It starts at the beginning of the segment that contains the instant.
-
-        Args:
-            run: index of the run
-            at_s: instant, s since the release
-
-        Raises:
-            RunError: the arm of the model moves.
-        """
-        from dpr_lab.identification.compare import free_run_from
-
-        if not self.followed:
-            raise RunError("a free run from another instant needs a model of a clamped arm")
-        return free_run_from(self.followed[run], at_s)
 
 
 def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResult:
@@ -78,7 +59,7 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
             same recording; a run cannot be compared or, with `leave_out`, no run can be compared.
     """
     from dpr_lab.estimation.usable_runs import refuse_repeated
-    from dpr_lab.identification.compare import compare_followed, follow
+    from dpr_lab.identification.compare import compare_run
     from dpr_lab.identification.moving_arm.model import MovingArmModel, load_model
     from dpr_lab.report.saving import save_comparison, write_json
     from dpr_lab.workflows.compare_run import compare_arm_run
@@ -89,7 +70,6 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
     if request.out is None and isinstance(model, MovingArmModel):
         raise RunError(f"{request.model}: is a model of a moving arm, but a second curve needs one of a clamped arm")
     recorded: list[tuple[Path, Run, Rig]] = []
-    followed: list[Followed] = []
     comparisons: list[AnyComparison] = []
     left_out: list[Path] = []
     for file in request.runs:
@@ -101,9 +81,7 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
             if isinstance(model, MovingArmModel):
                 comparisons.append(compare_arm_run(run, rig, model))
             else:
-                swing = follow(run, rig, model)
-                comparisons.append(compare_followed(swing))
-                followed.append(swing)
+                comparisons.append(compare_run(run, rig, model))
             on_event(RunCompared(comparisons[-1]))
     if not comparisons:
         without = f"skipped: {', '.join(file.stem for file in left_out)}"
@@ -111,7 +89,7 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
     saved = save_comparison(model, comparisons, request.out) if request.out is not None else {}
     if request.record is not None:
         write_json(saved, request.record)
-    return CompareResult(tuple(comparisons), tuple(followed), tuple(left_out), saved)
+    return CompareResult(tuple(comparisons), tuple(left_out), saved)
 
 
 @contextmanager

@@ -1,13 +1,12 @@
-"""Connection of a job process to the screen: sends progress, and receives commands and questions."""
+"""Connection of a job process to the screen: sends progress, and receives commands."""
 
 import contextlib
 import os
 import signal
 import threading
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from multiprocessing.connection import Connection
-from queue import SimpleQueue
 from typing import Any
 
 from dpr_lab.errors import DprError
@@ -24,7 +23,6 @@ class JobControl:
         self._going = threading.Event()
         self._going.set()
         self._stop = threading.Event()
-        self._asked: SimpleQueue[Any] = SimpleQueue()
 
     def report(self, value: Any) -> None:
         """Report progress; the value must be picklable."""
@@ -34,17 +32,6 @@ class JobControl:
         """Wait while the job is paused; return False if the job must stop and keep its result."""
         self._going.wait()
         return not self._stop.is_set()
-
-    def questions(self) -> Iterator[Any]:
-        """Wait for questions and yield them; the iteration never ends.
-
-        If several questions are pending, only the newest is yielded.
-        """
-        while True:
-            question = self._asked.get()
-            while not self._asked.empty():
-                question = self._asked.get()
-            yield question
 
     def listen(self) -> None:
         """Execute commands until the connection closes, then end the process."""
@@ -58,8 +45,6 @@ class JobControl:
                     case "stop":
                         self._stop.set()
                         self._going.set()
-                    case ("ask", question):
-                        self._asked.put(question)
         os._exit(1)
 
     def send(self, event: JobEvent) -> None:

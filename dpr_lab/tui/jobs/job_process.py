@@ -67,16 +67,12 @@ class JobProcess:
         self._send("stop")
         self.paused = False
 
-    def ask(self, question: Any) -> None:
-        """Send a question to the job; the answer arrives as progress."""
-        self._send(("ask", question))
-
     def cancel(self) -> None:
         """End the job at once without a result."""
         self._cancelled = True
         self._process.terminate()
 
-    def _send(self, order: Any) -> None:
+    def _send(self, order: str) -> None:
         with suppress(OSError):  # the process may just have ended
             self._process.pipe.send(order)
 

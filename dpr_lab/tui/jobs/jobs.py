@@ -19,8 +19,6 @@ from dpr_lab.workflows.identify import IdentifyRequest, IdentifyResult
 from dpr_lab.workflows.identify import identify as identify_runs
 
 if TYPE_CHECKING:
-    from dpr_lab.identification.compare import FreeRun
-    from dpr_lab.identification.moving_arm.identify import AnyComparison
     from dpr_lab.storage.inspect import RunInfo
 
 
@@ -37,51 +35,17 @@ def workflow(control: JobControl, *, job: Callable[[Any, OnEvent], Any], request
     return job(request, control.report)
 
 
-@dataclass(frozen=True, slots=True)
-class FreeRunStart:
-    """Requested start of a free run: number of the run and time after the release."""
+def compare(control: JobControl, *, request: CompareRequest, keep: KeptComparison | None = None) -> tuple[Path, ...]:
+    """Compare runs with the model, and return the runs that cannot be compared.
 
-    run: int
-    at_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class ComparisonSaved:
-    """Event: all runs are compared. The job continues to answer each `FreeRunStart`."""
-
-    left_out: tuple[Path, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class FreeRunFrom:
-    """Free run from a requested start."""
-
-    start: FreeRunStart
-    free_run: "FreeRun"
-
-
-def compare(control: JobControl, *, request: CompareRequest, keep: KeptComparison | None = None) -> None:
-    """Compare runs with the model and save the result.
-
-    Afterwards, answer each `FreeRunStart` with a free run until the job is cancelled. If the arm moves, only segments
-    are compared, and no free run is simulated.
+    Without such runs, the comparisons are stored for a faster display. Errors of this file are ignored, because missing
+    comparisons are simulated again.
     """
     result = compare_runs(request, control.report)
-    if not result.left_out:
-        _keep(keep, result.comparisons)
-    control.report(ComparisonSaved(result.left_out))
-    for start in control.questions() if result.followed else ():
-        control.report(FreeRunFrom(start, result.free_run(start.run, start.at_s)))
-
-
-def _keep(keep: KeptComparison | None, comparisons: "Sequence[AnyComparison]") -> None:
-    """Store comparisons for a faster display.
-
-    Errors are ignored, because missing comparisons are simulated again.
-    """
-    if keep is not None:
+    if keep is not None and not result.left_out:
         with suppress(DprError):
-            keep.save(comparisons)
+            keep.save(result.comparisons)
+    return result.left_out
 
 
 @dataclass(frozen=True, slots=True)

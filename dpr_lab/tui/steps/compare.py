@@ -1,4 +1,4 @@
-"""Step Compare: compare model and measurement, with free runs from any run and time."""
+"""Step Compare: compare model and measurement, with a free run of each run."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +15,6 @@ from dpr_lab.errors import RunError
 from dpr_lab.report.run_names import compared_name, run_name
 from dpr_lab.shown import counted
 from dpr_lab.tui.jobs import jobs
-from dpr_lab.tui.jobs.jobs import ComparisonSaved, FreeRunFrom, FreeRunStart
 from dpr_lab.tui.jobs.kept_comparison import KeptComparison
 from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.services import Services
@@ -25,12 +24,10 @@ from dpr_lab.tui.steps.job_step import JobStep
 from dpr_lab.tui.steps.second_curve import SecondCurve
 from dpr_lab.tui.texts import following
 from dpr_lab.tui.widgets.chart import Chart
-from dpr_lab.tui.widgets.slider import Slider
 from dpr_lab.workflows.compare import CompareRequest
 from dpr_lab.workflows.events import RunCompared, RunLeftOut
 
 if TYPE_CHECKING:
-    from dpr_lab.identification.compare import Comparison, FreeRun
     from dpr_lab.identification.moving_arm.identify import AnyComparison
 
 
@@ -41,10 +38,10 @@ class CompareStep(JobStep):
     PURPOSE = "simulates the runs with the model"
     RESTS_ON = ("the runs", "the model", "the torques")
     HELP = f"""
-Simulates every selected run with the model. A **free run** starts from the state fitted at one instant and is not
-corrected afterwards; the slider moves that instant. The free run is predictable up to the horizon (bar on the slider,
-line in the chart). Beyond the horizon, the uncertainty of the initial state alone changes the simulation visibly, so
-the difference does not test the model. A rig whose arm moves is compared by segment only.
+Simulates every selected run with the model. A **free run** starts from the state fitted at the release and is not
+corrected afterwards. It is predictable up to the horizon (line in the chart). Beyond the horizon, the uncertainty of
+the initial state alone changes the simulation visibly, so the difference does not test the model. A rig whose arm
+moves is compared by segment only.
 
 The **segment residual** is the residual of half-second segments with fitted initial states. A residual inside the band
 (±{SETTINGS.noise_sigmas}σ of the noise floor) and without a pattern is noise.
@@ -73,19 +70,15 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         self._compared: Sequence[AnyComparison] = ()
         self._arm_moves = False
         self._joints, self._views = [0, 1], VIEWS
-        self._free_runs: dict[FreeRunStart, FreeRun] = {}
         self._left_out = 0
-        self._saved = False
 
     def compose(self) -> ComposeResult:
-        """Build selectors, slider, charts and text."""
+        """Build selectors, charts and text."""
         with Horizontal(id="pickers"):
             yield Select[int]([], prompt="no run yet", id="run", compact=True)
             yield Select(list(zip(AXES, (0, 1), strict=True)), value=1, allow_blank=False, id="axis", compact=True)
             yield Select([(view, view) for view in VIEWS], value=VIEWS[0], allow_blank=False, id="view", compact=True)
         yield SecondCurve(self.services)
-        keys = self.worded("free run from ({compare.earlier} {compare.later})")
-        yield Slider(keys, "s", SETTINGS.start_step_s, id="from")
         yield Chart(id="angle")
         yield Chart(id="error")
         yield Static(id="figures", markup=False)
@@ -110,7 +103,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
             self.say(self.missing())
         elif not self._compared and self._compared_subject != self._subject():
             if comparison := self._kept.load():
-                self._compared_subject, self._saved = self._subject(), True
+                self._compared_subject = self._subject()
                 self.show(comparison)
             else:
                 self.start_work()
@@ -118,14 +111,6 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
     def report(self) -> Path | None:
         """Report of the comparison, as `dpr-lab compare` writes it."""
         return self.workspace.out / "report" / "report.html"
-
-    @property
-    def work(self) -> str:
-        """Progress of the simulation.
-
-        The text is empty once all runs are simulated, although the job still answers requests.
-        """
-        return "" if self._saved else super().work
 
     def pace(self, now: float) -> str:
         """Return the remaining time as text, estimated from the number of finished runs."""
@@ -137,18 +122,16 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
 
         Otherwise return an empty text.
         """
-        if not self._compared or not self._saved or self.missing() or self._compared_subject == self._subject():
+        if not self._compared or self.job is not None or self.missing() or self._compared_subject == self._subject():
             return ""
         return self.worded("STALE, model, runs or torques changed; {compare.start}: run again")
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Return whether an action is available.
 
-        The kind of torque can be changed while the job waits. If the arm moves, there is no second curve.
+        If the arm moves, there is no second curve.
         """
-        if action == "second_curve" and self._arm_moves:
-            return False
-        return action != "torque" or super().check_action(action, parameters)
+        return not (action == "second_curve" and self._arm_moves) and super().check_action(action, parameters)
 
     def start_work(self) -> None:
         """Compare the selected runs with the model."""
@@ -156,7 +139,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         if model is None:
             return
         self._compared_subject = self._subject()
-        self._compared, self._free_runs, self._left_out, self._saved = (), {}, 0, False
+        self._compared, self._left_out = (), 0
         self.say("simulating")
         out = self.workspace.out / "report"
         runs, record = tuple(self.workspace.runs), out / "comparison.json"
@@ -164,25 +147,21 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         self.begin(jobs.compare, request=request, keep=self._kept)
 
     def progressed(self, value: Any) -> None:
-        """Show a compared or skipped run, the saved comparison, or a requested free run."""
+        """Show a compared or skipped run."""
         match value:
             case RunCompared(comparison):
                 self.show([*self._compared, comparison])
             case RunLeftOut(why=why):
                 self._left_out += 1
                 raise RunError(why)
-            case ComparisonSaved(left_out):
-                self._saved = True
-                self.made()
-                without = f"; skipped: {', '.join(map(run_name, left_out))}" if left_out else ""
-                self._draw(self.worded(f"saved in {self.workspace.out / 'report'}, {{app.report}} opens it{without}"))
-                self.changed()
-            case FreeRunFrom():
-                self._free_runs[value.start] = value.free_run
-                self._draw()
+
+    def finished(self, result: tuple[Path, ...]) -> None:
+        """Name the folder of the report, and the runs `result` that were skipped."""
+        without = f"; skipped: {', '.join(map(run_name, result))}" if result else ""
+        self._draw(self.worded(f"saved in {self.workspace.out / 'report'}, {{app.report}} opens it{without}"))
 
     def ended(self, why: str) -> None:
-        """Show why the job ended; the comparison remains, without further free runs."""
+        """Show why the job ended."""
         self._compared_subject = None
         self.say(self.worded(f"{why} ({{app.browse}})") if self._left_out and not self._compared else why)
 
@@ -206,10 +185,6 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
     def _draw_second(self, event: SecondCurve.Offered) -> None:
         self._draw(event.news)
 
-    def action_start_at(self, steps: int) -> None:
-        """Move the start of the free run by a number of steps."""
-        self.query_one(Slider).action_move(steps)
-
     def show(self, comparisons: "Sequence[AnyComparison]") -> None:
         """Offer compared runs; draw the selected one."""
         from dpr_lab.identification.compare import Comparison
@@ -220,27 +195,9 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
     @on(Select.Changed)
     def _picked(self, event: Select.Changed) -> None:
         event.stop()
-        if event.select.id == "run" and (shown := self._shown) is not None and not self._arm_moves:
-            slider, step = self.query_one(Slider), SETTINGS.start_step_s
-            slider.maximum = step * int(max(shown.t[-1] - step, 0.0) / step)
-            slider.value = 0.0
+        if event.select.id == "run" and not self._arm_moves:
             self._offer_second()
         self._draw()
-
-    @on(Slider.Changed)
-    def _moved(self, event: Slider.Changed) -> None:
-        event.stop()
-        run = self.query_one("#run", Select).value
-        if not isinstance(run, int):
-            return
-        if self.job is None:
-            self.say(self.worded("This is a stored result without free runs: {compare.start} simulates the runs again"))
-            return
-        start = FreeRunStart(run, event.slider.value)
-        if start in self._free_runs:
-            self._draw()
-        else:
-            self.job.ask(start)
 
     def on_resize(self, event: Resize) -> None:
         """Show angle and error together if the screen is tall enough."""
@@ -282,7 +239,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         """
         from dpr_lab.identification.moving_arm.identify import ArmComparison
 
-        self.query_one(SecondCurve).display = self.query_one(Slider).display = not self._arm_moves
+        self.query_one(SecondCurve).display = not self._arm_moves
         names, joints, views = AXES, [0, 1], VIEWS
         if isinstance(first := self._compared[0], ArmComparison):
             names, joints, views = arm_results.JOINT_NAMES, arm_results.joints_of(first), arm_results.VIEWS
@@ -315,25 +272,14 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         from dpr_lab.identification.compare import Comparison
 
         if isinstance(shown, Comparison):
-            free_run, second = self._free_run(shown), self.query_one(SecondCurve).chosen
-            self.query_one(Slider).mark = free_run.horizon_s
+            second = self.query_one(SecondCurve).chosen
             freely = self.query_one("#view", Select).value == VIEWS[1]
-            compared = ComparedRun(shown, free_run, second, joint, unit, freely)
+            compared = ComparedRun(shown, second, joint, unit, freely)
         else:
             compared = arm_results.ComparedArmRun(shown, joint, unit)
         compared.draw_angle(self.query_one("#angle", Chart))
         compared.draw_error(self.query_one("#error", Chart))
         self.say(compared.figures(news))
-
-    def _free_run(self, shown: "Comparison") -> "FreeRun":
-        """Return the free run that starts at the position of the slider.
-
-        While this free run is simulated, the stored free run of the comparison is returned.
-        """
-        from dpr_lab.identification.compare import FreeRun
-
-        start = FreeRunStart(self._compared.index(shown), self.query_one(Slider).value)
-        return self._free_runs.get(start) or FreeRun(shown.t, shown.free_run, shown.horizon_s)
 
     def say(self, text: str) -> None:
         """Show a sentence in place of the figures."""

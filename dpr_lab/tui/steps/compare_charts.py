@@ -13,7 +13,7 @@ from dpr_lab.report.angles import AngleUnit
 from dpr_lab.tui.widgets.chart import Band, Chart, Mark, Series
 
 if TYPE_CHECKING:
-    from dpr_lab.identification.compare import Comparison, FreeRun
+    from dpr_lab.identification.compare import Comparison
 
 AXES = ("inner rod θ1", "outer rod θ2")
 VIEWS = ("angle", "free-run error", "segment residual")
@@ -27,8 +27,6 @@ class CompareSettings:
     """Half width of the noise band, in standard deviations. The band contains 95 % of pure noise."""
     tall: int = 36
     """Minimum height of the step, in rows, for showing angle and error below each other."""
-    start_step_s: float = 0.5
-    """Spacing of the possible starts of a free run, s; equal to the length of the segments."""
 
 
 SETTINGS = CompareSettings()
@@ -39,7 +37,6 @@ class ComparedRun:
     """Content of the charts: one joint of one or two comparisons."""
 
     comparison: "Comparison"
-    free_run: "FreeRun"
     second: "Comparison | None"
     axis: int
     """0: inner rod, 1: outer rod."""
@@ -50,7 +47,7 @@ class ComparedRun:
     @property
     def horizon(self) -> list[Mark]:
         """Mark at the predictability horizon, if it is before the end."""
-        horizon_s = self.free_run.horizon_s
+        horizon_s = self.comparison.horizon_s
         within = horizon_s < float(self.comparison.t[-1])
         return [Mark(horizon_s, f"horizon {horizon_s:.2f} s")] if within else []
 
@@ -58,7 +55,7 @@ class ComparedRun:
         """Draw the measured and the simulated angle."""
         scale, axis, shown = self.unit.per_rad, self.axis, self.comparison
         measured = Series("measured", shown.t, scale * shown.measured[:, axis], on_top=True)
-        simulated = Series("free run", self.free_run.t, scale * self.free_run.theta[:, axis], "secondary")
+        simulated = Series("free run", shown.t, scale * shown.free_run[:, axis], "secondary")
         lines = [measured, simulated]
         if (second := self.second) is not None:
             theta = second.free_run if second.run == shown.run else second.measured
@@ -77,9 +74,8 @@ class ComparedRun:
         noise = SETTINGS.noise_sigmas * scale * float(shown.noise_rad[axis])
         t, error = shown.t, shown.segment_residual[:, axis]
         if self.freely:
-            near = self.free_run.t <= self.free_run.horizon_s
-            t = self.free_run.t[near]
-            error = shown.measured[-len(self.free_run.t) :, axis][near] - self.free_run.theta[near, axis]
+            near = t <= shown.horizon_s
+            t, error = t[near], shown.free_run_error[near, axis]
         lines = [Series("residual", t, scale * error)]
         if (second := self.second) is not None:
             near = second.t <= (second.horizon_s if self.freely else second.t[-1])

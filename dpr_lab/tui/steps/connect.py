@@ -17,7 +17,6 @@ from dpr_lab.transports import TRANSPORTS
 from dpr_lab.transports.discover import Links, SerialPortFound, discover
 from dpr_lab.transports.simulated import compiles_first
 from dpr_lab.tui.keys import bindings
-from dpr_lab.tui.line_breaks import Hanging
 from dpr_lab.tui.recorder.messages import Connected, Exercise, Exercised, Idle, RecorderFailed, RecorderReport
 from dpr_lab.tui.recorder.settings import SETTINGS
 from dpr_lab.tui.services import Services
@@ -203,7 +202,7 @@ of its clock relative to this computer. This test closes the latch and leaves it
         return offers | {SIMULATED: "simulated rig, no hardware needed"}
 
     def _draw(self) -> None:
-        shown, lines = self.query_one("#device", Static), Hanging(Content("\n").join(self._lines()))
+        shown, lines = self.query_one("#device", Static), Content("\n").join(self._lines())
         if shown.content != lines:
             shown.update(lines)
 

@@ -14,9 +14,8 @@ from textual.widgets import Input, Select
 
 from dpr_lab.tui.guard import Guarded
 from dpr_lab.tui.jobs import jobs
-from dpr_lab.tui.jobs.job_events import JobFailed, JobProgress
+from dpr_lab.tui.jobs.job_events import JobFailed, JobFinished, JobProgress
 from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess, start_job
-from dpr_lab.tui.jobs.jobs import ComparisonSaved
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.texts import following
@@ -128,8 +127,8 @@ class SecondCurve(Guarded, Horizontal):
         match message.event:
             case JobProgress(RunCompared(Comparison() as comparison)):
                 self._model[comparison.run] = comparison
-            case JobProgress(ComparisonSaved()):
-                self._end()
+            case JobFinished():
+                self._job = None
                 self.offer(self._runs, self._names, self._shown)
                 self.query_one(Select).value = OTHER_MODEL
             case JobFailed() as failed:

@@ -17,7 +17,6 @@ from dpr_lab.report.run_names import run_name
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import INPUT_UNITS
 from dpr_lab.tui.keys import KeyNames
-from dpr_lab.tui.line_breaks import Hanging
 from dpr_lab.tui.recorder.attempt import Attempt, Phase
 from dpr_lab.tui.recorder.sighting import Sighting
 from dpr_lab.tui.widgets import readout
@@ -104,7 +103,7 @@ class CaptureView(Vertical):
         self.set_class(swung is not None and swung.phase is Phase.RECORDING and state.live, "-swinging")
         for name, content in (
             ("headline", headline(state)),
-            ("readout", Hanging(Content("\n").join(_readout(state)))),
+            ("readout", Content("\n").join(_readout(state))),
             ("checklist", _plan(state)),
         ):
             shown = self.query_one(f"#{name}", Static)

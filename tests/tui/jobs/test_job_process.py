@@ -47,11 +47,6 @@ def tell_pid(control: JobControl) -> None:
         time.sleep(0.01)
 
 
-def double(control: JobControl) -> None:
-    for number in control.questions():
-        control.report(2 * number)
-
-
 def compile_one(control: JobControl) -> str:
     compiling()
     return "compiled"
@@ -124,14 +119,6 @@ def test_paused_work_can_be_stopped(begin) -> None:
     job.stop()
     *_, last = events
     assert isinstance(last, JobFinished)
-
-
-def test_questions_are_answered_as_progress(begin) -> None:
-    job = begin(double)
-    events = job.events()
-    for number in (1, 21):
-        job.ask(number)
-        assert next(events) == JobProgress(2 * number)
 
 
 def test_cancelled_work_leaves_no_result(begin) -> None:

@@ -9,16 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from textual.content import Content
-from textual.style import Style
-from textual.visual import RenderOptions
 from textual.widgets import Static
 
 from dpr_lab.acquisition.capture import Released, SwingReading
 from dpr_lab.acquisition.holding import RestReading
 from dpr_lab.report.angles import UNITS
 from dpr_lab.tui.app import DprApp
-from dpr_lab.tui.line_breaks import Hanging, keep_units_whole
 from dpr_lab.tui.recorder.attempt import Attempt
 from dpr_lab.tui.recorder.messages import AttemptSeen, Connected, Idle, RecorderFailed
 from dpr_lab.tui.recorder.sighting import Sighting
@@ -185,19 +181,3 @@ def test_the_limit_that_failed_is_named(paper) -> None:
     assert "rad/s" not in str(rest_text(shaking, paper, UNITS["radians"]))
     assert "drift 0.0300 rad/s (limit 0.0200 rad/s)" in str(rest_text(drifting, paper, UNITS["radians"]))
     assert "shaking" not in str(rest_text(drifting, paper, UNITS["radians"]))
-
-
-def test_what_follows_a_label_or_a_mark_stays_below_the_text(paper) -> None:
-    keep_units_whole()
-    reading = rest_text(RestReading((0.0, 3.1, 0.1), (0.0, 0.0), 0.05, 0.03, 0.0, False, ""), paper, UNITS["radians"])
-    reason = Content("✘ lost samples: crc 12, 0.12 % of the samples")
-    shown = Hanging(Content("\n").join([reading, Content.styled("plain words that are long", "bold"), reason]))
-    style, options = Style(), RenderOptions(lambda _: Style(), {})
-    assert [strip.text.rstrip() for strip in shown.render_strips(30, None, style, options)] == [
-        "rest   ✘ drift 0.0300 rad/s",
-        "         (limit 0.0200 rad/s)",
-        "plain words that are long",
-        "✘ lost samples: crc 12, 0.12 %",
-        "  of the samples",
-    ]
-    assert shown.get_height({}, 30) == 5
