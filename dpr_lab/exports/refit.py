@@ -161,7 +161,10 @@ def _without(model: AnyModel, lost: frozenset[str], words: frozenset[str]) -> di
 
 
 def _without_zeros(name: str, values: Mapping[str, float]) -> dict[str, float]:
-    """Omit amplitudes of zero, which could become a size in a further fit that no element represents."""
+    """Omit amplitudes of zero.
+
+    In a further fit they could become nonzero, and no element of the export represents them.
+    """
     amplitudes = {p.name for p in EFFECTS[name].amplitudes}
     return {key: value for key, value in values.items() if value or key not in amplitudes}
 

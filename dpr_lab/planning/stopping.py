@@ -64,9 +64,10 @@ class Causes:
 def causes_of(diagnosis: Diagnosis) -> Iterator[Causes]:
     """Yield the candidate causes of each named effect, with their probabilities.
 
-    The candidates are the members of the class of the effect, and its alternatives. If an effect fails the test on the
-    quarters of a single release, or if this release does not test its form, its probability is reduced. A second
-    release replaces both tests, so the missing probability does not belong to a cause outside the library.
+    The candidates are the members of the class of the effect, and its alternatives. The remaining
+    probability belongs to a cause outside the library. An exception is a single release: the probability of an effect
+    is also reduced if it fails the test on the quarters of this release, or if the release does not test its form. A
+    second release replaces both tests, so this reduction is not counted as a cause outside the library.
     """
     alone = recorded_releases(diagnosis) < STOPPING.fewest
     for effect in diagnosis.effects:

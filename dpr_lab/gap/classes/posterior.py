@@ -113,7 +113,7 @@ class _Replacements:
         return self.selection.tests_without[self.name]
 
     def key(self, other: str) -> frozenset[str]:
-        """Return the key of the set in which another effect replaces the named effect."""
+        """Return the names of the set in which another effect replaces the named effect."""
         return self.selection.without[self.name].key | {other}
 
     def with_other(self, other: str) -> Hypothesis | None:

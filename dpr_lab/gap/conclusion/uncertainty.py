@@ -167,9 +167,9 @@ def _shifts(problem: Problem, fit: Fit, inflation: float) -> Iterator[Array]:
 
 
 def _direction(space: ColumnSpace, inside: list[int], k: int, inward: float) -> Array:
-    """Return the (free,) change of all values per unit of value k.
+    """Return the (free,) change of all fitted values if value k changes by one unit.
 
-    Values inside their bounds adapt to the readings.
+    The values inside their bounds are refitted; the other values stay at their bounds.
     """
     direction = np.zeros(len(space))
     direction[k] = inward

@@ -54,7 +54,10 @@ class Hypothesis:
         return self.cost_at(self.inflation)
 
     def cost_at(self, inflation: float) -> float:
-        """Return the cost at the variance inflation of another set, whose residual then counts as noise."""
+        """Return the cost with the variance inflation of another set.
+
+        The residual of the other set then counts as noise.
+        """
         return self.predictive_loss + inflation * self.penalty
 
     @property

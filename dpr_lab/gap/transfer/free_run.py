@@ -153,7 +153,10 @@ class FreeRuns:
 
     @property
     def errors(self) -> dict[str, FreeRunError]:
-        """Errors by run, after the readings that determine the initial state, without shorter runs."""
+        """Errors by run, after the readings that determine the initial state.
+
+        Runs that end before are omitted.
+        """
         error, t = self.problem.measured - self.predicted, self.problem.t
         by_run = {}
         for record, samples in zip(self.records, self.rows, strict=True):

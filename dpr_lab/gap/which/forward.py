@@ -97,7 +97,10 @@ def _next_level(
 
 
 def no_effects_reach_noise(sets: FittedSets, model: Hypothesis) -> bool:
-    """Return whether all candidates together, if linear, leave more than the noise of readings and torques."""
+    """Return whether the residual exceeds the noise even with all candidates.
+
+    The noise is that of readings and torques. The residual is computed by a linear fit of all candidates together.
+    """
     if not refutes_torque_noise(sets.problem, model):
         return False
     test = sets.test(model)

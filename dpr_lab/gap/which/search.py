@@ -85,7 +85,7 @@ def apply_moves(moves: Sequence[Move], state: SearchState) -> SearchState:
 
 
 def apply_move(move: Move, state: SearchState) -> SearchState:
-    """Apply one move, unless the accepted set is refused (`_refusal`)."""
+    """Apply one move; `_refusal` can refuse a set that the move accepts."""
     sets = state.sets.copied()
     while True:
         before = state.current
