@@ -129,7 +129,7 @@ class ShapeScan:
         readings = self.problem.measured[self.problem.read[:, 0], 0]
         return min(covered, arc(readings)) if joint == 0 and len(readings) else covered
 
-    @property
+    @cached_property
     def resolved_hz(self) -> float:
         """Half the sampling rate: samples do not distinguish a higher frequency from a lower one.
 
