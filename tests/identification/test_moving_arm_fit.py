@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.arm import ArmParameters, mounted
+from dpr_lab.dynamics.moving_arm.followed import FOLLOW
 from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.fitting.estimate import Estimate
-from dpr_lab.identification.moving_arm.fit import ARM_FIT, covariance_of, fit_moving_arm, fit_segments
+from dpr_lab.identification.moving_arm.fit import ARM_FIT, covariance_of, fit_moving_arm, fit_segments, merged
 from dpr_lab.identification.moving_arm.identify import (
     compare_moving_arm,
     identify_moving_arm,
@@ -259,6 +260,26 @@ def test_a_global_search_over_rods_arm_and_drive_finds_the_start_of_a_fit():
     truth, *_ = truth_of(rig, Z, arm)
     for name, value in zip(model.problem.unknowns.free, model.values, strict=True):
         assert value == pytest.approx(truth[model.problem.unknowns.name(name)], rel=0.1)
+
+
+@pytest.mark.parametrize(("theta1", "segments"), [(np.pi - 0.5, 1), (0.1, 2)])
+def test_segments_are_not_merged_to_a_swing_that_is_too_chaotic_for_its_derivatives(theta1, segments):
+    """After 6 s near upright, derivatives by differences are wrong; intervals of 1e-9 of the values resulted."""
+    rig, t = rig_with("free"), np.arange(0, 6, 0.005)
+    start = np.array([[0.0, theta1, np.pi, 0.0, 0.0, 0.0]])[:, np.argsort(FOLLOW.order)]
+    noise = np.random.default_rng(0).normal(0, 0.003, (len(t), 3))
+    run = Run(
+        name="drawn", t=t, theta=3 + 100 * noise, counts=None, pose=None, rig_name=rig.name, rig_sha256="",
+        rate_hz=200.0, arm_mode="free", mounting="both",
+    )  # fmt: skip
+    whole, _ = arm_problem(recordings_of([run], rig), rig, 10.0)
+    estimate = Estimate(whole.unknowns.start, start)
+    theta = whole.predict(estimate)
+    theta[:, 2] += theta[:, 1]
+    problem = replace(whole, recordings=recordings_of([replace(run, theta=theta + noise)], rig))
+    halves = problem.with_cuts([(0, slice(0, 600)), (0, slice(600, 1200))])
+    longer = merged(halves, Estimate(estimate.vector, np.repeat(start, 2, axis=0)), 0.2)
+    assert len((halves if longer is None else longer[0]).cuts) == segments
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.identification.merging import MergeSettings
 from dpr_lab.identification.moving_arm.problem import ArmProblem, ArmRecording, Cut, arm_problem
 from dpr_lab.identification.moving_arm.search import searched_start
+from dpr_lab.identification.moving_arm.unknowns import STEPS
 from dpr_lab.identification.ratio_fit import TO_THE_MINIMUM
 from dpr_lab.rig import Rig
 
@@ -33,6 +34,11 @@ class ArmFitSettings:
     """Number of segments, spread over all recordings, that the global search simulates."""
     misfit: float = 1.5
     """Reduced chi-square above which the covariance accounts for residuals clustered by segment."""
+    sensitive_rad: float = 0.01
+    """Maximum change of a reading by the increment of an initial state in a longer segment, rad.
+
+    Beyond it the central differences of a chaotic segment are inaccurate, and its fit has many local minima.
+    """
 
 
 ARM_FIT = ArmFitSettings()
@@ -176,13 +182,14 @@ def _following(longer: ArmProblem, start: Estimate, near_rad: float) -> tuple[Fl
     """Check for each segment whether its free run is accurate.
 
     Returns:
-        (segments,) whether the free run stays near all readings
+        (segments,) whether the free run stays near all readings, and its derivatives are accurate
         (segments,) whether the error of its integration is negligible
     """
     finer = longer.with_cuts(longer.cuts, longer.max_step / 2)
     with np.errstate(invalid="ignore", over="ignore"):
         readings = longer.predict(start)
-        near = ~longer.read | (np.abs(readings - longer.measured) < near_rad)
+        changes = STEPS.state * np.abs(longer.slopes(start, ())).max(axis=2)
+        near = ~longer.read | ((np.abs(readings - longer.measured) < near_rad) & (changes < ARM_FIT.sensitive_rad))
         exact = ~longer.read | (longer.weight * np.abs(readings - finer.predict(start)) < ARM_FIT.merging.solver_error)
     firsts = longer.segments.offsets[:-1]
     return np.logical_and.reduceat(near.all(axis=1), firsts), np.logical_and.reduceat(exact.all(axis=1), firsts)
