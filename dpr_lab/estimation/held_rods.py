@@ -107,6 +107,8 @@ class RodMotion:
     """(n, 2) known torques, N m; None for a free swing."""
     arm: Array | None = None
     """(n,) angle of an arm with prescribed motion, rad; None for a clamped arm."""
+    cart: Array | None = None
+    """(n,) column that may be the position of a cart, in any unit; it is not known to be one."""
     origin: float | None = None
     """Time to which the option --start-s refers; None: the first sample."""
 
@@ -313,7 +315,8 @@ def _known_input(motion: RodMotion, first: int, stop: int, band: float) -> bool:
     if motion.torques is not None:
         largest = np.abs(motion.torques).max(axis=1)
         pushed = bool(np.median(largest[first:stop]) > HELD.driven_share * largest.max())
-    if (arm := motion.arm) is None or len(motion.t) <= ORDER:
+    arm = motion.cart if motion.arm is None else motion.arm
+    if arm is None or len(motion.t) <= ORDER:
         return pushed
     noise = HELD.noise * float(difference_std(motion.t, arm[:, None])[0])
     changes = np.abs(np.diff(arm))

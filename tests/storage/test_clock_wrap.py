@@ -7,7 +7,7 @@ import pytest
 
 from dpr_lab.errors import RunError
 from dpr_lab.storage.csv_import import import_csv
-from dpr_lab.storage.tables.clock_wrap import unwrapped_times, wrap_behind
+from dpr_lab.storage.tables.clock_wrap import summed_durations, unwrapped_times, wrap_behind
 from dpr_lab.storage.tables.columns import find_columns
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.table import bare, read_table
@@ -56,6 +56,45 @@ def test_a_counter_of_another_width_needs_its_period(tmp_path: Path, paper) -> N
     np.testing.assert_allclose(run.t, T, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("header", "rows"), [("t", [10.0, 10.0, 9.0, 11.0]), ("dt", [10.0, 10.0, 10.0, 11.0]), ("dt_ms", [10.0] * 4)]
+)
+def test_durations_of_rows_are_summed(header: str, rows: list[float], tmp_path: Path, paper) -> None:
+    durations = np.tile(rows, len(T) // 4 + 1)[: len(T)]
+    options = ImportOptions(time_unit=None if header == "dt_ms" else "ms", keep_rest=True)
+    run = import_csv(table(tmp_path / "a.csv", durations, header, "g"), paper, options)
+    np.testing.assert_allclose(run.t, (np.cumsum(durations) - durations[0]) / 1e3, atol=1e-9)
+    assert f"column {header} contains the durations of the rows" in " ".join(run.notes)
+
+
+@pytest.mark.parametrize("name", ["t", "duration_s"])
+def test_random_durations_are_summed(name: str) -> None:
+    for seed in range(40):
+        durations = 0.005 + np.random.default_rng(seed).uniform(-0.001, 0.001, 300)
+        summed, note = summed_durations(durations, name)
+        assert note
+        np.testing.assert_allclose(summed, np.cumsum(durations) - durations[0])
+
+
+@pytest.mark.parametrize(("header", "first"), [("dt", 0.0), ("duration", 0.0), ("duration", 0.005)])
+def test_durations_may_begin_with_zero(header: str, first: float, tmp_path: Path, paper) -> None:
+    durations = np.r_[first, np.full(len(T) - 1, 0.005)]
+    run = import_csv(table(tmp_path / "a.csv", durations, header, "g"), paper, ImportOptions(keep_rest=True))
+    np.testing.assert_allclose(run.t, T, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["t", "dt"])
+@pytest.mark.parametrize("times", [T + 100 - 5 * (np.arange(len(T)) % 90 == 7), 100 + T % 0.5, T % 1, T])
+def test_true_times_are_not_summed(times: np.ndarray, name: str) -> None:
+    """Times with wrong rows, and counters that wrap."""
+    assert summed_durations(times, name)[1] == ""
+
+
+def test_one_decrease_of_late_times_is_no_duration() -> None:
+    late = 1.7e9 + np.repeat([0.0, 1.0, 0.0, 2.0], 9)
+    assert summed_durations(late, "t")[1] == ""
+
+
 def test_a_second_recording_in_a_table_is_no_wrap(tmp_path: Path, paper) -> None:
     start = np.r_[0 : len(T) // 2, 0 : len(T) // 2]
     rows = zip(T[start].tolist(), *THETA[start].T.tolist(), strict=True)
@@ -72,6 +111,25 @@ def test_times_that_fall_by_no_counter_still_run_backwards(tmp_path: Path, paper
         RunError, match=r"spans 2.495, which is more than the given period of its counter, 1 \(--time-wrap\)"
     ):
         import_csv(file, paper, ImportOptions(time_wrap=1.0))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "mend"),
+    [
+        ({0: 6.5}, "delete line 2"),
+        ({1: 6.5}, "delete line 3"),
+        ({1: 6.5, 2: 6.6}, "delete lines 3 to 4"),
+        ({-1: 0.1}, f"delete line {len(T) + 1}"),
+        ({-3: 0.1, -2: 0.2}, f"delete lines {len(T) - 1} to {len(T)}"),
+        ({-1: T[-2], -2: T[-1]}, "exchange this row and the one before, or delete the wrong one"),
+    ],
+)
+def test_a_few_wrong_times_are_no_counter(tmp_path: Path, paper, wrong: dict[int, float], mend: str) -> None:
+    times = T.copy()
+    for row, time in wrong.items():
+        times[row] = time
+    with pytest.raises(RunError, match=rf": {mend}$"):
+        import_csv(table(tmp_path / "a.csv", times, "t", "g"), paper, ImportOptions())
 
 
 def test_a_wrap_keeps_missing_times_and_counts_each_fall() -> None:

@@ -39,6 +39,7 @@ def test_frames_that_are_missing_in_their_column_are_gaps(tmp_path: Path, every:
     run = import_csv(file, RIG, ImportOptions(rate_hz=FPS))
     np.testing.assert_allclose(run.t, T[kept], atol=1e-9)
     assert any(note == "gaps kept: 2, the longest 0.04 s" for note in run.notes)
+    assert any("of the camera, give --rate-hz 33.3333" in note for note in run.notes) == (every == 3)
 
 
 def test_frame_numbers_need_no_name(tmp_path: Path) -> None:
@@ -47,9 +48,19 @@ def test_frame_numbers_need_no_name(tmp_path: Path) -> None:
     rows, options = np.c_[5 * kept, THETA[kept]], ImportOptions(rate_hz=FPS, columns={"theta1": "2", "theta2": "3"})
     run = import_csv(write(tmp_path, "0,1.5708,0.4", *rows[1:].T), RIG, options)
     np.testing.assert_allclose(run.t, T[kept], atol=1e-9)
+    assert any("'1' increases in steps of 5; 100 Hz is taken as the rate of the rows" in note for note in run.notes)
     ms = np.rint(1e3 * np.arange(N) / 30.0)
     timed = import_csv(write(tmp_path, "0,1.5708,0.4", *np.c_[ms, THETA][1:].T), RIG, options)
     np.testing.assert_allclose(timed.t, T, atol=1e-9)
+
+
+def test_steps_that_agree_with_the_rate_are_times(tmp_path: Path) -> None:
+    file = write(tmp_path, "0,1.5708,0.4", *np.c_[1e3 * T, THETA][1:].T)
+    angles = {"theta1": "2", "theta2": "3"}
+    notes = import_csv(file, RIG, ImportOptions(rate_hz=FPS, columns=angles)).notes
+    sentence = "in steps of 10, probably times in ms: replace --rate-hz by --columns t=1 --time-unit ms"
+    assert [note for note in notes if "--rate-hz" in note] == [f"'1' increases {sentence}"]
+    np.testing.assert_allclose(import_csv(file, RIG, ImportOptions(time_unit="ms", columns={"t": "1"} | angles)).t, T)
 
 
 @pytest.mark.parametrize("header", ["x1,y1,x2,y2", "frame_index,x1,y1,x2,y2"])
@@ -93,6 +104,17 @@ def test_a_film_in_slow_motion_is_questioned_about_its_frame_rate(tmp_path: Path
     asked = f"; much less with --rate-hz {FPS:g}: was this the frame rate of the camera?"
     assert any(note.endswith(asked) for note in import_csv(file, RIG, ImportOptions(rate_hz=FPS / 4)).notes)
     assert "--rate-hz" not in " ".join(import_csv(file, RIG, ImportOptions(rate_hz=FPS)).notes)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_only_one_message_states_the_rate_of_a_film_without_most_of_its_frames(tmp_path: Path, noise: float) -> None:
+    """The rate is that of all frames, and the table contains every fourth."""
+    angles = THETA + np.random.default_rng(10).normal(0, noise, THETA.shape)
+    file = write(tmp_path, "frame,theta1,theta2", 4 * np.arange(float(N)), *angles.T)
+    notes = import_csv(file, RIG, ImportOptions(rate_hz=4 * FPS)).notes
+    assert [
+        note.count(f"{FPS:g} Hz (--rate-hz)") + note.count("--rate-hz 100") for note in notes if "rate" in note
+    ] == [1]
 
 
 def test_rows_of_other_quantities_are_no_lost_readings(tmp_path: Path) -> None:

@@ -184,7 +184,7 @@ def test_a_release_of_two_rods_is_no_push_although_a_light_outer_rod_swings_far(
     theta = np.column_stack([0 * t, rods])
     swung = SimpleNamespace(path="a", t=t, theta=theta, part=part, swing=slice(100, len(t)), free=True)
     assert np.ptp(rods) > 7 * 0.05
-    refuse_push(cast("InterpretedTable", swung), 0.0)
+    refuse_push(cast("InterpretedTable", swung), 0.0, None, "")
 
 
 @pytest.mark.parametrize("rest", [0.0, 0.036, 0.09])

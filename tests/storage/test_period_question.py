@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from dpr_lab.rig import Rig
+from dpr_lab.rig import Rig, load_rig
 from dpr_lab.storage.csv_import import ImportOptions
 from dpr_lab.storage.tables.understand import understand
 from tests.storage.test_rod_alone import table
@@ -74,6 +74,13 @@ def corrected(mend: tuple[str, ...]) -> ImportOptions:
     return ImportOptions(scale=dict.fromkeys(("theta1", "theta2"), float(mend[1])), zero="hanging")
 
 
+def test_a_swing_of_a_fraction_of_a_degree_is_doubted_without_a_sure_option(tmp_path: Path, one: Rig) -> None:
+    noisy = swing(0.1) + np.random.default_rng(4).normal(0, 1e-3, len(T))
+    ((sentence, words), *_) = warned(table(tmp_path, "t,theta1", T, noisy), one)
+    assert "amplitude of the swing is only 0.1 degrees: if the table is in rad, import it with --unit rad" in sentence
+    assert not words
+
+
 @pytest.mark.parametrize("degrees", [1.0, 2.0, 4.0])
 def test_a_small_swing_in_degrees_is_not_doubted(degrees: float, tmp_path: Path, one: Rig) -> None:
     small = np.degrees(swing(np.radians(degrees))) + np.random.default_rng(4).normal(0, 0.01, len(T))
@@ -84,3 +91,14 @@ def test_half_the_counts_of_a_turn_change_the_period(tmp_path: Path, one: Rig) -
     counts = np.round(swing(1.2) * one.encoders.counts_per_rev[1] / (4 * np.pi))
     (sentence,) = (sentence for sentence, _ in warned(table(tmp_path, "t,counts", T, counts), one, "counts"))
     assert "times these angles: is counts_per_rev of the rig file right?" in sentence
+
+
+def test_small_swings_of_two_rods_in_radians_are_doubted(tmp_path: Path) -> None:
+    tables = Path(__file__).parents[2] / "configs" / "tables"
+    rows = np.loadtxt(tables / "low.csv", delimiter=",", skiprows=1)
+    file = table(tmp_path, "time_s,angle1_deg,angle2_deg", rows[:, 0], *np.radians(rows[:, 1:]).T)
+    options = ImportOptions(zero="hanging", angles="relative")
+    (doubt,) = understand(file, load_rig(tables / "bench.toml"), options).questions
+    assert (
+        "amplitude of the swing is only 0.55 degrees: if the table is in rad, import it with --scale" in doubt.sentence
+    )

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dpr_lab.configs import BUILTIN
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.storage.csv_import import import_csv
@@ -53,6 +54,7 @@ def test_a_right_table_is_not_questioned(
         ("wild/deg_as_rad", ("--unit", "deg")),
         ("free/sign_theta2", ("--scale", "theta2=-1")),
         ("degrees/sign_theta1", ("--scale", "theta1=-1")),
+        ("degrees/sign_both", ("--scale", "-1")),
         ("free/half_counts", ("--scale", "2")),
         ("driven/torque_sign", ("--scale", "tau2=-1")),
         ("driven/torque_mNm", ("--scale", "tau1=0.001,tau2=0.001")),
@@ -114,6 +116,24 @@ def test_torques_of_rows_that_are_far_apart_are_questioned(
 AXES = ("theta1", "theta2")
 SAMPLES = Path(__file__).parents[2] / "configs" / "tables"
 RIGHT: dict[str, Any] = {"unit": "deg", "zero": "hanging", "angles": "relative"}
+
+
+@pytest.mark.parametrize(
+    ("factor", "options", "mend"),
+    [
+        (1.0, {"angles": "absolute"}, r"relative to the inner rod \(--angles relative\)"),
+        (np.pi / 180, {}, r"the angles are in rad \(--scale 57.2958\)"),
+        (1.0, {"scale": {"theta1": -1.0, "theta2": -1.0}}, r"both angles have the opposite sign \(--scale 1\)"),
+    ],
+)
+def test_another_pose_than_the_one_named_leads_to_the_reading_that_starts_there(
+    factor: float, options: dict[str, Any], mend: str, tmp_path: Path
+) -> None:
+    rows = np.loadtxt(SAMPLES / "side.csv", delimiter=",", skiprows=1) * [1.0, factor, factor]
+    np.savetxt(tmp_path / "a.csv", rows, "%.10g", ",", header="time_s,angle1_deg,angle2_deg", comments="")
+    rig = load_rig(SAMPLES / "bench.toml")
+    with pytest.raises(RunError, match=f"not in pose side .*: it would if .*{mend}$"):
+        import_csv(tmp_path / "a.csv", rig, ImportOptions(**{**RIGHT, "pose": "side", **options}))
 
 
 @pytest.mark.slow
@@ -356,6 +376,21 @@ def test_rods_that_hang_and_are_pushed_are_refused(paper: Rig, tmp_path: Path) -
     np.savetxt(file, np.column_stack([t, rods]), delimiter=",", header="t,theta1,theta2", comments="")
     with pytest.raises(RunError, match=r"hang at rest until 2\.0.* they were pushed.*--start-s 3\.0"):
         import_csv(file, paper)
+
+
+@pytest.mark.parametrize(("added", "mend"), [(90, "-90"), (37, "-37")])
+def test_a_zero_that_is_elsewhere_is_named_with_the_offset_that_starts_in_the_pose(
+    tmp_path: Path, added: int, mend: str
+) -> None:
+    folder = BUILTIN / "tables"
+    rows = np.loadtxt(folder / "side.csv", delimiter=",", skiprows=1) + np.array([0, 0, added])
+    np.savetxt(tmp_path / "a.csv", rows, "%.3f", ",", header="t,theta1_deg,theta2_deg", comments="")
+    options = {"unit": None, "angles": "relative", "zero": "hanging", "pose": "side"}
+    rig = load_rig(folder / "bench.toml")
+    with pytest.raises(RunError, match=rf"not in pose side .*\(--offset theta2={mend}\)$"):
+        import_csv(tmp_path / "a.csv", rig, ImportOptions(**options))
+    run = import_csv(tmp_path / "a.csv", rig, ImportOptions(**options, offset={"theta2": -added}))
+    assert run.notes == ()
 
 
 def test_a_gravity_that_no_place_on_earth_has_is_questioned(tables, paper: Rig, tmp_path: Path) -> None:

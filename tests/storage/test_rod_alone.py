@@ -73,6 +73,25 @@ def test_the_torque_of_the_only_joint_needs_no_number(one: Rig, paper: Rig, tmp_
     assert "torque: not used; name the joint of a torque, for example --columns tau1=torque" in both.notes
 
 
+def test_torques_that_exceed_gravity_but_do_not_move_the_rod_are_questioned(
+    one: Rig, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    files = {size: tmp_path / f"{size}.csv" for size in (0.01, 5.0)}
+    for size, file in files.items():
+        np.savetxt(
+            file,
+            np.column_stack([T, SWING, size * rng.standard_normal(len(T))]),
+            delimiter=",",
+            header="t,theta1,tau1",
+            comments="",
+        )
+    small, large = (import_csv(file, one, ImportOptions(zero="hanging")).notes for file in files.values())
+    (doubt,) = [note for note in large if "times the largest torque of gravity" in note]
+    assert "'tau1' reaches" in doubt
+    assert "(--torque none)" in doubt
+    assert not any("times the largest torque of gravity" in note for note in small)
+
+
 def test_a_question_about_one_rod_mentions_one_rod(one: Rig, tmp_path: Path) -> None:
     notes = import_csv(table(tmp_path, "t,theta1", T[:20], 0.1 + T[:20]), one).notes
     assert any(note.startswith("the rod points upwards most of the time") for note in notes)
@@ -299,6 +318,16 @@ def test_angles_of_a_million_radians_are_refused_as_angles(one: Rig, tmp_path: P
         import_csv(table(tmp_path, "t,theta1", T, SWING + 1e6), one)
 
 
+@pytest.mark.parametrize("top", [1023, 4095])
+def test_readings_of_a_converter_need_a_scale(one: Rig, tmp_path: Path, top: int) -> None:
+    steps = np.rint(top * (0.5 + SWING / 4.0)) + 0.0
+    file = table(tmp_path, "t,adc", T, steps)
+    with pytest.raises(RunError, match=rf"from 0 to {top}.*--scale"):
+        import_csv(file, one, ImportOptions(zero="hanging"))
+    converted = ImportOptions(zero="hanging", scale={"theta1": 4.0 / top}, offset={"theta1": -2.0})
+    assert import_csv(file, one, converted).theta[:, 1] == pytest.approx(SWING + np.pi, abs=4.0 / top)
+
+
 def test_degrees_with_another_zero_are_doubted_to_be_radians(one: Rig, tmp_path: Path) -> None:
     t, angle = fallen()
     slow = slice(None, None, 6)
@@ -329,15 +358,22 @@ def test_whole_turns_from_an_encoder_zeroed_while_hanging_are_kept(one: Rig, tmp
 
 
 @pytest.mark.parametrize(
-    ("names", "unit"),
-    [("time_s,angle,position", 1.0), ("t,pos_m,theta,x_cart_mm", 1.0), ("tempo_s,angulo_graus,carro_cm", 180 / np.pi)],
+    ("names", "unit", "hint"),
+    [
+        ("time_s,angle,position", 1.0, "theta0=position,theta1=angle --scale theta0=-0.1 (for metres)"),
+        ("t,pos_m,theta,x_cart_mm", 1.0, "theta0=x_cart_mm,theta1=theta --scale theta0=-0.0001"),
+        ("tempo_s,angulo_graus,carro_cm", 180 / np.pi, "theta0=carro_cm,theta1=angulo_graus --scale theta0=-0.0573"),
+    ],
 )
-def test_the_position_of_a_cart_is_no_angle(one: Rig, tmp_path: Path, names: str, unit: float) -> None:
+def test_the_position_of_a_cart_is_no_angle_and_a_note_states_how_to_use_it(
+    one: Rig, tmp_path: Path, names: str, unit: float, hint: str
+) -> None:
     columns = {name: 0.1 * np.sin(3 * T) for name in names.split(",")}
     columns[names.split(",")[0]] = T
     columns[next(name for name in columns if name.startswith(("ang", "theta")))] = SWING * unit
     read = understand(table(tmp_path, names, *columns.values()), one, ImportOptions(zero="hanging"))
     assert read.theta[:, 1] == pytest.approx(SWING + np.pi)
+    assert any(note.endswith(hint) for note in read.notes)
 
 
 def test_the_speed_next_to_an_unnamed_angle_is_not_mistaken_for_it(one: Rig, tmp_path: Path) -> None:

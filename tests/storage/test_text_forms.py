@@ -276,6 +276,20 @@ def test_a_message_names_only_the_first_of_many_columns(tmp_path, one):
         import_csv(tmp_path / "a.csv", one)
 
 
+def test_a_turned_camera_is_named(tmp_path, one):
+    """Points of a camera on its side: the rod hangs to the left in the picture."""
+    t = np.arange(0, 5, 1 / 30)
+    angle = 0.5 * np.exp(-0.05 * t) * np.cos(6.7 * t)
+    x, y = -700 * np.cos(angle), 700 * np.sin(angle)
+    noisy = np.column_stack([t, np.stack([x, y], 1) + np.random.default_rng(2).normal(0, 4, (len(t), 2))])
+    np.savetxt(tmp_path / "a.csv", noisy, "%.4f", ",", header="t,x,y", comments="")
+    questions = understand(tmp_path / "a.csv", one, ImportOptions()).questions
+    (named,) = [q.sentence for q in questions if "camera is turned" in q.sentence]
+    offset = float(named.rpartition("--offset ")[2].rstrip(")"))
+    assert abs(offset) == pytest.approx(np.pi / 2, abs=0.05)
+    assert not understand(tmp_path / "a.csv", one, ImportOptions(offset={"theta1": offset})).questions
+
+
 def test_whole_numbers_that_change_too_fast_for_radians_may_be_counts():
     counts = np.round(1000 / 360 * DEG)
     theta = np.column_stack([0 * T, counts + np.pi, 0 * T])

@@ -9,7 +9,7 @@ import pytest
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
-from dpr_lab.storage.tables.time_stamps import even_times, spread_times, stamps_at_gaps
+from dpr_lab.storage.tables.time_stamps import carried_times, even_times, spread_times, stamps_at_gaps
 from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
 from dpr_lab.workflows.rig_toml import Measure
 from tests.one_rod import Rod, swing
@@ -57,6 +57,23 @@ def test_right_stamps_next_to_gaps_are_kept(seed: int, rate_hz: float) -> None:
     t, counts, before = paused(seed, rate_hz)
     assert len(before) == 5
     assert stamps_at_gaps(t, {"theta1": counts}) == (pytest.approx(t, abs=0.0), "")
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(("rows", "unit"), [(1, 1.0), (2, 1.0), (1, -1.0), (1, 60.0)])
+def test_stamps_whose_second_and_fraction_are_read_apart_are_corrected(seed: int, rows: int, unit: float) -> None:
+    rng = np.random.default_rng(seed)
+    t = 53000 + np.cumsum(rng.uniform(0.003, 0.02, 400))
+    written = t.copy()
+    for second in np.arange(np.ceil(t[9]), t[-9]):
+        changed = int(np.searchsorted(t, second))
+        written[changed : changed + rows] -= unit
+    assert (np.diff(written) < 0).any()
+    corrected, note = carried_times(written)
+    assert corrected == pytest.approx(t, abs=1e-9)
+    assert note.startswith("time stamps are a whole second or minute early or late")
+    two_recordings = np.concatenate([t, t[:50]])
+    assert carried_times(two_recordings) == (pytest.approx(two_recordings, abs=0.0), "")
 
 
 def test_counts_of_an_unsigned_number_are_unwrapped_before_their_stamps_are_tested(one: Rig, tmp_path: Path) -> None:

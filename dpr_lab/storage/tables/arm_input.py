@@ -1,5 +1,6 @@
 """Columns of known inputs: joint torques, input of a driven arm, or cart position."""
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +14,8 @@ from dpr_lab.rig import Rig, refuse_impossible_arm, refuse_impossible_inner
 from dpr_lab.rig_tables import MotorTable
 from dpr_lab.storage.tables.cells import listed
 from dpr_lab.storage.tables.options import ImportOptions
-from dpr_lab.storage.tables.table import bare
+from dpr_lab.storage.tables.table import Table, bare
+from dpr_lab.storage.tables.time_stamps import varies
 from dpr_lab.storage.tables.torques import (
     JOINTS,
     KIND_WORDS,
@@ -41,12 +43,23 @@ _KIND = f"(?:{'|'.join(KIND_WORDS)}|motor|arm)?"
 _UNNAMED = f"{_KIND}(?:input|u|control|action){_KIND}"
 """Pattern of names that do not state the kind of an input, such as `input`, which `run export` writes. The rig file
 states the kind of the input."""
+_CART = re.compile("(?:x|pos|position)?(?:cart|carriage|trolley|slider|carro)(?:x|pos|position)?([cm]?m)?")
+_PLACE = re.compile("(?:x|pos|position)([cm]?m)?")
+"""Pattern of ambiguous names for the position of a cart: they may also denote angles or points. They are used only if
+no column has an unambiguous name."""
+_HEIGHT = re.compile("y([cm]?m|px|pixels?)?")
+"""Pattern of the height of a point. A cart has no height, so a column x next to a height is that of a tracked point."""
+_METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+_ANGLES = {"rad": 1.0, "deg": 180 / math.pi}
 
 
 @dataclass(frozen=True, slots=True)
 class InputSettings:
-    """Limit of the input of a driven arm."""
+    """Limit of the input of a driven arm, and description of the rail of a cart."""
 
+    rail_m: float = 10.0
+    """Length of the arm that represents a cart, m. At 1 m/s the arm turns at 0.1 rad/s; g / L1 is more than a thousand
+    times the square of this speed."""
     least_input: float = 1e-9
     """Input, SI, that a driven arm exceeds in some row."""
 
@@ -251,3 +264,44 @@ def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
     words = "|".join(_NAMES[kind].split("|")[0] for kind in ("torque", "current", "voltage"))
     unused = _matching(f"{_KIND}(?:{words})0?{_KIND}", names)
     return [f"column {name} is not used, because the arm is free; if it is driven, use --arm driven" for name in unused]
+
+
+def cart_note(
+    table: Table, used: Mapping[str, str], rig: Rig, options: ImportOptions
+) -> tuple[list[str], Array | None]:
+    """Explain how to import a cart if an unused column contains its position.
+
+    The result is a note and the position, m, if there is such a column.
+
+    A cart at the position x is represented by an arm of the length R that turns by theta_0 = -x / R. The pivot of the
+    rod then has the acceleration of the cart, because the terms with the squared speed of the arm vanish for a long
+    arm.
+
+    Args:
+        table: the table
+        used: name of the column of each quantity
+        rig: the recorded rig
+        options: import options, which contain the unit of the angles and the mode of the arm
+    """
+    if rig.rods.number != 1 or options.arm != "clamped" or options.unit not in _ANGLES or table.settled:
+        return [], None
+    tracked = any(_HEIGHT.fullmatch(bare(name)) and varies(column) for name, column in table.named)
+    free = {
+        name: match
+        for name, column in table.named
+        if name not in used.values() and varies(column) and not (tracked and bare(name).startswith("x"))
+        for pattern in (_CART, _PLACE)
+        if (match := pattern.fullmatch(bare(name)))
+    }
+    carts = {name: match for name, match in free.items() if match.re is _CART} or free
+    if len(carts) != 1:
+        return [], None
+    ((name, match),) = carts.items()
+    metres = _METRES[match[1] or "m"]
+    note = (
+        f"column {name} is not used. If it is the position of a cart that carries the rod, describe the rail as a long"
+        f' arm: L0 = {SETTINGS.rail_m:g} in [rig], mode = "prescribed" in [arm]. Then import with --columns'
+        f" theta0={name},theta1={used['theta1']} --scale theta0={-metres / SETTINGS.rail_m * _ANGLES[options.unit]:.4g}"
+        + ("" if match[1] else " (for metres)")
+    )
+    return [note], metres * table.column(name)

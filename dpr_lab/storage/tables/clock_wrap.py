@@ -1,4 +1,4 @@
-"""Obtain increasing times from a counter that wraps, such as 32 bits of microseconds."""
+"""Obtain increasing times from a counter that wraps, such as 32 bits of microseconds, or from durations."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array, Integers
 from dpr_lab.errors import RunError
-from dpr_lab.storage.tables.columns import TO_SECONDS
+from dpr_lab.storage.tables.columns import TO_SECONDS, is_duration
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.table import Table
 
@@ -22,6 +22,16 @@ class CounterSettings:
     slack: float = 0.01
     """Maximum difference between the decrease at a wrap and the width of the counter, relative to the width. The
     difference is up to one interval between rows."""
+    returns: float = 2.0
+    """Minimum sum of all decreases of durations, in ranges of their values. Times that decrease once have at most
+    one."""
+    falling: float = 0.25
+    """Minimum share of decreases among the changes of durations. It is 1/2 for random durations, and small for times
+    with a few wrong rows or for a counter that wraps."""
+    edge_rows: int = 3
+    """Maximum number of rows before or after a decrease that are probably wrong instead of another recording."""
+    edge_share: float = 10.0
+    """Minimum number of rows of the table for each of them."""
 
 
 SETTINGS = CounterSettings()
@@ -54,6 +64,25 @@ def wrap_behind(before: float, after: float) -> float | None:
     return next((width for width in within if abs(before - after - width) < SETTINGS.slack * width), None)
 
 
+def summed_durations(t: Array, name: str) -> tuple[Array, str]:
+    """Return times (n,) and a note, with sums if the column contains the durations of the rows.
+
+    Each duration ends at its row. NaN values are kept. `name` is the name of the column in the note.
+    """
+    known = np.flatnonzero(np.isfinite(t))
+    values, later = t[known], t[known[1:]]  # the first duration may be 0
+    steps = np.diff(later)
+    spread = float(np.ptp(later)) if len(later) else 0.0
+    returns = -steps[steps < 0].sum() > SETTINGS.returns * spread > 0
+    durations = is_duration(name) or (returns and later.min() > 0 and spread <= np.median(later))
+    growing = np.count_nonzero(steps < 0) < SETTINGS.falling * np.count_nonzero(steps)
+    if not durations or growing or values.min(initial=0.0) < 0:
+        return t, ""
+    summed = t.copy()
+    summed[known] = np.cumsum(values) - values[0]
+    return summed, f"column {name} contains the durations of the rows; the time is their sum"
+
+
 def check_forwards(table: Table, t: Array, options: ImportOptions) -> None:
     """Check that the times of a table never decrease.
 
@@ -71,12 +100,39 @@ def check_forwards(table: Table, t: Array, options: ImportOptions) -> None:
             raise RunError(f"{place}: {decrease}, like a wrapping counter: import with --time-wrap {wrap:.10g}")
         if len(backwards) == len(known) - 1:
             raise RunError(f"{place}: time decreases in all rows: sort the rows by time")
+        wrong = _wrong_rows(t[known], int(backwards[0])) if len(backwards) == 1 else []
+        if wrong and wrong[0] > wrong[-1]:
+            raise RunError(f"{place}: {decrease}: exchange this row and the one before, or delete the wrong one")
+        if wrong:
+            raise RunError(
+                f"{place}: {decrease}. Rows there probably have a wrong time, or belong to another recording: delete"
+                f" {_lines(table, known[wrong])}"
+            )
         period = t[before] - t[row] + np.median(np.diff(t[known]))
         value = f" {period / unit:.6g}" if np.ptp(t[known]) < period else ""
         raise RunError(
-            f"{place}: {decrease}, to {t[row]:.10g} s: split the table there if another recording begins, or delete"
-            f" rows with a wrong time. If the same swing continues, give the period of its counter (--time-wrap{value})"
+            f"{place}: {decrease}, to {t[row]:.10g} s: split the table there if another recording"
+            f" begins. If the same swing continues, give the period of its counter (--time-wrap{value})"
         )
+
+
+def _wrong_rows(t: Array, before: int) -> list[int]:
+    """List the rows whose removal ends the only decrease of the times (n,), which is after row `before`.
+
+    If either of the rows next to the decrease can be removed, the later one is first. The list is empty if more than a
+    few rows at the start or the end would have to be removed.
+    """
+    row, n = before + 1, len(t)
+    alone = [
+        *([row] if row + 1 == n or t[before] <= t[row + 1] else []),
+        *([before] if before == 0 or t[before - 1] <= t[row] else []),
+    ]
+    if alone:
+        return alone
+    edge = min(row, n - row)
+    if edge > SETTINGS.edge_rows or n <= SETTINGS.edge_share * edge:
+        return []
+    return [k for k in range(row) if t[k] > t[row]] if edge == row else [k for k in range(row, n) if t[k] < t[before]]
 
 
 def _lines(table: Table, rows: Integers) -> str:

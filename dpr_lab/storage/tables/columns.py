@@ -22,6 +22,8 @@ NO_ROD = "joint 2, without a rod"
 """Name of the substitute column for joint 2 of a rig with one rod."""
 
 _TIME_NAME = r"(t|(date|clock|host|elapsed)?time(stamp)?|clock|elapsed|tout|zeit|temps|tempo|tiempo)?({unit})?(?<=.)"
+_DURATION = "(dt|deltat(ime)?|timestep|duration)({unit})?"
+"""Pattern of the duration of a row, used only without a column of times."""
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds|millis", "us": "us|usec|microseconds|micros"}
 _ANY_TIME = "|".join(_TIME_SUFFIX.values())
 _ANGLE_UNIT = r"(rad(?:ians?)?|deg|degrees?|degr[eé]s|gra(?:us|dos|di|den|d))"
@@ -77,6 +79,11 @@ def is_time(name: str, unit: str | None = None) -> bool:
     return bool(re.fullmatch(_TIME_NAME.format(unit=_TIME_SUFFIX.get(unit or "", _ANY_TIME)), bare(name)))
 
 
+def is_duration(name: str) -> bool:
+    """Check whether a name is a common name of the durations of rows."""
+    return bool(re.fullmatch(_DURATION.format(unit=_ANY_TIME), bare(name)))
+
+
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
     """Find columns by common names; ambiguous quantities are omitted.
 
@@ -97,7 +104,7 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
     for quantity, joint in JOINT_NAMES.items():
         patterns[quantity] += [f"({joint}){ending}", f"({joint}){_MEASURED}{ending}"]
     named = {q: _angles(names, alternatives) for q, alternatives in patterns.items()}
-    clocks = _matches(names, [time, _MEASURED + time])
+    clocks = _matches(names, [time, _MEASURED + time, _DURATION.format(unit=_TIME_SUFFIX[time_unit])])
     named["t"] = [name for name in clocks if _TIME_UNIT_IN_NAME.search(name.lower())] or clocks
     counts = [_COUNT_NAME.format(axis=axis) for axis in (1, 2)]
     plain = named["theta1"] + named["theta2"] + _matches(names, [_ONE_ROD.pattern, *counts])

@@ -1,5 +1,6 @@
 """Define a table with its interpretation, and the limits of the plausibility checks."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -51,6 +52,10 @@ class QuestionSettings:
     torque_step: float = 0.08
     """Median change of a known torque from row to row, relative to its range, above which a warning is given. A sine of
     1 Hz has a median change of 0.012 at 200 Hz, and 0.12 at 20 Hz."""
+    idle: tuple[float, float] = (1.0, 0.75)
+    """Two limits for a warning that known torques may not act at all. The residual of the torque balance, relative to
+    gravity, must exceed the first limit. The residual without torques, divided by this residual, must be below the
+    second."""
     energy_rows: int = 200_000
     """Maximum number of rows for the energy test. A wrong interpretation is already visible at the start of the
     swing."""
@@ -65,6 +70,17 @@ class QuestionSettings:
     """Smallest ratio of the later excursion to the angle of the rest. A single rod that is released from rest stays
     within twice the angle of the release; a wrong zero changes this angle. Of two rods, a light outer rod swings
     further: up to 8.5 times the angle with a tenth of the mass of the inner rod, but 13 times with 3 % of it."""
+    of_angle: float = 0.02
+    """Maximum variance, relative to the variance of a column, that is not a function of the angle, for a column of the
+    same rod. A point on the rod has 1e-5, and simulated carts have 0.06 to 0.98."""
+    carried: float = 0.1
+    """Smallest motion of a cart that sets a rod in motion, relative to the length of the pendulum times the excursion
+    in its first period. Simulated carts have 0.7 to 5."""
+    jitter: float = 3.0
+    """Smallest ratio of this motion to the range of the position at rest."""
+    near_rate: float = 1.5
+    """Maximum factor between the rate that conserves the energy best and the rate of the rows in a film of which not
+    every frame has a row. The rates that are compared differ by factors of two."""
 
 
 SETTINGS = QuestionSettings()
@@ -104,6 +120,8 @@ class InterpretedTable:
     """Sign in the table that an unknown torque drives the rods; empty if there is none."""
     sections: tuple[float, ...] = ()
     """Times at which the header is repeated, in a table whose times follow from the rate, s."""
+    every: int = 1
+    """Number of frames per row, if a column of such a table counts the frames."""
 
     @property
     def arm_moves(self) -> bool:
@@ -134,6 +152,11 @@ class InterpretedTable:
     def looked_at(self) -> slice:
         """Samples of the swing that are used in the energy test."""
         return slice(self.part.start, min(self.part.stop, self.part.start + SETTINGS.energy_rows))
+
+    def near_frames(self, rate_hz: float) -> float:
+        """Return the rate of the rows if the given rate is that of all frames and `rate_hz` is near it."""
+        rate = (self.options.rate_hz or math.nan) / self.every
+        return rate if self.every > 1 and abs(math.log(rate_hz / rate)) < math.log(SETTINGS.near_rate) else rate_hz
 
     def beginning(self) -> "InterpretedTable":
         """Return the samples at the beginning of the swing.

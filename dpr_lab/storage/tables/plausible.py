@@ -188,6 +188,27 @@ def outliers(angles: Array) -> Flags:
     return wild
 
 
+def refuse_converter(read: Mapping[str, Array], columns: Mapping[str, str], rig: Rig, path: Path) -> None:
+    """Refuse angles in rad that are whole numbers of an analog-to-digital converter.
+
+    The numbers cover less than half a turn of the encoders of the rig file.
+
+    Raises:
+        RunError: the message states how to convert the numbers.
+    """
+    for axis, column in read.items():
+        least, most = float(column.min()), float(column.max())
+        top = 1023 if most <= 1023 else 4095
+        resolution = rig.encoders.counts_per_rev[AXES.index(axis)]
+        if least >= 0 and 360 < most <= top and 2 * top < resolution and (column == np.round(column)).all():
+            raise RunError(
+                f"{path}: column {columns[axis]!r} contains whole numbers up to {most:g}. If they are readings of a"
+                f" potentiometer from 0 to {top}, give the angle of one step in rad, for example --scale"
+                f" {math.radians(300) / top:.3g} for 300 degrees in {top} steps, and the offset of the zero (--offset)."
+                " If they are counts of an encoder: --unit counts, with counts_per_rev in the rig file"
+            )
+
+
 def frame_notes(options: ImportOptions, rig: Rig) -> list[str]:
     """Return a note if the table contains absolute angles, but the encoder of joint 2 is relative."""
     if options.angles != "absolute" or rig.rods.mounted != "both" or rig.encoders.joint2 == "absolute":

@@ -32,6 +32,8 @@ class ReadingSettings:
     zero_std_rad: float = 0.005
     """Minimum stated uncertainty of a proposed zero, rad. The zeros of energy and accelerations differ by at most 0.007
     on 10 recordings of real rigs with ball bearings, by 0.03 to 0.09 with geared joints or a hand."""
+    usual_zero_rad: float = np.pi / 12
+    """Step of usual zero errors, rad: a wrong zero is usually a multiple of this step."""
     alike: float = 2.0
     """Maximum ratio of two residuals for which the interpretations count as equally good. The one with fewer changes is
     then preferred."""
@@ -251,7 +253,7 @@ def _with_zeros(read: InterpretedTable, added: ArrayLike) -> OtherReading:
         # The remaining difference is an error of the zero that a diagnosis names.
         if from_pi.max() < READ.wrong_zero_rad:
             return _changed(read, zero=True)
-        return _with_offsets(read, added)
+        return with_zeros(read, added)
     turned = without_turns(rig.encoders.joint_angles.of_rods(added))
     counts = np.round(turned / np.asarray(rig.radians_per_count)[1:])
     moved = {axis: values[axis] + count for axis, count in zip(AXES[1:], counts, strict=True)}
@@ -264,20 +266,27 @@ def _with_zeros(read: InterpretedTable, added: ArrayLike) -> OtherReading:
     return OtherReading((cause,), (), {**values, **moved}, options)
 
 
-def _with_offsets(read: InterpretedTable, added: ArrayLike) -> OtherReading:
-    """Create an interpretation with two offsets, rad, added to the absolute angles.
+def with_zeros(read: InterpretedTable, added: ArrayLike, tolerance: float = 0.0) -> OtherReading:
+    """Create an interpretation with two offsets added to the absolute angles.
 
     Small offsets are omitted.
+
+    Args:
+        read: the table
+        added: (2,) offsets, rad
+        tolerance: largest difference, rad, for which an offset is replaced by the nearest usual zero error
     """
-    inner, outer = without_turns(np.asarray(added)).tolist()
+    turned = without_turns(np.asarray(added))
+    usual = np.round(turned / READ.usual_zero_rad) * READ.usual_zero_rad
+    inner, outer = np.where(np.abs(turned - usual) <= tolerance, usual, turned).tolist()
     values, options = read.values, read.options
+    unit = TO_RADIANS[options.unit or "rad"]
     columns = (inner, without_turns(outer - inner) if options.angles == "relative" else outer)
-    unit, digits = TO_RADIANS[options.unit or "rad"], 1 if options.unit == "deg" else 3
+    digits = 1 if options.unit == "deg" else 3
     offset = tuple(round(zero / unit, digits) if abs(zero) > READ.zero_rad else 0.0 for zero in columns)
     moved = {axis: values[axis] + value for axis, value in zip(AXES[1:], offset, strict=True)}
-    return OtherReading(
-        ("the angles have other zeros",), (), {**values, **moved}, options, offset=(offset[0], offset[1])
-    )
+    causes = ("the angles have other zeros",)
+    return OtherReading(causes, (), {**values, **moved}, options, offset=(offset[0], offset[1]))
 
 
 def _per_rod(option: str, value: Mapping[str, float], neutral: float) -> tuple[str, str]:
@@ -356,7 +365,7 @@ def _scaled(read: InterpretedTable) -> Iterator[OtherReading]:
 def _slower(read: InterpretedTable, factor: float) -> OtherReading:
     """Create an interpretation in which the times of the table are multiplied by a factor."""
     if read.options.rate_hz is not None:
-        cause = f"the rate is about {read.options.rate_hz / factor:.3g} Hz (--rate-hz)"
+        cause = f"the rate is about {read.near_frames(read.options.rate_hz / factor):.3g} Hz (--rate-hz)"
     else:
         cause = (
             f"one second of the table is about {factor:.3g} s: wrong clock of the logger, or use a rate"

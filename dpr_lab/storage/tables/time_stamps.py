@@ -1,4 +1,4 @@
-"""Correct three kinds of faulty time stamps.
+"""Correct four kinds of faulty time stamps.
 
 Too few digits: several rows have the same time, for example in a spreadsheet that shows three digits. If the rows are
 evenly spaced, their number determines the times t_i = t_0 + i T. Apart from a constant, each written time then differs
@@ -10,6 +10,10 @@ before these rows then contains their times.
 Stamps at gaps: a logger that pauses, for example while it writes to a card, may take the stamp of a row before the
 pause and the reading of the row after the pause, or vice versa. The reading then continues the motion on the other side
 of the gap.
+
+Full second at the wrong row: a stamp may be composed of two counters that are not read at one instant, for example the
+second of a clock and the milliseconds of the processor. Rows between the changes of the two counters are then a second
+early or late: 24.997, 24.002, 25.009.
 """
 
 from collections.abc import Mapping
@@ -49,6 +53,13 @@ class StampSettings:
     """Maximum distance of a predicted instant from the fitted rows, in units of the duration of these rows."""
     misfit: float = 4.0
     """Minimum prediction error for which a stamp is doubted, in units of the usual size, in at least one column."""
+    carries: tuple[float, ...] = (1.0, 60.0)
+    """Units, s, whose number and fraction may come from two counters, so that one of them may change a row too late."""
+    carried_rows: int = 3
+    """Maximum number of successive rows between the changes of the two counters."""
+    carried_step: float = 10.0
+    """Maximum step before and after a corrected row, in median steps. A longer step may be the start of a new
+    recording."""
     fit: float = 2.0
     """Maximum prediction error with the stamp on the other side of the gap, in units of the usual size, in every
     column."""
@@ -58,6 +69,42 @@ class StampSettings:
 
 
 SETTINGS = StampSettings()
+
+
+def carried_times(t: Array) -> tuple[Array, str]:
+    """Correct times that are a second or a minute off; return times and a note.
+
+    A few rows are shifted by one unit if the time decreases without the shift, and if all steps around the rows have
+    the usual size with the shift. Other times are not changed.
+
+    Args:
+        t: (n,) times, s; unknown times are NaN
+    """
+    known = np.flatnonzero(np.isfinite(t))
+    steps = np.diff(t[known])
+    if not (steps < 0).any():
+        return t, ""
+    longest = SETTINGS.carried_step * float(np.median(np.abs(steps)))
+    corrected, moved = t.copy(), list[int]()
+    for unit in SETTINGS.carries:
+        if not 0 < longest < unit:
+            continue
+        for sign in (1.0, -1.0):  # the rows are early, or late
+            starts = np.flatnonzero((steps + sign * unit >= 0) & (steps + sign * unit <= longest))
+            ends = np.flatnonzero((steps - sign * unit >= 0) & (steps - sign * unit <= longest))
+            for start in starts.tolist():
+                end = next((int(row) for row in ends if 0 < row - start <= SETTINGS.carried_rows), None)
+                if end is not None:
+                    rows = known[start + 1 : end + 1]
+                    corrected[rows] += sign * unit
+                    moved.extend(rows.tolist())
+    if not moved or (np.diff(corrected[known]) < 0).any():
+        return t, ""
+    first = min(moved)
+    return corrected, (
+        "time stamps are a whole second or minute early or late, because the logger reads seconds and fraction at"
+        f" different instants: {len(moved)} corrected, the first from {t[first]:.10g} to {corrected[first]:.10g} s"
+    )
 
 
 def varies(column: Array) -> bool:

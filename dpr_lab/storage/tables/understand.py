@@ -5,6 +5,7 @@ previous row are removed, counted and reported. Times change only if they wrap, 
 `dpr_lab.storage.tables.time_stamps`.
 """
 
+import re
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -25,8 +26,8 @@ from dpr_lab.run import as_mounted
 from dpr_lab.storage.readers import read_any
 from dpr_lab.storage.readers.merged import rows_of_angles
 from dpr_lab.storage.tables.angles import angles, in_radians
-from dpr_lab.storage.tables.arm_input import known_inputs, stated_arm, unused_input
-from dpr_lab.storage.tables.clock_wrap import check_forwards, unwrapped_times
+from dpr_lab.storage.tables.arm_input import cart_note, known_inputs, stated_arm, unused_input
+from dpr_lab.storage.tables.clock_wrap import check_forwards, summed_durations, unwrapped_times
 from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, stated_columns
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.options import ImportOptions, date_in, parse_recorded_at
@@ -37,17 +38,21 @@ from dpr_lab.storage.tables.plausible import (
     frame_notes,
     gap_notes,
     recorded_by_stamps,
+    refuse_converter,
     refuse_missing,
     turn_of_hanging,
     without_wraps,
     wrap_notes,
 )
-from dpr_lab.storage.tables.questions.frame_numbers import numbers
+from dpr_lab.storage.tables.questions.frame_numbers import counted_frames, frame_step_note, numbers
 from dpr_lab.storage.tables.questions.questions import questions, refuse_push
 from dpr_lab.storage.tables.table import Table
-from dpr_lab.storage.tables.time_stamps import even_times, shares_times, spread_times, stamps_at_gaps
+from dpr_lab.storage.tables.time_stamps import carried_times, even_times, shares_times, spread_times, stamps_at_gaps
 from dpr_lab.storage.tables.torques import PASSIVE, find_torques, set_point, torque_column, unnumbered
 from dpr_lab.storage.tables.understood import Understood
+
+_RATE = re.compile(r"--rate-hz \d|Hz \(--rate-hz\)")
+"""Pattern of a warning that states another rate."""
 
 
 def understand(
@@ -71,11 +76,12 @@ def understand(
     timed = options.rate_hz is None
     begins = np.searchsorted(table.lines, () if timed else table.repeated)
     sections = tuple(t[begins[begins < len(t)]].tolist())
+    of_cart, cart = cart_note(table, columns.names, rig, options)
     inputs = known_inputs(recorded, table.other_lengths, rig, options, path)
     known = {name: torque_column(table, name) for pair in inputs.pairs.values() for name in pair}
     rows, removed = _rows_to_keep(path, t, {**readings, **known}, options)
     inputs.refuse_silent(known, rows, path)
-    notes += [*unused_input(recorded, options.arm), *unnumbered(recorded, inputs.pairs, options)]
+    notes += [*of_cart, *unused_input(recorded, options.arm), *unnumbered(recorded, inputs.pairs, options)]
     drive = set_point(table)
     if inputs.pairs and not any(column[rows].any() for column in known.values()):
         inputs = replace(inputs, pairs={})
@@ -93,8 +99,10 @@ def understand(
     ignored = _ignored(table, [*recorded, *table.other_lengths], options, rows)
     midnight = next((column.midnight for column in table.columns if column.name == named.get("t")), 0.0)
     torques = inputs.torques(known, t, rows)
-    read = _Rows(path, rows, t, values, torques, named, options, ignored, drive, midnight, table.recorded_at)
-    read = replace(read, sections=sections)
+    cart = None if cart is None or not np.isfinite(cart[rows]).all() else cart[rows]
+    recorded_at, note = table.recorded_at, "".join(of_cart)
+    read = _Rows(path, rows, t, values, torques, named, options, ignored, drive, midnight, recorded_at, cart, note)
+    read = replace(read, sections=sections, frames=("", 1) if timed else counted_frames(table))
     understood = replace(_understood(read, notes, rig, table.kind, inputs.pairs), film_noise=table.film_noise)
     return _at_edges(understood, rig)
 
@@ -106,7 +114,8 @@ def _readings(
 
     The times (rows,) are in s. The readings (rows,) of each recorded axis are NaN for outliers.
     """
-    t = _times(table, names, options)
+    t, carried = carried_times(_times(table, names, options))
+    t, summed = summed_durations(t, names.get("t", ""))
     readings, empty = _recorded(table, {axis: table.column(names[axis]) for axis in AXES if axis in names}, options)
     check_forwards(table, t, options)
     t, rounded = even_times(t, readings)
@@ -114,7 +123,7 @@ def _readings(
     outliers = drop_outliers(readings, rig, options, table.path)
     unwrapped = {axis: without_wraps(column, axis, rig, options) for axis, column in readings.items()}
     t, misplaced = stamps_at_gaps(t, unwrapped)
-    stamps = filter(None, (rounded, shared, misplaced))
+    stamps = filter(None, (carried, summed, rounded, shared, misplaced))
     return t, readings, [*outliers, *empty, *stamps]
 
 
@@ -138,8 +147,14 @@ class _Rows:
     """Zero of times with dates, s since 1970; 0 for other times."""
     recorded_at: str
     """Date, or date and time, in the lines above the numbers; empty if unknown."""
+    cart: Array | None
+    """(kept rows,) column that may be the position of a cart that carries the rod, m; None if there is no column."""
+    of_cart: str
+    """Note on how to import this cart; empty if there is no column."""
     sections: tuple[float, ...] = ()
     """Times at which the header is repeated, in a table without times, s."""
+    frames: tuple[str, int] = ("", 1)
+    """Column that counts the frames of a table without times, and its step from row to row."""
 
 
 def _ignored(
@@ -160,6 +175,8 @@ def _understood(
     """Convert the kept rows to angles, find the free part, and collect the warnings."""
     path, options, time = read.path, read.options, read.t[read.kept]
     check_spacing(path, time - time[0])
+    if options.unit == "rad":
+        refuse_converter(read.values, read.columns, rig, path)
     theta, counts = angles(read.values, options, rig, path)
     if options.zero == "upright" and counts is None:  # loggers use -180 or 180 degrees for hanging rods
         theta[:, 1:] -= turn_of_hanging(theta[:, 1])
@@ -171,18 +188,22 @@ def _understood(
     driven = next(iter(read.torques.values()), None)
     mounted = as_mounted(theta, rig.rods.mounting, str(path))
     arm = theta[:, 0] if options.arm != "clamped" else None
-    motion = RodMotion(time, mounted[:, 1:], driven, arm, origin)
+    motion = RodMotion(time, mounted[:, 1:], driven, arm, read.cart, origin)
     whole = FreePart(0, 0, len(time))
     part = whole if options.keep_rest else free_part(motion, str(path))
     pair = next(iter(driving.values()), (PASSIVE, PASSIVE))
     table = InterpretedTable(
         path, rig, options, read.columns, time, mounted, read.values, part, driven, pair, read.ignored, read.drive
     )
-    doubts = questions(replace(table, sections=read.sections))
+    name, every = read.frames
+    table = replace(table, sections=read.sections, every=every)
+    doubts = questions(table)
+    if options.rate_hz and every > 1 and not any(_RATE.search(doubt.sentence) for doubt in doubts):
+        notes.append(frame_step_note(name, every, options.rate_hz))
     if counts is None and not any("--angles" in doubt.mend for doubt in doubts):
         notes += frame_notes(options, rig)
     if not options.keep_rest:
-        refuse_push(table, origin)
+        refuse_push(table, origin, read.cart, read.of_cart)
     if not rig.rig.on_earth(rig.g):
         sentence = f"g = {rig.g:g} m/s^2 in the rig file; on earth it is 9.78 to 9.83: correct g in the rig file"
         doubts.append(TableQuestion(sentence))

@@ -1,6 +1,9 @@
 """Warnings from the energy of a swing: units, zeros, signs, columns, and known torques."""
 
 import math
+from bisect import bisect_left
+from dataclasses import replace
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -8,6 +11,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.balance import (
     ENERGY,
     energy_fit,
+    energy_zeros,
     other_pace,
     periods,
     residual_near,
@@ -26,6 +30,7 @@ from dpr_lab.storage.tables.readings import (
     energy_residual,
     other_readings,
     read_otherwise,
+    with_zeros,
 )
 
 
@@ -41,6 +46,8 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
     if fit is not None and not table.prescribed:
         residual = fit.residual
         others = better_readings(fit, read)
+        if others and all(other.scale != (1.0, 1.0) for other in others):
+            others += [other for other in _turned(read) if energy_residual(read, other) < READ.sure]
         if not others and (doubts := better_torques(fit, read)):
             return doubts, []
     if fit is not None and not others and table.options.inner != "prescribed":
@@ -59,15 +66,19 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
         share, rate = f"{percent(residual)} of" if residual < 1 else "more than", table.options.rate_hz
         pace = other_pace(read.t, read.theta[:, 1:], table.rig) if rate and table.free else 1.0
         other = (
-            f"; much less with --rate-hz {rate * pace:g}: was this the frame rate of the camera?"
+            f"; much less with --rate-hz {table.near_frames(rate * pace):g}: was this the frame rate of the camera?"
             if rate and pace != 1.0
             else _nearest(read, residual)
         )
+        part = "" if other else _explained_part(table)
         drive = table.drive and f"; {table.drive}: record the torques of the motors, or a free swing"
         counted = table.options.unit == "counts"
         angles = "counts_per_rev, zero_counts, --offset" if counted else "--unit, --scale, --zero, --offset, --angles"
         notes.append(
-            f"the energy of the swing changes by {share} the energy exchanged by gravity, and friction and known"
+            f"{part}. In the whole swing, the energy changes by {share} the energy exchanged by gravity; friction and"
+            f" known torques explain the change only in this part{drive}"
+            if part
+            else f"the energy of the swing changes by {share} the energy exchanged by gravity, and friction and known"
             f" torques do not explain this change: check {angles}, --columns, --time-unit, --torque"
             f" (in N m) and --arm, and lengths and masses of the rig{other}{drive}"
         )
@@ -95,11 +106,63 @@ def _nearest(read: InterpretedTable, residual: float) -> str:
     The text is the end of a sentence. This interpretation is not proposed as a correction, because the energy changes
     in it as well. The text is empty if there is no such interpretation.
     """
-    fits = sorted((energy_residual(read, other), other.sentence) for other in other_readings(read) if other.mend)
+    turned = _turned(read)
+    others = (other for other in other_readings(read) if other.mend and (not turned or other.scale == (1.0, 1.0)))
+    fits = sorted((energy_residual(read, other), other.sentence) for other in (*others, *turned))
     (least, sentence), (second, _) = [*fits, *[(math.inf, "")] * 2][:2]
     lead, most = SETTINGS.nearest
     near = least <= min(most, residual / lead, second / lead)
     return f"; it changes by {percent(least)} if {sentence}" if near else ""
+
+
+def _explained_part(table: InterpretedTable) -> str:
+    """Name the longest part of a free swing whose energy is explained.
+
+    The text is the beginning of a sentence. A coil, a hand or a motor drives the rods in the other part. Half a
+    period next to that part is excluded, too. The text is empty if no part of at least half the swing, and of at least
+    one period, is explained.
+    """
+    rows, before = table.looked_at, table.options.start_s - table.t[0]
+    t, rods = table.t[rows], table.theta[rows, 1:]
+    duration_s, period = t[-1] - t[0], periods(table.rig)[0]
+
+    def residual(cut: float, later: bool) -> float:
+        samples = t >= t[0] + cut if later else t <= t[-1] - cut
+        return residual_near(t[samples], rods[samples], None, table.rig)
+
+    cuts = np.linspace(0, 0.5, 9) * duration_s
+    parts = pairwise(cuts[cuts <= duration_s - period][1:]) if table.free else ()
+    for (cut, longest), later in product(parts, (True, False)):
+        if residual(cut, later) > READ.sure:
+            continue
+        limit = READ.alike * residual(longest, later)  # a remainder of the drive exceeds it
+        finer = np.linspace(cut - cuts[1], longest, 33)
+        clear = finer[bisect_left(finer, True, hi=32, key=lambda shorter: residual(shorter, later) <= limit)]
+        safe = min(clear + period / 2, longest)
+        if later:
+            begins = f"{round(t[np.searchsorted(t, t[0] + safe)] + before, 2):g}"
+            return (
+                f"use only the swing from {begins} s on (--start-s {begins}): before, a drive or a hand probably acted"
+            )
+        ends = f"{round(t[np.searchsorted(t, t[-1] - safe, 'right') - 1] - table.t[0], 2):g}"
+        return f"use only the first {ends} s (--duration-s {ends}): later, a drive or a hand probably acted"
+    return ""
+
+
+def _turned(read: InterpretedTable) -> list[OtherReading]:
+    """List the interpretation in which a free rod hangs at an angle other than 0 or half a turn.
+
+    The list is empty if there is no such interpretation. If the rod
+    hangs at 90 degrees of the table, the doubled angles also look like an energy-conserving swing about the hanging
+    position.
+    """
+    if read.torques is not None or read.drive or read.rig.rods.mounting == "both" or read.options.unit == "counts":
+        return []
+    added = energy_zeros(read.t, read.rods(read.values, read.options), read.rig)
+    if added is None or abs(math.sin(added[0])) < math.sin(READ.wrong_zero_rad):
+        return []
+    cause = "the camera is turned, or a constant torque deflects the hanging rod"
+    return [replace(with_zeros(read, added), causes=(cause,))]
 
 
 def _refuse_unit_of_time(table: InterpretedTable, scale: float) -> None:

@@ -33,6 +33,27 @@ def numbers(table: Table) -> Array:
     return (counted - counted[0]) / _step(counted)
 
 
+def counted_frames(table: Table) -> tuple[str, int]:
+    """Return the column that counts every k-th frame and k; an empty name and 1 without such a column."""
+    name = "" if table.frames is not None else _frame_column(table)
+    return name, _step(table.column(name)) if name else 1
+
+
+def frame_step_note(name: str, step: int, rate_hz: float) -> str:
+    """Return a note that a column counts every k-th frame, because the given rate can be that of all frames.
+
+    A column without a name may instead contain the times of rows at the given rate, in ms or us.
+    """
+    unit = {1e3: "ms", 1e6: "us"}.get(round(step * rate_hz, 6), "")
+    if unit and name.isdecimal():
+        option = f"--columns t={name} --time-unit {unit}"
+        return f"{name!r} increases in steps of {step}, probably times in {unit}: replace --rate-hz by {option}"
+    return (
+        f"{name!r} increases in steps of {step}; {rate_hz:g} Hz is taken as the rate of the rows. If it is the frame"
+        f" rate of the camera, give --rate-hz {rate_hz / step:.6g}"
+    )
+
+
 def _frame_column(table: Table) -> str:
     """Return the column that counts rows or frames; in a table without names, the first, if its steps are equal.
 

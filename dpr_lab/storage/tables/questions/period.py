@@ -3,16 +3,17 @@
 The evidence is how the period of a single rod depends on the amplitude, or the torque balance of two rods.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from dpr_lab.arrays import Array
+from dpr_lab.identification.misread.torque_balance import torque_balance
 from dpr_lab.shown import percent
 from dpr_lab.storage.tables.columns import TO_RADIANS
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
-from dpr_lab.storage.tables.readings import unit_words
+from dpr_lab.storage.tables.readings import READ, unit_words
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,8 @@ class PeriodSettings:
     eccentricity of an encoder changes it by some tenths."""
     other_unit: float = 0.5
     """Maximum difference of the best scale from that of angles in rad, relative to the latter."""
+    small: float = 0.7
+    """Maximum amplitude, in degrees, for a warning without evidence. The motion shows the unit of a larger swing."""
     significant: float = 25.0
     """Minimum difference between the sums of squares at the scale 1 and at the best scale, in units of the variance of
     a period. 25 corresponds to 5 standard deviations."""
@@ -111,6 +114,36 @@ def period_questions(table: InterpretedTable) -> list[TableQuestion]:
             " (export its x and y)? A spring that is stronger than gravity has the same effect"
         )
     ]
+
+
+def small_questions(table: InterpretedTable) -> list[TableQuestion]:
+    """Warn about a small swing in degrees that may be in radians."""
+    amplitude = float(np.ptp(table.theta[table.swing, 1:], axis=0).max()) / 2 / TO_RADIANS["deg"]
+    # the same number in rad would be the amplitude
+    if table.options.unit != "deg" or table.prescribed or amplitude > SETTINGS.overturned_rad:
+        return []
+    words = unit_words(table)
+    ratio = _residual_of_radians(table)
+    if 1 / READ.alike_balance <= ratio <= READ.alike_balance and (scale := amplitude_scale(table)):
+        ratio = np.inf if scale.other_unit - scale.as_read > 1 else ratio
+    sentence = f"the amplitude of the swing is only {amplitude:.2g} degrees"
+    if ratio < 1 / READ.alike_balance:
+        doubt = TableQuestion(f"{sentence}, but the accelerations agree better with rad ({' '.join(words)})", words)
+    elif ratio <= READ.alike_balance and amplitude < SETTINGS.small:
+        doubt = TableQuestion(f"{sentence}: if the table is in rad, import it with {' '.join(words)}")
+    else:
+        return []
+    return [doubt]
+
+
+def _residual_of_radians(table: InterpretedTable) -> float:
+    """Return the torque residual of angles in rad, relative to that in degrees; 1 if it is unknown."""
+    read = table.beginning()
+    rods = (read.rods(read.values, replace(read.options, unit=unit)) for unit in ("rad", "deg"))
+    converted, as_read = (torque_balance(read.t, angles, read.torques, read.rig) for angles in rods)
+    if converted is None or as_read is None or not (residual := as_read.residual()) > 0:
+        return 1.0
+    return converted.residual() / residual
 
 
 def swings(t: Array, angle: Array) -> tuple[Array, Array]:

@@ -1,11 +1,20 @@
 """Warn about the pose of the release."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from dpr_lab.arrays import Array, without_turns
 from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
-from dpr_lab.storage.tables.readings import OtherReading
+from dpr_lab.storage.tables.readings import (
+    READ,
+    OtherReading,
+    energy_residual,
+    fewest_changes,
+    other_readings,
+    with_zeros,
+)
 
 
 def pose_questions(table: InterpretedTable) -> list[TableQuestion]:
@@ -27,15 +36,45 @@ def pose_questions(table: InterpretedTable) -> list[TableQuestion]:
     keys = (
         "zero_counts, joint2, direction and counts_per_rev of the rig file"
         if counted
-        else "--zero, --offset, --angles, --unit, --scale"
+        else "--zero, --offset, --angles, --unit"
     )
     mend, words = f"remove --pose, or correct {keys}", ()
     if near:
         mend, words = f"it is pose {near[0]} (--pose {near[0]})", ("--pose", near[0])
+    elif others := _readings_in_pose(table) or _zeros_in_pose(table, pose.theta[1:] - began):
+        mend = f"it would if {'; or '.join(other.sentence for other in others)}"
+        words = others[0].mend if len(others) == 1 else ()
     sentence = f"the swing starts at {began_at}, not in pose {table.options.pose} ({asked_for}): {mend}"
     if deviation > SETTINGS.pose[1]:
         raise RunError(f"{table.path}: {sentence}")
     return [TableQuestion(sentence, words)]
+
+
+def _readings_in_pose(table: InterpretedTable) -> list[OtherReading]:
+    """List interpretations that start at the named pose and conserve the energy.
+
+    Only interpretations with the fewest changes are listed.
+    """
+    read = table.beginning()
+    others, as_read = list(other_readings(read)), OtherReading((), (), read.values, table.options)
+    candidates = [as_read.mirrored, *others, *(other.mirrored for other in others)]
+    posed = [other for other in candidates if other.time_factor == 1 and _in_pose(table, other)]
+    residuals = [energy_residual(read, other) for other in posed]
+    limit = min(READ.right, READ.alike * min(residuals, default=0.0))
+    return fewest_changes([other for other, residual in zip(posed, residuals, strict=True) if residual <= limit])
+
+
+def _zeros_in_pose(table: InterpretedTable, added: Array) -> list[OtherReading]:
+    """Return an interpretation whose zeros start the swing at the named pose.
+
+    The list is empty if the energy is conserved less well with these zeros.
+    """
+    if table.options.unit == "counts" or table.options.pose is None:
+        return []
+    read, tolerance = table.beginning(), table.rig.poses[table.options.pose].tolerance
+    other = with_zeros(read, added, tolerance)
+    worst = max(READ.right, energy_residual(read, replace(other, values=read.values)))
+    return [other] if energy_residual(read, other) <= worst else []
 
 
 def as_posed(table: InterpretedTable, other: OtherReading) -> OtherReading:

@@ -13,7 +13,7 @@ from dpr_lab.storage.tables.questions.accelerations import balance_questions, ri
 from dpr_lab.storage.tables.questions.energy import energy_questions
 from dpr_lab.storage.tables.questions.hand import hand_questions
 from dpr_lab.storage.tables.questions.joined import gap_questions, joined_questions, rise_questions, section_questions
-from dpr_lab.storage.tables.questions.period import period_questions
+from dpr_lab.storage.tables.questions.period import period_questions, small_questions
 from dpr_lab.storage.tables.questions.pose import apart, pose_questions
 from dpr_lab.storage.tables.questions.torques import torque_questions
 
@@ -42,7 +42,7 @@ def questions(table: InterpretedTable) -> list[TableQuestion]:
     posed = [] if other else pose_questions(table)
     certain = other or posed or arm or any(doubt.mend for doubt in doubts)
     if not certain:
-        of_unit = period_questions(table)
+        of_unit = period_questions(table) or small_questions(table)
         sure = balance_questions(table) or [doubt for doubt in of_unit if doubt.mend]
         doubts = sure or [*of_unit, *rig_questions(table), *hand_questions(table), *doubts]
     return [*doubts, *arm, *few_rows, *posed]
@@ -81,12 +81,14 @@ def _refuse_dead(table: InterpretedTable, theta: Array) -> None:
         )
 
 
-def refuse_push(table: InterpretedTable, origin: float) -> None:
+def refuse_push(table: InterpretedTable, origin: float, cart: Array | None, of_cart: str) -> None:
     """Refuse a table whose rods leave the hanging rest without a known drive.
 
     Args:
         table: the table
         origin: time to which the option --start-s refers, s
+        cart: (n,) column that may be the position of a cart, m; None if there is no column
+        of_cart: note on how to import this cart, or empty
 
     Raises:
         RunError: the rods were pushed; the message names the option that excludes the push.
@@ -97,12 +99,32 @@ def refuse_push(table: InterpretedTable, origin: float) -> None:
     hung = apart(np.median(table.theta[rest:start, 1:], axis=0), np.array([np.pi, np.pi]))
     excursion = np.ptp(table.theta[table.swing, 1:], axis=0).max()
     if hung <= SETTINGS.hanging_rad and excursion > max(SETTINGS.pushed_rad, SETTINGS.pushed_ratio * hung):
+        if cart is not None and _carried(table, cart):
+            return
         begins = table.t[start] - origin
         raise RunError(
             f"{table.path}: the rods hang at rest until {begins:.4g} s after the first row and then swing:"
             f" they were pushed by an unknown force. Exclude the push (--start-s {begins + 1:.4g}), or name"
             " the torques' columns tau1_Nm, tau2_Nm; --keep-rest uses all rows"
+            + (f". Or a cart set the rod in motion: {of_cart}" if of_cart else "")
         )
+
+
+def _carried(table: InterpretedTable, cart: Array) -> bool:
+    """Return whether a column can be the position of a cart that sets the single rod in motion.
+
+    It cannot if it is a function of the angle, like the position of a point on the rod.
+    """
+    angle, still = table.theta[table.swing, 1], cart[table.part.rest : (table.part.rest + table.part.start + 1) // 2]
+    of_angle = np.column_stack([np.ones_like(angle), angle, np.sin(angle), np.cos(angle)])
+    moved = cart[table.swing]
+    remainder = moved - of_angle @ np.linalg.lstsq(of_angle, moved, rcond=None)[0]
+    if remainder.var() < SETTINGS.of_angle * moved.var():
+        return False
+    period = periods(table.rig)[0]
+    first = slice(table.part.rest, int(np.searchsorted(table.t, table.t[table.part.start] + period)))
+    carried = table.rig.g * (period / (2 * np.pi)) ** 2 * np.ptp(table.theta[first, 1])
+    return bool(np.ptp(cart[first]) > max(SETTINGS.jitter * np.ptp(still), SETTINGS.carried * carried))
 
 
 def _few(table: InterpretedTable, t: Array) -> list[TableQuestion]:

@@ -8,6 +8,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.identification.misread.balance import EnergyFit
 from dpr_lab.identification.misread.readings import TORQUE_FACTORS
+from dpr_lab.identification.misread.torque_balance import torque_balance
 from dpr_lab.shown import percent
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.readings import BROKEN, READ, OtherReading, energy_residual, read_otherwise
@@ -38,7 +39,7 @@ def _others(read: InterpretedTable) -> Iterator[tuple[Array, OtherReading]]:
 
     if read.ignored is not None:
         kind, torques = read.ignored
-        yield torques, reading("the torques of the table act, but --torque none ignores them", "--torque", kind)
+        yield torques, reading("the torques of the table act, which --torque none ignores", "--torque", kind)
     if read.torques is None:
         return
     scale = read.options.scale
@@ -56,12 +57,17 @@ def _others(read: InterpretedTable) -> Iterator[tuple[Array, OtherReading]]:
 
 
 def torque_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about known torques or an input with distant rows."""
+    """Warn about known torques with distant rows, or without influence on the rods.
+
+    The input of a driven arm does not act on the rods. For such an input, only the distance between the rows is
+    checked.
+    """
     if table.torques is None:
         return []
     words = "the input of the arm changes" if table.arm_moves else "the torques change"
     coarse = coarse_torques(table.torques[table.swing], words)
-    return [TableQuestion(coarse)] if coarse else []
+    idle = "" if table.arm_moves else _idle(table.beginning())
+    return [TableQuestion(sentence) for sentence in (coarse, idle) if sentence]
 
 
 def coarse_torques(torques: Array, words: str) -> str:
@@ -80,4 +86,25 @@ def coarse_torques(torques: Array, words: str) -> str:
     return (
         f"{words} by {percent(share)} of the range from row to row. The rows do not show when such a change occurs,"
         " and a diagnosis may name a delay of the input: export the table at the rate of the controller"
+    )
+
+
+def _idle(read: InterpretedTable) -> str:
+    """Warn about torques above gravity that do not seem to act.
+
+    Otherwise return an empty text.
+    """
+    rods, torques, limits = read.rods(read.values, read.options), read.torques, SETTINGS.idle
+    acting, idle = (torque_balance(read.t, rods, acting, read.rig) for acting in (torques, None))
+    if torques is None or acting is None or idle is None:
+        return ""
+    residual = acting.residual()
+    if not residual > limits[0] or idle.residual() > limits[1] * residual:
+        return ""
+    joint = int(np.argmax(np.abs(torques).max(axis=0)))
+    most, name = float(np.abs(torques[:, joint]).max()), JOINTS[joint]
+    return (
+        f"the torque {read.torque_columns[joint]!r} reaches {most:.3g} N m, {most / acting.gravity[joint]:.2g} times"
+        " the largest torque of gravity on the rod, but the motion agrees better with no torque: check its unit"
+        f" (--scale {name}=...) and its column (--columns {name}=...), or ignore it (--torque none)"
     )
