@@ -25,15 +25,16 @@ D. J. Schuirmann (1987), A comparison of the two one-sided tests procedure and t
 Pharmacokinetics and Biopharmaceutics 15, 657-680.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
 
-from dpr_lab.acceptance.limits import Limits, friction_quantity
+from dpr_lab.acceptance.friction import inaccurate_speeds, largest_friction
+from dpr_lab.acceptance.limits import FrictionLimit, Limits, friction_quantity
 from dpr_lab.effects import EFFECTS
-from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.evidence.joint_friction import laws_of
 from dpr_lab.gap.result.causes import UNTESTED, NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -53,7 +54,13 @@ Answer = Literal["pass", "fail", "not decidable"]
 Range = tuple[float, float]
 
 WITHIN = "the limit lies within the interval"
-"""Reason for which further releases may decide a limit."""
+"""Beginning of a reason for which further releases may decide a limit."""
+
+RECORD_MORE = ": record more releases"
+"""End of such a reason, before the releases are known."""
+
+ONLY_SCALE = "only the uncertainty of"
+"""Beginning of a reason for which no further release decides a limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +125,9 @@ def _effects(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
             reason = _untrusted(diagnosis) or _confused(diagnosis, name)
             if interval is None:
                 reason = reason or _unseen(diagnosis, name, parameter)
+            if answer == "not decidable" and interval is not None:
+                size = partial(_size, effect=name, parameter=parameter)
+                reason = reason or further or _only_scale(diagnosis, bounds, size)
             if answer == "fail":
                 reason = reason or _unsure(diagnosis, name)
             yield _judged(quantity, limit.unit, bounds, interval, answer, reason or further)
@@ -125,29 +135,48 @@ def _effects(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 def _frictions(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
     for joint, limit in limits.friction.items():
-        interval, reason = None, f"{joint} does not move in these recordings"
-        if curve := diagnosis.evidence.friction.get(joint) if diagnosis.evidence else None:
+        interval, reason, bounds = None, f"{joint} does not move in these recordings", (None, limit.max)
+        curve = diagnosis.evidence.friction.get(joint) if diagnosis.evidence else None
+        if curve is not None:
             reached = curve.speed_rad_per_s[-1]
             reason = f"{joint} reaches only {reached:.3g} rad/s" if limit.speed_rad_s > reached else ""
-            interval = None if reason else _largest(curve, limit.speed_rad_s, diagnosis)
+            interval = None if reason else _largest(diagnosis, curve, limit)
         reason = _untrusted(diagnosis) or reason or _other_friction(diagnosis, int(joint[-1]))
-        answer = _answer(interval, None, limit.max)
+        answer = _answer(interval, *bounds)
         if curve is not None and curve.back_emf and answer != "pass":
             reason = reason or "the torque contains the back-EMF of the voltage drive"
-        yield _judged(friction_quantity(joint, limit), limit.unit, (None, limit.max), interval, answer, reason)
+        if curve is not None and answer == "not decidable" and not reason:
+            reason = _only_scale(diagnosis, bounds, partial(_largest, curve=curve, limit=limit))
+            if not reason and (cause := inaccurate_speeds(curve, limit)):
+                reason = f"{WITHIN}, because {cause}{RECORD_MORE}"
+        yield _judged(friction_quantity(joint, limit), limit.unit, bounds, interval, answer, reason)
 
 
-def _largest(curve: JointFriction, speed: float, diagnosis: Diagnosis) -> Range:
-    """Return the interval of the largest friction torque at speeds up to `speed`."""
-    from scipy.special import chdtri  # slow to import, and every diagnosis imports this module
-
-    u = np.array(curve.speed_rad_per_s)
-    within = np.append(u[np.abs(u) <= speed], [-speed, speed])
-    size, std = np.abs(np.interp(within, u, curve.torque_Nm)), np.interp(within, u, curve.std_Nm)
-    simultaneous = float(np.sqrt(chdtri(curve.coefficients, 1.0 - SURE)))
+def _largest(diagnosis: Diagnosis, curve: JointFriction, limit: FrictionLimit) -> Range:
+    """Return the interval of the largest friction torque, including the uncertainty of the scale."""
+    lower, upper = largest_friction(curve, limit, SURE)
     factors = _scale_factors(diagnosis, 1)
-    lower, upper = float((size - simultaneous * std).max()), float((size + NORMAL_Q90 * std).max())
-    return max(0.0, lower) * min(factors), upper * max(factors)
+    return lower * min(factors), upper * max(factors)
+
+
+def _only_scale(
+    diagnosis: Diagnosis, bounds: tuple[float | None, float | None], interval: Callable[[Diagnosis], Range | None]
+) -> str:
+    """Return a reason if the limit is decided for a known scale, which no free swing shows.
+
+    Args:
+        diagnosis: the diagnosis
+        bounds: lower and upper limit
+        interval: function that returns the interval of the quantity for a diagnosis
+    """
+    scale = diagnosis.scale
+    if scale is None or _answer(interval(diagnosis.model_copy(update={"scale": None})), *bounds) == "not decidable":
+        return ""
+    low, high = scale.interval90
+    return (
+        f"{ONLY_SCALE} {scale.inertia} ({low:.3g} to {high:.3g} kg m^2) leaves this open: state more accurate masses,"
+        " lengths and inertias in the rig file"
+    )
 
 
 def _other_friction(diagnosis: Diagnosis, joint: int) -> str:
@@ -212,7 +241,7 @@ def _judged(
     reason: str,
 ) -> JudgedLimit:
     if not reason and answer == "not decidable":
-        reason = f"{WITHIN}: record more releases"
+        reason = f"{WITHIN}{RECORD_MORE}"
     return JudgedLimit(quantity, unit, *bounds, interval, "not decidable" if reason else answer, reason)
 
 
@@ -236,7 +265,7 @@ def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
             size = named.parameters.get(parameter)
             if size is None or size.interval90[0] == size.interval90[1]:  # the amplitude was not fitted
                 return None
-            return size.interval90_with_scale or size.interval90
+            return (diagnosis.scale and size.interval90_with_scale) or size.interval90
     for tested in diagnosis.evidence.exclusions if diagnosis.evidence else ():
         if (tested.effect, tested.parameter) == (effect, parameter) and tested.interval90 is not None:
             return _with_scale(diagnosis, effect, parameter, *tested.interval90)
@@ -267,7 +296,7 @@ def _widened(
             further = f"common effects of undetectable sizes are present ({listed(model.effects)})"
             if model.probability is not None:
                 further = f"{listed(model.effects)} is present (probability {percent(model.probability)})"
-            reason = f"{WITHIN} if {further}: record more releases"
+            reason = f"{WITHIN} if {further}{RECORD_MORE}"
     return interval, reason
 
 

@@ -129,6 +129,8 @@ class LimitForecast(_Record):
     """Whether the interval of `accept` covers all shapes of an effect; `reach` applies to one shape."""
     decides: bool
     """Whether a quantity at half its limit, or in the middle of its range, would pass after the plan."""
+    release: int | None = None
+    """Number of the release that decides this alone and most accurately; None if no single release decides it."""
 
 
 class Plan(Shown, _Record):

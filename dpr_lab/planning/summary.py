@@ -19,7 +19,7 @@ from dpr_lab.planning.forecast import FORECAST, decision_probability, settled_pr
 from dpr_lab.planning.information import horizon_s, informed
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.limits import PlanLimits
-from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, PlannedRelease
+from dpr_lab.planning.result import Detectable, Inseparable, LimitForecast, PairBits, Plan, PlannedRelease
 from dpr_lab.planning.sequence import SequenceStep
 from dpr_lab.planning.stopping import STOPPING, by_prior, decided, recorded_releases, reservation, undecided
 from dpr_lab.planning.worth.criteria import OpenAmplitudes, detectable, library_bits, ratio_std, shown_ratio_std
@@ -81,10 +81,27 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
         ratio_std=shown_ratio_std(known, known.information),
         detectable=_detectable(known, after[-1]),
         inseparable=stuck[0],
-        limits=limit_forecasts(known, after[-1], limits, [step.release for step in steps]),
+        limits=_limits(known, steps, limits),
         assumptions=_assumptions(known, releases),
         seconds=seconds,
     )
+
+
+def _limits(known: Knowledge, steps: Sequence[SequenceStep], limits: PlanLimits) -> list[LimitForecast]:
+    """Return the forecast of each limit after all releases, with the release that is sufficient alone."""
+
+    def after(chosen: Sequence[SequenceStep]) -> list[LimitForecast]:
+        F = known.information + sum(step.information for step in chosen)
+        return limit_forecasts(known, F, limits, [step.release for step in chosen])
+
+    alone = [after([step]) for step in steps]
+    forecasts = list[LimitForecast]()
+    for k, forecast in enumerate(after(steps)):
+        sufficient = {n: made[k].reach or 0.0 for n, made in enumerate(alone, 1) if made[k].decides}
+        forecasts.append(
+            forecast.model_copy(update={"release": min(sufficient, key=sufficient.__getitem__, default=None)})
+        )
+    return forecasts
 
 
 def _planned(

@@ -13,7 +13,7 @@ from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_diagnosis, read_runs
 
 if TYPE_CHECKING:
-    from dpr_lab.acceptance.judge import Acceptance
+    from dpr_lab.acceptance.judge import Acceptance, JudgedLimit
     from dpr_lab.acceptance.limits import Limits
     from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.planning.result import Plan
@@ -109,20 +109,31 @@ def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig:
 def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
     """Add the planned releases if they are expected to decide a limit.
 
-    The reason of a limit that they would not decide states this, unless the interval covers all shapes of an effect:
-    the forecast refers to one shape.
+    The reason of a limit states the release that is expected to decide it alone. The reason of a limit that the
+    releases would not decide states this, unless the interval covers all shapes of an effect: the forecast refers to
+    one shape.
     """
-    from dpr_lab.acceptance.judge import WITHIN
+    from dpr_lab.acceptance.judge import ONLY_SCALE, RECORD_MORE, WITHIN
 
-    decides = {forecast.quantity: forecast.decides for forecast in planned.limits}
-    inaccurate = {forecast.quantity for forecast in planned.limits if not (forecast.decides or forecast.all_shapes)}
-    hopeless = f"{WITHIN}, and {counted(len(planned.releases), 'further release')} would probably not decide it"
-    limits = tuple(
-        replace(limit, reason=hopeless) if limit.reason.startswith(WITHIN) and limit.quantity in inaccurate else limit
-        for limit in acceptance.limits
-    )
-    open_ones = [limit.quantity for limit in limits if limit.answer == "not decidable"]
-    decided = tuple(quantity for quantity in open_ones if decides.get(quantity))
+    forecasts = {forecast.quantity: forecast for forecast in planned.limits}
+    hopeless = f", and {counted(len(planned.releases), 'further release')} would probably not decide it"
+
+    def advised(limit: "JudgedLimit") -> "JudgedLimit":
+        forecast = forecasts.get(limit.quantity)
+        if not limit.reason.startswith(WITHIN) or forecast is None:
+            return limit
+        cause = limit.reason.removesuffix(RECORD_MORE)
+        if forecast.decides and forecast.release is not None:
+            return replace(limit, reason=f"{cause}: release {forecast.release} alone is expected to decide it")
+        return limit if forecast.decides or forecast.all_shapes else replace(limit, reason=f"{cause}{hopeless}")
+
+    limits = tuple(map(advised, acceptance.limits))
+    open_ones = [
+        limit.quantity
+        for limit in limits
+        if limit.answer == "not decidable" and not limit.reason.startswith(ONLY_SCALE)
+    ]
+    decided = tuple(quantity for quantity in open_ones if quantity in forecasts and forecasts[quantity].decides)
     texts = tuple(release.text for release in planned.releases) if decided else ()
     return replace(acceptance, limits=limits, recordings=texts, would_decide=decided)
 

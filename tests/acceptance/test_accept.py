@@ -10,7 +10,7 @@ import pytest
 
 from dpr_lab.acceptance import free_run
 from dpr_lab.acceptance.free_run import free_run_errors
-from dpr_lab.acceptance.judge import Acceptance, JudgedLimit, judge
+from dpr_lab.acceptance.judge import judge
 from dpr_lab.acceptance.limits import Limits, load_limits
 from dpr_lab.effects import param_index
 from dpr_lab.errors import ConfigError
@@ -27,7 +27,6 @@ from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
-from dpr_lab.workflows.accept import with_recordings
 from tests.a_diagnosis import made
 
 TORQUE_NM = 1.5e-3
@@ -374,21 +373,3 @@ def test_accept_takes_the_limits_file_of_a_plan(tmp_path: Path) -> None:
     path.write_text("[effects.coulomb_joint2]\ntorque_Nm = 0.005\n")
     with pytest.raises(ConfigError, match=r"torque_Nm = 0\.005: must be a table of keys and values"):
         load_limits(path, PlanLimits)
-
-
-def test_a_limit_that_no_planned_release_decides_states_it_instead_of_advising_more_releases() -> None:
-    reason = "the limit lies within the interval: record more releases"
-    limits = [
-        JudgedLimit(name, "N m", -1.0, 1.0, (0.0, 2.0), "not decidable", reason) for name in ("far", "near", "shapes")
-    ]
-    forecasts = [
-        SimpleNamespace(quantity="far", decides=False, all_shapes=False),
-        SimpleNamespace(quantity="near", decides=True, all_shapes=False),
-        SimpleNamespace(quantity="shapes", decides=False, all_shapes=True),
-    ]
-    plan: Any = SimpleNamespace(limits=forecasts, releases=[SimpleNamespace(text="P1"), SimpleNamespace(text="P2")])
-    acceptance = with_recordings(Acceptance("not decidable", "", tuple(limits)), plan)
-    far, near, shapes = acceptance.limits
-    assert far.reason == "the limit lies within the interval, and 2 further releases would probably not decide it"
-    assert shapes.reason == reason
-    assert (near.reason, acceptance.would_decide, acceptance.recordings) == (reason, ("near",), ("P1", "P2"))
