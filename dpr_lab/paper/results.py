@@ -4,12 +4,11 @@ import csv
 import io
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from dpr_lab.paper.campaign import TRUTHS, SearchCase, SearchResult, run_searches, search_cases
-from dpr_lab.paper.contradictions import Contradiction, contradictions
 from dpr_lab.paper.figures import save_figures
 from dpr_lab.paper.printed import BEST_H, FIGURES, PERCENT_ERRORS
 from dpr_lab.paper.swings import READINGS
@@ -30,7 +29,6 @@ class Reproduction:
     ours: Recomputed
     tables: tuple[PaperTable, ...]
     verdicts: tuple[str, ...]
-    contradictions: tuple[Contradiction, ...]
 
     @property
     def best(self) -> SearchResult:
@@ -80,7 +78,6 @@ def reproduce(
         ours=recomputed,
         tables=tuple(all_tables(recomputed, results, rig)),
         verdicts=tuple(verdicts(results, rig)),
-        contradictions=tuple(contradictions(recomputed, rig)),
     )
 
 
@@ -96,12 +93,11 @@ def record(result: Reproduction, rig: Rig) -> dict[str, Any]:
         "table3_E": {term: E.tolist() for term, E in result.ours.table3.items()},
         "searches": [search.record(rig) for search in result.results],
         "verdicts": list(result.verdicts),
-        "contradictions": [asdict(element) for element in result.contradictions],
     }
 
 
 def save(result: Reproduction, rig: Rig, out_dir: Path) -> Path:
-    """Write `paper.json`, one CSV per table, the figures, `contradictions.md` and `paper.md`.
+    """Write `paper.json`, one CSV per table, the figures, and `paper.md`.
 
     Returns:
         path of `paper.md`
@@ -112,7 +108,6 @@ def save(result: Reproduction, rig: Rig, out_dir: Path) -> Path:
     figures = save_figures(result.best, rig, out_dir)
     texts = {"paper.json": json.dumps(record(result, rig), indent=1) + "\n"}
     texts |= {f"{table.name}.csv": _csv(table) for table in result.tables}
-    texts["contradictions.md"] = _contradictions_page(result)
     texts["paper.md"] = _page(result, figures)
     for name, text in texts.items():
         write_text(out_dir / name, text)
@@ -138,9 +133,7 @@ def _page(result: Reproduction, figures: dict[str, Path]) -> str:
         f"M = {s.population}, {s.generations} generations, Pc = {s.crossover_rate}, Pm = {s.mutation_rate}, "
         f"alpha = {s.alpha}, sigma = {s.sigma}, delta = {s.delta}, mu = {s.mu}, nu = {s.nu}; 10 s, 5 ms, "
         f"classical Runge-Kutta. M of the fitness ({s.fitness_scale:g}) and the interpretation of H are our"
-        " choices: the paper gives neither.\n\n"
-        + "\n".join(f"- {sentence}" for sentence in result.verdicts)
-        + "\n- The contradictions of the printed numbers are in [contradictions.md](contradictions.md).\n"
+        " choices: the paper gives neither.\n\n" + "\n".join(f"- {sentence}" for sentence in result.verdicts) + "\n"
     )
     pictures = (
         f"## Figures\n\nH = {shown.case.reading}, true values {shown.case.grid} the grid, seed {shown.case.seed}: "
@@ -148,8 +141,3 @@ def _page(result: Reproduction, figures: dict[str, Path]) -> str:
         + "\n".join(f"{FIGURES[name]}\n\n![{name}]({path.name})\n" for name, path in figures.items())
     )
     return "\n".join([head, *(_markdown(table) for table in result.tables), pictures])
-
-
-def _contradictions_page(result: Reproduction) -> str:
-    points = [f"{i}. {c.claim}\n\n   {c.evidence}\n" for i, c in enumerate(result.contradictions, start=1)]
-    return "# Contradictions of the printed numbers\n\n" + "\n".join(points)

@@ -8,7 +8,6 @@ from typer.testing import CliRunner
 
 from dpr_lab.cli.app import app
 from dpr_lab.paper.campaign import TRUTHS, SearchCase, SearchResult, run_search, run_searches, search_cases
-from dpr_lab.paper.contradictions import contradictions
 from dpr_lab.paper.printed import BEST_H, TRUE
 from dpr_lab.paper.results import Reproduction, record, reproduce, save
 from dpr_lab.paper.swings import READINGS, TERMS
@@ -75,13 +74,6 @@ def test_verdicts_count_what_was_reached(paper: Rig):
     (sentence,) = verdicts([good, bad], paper)
     assert "reached in 1 of 2 seeds" in sentence
     assert "within 1 % in 1 of 2" in sentence
-
-
-def test_contradictions_carry_our_numbers(paper: Rig, result: Reproduction):
-    by_claim = {entry.claim: entry.evidence for entry in contradictions(result.ours, paper)}
-    assert len(by_claim) == 7
-    tenth = next(evidence for claim, evidence in by_claim.items() if "misprints" in claim)
-    assert "0.2853" in tenth
 
 
 @pytest.mark.slow
