@@ -167,7 +167,7 @@ Event: TypeAlias = (
 OnEvent: TypeAlias = Callable[[Event], None]
 
 Proceed: TypeAlias = Callable[[], bool]
-"""Function that a job calls where it can pause or end early. The function may wait. If it returns False, the job ends
+"""Function that a job calls where it can end early. If it returns False, the job ends
 with the best result so far."""
 
 

@@ -1,25 +1,20 @@
 """App around the steps: navigation, help, quitting, errors, themes."""
 
 import os
-import re
 import subprocess
 import sys
-from itertools import product
 from pathlib import Path
 from typing import ClassVar
 
 import pytest
-from rich.console import Group
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.geometry import Region
 from textual.screen import Screen
 from textual.widgets import Input, Static
 
 from dpr_lab.errors import LinkError
 from dpr_lab.tui.app import STEPS, DprApp
 from dpr_lab.tui.steps.step import Step
-from dpr_lab.tui.texts import table
 from dpr_lab.tui.widgets.dialogs import HelpScreen, Question
 from dpr_lab.tui.widgets.stepper import Stepper
 from dpr_lab.tui.workspace import Workspace
@@ -195,24 +190,6 @@ async def test_a_field_takes_letters_and_escape_leaves_it(tmp_path: Path) -> Non
         assert app.query_one(Input).value == "n1t"
         await pilot.press("escape")
         assert app.focused is app.current
-
-
-async def test_no_line_ends_between_a_number_and_its_unit(tmp_path: Path) -> None:
-    # "rise3 0.0129 mN" stood above "m, rise4", and "(90 %" above "interval".
-    result = "rise 0.0114 mN m (90 % to 3 mm), drift 0.03 rad/s after 12 s, 2.5 °/s, 0.4 kg m² of 5 m/s²"
-    apart = re.compile(r"\d$|(?<!\w)(mN|kg)$")
-    app = faulty(tmp_path)
-    async with app.run_test(size=(80, 24)) as pilot:
-        shown = app.current.query_one(Static)
-        for width, content in product(
-            (17, 19, 23, 29, 37), (result, Group(result), table("", ["", ""], [["x", result]]))
-        ):
-            shown.styles.width = width
-            shown.update(content)
-            await pilot.pause()
-            lines = [strip.text.strip() for strip in shown.render_lines(Region(0, 0, width, shown.size.height))]
-            assert sum("0.4 kg m²" in line for line in lines) == 1, (width, lines)
-            assert not [line for line in lines if apart.search(line)], (width, lines)
 
 
 async def test_steps_are_in_the_command_palette(app: DprApp) -> None:

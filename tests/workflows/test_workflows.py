@@ -97,7 +97,6 @@ def test_identification_reports_its_progress_and_stops_on_request(recorded, tmp_
     compared = compare(CompareRequest(files, result.file, tmp_path, record=tmp_path / "comparison.json"), heard)
     assert [event.comparison.run for event in heard.of(events.RunCompared)] == [file.stem for file in files]
     assert (tmp_path / "comparison.json").is_file()
-    assert compared.free_run(0, 1.0).t[0] == pytest.approx(1.0, abs=0.5)
     missing = tmp_path / "none.mcap"
     with pytest.raises(RunError):
         compare(CompareRequest((missing, *files), result.file, tmp_path))

@@ -20,8 +20,6 @@ class JobControl:
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
         self._sending = threading.Lock()
-        self._going = threading.Event()
-        self._going.set()
         self._stop = threading.Event()
 
     def report(self, value: Any) -> None:
@@ -29,22 +27,14 @@ class JobControl:
         self.send(JobProgress(value))
 
     def proceed(self) -> bool:
-        """Wait while the job is paused; return False if the job must stop and keep its result."""
-        self._going.wait()
+        """Return False if the job must stop and keep its result."""
         return not self._stop.is_set()
 
     def listen(self) -> None:
-        """Execute commands until the connection closes, then end the process."""
+        """Stop the job when the command arrives; end the process when the connection closes."""
         with contextlib.suppress(EOFError, OSError):
-            while True:
-                match self._connection.recv():
-                    case "pause":
-                        self._going.clear()
-                    case "resume":
-                        self._going.set()
-                    case "stop":
-                        self._stop.set()
-                        self._going.set()
+            while self._connection.recv() == "stop":
+                self._stop.set()
         os._exit(1)
 
     def send(self, event: JobEvent) -> None:

@@ -26,7 +26,6 @@ class JobProcess:
 
     def __init__(self, function: Callable[..., Any], **arguments: Any) -> None:
         self._process = ChildFunction(work, function, arguments)
-        self.paused = False
         self._cancelled = False
 
     @property
@@ -52,29 +51,15 @@ class JobProcess:
             yield event
         self._process.end(patience_s)
 
-    def pause(self) -> None:
-        """Pause the job at the next possible point."""
-        self._send("pause")
-        self.paused = True
-
-    def resume(self) -> None:
-        """Continue the job."""
-        self._send("resume")
-        self.paused = False
-
     def stop(self) -> None:
         """End the job early and keep the best result so far."""
-        self._send("stop")
-        self.paused = False
+        with suppress(OSError):  # the process may just have ended
+            self._process.pipe.send("stop")
 
     def cancel(self) -> None:
         """End the job at once without a result."""
         self._cancelled = True
         self._process.terminate()
-
-    def _send(self, order: str) -> None:
-        with suppress(OSError):  # the process may just have ended
-            self._process.pipe.send(order)
 
     def _gone(self) -> JobEvent:
         if self._cancelled:

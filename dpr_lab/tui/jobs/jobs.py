@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def identify(control: JobControl, *, request: IdentifyRequest) -> IdentifyResult:
     """Identify a model.
 
-    The search can be paused, or stopped with its best result so far.
+    The search can be stopped with its best result so far.
     """
     return identify_runs(request, control.report, control.proceed)
 

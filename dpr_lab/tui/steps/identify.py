@@ -1,6 +1,6 @@
 """Step Identify: identification of a model, with a live plot of the convergence.
 
-The search can be paused, or stopped with its best result so far.
+The search can be stopped with its best result so far.
 """
 
 import time
@@ -43,7 +43,7 @@ class IdentifyStep(ResultStep["AnyModel"]):
     PURPOSE = "estimates the parameters of the rig from these runs, inside the bounds of its file"
     RESULT = "identification"
     RESTS_ON = ("the rig", "the runs", "the torques")
-    CAN_PAUSE = True
+    CAN_STOP = True
     HELP = """
 Estimates the parameters of the rig from the selected runs: a global search inside the bounds of the rig file, then a
 local fit down to the noise floor.
@@ -171,13 +171,6 @@ starts from the values of the rig file. The model is written to `model.json` in 
             failed = "; ".join(result.model.failures).rstrip(".")
             raise DprError(f"{failed}. The model was written to {result.file}, but it is not reliable")
 
-    def action_pause(self) -> None:
-        """Pause or continue the identification."""
-        super().action_pause()
-        if self.job is not None and self._history:
-            self._instants.clear()
-            self.say(self._standing(self._history[-1]))
-
     def action_stop(self) -> None:
         """End the search and keep its best result."""
         super().action_stop()
@@ -222,13 +215,10 @@ starts from the values of the rig file. The model is written to `model.json` in 
         return tables.summary(model, angles=self.workspace.unit)
 
     def _standing(self, last: GenerationDone) -> str:
-        text = (
+        return (
             f"generation {last.number} of at most {last.at_most}, {last.evaluations} evaluations,"
             f" best cost {last.best_cost:.4g}, population fitness {last.population_fitness:.3f}"
         )
-        if self.job is not None and self.job.paused:
-            return f"PAUSED. {text}"
-        return text
 
     def _draw_convergence(self) -> None:
         shown = [
@@ -250,7 +240,7 @@ def time_left(instants: list[float], generations: int, recent: int = 8) -> float
     """Estimate the time of the remaining generations, s; None without data.
 
     Args:
-        instants: end of each generation since the start or the last pause, s
+        instants: end of each generation since the start, s
         generations: maximum number of remaining generations
         recent: number of generations used for the estimate
     """

@@ -33,8 +33,8 @@ class JobStep(Step):
     """Description of the job in a few words."""
     RESTS_ON: ClassVar[tuple[str, ...]] = ()
     """Inputs on which the result depends: keys of `Workspace.basis`."""
-    CAN_PAUSE: ClassVar[bool] = False
-    """Whether the job can be paused and stopped (`JobControl.proceed`)."""
+    CAN_STOP: ClassVar[bool] = False
+    """Whether the job can be stopped (`JobControl.proceed`)."""
 
     DEFAULT_CSS = """
     JobStep Select:focus SelectCurrent { text-style: reverse; }
@@ -71,8 +71,8 @@ class JobStep(Step):
     @property
     def work(self) -> str:
         """Running job with its elapsed and remaining time, or an empty text without a job."""
-        if self.job is None or self.job.paused:
-            return "" if self.job is None else f"{self.NAME} PAUSED"
+        if self.job is None:
+            return ""
         now = time.monotonic()
         text, last = f"{self.NAME} {now - self._started:.0f} s", self.workspace.took.get(self.NAME, 0.0) * self._runs
         if self._compiling is not None:
@@ -152,11 +152,9 @@ class JobStep(Step):
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Show only keys that have an effect now."""
         working = self.job is not None
-        pausing = working and self.CAN_PAUSE
         shown = {
             "start": not working,
-            "pause": pausing,
-            "stop": pausing,
+            "stop": working and self.CAN_STOP,
             "cancel": working,
             "torque": self.workspace.both_torques,
         }
@@ -174,11 +172,6 @@ class JobStep(Step):
         if missing := self.missing():
             raise DprError(missing)
         self.start_work()
-
-    def action_pause(self) -> None:
-        """Pause or continue."""
-        if self.job is not None:
-            self.job.resume() if self.job.paused else self.job.pause()
 
     def action_stop(self) -> None:
         """End the job early and keep the best result so far."""

@@ -97,30 +97,6 @@ def test_stopping_keeps_the_best_result_so_far(begin) -> None:
     assert last.result > 0
 
 
-def test_paused_work_waits_and_continues(begin) -> None:
-    job = begin(count_forever)
-    events = job.events()
-    seen = [next(events)]
-    job.pause()
-    while job._process.pipe.poll(0.3):  # what was on its way when it was told to wait
-        seen.append(next(events))
-    assert job.paused
-    assert job.alive
-    job.resume()
-    seen.append(next(events))
-    assert numbers(seen) == list(range(len(seen)))
-
-
-def test_paused_work_can_be_stopped(begin) -> None:
-    job = begin(count_forever)
-    events = job.events()
-    next(events)
-    job.pause()
-    job.stop()
-    *_, last = events
-    assert isinstance(last, JobFinished)
-
-
 def test_cancelled_work_leaves_no_result(begin) -> None:
     job = begin(count_forever)
     events = job.events()
