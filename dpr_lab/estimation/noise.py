@@ -32,6 +32,8 @@ class NoiseSettings:
     """Minimum number of samples of a rest; they determine the standard deviation to 7 %."""
     rounding_rad: float = 1e-9
     """Maximum standard deviation of a table of angles that contains only rounding errors and no noise, rad."""
+    rounded: float = 0.5
+    """Standard deviation of readings at rest below which rounding hides a part of the noise, counts."""
     correlated: float = 4.0
     """Minimum autocorrelation of readings at rest that counts as significant, in standard errors."""
     most_alike: float = 0.98
@@ -100,7 +102,9 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
     source: Literal["rest", "differences"]
     joints = rig.encoders.joint_angles
     if len(run.rest) >= NOISE.rest_samples:
-        source, std = "rest", _rest_std(run.t[run.t < 0], joints.of_rods(run.rest[:, 1:]))
+        counts = np.abs(rig.radians_per_count[1:]) * (run.counts is not None)
+        source, std = "rest", _rest_std(run.t[run.t < 0], joints.of_rods(run.rest[:, 1:]), counts)
+        std = _in_motion(run, joints.of_rods(run.swing.theta[:, 1:]), std, rig.radians_per_count[1:])
     else:
         source, std = "differences", difference_std(run.t, joints.of_rods(run.theta[:, 1:]))
     floor = _rounding(run, joints.of_rods(run.swing.theta[:, 1:]), rig.radians_per_count[1:], std, still)
@@ -130,8 +134,26 @@ def arm_noise(run: Run, rig: Rig, *, still: bool = True) -> float:
     """
     rest, swing = run.rest[:, 0], run.swing
     quiet = len(rest) >= NOISE.rest_samples
-    std = np.std(rest, keepdims=True) if quiet else difference_std(swing.t, swing.theta[:, :1])
+    if quiet:
+        std = _in_motion(run, swing.theta[:, :1], np.std(rest, keepdims=True), rig.radians_per_count[:1])
+    else:
+        std = difference_std(swing.t, swing.theta[:, :1])
     return float(np.maximum(std, _rounding(run, swing.theta[:, :1], rig.radians_per_count[:1], std, still))[0])
+
+
+def _in_motion(run: Run, readings: Array, at_rest: Array, counts: Array) -> Array:
+    """Return the (m,) standard deviations of moving readings (n, m), rad.
+
+    Noise below half a count hardly changes the rounded readings of a rod at rest, depending on its position between two
+    counts. Motion adds the variance of the rounding. The differences of the swing show how much of it is missing.
+    """
+    hidden = (at_rest > NOISE.rounding_rad) & (at_rest < NOISE.rounded * np.abs(counts))
+    if run.counts is None or len(readings) <= ORDER or not hidden.any():
+        return at_rest
+    most = np.sqrt(at_rest**2 + counts**2 / 12)
+    # of integers, the median difference would be a coarse measure
+    moving = np.quantile(np.abs(_differences(run.swing.t, readings)), 0.9, axis=0) / NORMAL_Q90
+    return np.where(hidden, np.clip(moving, at_rest, most), at_rest)
 
 
 def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Array]:
@@ -246,6 +268,11 @@ def difference_std(t: Array, values: Array) -> Array:
     Raises:
         RunError: there are fewer than seven samples without a gap.
     """
+    return NORMAL_MAD * np.median(np.abs(_differences(t, values)), axis=0)
+
+
+def _differences(t: Array, values: Array) -> Array:
+    """Return the (windows, m) differences r of `difference_std`."""
     if len(t) <= ORDER:
         raise RunError(f"{len(t)} samples are too few to estimate the noise: record at least {ORDER + 1}")
     windows = sliding_window_view(t, ORDER + 1)
@@ -253,8 +280,7 @@ def difference_std(t: Array, values: Array) -> Array:
     dense = span < 1.5 * np.median(span)
     weights = difference_weights(windows[dense], float(np.median(np.diff(t))))
     neighbours = sliding_window_view(values, ORDER + 1, axis=0)[dense]
-    median = np.median(np.abs(np.einsum("kmj,kj->km", neighbours, weights)), axis=0)
-    return NORMAL_MAD * median
+    return np.einsum("kmj,kj->km", neighbours, weights)
 
 
 def difference_weights(windows: Array, period: float) -> Array:
@@ -296,21 +322,22 @@ def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> Array:
     )
 
 
-def _rest_std(t: Array, joints: Array) -> Array:
+def _rest_std(t: Array, joints: Array, counts: Array) -> Array:
     """Return the standard deviation of each joint at rest.
 
-    The deviations are taken from a straight line, because a hand-held rod drifts. Outliers are excluded.
+    The deviations are taken from a straight line, because a hand-held rod drifts. Outliers are excluded; a change by
+    one count is none.
     """
     line = np.vander(t - t.mean(), 2)
-    return np.array([_about(line, joint) for joint in joints.T])
+    return np.array([_about(line, joint, 1.5 * count) for joint, count in zip(joints.T, counts, strict=True)])
 
 
-def _about(line: Array, values: Array) -> float:
+def _about(line: Array, values: Array, least: float) -> float:
     used = np.ones(len(values), dtype=bool)
     deviation = _away(line, values, used)
     for _ in range(2):
         usual = float(np.quantile(np.abs(deviation[used]), 0.9)) / NORMAL_Q90
-        tame = np.abs(deviation) <= NOISE.wild * usual
+        tame = np.abs(deviation) <= max(NOISE.wild * usual, least)
         if not usual or tame[used].all():
             break
         used, deviation = tame, _away(line, values, tame)
