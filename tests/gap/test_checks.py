@@ -234,6 +234,20 @@ def test_a_release_that_soon_ends_at_rest_does_not_exclude_the_cause(tmp_path: P
     assert density.log_densities[cause] == pytest.approx(density.log_densities[other], abs=2.0)
 
 
+def test_a_swing_that_ends_at_rest_is_fitted_down_to_the_noise(tmp_path: Path) -> None:
+    """The initial state of a segment in which the rod stops has several local minima."""
+    cause, other = "coulomb_joint1", "load_friction_joint1"
+    rod = Rod(length=0.3, mass=0.12, dry=0.00567, damping=0.004, offset=0.015, noise=1e-3, duration=10.0)
+    rig, runs = one_rod(rod, 7, tmp_path, [math.radians(4.0)])
+    effects = {cause: {"torque_Nm": 1.19e-3}, TILT: {"tilt_rad": -0.015}}
+    ratios = np.array([5.2, 1.5, 206.0, 0.121, 0.042, 1.917e-3, 3.0])
+    before = Mock(evidence=None, unknowns=ratios, model_effects=effects, exact_torques=False, torques_earlier=0.0)
+    before.configure_mock(shutter=None, rivals=[])
+    asked = release_between(cause, other, 1.0)
+    density = recording.result(before, asked, CheckAnswer(tuple(runs), rig), dict.fromkeys((cause, other), 0.5))
+    assert density.log_densities[cause] == pytest.approx(density.log_densities[other], abs=1.0)
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_two_forms_of_one_law_are_distinguished_by_the_amplitude_that_the_wider_one_adds() -> None:

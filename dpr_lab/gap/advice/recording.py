@@ -141,8 +141,7 @@ def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: Chec
     if about not in fits or about not in diagnosis.model_effects:
         return fits
     diagnosed = bare.estimate.changed(ratios=diagnosis.unknowns, params=effect_params(diagnosis.model_effects))
-    with_states = fit(problem, diagnosed, (), iterations=CHECK.iterations).estimate
-    named = _with_effects(problem, with_states, diagnosis.model_effects)
+    named = _with_effects(problem, _with_states(problem, recordings, diagnosed), diagnosis.model_effects)
     test = _test(recordings, problem, named, [name for name in fits if name != about])
     exchanged = {about: named} | {
         name: _exchanged(problem, named, about, score) for name in fits if (score := test.of(name)) is not None
@@ -150,6 +149,21 @@ def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: Chec
     return {
         name: min(model, exchanged.get(name, model), key=lambda fitted: fitted.cost) for name, model in fits.items()
     }
+
+
+def _with_states(problem: Problem, recordings: Recordings, model: Estimate) -> Estimate:
+    """Fit the initial state of each segment to the readings, and keep all other values of the model.
+
+    The fits start from the states of the model, from the readings, and from rest at the readings. The best of the three
+    is chosen for each segment: a segment in which dry friction stops a rod has several local minima.
+    """
+    _, measured = recordings.cut(recordings.working_length)
+    at_rest = measured * np.array([1.0, 1.0, 0.0, 0.0, 1.0, 0.0])[: measured.shape[1]]
+    starts = [model.changed(initial=initial) for initial in (model.initial, measured, at_rest)]
+    fits = [fit(problem, start, (), iterations=CHECK.iterations) for start in starts]
+    chi2 = np.array([np.nan_to_num(fitted.linear.chi2_by_segment, nan=np.inf) for fitted in fits])
+    states = np.array([fitted.estimate.initial for fitted in fits])
+    return model.changed(initial=states[chi2.argmin(axis=0), range(len(measured))])
 
 
 def _exchanged(problem: Problem, named: Hypothesis, about: str, score: Score) -> Hypothesis:
