@@ -21,34 +21,31 @@ def plus_minus(value: float, std: float | None) -> str:
         return f"{value:.3g}"
     if std == 0:
         return f"{value:.4g}"
-    return _scaled("{} ± {}", (value, std), value, std)
+    exponent, decimals = _precision(value, std)
+    text = " ± ".join(f"{number / 10.0**exponent:.{decimals}f}" for number in (value, std))
+    return f"({text})e{exponent}" if exponent else text
 
 
 def interval(low: float, high: float, value: float, std: float) -> str:
     """Format an interval with as many decimals as `plus_minus` uses for its value."""
     if std == 0:
         return f"{low:.4g} to {high:.4g}"
-    return _scaled("{} to {}", (low, high), value, std)
+    return "{} to {}".format(*_rounded((low, high), value, std))
 
 
 def with_interval(value: float, low: float, high: float) -> str:
-    """Format a value with its interval, for example `0.1472 (0.1467 to 0.1476)`.
+    """Format a value with its interval, for example `0.1472 (0.1467 to 0.1476)` or `8e-4 (7e-4 to 9e-4)`.
 
     The larger half width of the interval has two significant digits.
     """
     half_width = max(high - value, value - low)
     if not half_width > 0 or not math.isfinite(half_width):
         return f"{value:.4g} ({low:.4g} to {high:.4g})"
-    return _scaled("{} ({} to {})", (value, low, high), value, half_width)
+    return "{} ({} to {})".format(*_rounded((value, low, high), value, half_width))
 
 
 def with_unit(text: str, unit: str) -> str:
-    """Add a unit to a value.
-
-    Examples are `0.80 mN m (0.70 to 0.90)` and `(8 (7 to 9))e-4 m`.
-    """
-    if text.startswith("("):  # value and interval share a power of ten
-        return f"{text} {unit}".strip()
+    """Add a unit to a value, for example `0.80 mN m (0.70 to 0.90)`."""
     value, _, interval = text.partition(" (")
     return f"{value} {unit}".strip() + (f" ({interval}" if interval else "")
 
@@ -73,14 +70,15 @@ def superscripts(text: str) -> str:
     return _POWER.sub(lambda power: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(power[1])], text)
 
 
-def _scaled(form: str, numbers: tuple[float, ...], value: float, std: float) -> str:
-    """Format numbers with the decimals that the standard deviation supports.
+def _rounded(numbers: tuple[float, ...], value: float, std: float) -> list[str]:
+    """Format numbers with the decimals that the standard deviation supports, each with the same power of ten."""
+    exponent, decimals = _precision(value, std)
+    power = f"e{exponent}" if exponent else ""
+    return [f"{number / 10.0**exponent:.{decimals}f}{power}" for number in numbers]
 
-    A power of ten is factored out if needed.
-    """
+
+def _precision(value: float, std: float) -> tuple[int, int]:
+    """Return the power of ten of a value, which is often 0, and the decimals that the standard deviation supports."""
     size = max(abs(value), std)
     exponent = 0 if 0.001 <= size < 1e6 else math.floor(math.log10(size))
-    unit = 10.0**exponent
-    places = max(0, 1 - math.floor(math.log10(std / unit)))
-    text = form.format(*(f"{number / unit:.{places}f}" for number in numbers))
-    return f"({text})e{exponent}" if exponent else text
+    return exponent, max(0, 1 - math.floor(math.log10(std / 10.0**exponent)))

@@ -42,6 +42,7 @@ def test_what_is_printed_lies_within_a_twentieth_of_the_uncertainty(value, relat
 def test_an_interval_has_the_places_of_its_value():
     assert interval(10.24241, 10.2491, value=10.2458, std=0.002) == "10.2424 to 10.2491"
     assert interval(0.0013091, 0.0013509, value=0.00133, std=0.0000127) == "0.001309 to 0.001351"
+    assert interval(0.000130, 0.000135, value=0.000133, std=0.0000127) == "1.30e-4 to 1.35e-4"
 
 
 @pytest.mark.parametrize(
@@ -65,8 +66,8 @@ def test_only_powers_of_one_digit_are_superscripts() -> None:
         ("0.80", "0.80 mN m"),
         ("0.80 (0.70 to 0.90)", "0.80 mN m (0.70 to 0.90)"),
         (with_interval(0.0, 0.0, 0.0088), "0.0000 mN m (0.0000 to 0.0088)"),
-        (with_interval(-0.00028, -0.00051, -0.00005), "(-2.8 (-5.1 to -0.5))e-4 mN m"),
+        (with_interval(-0.00028, -0.00051, -0.00005), "-2.8e-4 mN m (-5.1e-4 to -0.5e-4)"),
     ],
 )
-def test_a_unit_follows_the_value_or_the_power_of_ten(text, expected):
+def test_a_unit_follows_the_value_and_its_power_of_ten(text, expected):
     assert with_unit(text, "mN m") == expected
