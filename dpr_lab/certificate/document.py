@@ -20,7 +20,10 @@ from dpr_lab.whole_file import not_json, regular
 
 Policy = Literal[2]
 POLICY: Policy = get_args(Policy)[0]
-"""Version of the policy: claims, tolerances and permitted choices. It increases with every change of these rules."""
+"""Version of the policy: claims, tolerances and permitted choices. It increases with every change of these rules.
+
+Rules that lead to a claim are not part of it: the code hash identifies them, and a verification computes each claim.
+"""
 
 WRITER = "`dpr-lab certify`"
 """Command that writes certificates."""
