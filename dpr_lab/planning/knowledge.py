@@ -156,6 +156,9 @@ def known_before(rig: Rig, acting: Acting = GRAVITY_ONLY) -> Knowledge:
 def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Acting = GRAVITY_ONLY) -> Knowledge:
     """Derive the knowledge from the rig file, the recorded runs and their diagnosis.
 
+    The probabilities of the causes do not contain the information of runs that the diagnosis held out. The information
+    of these runs is therefore left out as well.
+
     Args:
         runs: the runs that were diagnosed
         rig: the rig
@@ -169,10 +172,12 @@ def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Act
         ratios[ON_ELBOW] = nominal_ratios(rig)[ON_ELBOW]
     known = _known(rig, acting, ratios, diagnosis.model_effects, _noise_in(recordings))
     inflation = max(1.0, diagnosis.chi2_per_dof)
+    held_out = {used.name for used in diagnosis.evidence.recordings if used.held_out} if diagnosis.evidence else set()
+    fitted = recordings.only([recorded for recorded in recordings.records if recorded.run.name not in held_out])
     return replace(
         known,
         model=replace(known.model, inflation=inflation),
-        information=known.prior + information_of_runs(recordings, known.model) / inflation,
+        information=known.prior + information_of_runs(fitted, known.model) / inflation,
         causes=tuple(causes_of(diagnosis)),
         diagnosis=diagnosis,
         made=tuple(_made(run) for run in runs),

@@ -14,6 +14,7 @@ from dpr_lab.acceptance.judge import SURE
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
+from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.candidates import placements
 from dpr_lab.planning.forecast import FORECAST, decision_probability, settled_probabilities
 from dpr_lab.planning.information import horizon_s, informed
@@ -277,12 +278,21 @@ def plan_sentence(
     number = next((k for k, chance in enumerate(chances, 1) if chance >= FORECAST.likely), len(chances))
     advice = "Record release 1, diagnose and plan again. " if len(chances) > 1 else ""
     if diagnosis is not None:
+        advice += _answered(diagnosis, releases[0])
         reason = undecided(diagnosis, _names(stuck[0]))
         advice = f"{reason[:1].upper()}{reason[1:]}. {advice}"
     together = _names(stuck[number])
     apart = f", except between {listed(together)}," if together else ""
     more = counted(number, "more release")
     return f"{advice}With {more} the probability that the causes are decided{apart} is {chances[number - 1]:.2f}.{note}"
+
+
+def _answered(diagnosis: Diagnosis, release: PlannedRelease) -> str:
+    """Return a sentence on the checks that the first release also answers, with a space; empty if there are none."""
+    separated = [{*pair.causes} for pair in release.pairs if pair.bits >= NOTICEABLE.causes]
+    recordings = [check for check in diagnosis.checks if check.release and check.informative]
+    checks = [check.id for check in recordings if {*check.splits} in separated]
+    return f"A run of release 1 is also a result of check {listed(checks)} (dpr-lab check). " if checks else ""
 
 
 def _assumptions(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[str]:

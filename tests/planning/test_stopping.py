@@ -18,7 +18,7 @@ from dpr_lab.planning.knowledge import known_before
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.plan import usual_count
 from dpr_lab.planning.release import CandidateRelease
-from dpr_lab.planning.result import PlannedRelease
+from dpr_lab.planning.result import PairBits, PlannedRelease
 from dpr_lab.planning.sequence import Planner, SequenceStep
 from dpr_lab.planning.stopping import Causes, causes_of, decided, possible, reservation, significance, undecided
 from dpr_lab.planning.summary import (
@@ -307,6 +307,17 @@ def test_the_first_sentence_counts_only_the_releases_that_distinguish_effects() 
     text = plan_sentence("first", Mock(diagnosis=None), releases, [[]], reasons)
     assert text.startswith("Before any recording: 2 releases are expected to distinguish 99 % of the effects")
     assert text.endswith("Release 3 only improves the accuracy of the ratios.")
+
+
+@pytest.mark.parametrize(("bits", "answered"), [(0.2, True), (0.01, False)])
+def test_a_plan_states_which_check_its_first_release_also_answers(bits: float, answered: bool) -> None:
+    causes = ("coulomb_joint1", "stribeck_joint1")
+    release = {"theta1_rad": 3.05, "theta2_rad": 3.05, "duration_s": 30.0}
+    check = {"id": "1-ab12", "kind": "recording", "text": "Record it.", "about": causes[0], "expected_bits": 0.4}
+    diagnosis = of_runs(one_cause(6.0, checks=[check | {"splits": causes, "release": release}]), "P1")
+    planned = PlannedRelease.model_construct(decided=0.9, pairs=[PairBits(causes=causes, bits=bits)])
+    text = plan_sentence("record", Mock(diagnosis=diagnosis), [planned], [[], []], ["separates causes"])
+    assert ("A run of release 1 is also a result of check 1-ab12 (dpr-lab check)." in text) is answered
 
 
 @pytest.mark.parametrize(

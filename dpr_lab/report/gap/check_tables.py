@@ -22,7 +22,9 @@ EXPECTED_NOTE = (
     " exclude if they determine no size. This limit assumes that all named effects act. If the measured effect is not"
     " the cause, the expected result is about zero. Expected information: at most the entropy of the probabilities; a"
     " measurement is assumed to be exact. The information is nearly zero if one cause is already far more probable,"
-    " even if the predictions differ by many standard deviations."
+    " even if the predictions differ by many standard deviations. The release of a recording is the best one of a short"
+    " list, for this question alone. dpr-lab plan searches all reachable poses for all open questions, and states which"
+    " checks its first release also answers."
 )
 
 
