@@ -6,7 +6,6 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from dpr_lab.effects import effect_params
 from dpr_lab.gap.classes import posterior
 from dpr_lab.gap.classes.posterior import (
     Alternative,
@@ -45,10 +44,9 @@ def test_alternatives_are_weighted_by_their_costs_and_the_prior_of_a_drift(monke
     monkeypatch.setattr(posterior, "_class_members", lambda *_: ({"stribeck_joint2": 0.3}, ("friction_curve_joint2",)))
     monkeypatch.setattr(posterior, "_alternatives", lambda *_: alternatives)
     monkeypatch.setattr(posterior, "prior_odds", lambda _, model, members: 0.1 if "drift" in model else 1.0)
-    monkeypatch.setattr(posterior, "plausibility", lambda *_: 0.1)
     monkeypatch.setattr(posterior, "outside", lambda *_, **__: 0.2)
     selection: Any = Mock(
-        chosen=Mock(estimate=Mock(params=effect_params({})), inflation=INFLATION, cost=100.0),
+        chosen=Mock(priors={NAME: 0.1}, inflation=INFLATION, cost=100.0),
         without={NAME: Mock(key=frozenset())},
         fitted={frozenset({name}): name for name in costs},
         tests_without={NAME: Mock(ranking=[])},

@@ -122,7 +122,8 @@ def test_a_drift_of_rate_zero_is_no_separate_cause(
     result = refined(forward(sets))
     assert result.chosen.effects == (tilt,)
     for lower, forms in ((0.0, (drift,)), (1.0, ())):
-        drifting = costing(replace(result.chosen, effects=(drift,), curves={}), result.chosen.cost - lower)
+        of_drift = replace(result.chosen, effects=(drift,), curves={}, priors={drift: 1.0})
+        drifting = costing(of_drift, result.chosen.cost - lower)
         posterior = effect_posterior(replace(result, fitted={**result.fitted, frozenset({drift}): drifting}), tilt)
         assert posterior.forms == forms
         assert set(posterior.members) == {tilt, offset} | ({drift} - {*forms})
@@ -153,9 +154,8 @@ def test_a_drift_is_compared_with_an_offset_by_their_typical_sizes() -> None:
 def test_an_effect_that_the_fit_without_it_cannot_show_has_no_alternatives() -> None:
     """Orders of cogging are proposed for the arc that the fitted swing covers, which is shorter in another fit."""
     name = "detent_joint1"
-    params = effect_params({name: {"cos1_Nm": 1e-3}})
     selection = Mock(
-        chosen=Mock(estimate=Mock(params=params), inflation=1.0, cost=10.0, at_noise_floor=True),
+        chosen=Mock(priors={name: 0.9}, inflation=1.0, cost=10.0, at_noise_floor=True),
         without={name: None},
         tests_without={name: ScoreTest(*[cast(Any, None)] * 5)},
         without_substitute={name: Mock(cost_at=lambda _: 1000.0)},

@@ -10,7 +10,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.gauss_newton import StopReason, fit
 from dpr_lab.fitting.whitening import Disturbance
 from dpr_lab.gap.diagnose import diagnose
@@ -330,6 +330,20 @@ def test_a_set_whose_fit_ended_without_descent_is_reported(sets: FittedSets) -> 
     assert reasons == ["no", "no; its fit may have ended above the minimum that the criterion assumes"]
 
 
+@pytest.mark.parametrize(("prior", "accepted"), [(4.0, False), (6.0, False), (10.0, True)])
+def test_fewer_parameters_are_not_preferred_if_their_prior_is_far_smaller(
+    monkeypatch: pytest.MonkeyPatch, prior: float, accepted: bool
+) -> None:
+    """A spring of usual size replaces an unusual scale error, although this has fewer parameters and a lower cost."""
+    monkeypatch.setattr(replacements, "significance", lambda *_: 8.0)
+    monkeypatch.setattr(replacements, "explains_as_much", lambda *_: True)
+    scale, spring = (
+        Mock(cost=cost, inflation=1.0, effects=(name,), key=frozenset({name}), priors={name: weight})
+        for name, cost, weight in (("encoder_scale_joint1", 100.0, 0.1), ("spring_joint1", 112.0, 0.1 * prior))
+    )
+    assert BETTER_ALTERNATIVE.accept(Mock(), scale, Proposal(spring)).accepted is accepted
+
+
 def test_the_documentation_lists_every_move() -> None:
     page = (Path(__file__).parents[2] / "docs" / "how-the-diagnosis-decides.md").read_text(encoding="utf-8")
     for move in EVERY_MOVE:
@@ -376,9 +390,9 @@ def test_prior_odds_of_ten_weigh_as_much_as_a_criterion_of_14(
     """6 ln 10 = 13.8, with 6 the difference of the criterion for a factor e, if the readings are independent."""
     monkeypatch.setattr(replacements, "significance", lambda *_: 8.0)
     monkeypatch.setattr(replacements, "explains_as_much", lambda *_: False)
-    estimate = SimpleNamespace(params=effect_params({}))
     current, model = (
-        Mock(cost=criterion, inflation=1.0, effects=effects, key=frozenset(effects), estimate=estimate)
-        for criterion, effects in ((100.0, (before, "base_tilt")), (cost, (after, "base_tilt")))
-    )
+        Mock(cost=criterion, inflation=1.0, effects=(name, "base_tilt"), key=frozenset((name, "base_tilt")),
+             priors={name: EFFECTS[name].prior_odds, "base_tilt": 10.0})
+        for criterion, name in ((100.0, before), (cost, after))
+    )  # fmt: skip
     assert BETTER_ALTERNATIVE.accept(Mock(), current, Proposal(model)).accepted == accepted

@@ -2,8 +2,8 @@
 
 The signature of an effect is its change of the readings, with ratios and initial states projected out. Effects form one
 class if their signatures have a cosine of at least 0.999 and they fit equally well. Within a class, the probability is
-divided according to the prior of each fitted size (`dpr_lab.effects.plausibility`): a clock error of 3 % is impossible
-for a crystal, a length error of 6 % is possible.
+divided according to the criterion and the prior of each fitted size (`dpr_lab.gap.hypothesis.size_prior`): a clock
+error of 3 % is impossible for a crystal, a length error of 6 % is possible.
 
 A richer form counts as the member that it contains if its additional amplitudes are excluded at their minimum
 detectable sizes, and together improve the fit by less than their penalty.
@@ -29,6 +29,7 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.imitation import follows_decay
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.hypothesis.significance import adds_less_than_remains, form_indifference, indifference
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.selected import Selection
 
 
@@ -74,7 +75,7 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
         plausibilities, forms = _class_members(replacements, named_score, others)
         remaining = {other: others[other] for other in others if other not in plausibilities and other not in forms}
         alternatives = _alternatives(replacements, named_score, remaining)
-    prior = np.array([plausibility(chosen.estimate.params, name), *plausibilities.values()])
+    prior = np.array([chosen.priors[name], *plausibilities.values()])
     costs = [_added_cost(replacements, alternative) for alternative in alternatives]
     without = selection.without_substitute[name].cost_at(chosen.inflation)
     added_cost = np.array([0.0, *costs, max(without - chosen.cost, 0.0)])
@@ -82,7 +83,8 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
     weights = np.exp(np.clip(scaled, -CALIBRATION.negligible, CALIBRATION.negligible))
     replaced = (selection.fitted[replacements.key(alternative.name)] for alternative in alternatives)
     prior_ratios = [prior_odds(selection, model, (name, *plausibilities)) for model in replaced]
-    weights[1:-1] = np.minimum(weights[1:-1] * prior_ratios, 1.0)
+    sizes = [_size_odds(replacements, alternative) for alternative in alternatives]
+    weights[1:-1] = np.minimum(weights[1:-1] * prior_ratios * sizes, 1.0)
     of_outside = outside(selection, name, members=plausibilities)
     weights *= (1 - of_outside) / weights.sum()
     return EffectPosterior(
@@ -188,14 +190,36 @@ def _adds_nothing(replacements: _Replacements, richer: str) -> bool:
 
 
 def _plausibility(replacements: _Replacements, score: Score) -> float:
-    """Return the prior of the size of a replacing effect, from its fit or its score."""
-    fitted = replacements.with_other(score.effect.name)
-    if fitted is not None:
-        return plausibility(fitted.estimate.params, score.effect.name)
-    params = effect_params({})
-    for name, value in score.named_amplitudes.items():
-        params[param_index(score.effect.name, name)] = value
-    return plausibility(params, score.effect.name)
+    """Return the prior of a replacing effect with its size, from its fit or its score.
+
+    An effect with more parameters than the named one also costs the difference of the criterion, unless it is a form.
+    """
+    name, other, chosen = replacements.name, score.effect.name, replacements.selection.chosen
+    if (fitted := replacements.with_other(other)) is None:
+        params = effect_params({})
+        for parameter, value in score.named_amplitudes.items():
+            params[param_index(other, parameter)] = value
+        return plausibility(params, other)
+    if _are_forms(name, other):
+        return fitted.priors[other]
+    return fitted.priors[other] * math.exp(min((chosen.cost - fitted.cost) / CALIBRATION.unit(chosen.inflation), 0.0))
+
+
+def _are_forms(name: str, other: str) -> bool:
+    return name in EFFECTS[other].nested or other in EFFECTS[name].nested
+
+
+def _size_odds(replacements: _Replacements, alternative: Alternative) -> float:
+    """Return the prior odds of the size of an alternative that imitates the named effect completely; otherwise 1.
+
+    The effect and the alternative do not form a class if the effect imitates only a part of the alternative.
+    """
+    name, other = replacements.name, alternative.name
+    if alternative.cosine < THRESHOLDS.indistinguishable or _are_forms(name, other):
+        return 1.0
+    chosen, model = replacements.selection.chosen, replacements.selection.fitted[replacements.key(other)]
+    rarity = EFFECTS[name].prior_odds / EFFECTS[other].prior_odds
+    return rarity * model.priors[other] / chosen.priors[name]
 
 
 def _alternatives(replacements: _Replacements, named: Score, others: Mapping[str, Score]) -> list[Alternative]:
@@ -227,7 +251,7 @@ def prior_odds(selection: Selection, model: Hypothesis, members: Collection[str]
     """Return the prior odds of a set against the selected set; 1 for sets of different size.
 
     They are the quotient of the products of `Effect.prior_odds` of the exchanged effects. For a drift that follows a
-    missing loss, they are `CALIBRATION.drifting`. The plausibility of the sizes only divides a class among its members.
+    missing loss, they are `CALIBRATION.drifting`. The prior of the sizes is `_size_odds`.
 
     Args:
         selection: the selected set

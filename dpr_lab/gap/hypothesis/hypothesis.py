@@ -1,7 +1,7 @@
 """Hypothesis: a set of effects fitted with ratios and initial states, and its cost."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import folds, predictive_loss
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics, residual_statistics
+from dpr_lab.gap.hypothesis.size_prior import size_prior
 from dpr_lab.gap.hypothesis.swing_lines import on_swing_line, one_decay
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 
@@ -47,6 +48,8 @@ class Hypothesis:
     """Vibrations in the set at a multiple of the swing's frequency."""
     decay_drifts: frozenset[str] = frozenset()
     """Friction drifts in the set, if the recordings are one decay: amplitude and time are inseparable."""
+    priors: Mapping[str, float] = field(default_factory=dict)
+    """Prior weight of each effect with its fitted size."""
 
     @property
     def cost(self) -> float:
@@ -122,7 +125,8 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
     sizes = {} if limits is None else {name: relative_size(params, limits, name) for name in curves}
     harmonic_vibrations = frozenset(name for name in names if on_swing_line(problem, name, fitted.estimate))
     drifts = frozenset(names) & {effect.name for effect in FRICTION_DRIFT} if one_decay(problem) else frozenset[str]()
-    return Hypothesis(names, fitted, residuals, loss, sizes, harmonic_vibrations, drifts)
+    priors = {name: size_prior(params, name, limits, problem.model.constants) for name in names}
+    return Hypothesis(names, fitted, residuals, loss, sizes, harmonic_vibrations, drifts, priors)
 
 
 def explained(bare: Hypothesis, model: Hypothesis) -> float:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from dpr_lab.effects import EFFECTS, plausibility
+from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, explained
@@ -35,7 +35,7 @@ def log_prior_ratio(model: Hypothesis, current: Hypothesis) -> float:
 
 
 def _log_prior(model: Hypothesis) -> float:
-    return sum(math.log(plausibility(model.estimate.params, name)) for name in model.effects)
+    return sum(math.log(model.priors[name]) for name in model.effects)
 
 
 def cost_with_prior(model: Hypothesis, current: Hypothesis) -> float:

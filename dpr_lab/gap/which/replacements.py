@@ -111,13 +111,14 @@ def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Propo
 
 def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     best, chance = proposal.model, significance(sets.bare, current, proposal.model)
-    if explains_as_much(sets.bare, current, best):
+    likelier = log_prior_ratio(best, current) > math.log(THRESHOLDS.likelier)
+    if not likelier and explains_as_much(sets.bare, current, best):
         return Decision(False, "fewer parameters explain about as much")
     if cost_with_prior(best, current) >= current.cost:
         return Decision(False, "the criterion does not fall by as much as the prior odds require")
     if current.cost - best.cost > chance:
         return Decision(True, f"the criterion falls by more than {chance:.3g}")
-    if log_prior_ratio(best, current) > math.log(THRESHOLDS.likelier):
+    if likelier:
         return Decision(True, "the other set has larger prior odds, and explains about as much")
     return Decision(False, f"the criterion falls by less than {chance:.3g}, which is not significant")
 

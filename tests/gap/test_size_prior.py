@@ -1,0 +1,68 @@
+"""Prior of the size of a scale error and of a spring, which imitate each other on a single rod."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+
+from dpr_lab.effects import SIZE, effect_params, plausibility
+from dpr_lab.gap.classes.posterior import Alternative, _plausibility, _Replacements, _size_odds
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION
+from dpr_lab.gap.hypothesis.size_prior import size_prior
+
+SCALE, SPRING = "encoder_scale_joint1", "spring_joint1"
+
+
+def prior(effect: str, counts: float = 4096.0, limit: float = 1.0, **sizes: float) -> float:
+    constants: Any = SimpleNamespace(counts_per_rev1=counts, counts_per_rev2=1.0)
+    return size_prior(effect_params({effect: sizes}), effect, np.full(SIZE, limit), constants)
+
+
+@pytest.mark.parametrize(
+    ("excess", "weight"),
+    [(0.0, 1.0), (2e-3, 0.975), (4000 / 4096 - 1, 0.5), (0.05, 0.03), (-0.15, 0.03), (4800 / 4096 - 1, 0.5)],
+)
+def test_a_scale_is_a_tolerance_or_that_of_another_encoder_or_arbitrary(excess: float, weight: float) -> None:
+    assert prior(SCALE, excess=excess) == pytest.approx(weight, abs=1e-3)
+    assert prior(SCALE, counts=-4096.0, excess=excess) == pytest.approx(weight, abs=1e-3)
+
+
+def test_a_spring_is_relative_to_the_gravity_torque_of_the_rig() -> None:
+    """The scale is 3e-3 N m/rad on a light rig, and 1 % of the limit on a heavy rig."""
+    light, heavy = (prior(SPRING, limit=limit, stiffness_Nm_per_rad=0.03) for limit in (0.1, 3.0))
+    assert light == pytest.approx(1 / (1 + 10.0**4))
+    assert heavy == pytest.approx(0.5)
+    friction = effect_params({"coulomb_joint1": {"torque_Nm": 0.03}})
+    assert prior("coulomb_joint1", limit=3.0, torque_Nm=0.03) == plausibility(friction, "coulomb_joint1")
+
+
+@pytest.mark.parametrize(
+    ("named", "other", "cosine", "odds"),
+    [(SCALE, SPRING, 1.0, 8.0), (SPRING, SCALE, 1.0, 1 / 8), (SCALE, SPRING, 0.99, 1.0),
+     ("coulomb_joint1", "stribeck_joint1", 1.0, 1.0), (SCALE, "base_tilt", 1.0, 8.0)],
+)  # fmt: skip
+def test_sizes_decide_if_an_alternative_imitates_the_effect_completely(
+    named: str, other: str, cosine: float, odds: float
+) -> None:
+    """The prior odds of the effects count separately."""
+    weights = {SCALE: 0.1, SPRING: 0.8, "coulomb_joint1": 10.0, "stribeck_joint1": 0.1, "base_tilt": 8.0}
+    selection: Any = Mock(
+        chosen=Mock(priors=weights), without={named: Mock(key=frozenset())},
+        fitted={frozenset({other}): Mock(priors=weights)},
+    )  # fmt: skip
+    ratio = _size_odds(_Replacements(selection, named), Alternative(other, cosine, 1.0))
+    assert ratio == pytest.approx(odds)
+
+
+@pytest.mark.parametrize(("other", "share"), [(SPRING, np.exp(-2.0)), ("stribeck_joint1", 1.0)])
+def test_a_member_with_more_parameters_also_costs_the_difference_of_the_criterion(other: str, share: float) -> None:
+    named = "coulomb_joint1" if other != SPRING else SCALE
+    fitted = Mock(priors={other: 0.5}, cost=100.0 + 2 * CALIBRATION.unit(1.0))
+    selection: Any = Mock(
+        chosen=Mock(cost=100.0, inflation=1.0), without={named: Mock(key=frozenset())},
+        fitted={frozenset({other}): fitted},
+    )  # fmt: skip
+    score = cast("Any", SimpleNamespace(effect=SimpleNamespace(name=other)))
+    assert _plausibility(_Replacements(selection, named), score) == pytest.approx(0.5 * share)
