@@ -156,10 +156,12 @@ class Recording:
 
         It must agree if the device declares real time, or if its samples arrive steadily near real time. A simulated
         clock is many times faster or slower, or irregular. A real clock that is declared as simulated runs steadily
-        near real time.
+        near real time. A device that this program simulates has no real clock, at any pace.
         """
         if self._writer.metadata.extra.get("simulated_time") != "true":
             return True
+        if self._writer.metadata.url.startswith("sim:"):
+            return False
         arrivals, limits = self._arrivals.fit(), self._limits
         return (
             arrivals is not None

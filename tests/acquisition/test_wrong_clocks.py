@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from dpr_lab.acquisition.arrivals import ArrivalFit, Arrivals
 from dpr_lab.acquisition.capture import Captured, CaptureOptions, capture
 from dpr_lab.acquisition.device import Device
 from dpr_lab.errors import RunError
@@ -117,3 +118,18 @@ def test_a_device_on_a_real_port_cannot_call_its_time_simulated(simulated, paper
         captured = capture(device, paper, "X1", CaptureOptions(duration=30.0), tmp_path, confirm=agree)
     assert "clock" in _failed(captured)
     assert info(captured.run_file).extra["simulated_time"] == "false"
+
+
+@pytest.mark.parametrize(
+    ("url", "failed"), [("sim://?clock=fast", []), ("serial:///dev/pts/99", ["clock", "clock_fit"])]
+)
+def test_the_pace_of_a_device_of_this_program_is_no_clock_error(
+    url: str, failed: list[str], simulated, paper: Rig, tmp_path: Path, agree, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a busy computer the samples of a simulated clock may arrive steadily at 1.26 times real time."""
+    monkeypatch.setattr(Arrivals, "fit", lambda _: ArrivalFit(260_000.0, 3_000.0))
+    link = Elsewhere(open_transport(simulated(clock="fast").url), url)
+    with Device(link) as device:  # pyright: ignore[reportArgumentType]
+        device.connect()
+        captured = capture(device, paper, "X1", CaptureOptions(duration=1.0), tmp_path, confirm=agree)
+    assert _failed(captured) == failed
