@@ -31,7 +31,7 @@ class Beam:
     worse: float = 4.0
     """Maximum ratio of the excess of an extended set to that of the best set."""
     exceeded: float = GAUSS_NEWTON.exceeded
-    """Largest expected ratio of a fitted to the predicted reduction, far from the noise."""
+    """Largest expected ratio of a fitted to the predicted reduction."""
     as_promising: float = 0.5
     """Minimum predicted reduction of a further candidate, relative to one that leaves only noise."""
     same_gain: float = 1e-3
@@ -118,8 +118,8 @@ def _with_one_more(
 ) -> dict[frozenset[str], Hypothesis]:
     """Extend a set by one promising effect at a time; return the extended level.
 
-    Once only noise remains, only equally promising effects are fitted. Far from the noise, a candidate is skipped if
-    even `BEAM.exceeded` times its predicted reduction leaves too much excess (`_deciding_excess`).
+    Once only noise remains, only equally promising effects are fitted. A candidate is skipped if even `BEAM.exceeded`
+    times its predicted reduction leaves too much excess (`_deciding_excess`).
 
     Args:
         sets: the fitted sets
@@ -133,7 +133,7 @@ def _with_one_more(
         if score.gain <= least:
             continue
         reached = model.bounded_excess - BEAM.exceeded * score.gain
-        if model.far_from_noise and reached > _deciding_excess(sets, best, list(extended.values()), last):
+        if reached > _deciding_excess(sets, best, model, list(extended.values()), last):
             continue
         larger = sets.with_one(model, score)
         if larger.at_noise_floor:
@@ -163,15 +163,26 @@ def _nearly_equal(score: Score, other: Score) -> bool:
     return same_gain and len(score.columns) == len(other.columns) and other.effect.name in score.effect.twins
 
 
-def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothesis], last: bool) -> float:
-    """Return the excess below which a further set can be extended or accepted."""
+def _deciding_excess(
+    sets: FittedSets, best: Hypothesis, model: Hypothesis, level: Sequence[Hypothesis], last: bool
+) -> float:
+    """Return the excess below which a further extension of `model` can be extended or accepted.
+
+    Near the noise, an extension with fewer parameters than a fitted set may have a larger excess at the same cost.
+    """
+
+    def excess(other: Hypothesis) -> float:
+        fewer = 0.0 if model.far_from_noise else other.inflation * max(other.penalty - model.penalty, 0.0)
+        return other.bounded_excess + fewer
+
     sound = sorted((m for m in level if not any(_doubts(sets, best, level, m))), key=lambda model: model.cost)
     ahead = [*sound[:1], *_runners_up(sets, sound[0], sound[1:])] if sound else []
     if last:
-        return min([most_excess(sets.bare, best), *(model.bounded_excess for model in ahead[:1])])
+        noise = THRESHOLDS.noise_floor * model.residuals.uncertainty
+        return max(noise, min([most_excess(sets.bare, best), *map(excess, ahead[:1])]))
     if len(ahead) == BEAM.sets:
-        return ahead[-1].bounded_excess
-    return BEAM.worse * min((model.bounded_excess for model in ahead), default=np.inf)
+        return excess(ahead[-1])
+    return BEAM.worse * min(map(excess, ahead), default=np.inf)
 
 
 def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
