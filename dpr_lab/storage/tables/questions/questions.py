@@ -13,6 +13,7 @@ from dpr_lab.storage.tables.questions.accelerations import balance_questions, ri
 from dpr_lab.storage.tables.questions.energy import energy_questions
 from dpr_lab.storage.tables.questions.hand import hand_questions
 from dpr_lab.storage.tables.questions.joined import gap_questions, joined_questions, rise_questions, section_questions
+from dpr_lab.storage.tables.questions.lost_frames import lost_frame_questions
 from dpr_lab.storage.tables.questions.period import period_questions, small_questions
 from dpr_lab.storage.tables.questions.pose import apart, pose_questions
 from dpr_lab.storage.tables.questions.torques import torque_questions
@@ -31,6 +32,8 @@ def questions(table: InterpretedTable) -> list[TableQuestion]:
     _refuse_dead(table, theta)
     if of_unit := unit_questions(table):
         return [*of_unit, *_few(table, t)]
+    if lost := lost_frame_questions(table):  # uneven times disturb every other test
+        return [*lost, *_few(table, t)]
     doubts, other = energy_questions(table)
     arm = _arm_questions(table, theta[:, 0])
     few_rows = [*joined_questions(table), *_few(table, t), *torque_questions(table)]
