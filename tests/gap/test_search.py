@@ -372,6 +372,24 @@ def test_a_similar_effect_with_nearly_the_score_is_fitted_while_a_residual_remai
     assert fitted == expected
 
 
+@pytest.mark.parametrize(("increase", "restarts_expected"), [(0.5, ["first"]), (1.5, ["image"]), (2.5, [])])
+def test_a_hopeless_alternative_is_only_fitted_from_the_selected_solution(
+    monkeypatch: pytest.MonkeyPatch, increase: float, restarts_expected: list[str]
+) -> None:
+    """The increase of the criterion is that of both fits, relative to the largest change by chance."""
+    cost, restarted = 100.0 + 10.0 * increase, list[str]()
+    first, image = SimpleNamespace(name="first", cost=cost), SimpleNamespace(name="image", cost=cost)
+    sets = Mock()
+    sets.test.return_value = Mock(ranking=[], of=lambda _: None)
+    sets.with_one.return_value = first
+    monkeypatch.setattr(replacements, "simpler_forms", lambda *_: [])
+    monkeypatch.setattr(replacements, "_indistinguishable", lambda *_: [Mock()])
+    monkeypatch.setattr(replacements, "imaged", lambda *_: image)
+    monkeypatch.setattr(replacements, "escaped", lambda _, model: restarted.append(model.name))
+    fit_alternatives(sets, Mock(effects=("named",), at_noise_floor=False, cost=100.0, chance=10.0))
+    assert restarted == restarts_expected
+
+
 @pytest.mark.parametrize(
     ("before", "after", "cost", "accepted"),
     [

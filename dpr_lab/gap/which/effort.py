@@ -37,6 +37,9 @@ class Effort:
     """Minimum cosine similarity and relative score of further replacements, while a residual remains."""
     nearly_common: float = 0.5
     """The same for a common effect, such as a zero error, also if only noise remains."""
+    hopeless: float = 2.0
+    """Increase of the criterion by an alternative, relative to the largest change by chance, from which on its fit is
+    not repeated from other starting points."""
     leading: float = 0.5
     """Minimum score of an effect, relative to the best score, for which several of its shapes are fitted."""
 

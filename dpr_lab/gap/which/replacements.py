@@ -188,7 +188,8 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
     Alternatives are indistinguishable by the linear scores, or have the largest scores, or are simpler forms while a
     residual remains. A fit can reduce the cost by much more than its linear score. While a residual remains, effects
     with a similar signature and nearly the score of the effect are therefore fitted, too. If an indistinguishable
-    effect fits worse, its fit ended in a local minimum and is repeated from the selected solution.
+    effect fits worse, its fit ended in a local minimum and is repeated from the selected solution. Only an effect that
+    is then not hopeless is also fitted from other starting points.
     """
     if not chosen.at_noise_floor:
         for simpler in simpler_forms(sets, chosen):
@@ -197,9 +198,11 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
         smaller = sets.without(chosen, name)
         test = sets.test(smaller)
         for score in _indistinguishable(test, name):
-            other = escaped(sets, sets.with_one(smaller, score))
+            other = sets.with_one(smaller, score)
             if other.cost - chosen.cost > chosen.chance:
-                imaged(sets, chosen, name, score)
+                other = imaged(sets, chosen, name, score)
+            if other.cost - chosen.cost < EFFORT.hopeless * chosen.chance:
+                escaped(sets, other)
         for score in test.ranking[: EFFORT.replacements]:
             if score.effect.name != name and smaller.cost - score.gain < chosen.cost:
                 sets.with_one(smaller, score)
