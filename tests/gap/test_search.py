@@ -18,7 +18,7 @@ from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep
 from dpr_lab.gap.screen.recordings import LENGTHS
-from dpr_lab.gap.which import moves, removals, replacements, restarts
+from dpr_lab.gap.which import moves, removals, replacements, restarts, select
 from dpr_lab.gap.which.effort import Effort
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forward import Beam, forward_selection
@@ -26,7 +26,7 @@ from dpr_lab.gap.which.moves import START
 from dpr_lab.gap.which.replacements import BETTER_ALTERNATIVE, fit_alternatives
 from dpr_lab.gap.which.restarts import escaped
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply_move, apply_moves
-from dpr_lab.gap.which.select import forward, short_segments
+from dpr_lab.gap.which.select import forward, refined, short_segments
 from dpr_lab.report.gap.trials_of_search import trial_table
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
@@ -388,6 +388,19 @@ def test_a_hopeless_alternative_is_only_fitted_from_the_selected_solution(
     monkeypatch.setattr(replacements, "escaped", lambda _, model: restarted.append(model.name))
     fit_alternatives(sets, Mock(effects=("named",), at_noise_floor=False, cost=100.0, chance=10.0))
     assert restarted == restarts_expected
+
+
+def test_a_local_minimum_of_the_bare_model_is_looked_for_with_one_fit(
+    sets: FittedSets, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    removed = list[str]()
+    monkeypatch.setattr(Hypothesis, "far_from_noise", True)
+    monkeypatch.setattr(select, "refit_without", lambda _, model, name, bare: removed.append(name) or bare)
+    path = (("first", sets.bare), ("second", sets.bare))
+    selection = Mock(bare=sets.bare, chosen=Mock(effects=("first", "second")), path=path)
+    monkeypatch.setattr(select, "_one_search", lambda state: selection)
+    assert refined(SearchState(sets.bare, sets, 2)) is selection
+    assert removed == ["first"]
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ and validate effects afterwards.
 """
 
 from collections.abc import Iterator, Mapping
-from functools import reduce
 
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.detectable import detectable
@@ -55,14 +54,15 @@ def refined(state: SearchState) -> Selection:
 
 
 def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | None:
-    """Return the bare model fitted from the selected set, if its first fit was a local minimum, or None.
+    """Return the bare model fitted from the last effect of the path, if its first fit was a local minimum, or None.
 
     An effect that merely leads the fit out of such a minimum is not a cause.
     """
-    chosen, first = selection.chosen, selection.bare
-    if not chosen.effects or not first.far_from_noise:
+    first = selection.bare
+    if not selection.path or not first.far_from_noise:
         return None
-    bare = reduce(lambda model, name: refit_without(problem, model, name, first), chosen.effects, chosen)
+    name, smallest = selection.path[0]
+    bare = refit_without(problem, smallest, name, first)
     escaped = bare.fit.chi2 < first.fit.chi2 / THRESHOLDS.local_minimum_factor
     return bare if escaped or (bare.at_noise_floor and not first.at_noise_floor) else None
 
