@@ -18,7 +18,7 @@ from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep
 from dpr_lab.gap.screen.recordings import LENGTHS
-from dpr_lab.gap.which import moves, removals, replacements, restarts, select
+from dpr_lab.gap.which import moves, removals, replacements, restarts
 from dpr_lab.gap.which.effort import Effort
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forward import Beam, forward_selection
@@ -26,7 +26,7 @@ from dpr_lab.gap.which.moves import START
 from dpr_lab.gap.which.replacements import BETTER_ALTERNATIVE, fit_alternatives
 from dpr_lab.gap.which.restarts import escaped
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply_move, apply_moves
-from dpr_lab.gap.which.select import forward, refined, short_segments
+from dpr_lab.gap.which.select import forward, short_segments
 from dpr_lab.report.gap.trials_of_search import trial_table
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
@@ -370,37 +370,6 @@ def test_a_similar_effect_with_nearly_the_score_is_fitted_while_a_residual_remai
     monkeypatch.setattr(replacements, "_indistinguishable", lambda *_: [])
     fit_alternatives(sets, Mock(effects=("named",), at_noise_floor=at_floor, cost=1.0))
     assert fitted == expected
-
-
-@pytest.mark.parametrize(("increase", "restarts_expected"), [(0.5, ["first"]), (1.5, ["image"]), (2.5, [])])
-def test_a_hopeless_alternative_is_only_fitted_from_the_selected_solution(
-    monkeypatch: pytest.MonkeyPatch, increase: float, restarts_expected: list[str]
-) -> None:
-    """The increase of the criterion is that of both fits, relative to the largest change by chance."""
-    cost, restarted = 100.0 + 10.0 * increase, list[str]()
-    first, image = SimpleNamespace(name="first", cost=cost), SimpleNamespace(name="image", cost=cost)
-    sets = Mock()
-    sets.test.return_value = Mock(ranking=[], of=lambda _: None)
-    sets.with_one.return_value = first
-    monkeypatch.setattr(replacements, "simpler_forms", lambda *_: [])
-    monkeypatch.setattr(replacements, "_indistinguishable", lambda *_: [Mock()])
-    monkeypatch.setattr(replacements, "imaged", lambda *_: image)
-    monkeypatch.setattr(replacements, "escaped", lambda _, model: restarted.append(model.name))
-    fit_alternatives(sets, Mock(effects=("named",), at_noise_floor=False, cost=100.0, chance=10.0))
-    assert restarted == restarts_expected
-
-
-def test_a_local_minimum_of_the_bare_model_is_looked_for_with_one_fit(
-    sets: FittedSets, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    removed = list[str]()
-    monkeypatch.setattr(Hypothesis, "far_from_noise", True)
-    monkeypatch.setattr(select, "refit_without", lambda _, model, name, bare: removed.append(name) or bare)
-    path = (("first", sets.bare), ("second", sets.bare))
-    selection = Mock(bare=sets.bare, chosen=Mock(effects=("first", "second")), path=path)
-    monkeypatch.setattr(select, "_one_search", lambda state: selection)
-    assert refined(SearchState(sets.bare, sets, 2)) is selection
-    assert removed == ["first"]
 
 
 @pytest.mark.parametrize(

@@ -54,9 +54,10 @@ def refined(state: SearchState) -> Selection:
 
 
 def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | None:
-    """Return the bare model fitted from the last effect of the path, if its first fit was a local minimum, or None.
+    """Return a better fit of the bare model if its first fit was a local minimum, or None.
 
-    An effect that merely leads the fit out of such a minimum is not a cause.
+    The fit starts from the set of one effect at the end of the path. An effect that merely leads the fit out of such a
+    minimum is not a cause.
     """
     first = selection.bare
     if not selection.path or not first.far_from_noise:
