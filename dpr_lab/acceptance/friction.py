@@ -6,6 +6,7 @@ from dpr_lab.acceptance.limits import FrictionLimit
 from dpr_lab.arrays import Array
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.result.evidence import JointFriction
+from dpr_lab.shown import listed
 
 KNOWN_BETTER = 3.0
 """Ratio of two standard deviations of a friction torque above which the smaller one counts as accurate."""
@@ -24,23 +25,38 @@ def largest_friction(curve: JointFriction, limit: FrictionLimit, confidence: flo
     return max(0.0, float(lower)), float(upper)
 
 
+def largest_estimate(curve: JointFriction, limit: FrictionLimit) -> float:
+    """Return the largest estimated friction torque at speeds up to that of the limit, N m."""
+    return float(_up_to(curve, limit)[1].max())
+
+
 def inaccurate_speeds(curve: JointFriction, limit: FrictionLimit) -> str:
     """Describe the speeds at which an inaccurate torque may exceed the limit, and the cause.
 
     The text is empty if the torque is about equally accurate at all speeds.
     """
     speed, size, std = _up_to(curve, limit)
-    may_exceed, best = size + NORMAL_Q90 * std >= limit.max, int(np.argmin(std))
-    if not may_exceed.any() or (worst := std[may_exceed].max()) < KNOWN_BETTER * std[best]:
+    best = int(np.argmin(std))
+    inaccurate = (size + NORMAL_Q90 * std >= limit.max) & (std >= KNOWN_BETTER * std[best])
+    sides = {
+        "the friction at rest and its change with the speed compensate each other; a swing that ends at rest helps": (
+            inaccurate & (speed < speed[best])
+        ),
+        "high speeds are rare in the recordings; a faster swing helps": inaccurate & (speed > speed[best]),
+    }
+    sides = {cause: side for cause, side in sides.items() if side.any()}
+    if not sides:
         return ""
-    slowest, fastest = speed[may_exceed].min(), speed[may_exceed].max()
-    cause = "the friction at rest and its change with the speed compensate each other; a swing that ends at rest helps"
-    if slowest > speed[best]:
-        cause = "these speeds are rare in the recordings; a faster swing helps"
+    places = [f"{1e3 * std[side].max():.2g} mN m {_range(speed[side])}" for side in sides.values()]
     return (
-        f"the standard deviation of the torque is {1e3 * worst:.2g} mN m from {slowest:.2g} to {fastest:.2g} rad/s, but"
-        f" {1e3 * std[best]:.2g} mN m at {speed[best]:.2g} rad/s: {cause}"
+        f"the standard deviation of the torque is {listed(places)}, but {1e3 * std[best]:.2g} mN m at"
+        f" {speed[best]:.2g} rad/s: {'; '.join(sides)}"
     )
+
+
+def _range(speeds: Array) -> str:
+    first, last = (f"{speed:.2g}" for speed in (speeds.min(), speeds.max()))
+    return f"at {last} rad/s" if first == last else f"from {first} to {last} rad/s"
 
 
 def _up_to(curve: JointFriction, limit: FrictionLimit) -> tuple[Array, Array, Array]:

@@ -25,20 +25,20 @@ D. J. Schuirmann (1987), A comparison of the two one-sided tests procedure and t
 Pharmacokinetics and Biopharmaceutics 15, 657-680.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal
 
 import numpy as np
 
-from dpr_lab.acceptance.friction import inaccurate_speeds, largest_friction
-from dpr_lab.acceptance.limits import FrictionLimit, Limits, friction_quantity
+from dpr_lab.acceptance.friction import inaccurate_speeds, largest_estimate, largest_friction
+from dpr_lab.acceptance.limits import Limits, friction_quantity
+from dpr_lab.acceptance.scale import open_by_scale, with_scale
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.evidence.joint_friction import laws_of
 from dpr_lab.gap.result.causes import UNTESTED, NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.result.evidence import JointFriction
+from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import listed, percent
 
 SURE = 0.95
@@ -52,15 +52,13 @@ NOT_OF_SPEED = tuple(
 
 Answer = Literal["pass", "fail", "not decidable"]
 Range = tuple[float, float]
+Bounds = tuple[float | None, float | None]
 
 WITHIN = "the limit lies within the interval"
 """Beginning of a reason for which further releases may decide a limit."""
 
 RECORD_MORE = ": record more releases"
 """End of such a reason, before the releases are known."""
-
-ONLY_SCALE = "only the uncertainty of"
-"""Beginning of a reason for which no further release decides a limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,8 +124,7 @@ def _effects(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
             if interval is None:
                 reason = reason or _unseen(diagnosis, name, parameter)
             if answer == "not decidable" and interval is not None:
-                size = partial(_size, effect=name, parameter=parameter)
-                reason = reason or further or _only_scale(diagnosis, bounds, size)
+                reason = reason or further or _open_size(diagnosis, name, parameter, bounds)
             if answer == "fail":
                 reason = reason or _unsure(diagnosis, name)
             yield _judged(quantity, limit.unit, bounds, interval, answer, reason or further)
@@ -140,43 +137,46 @@ def _frictions(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
         if curve is not None:
             reached = curve.speed_rad_per_s[-1]
             reason = f"{joint} reaches only {reached:.3g} rad/s" if limit.speed_rad_s > reached else ""
-            interval = None if reason else _largest(diagnosis, curve, limit)
+            interval = None if reason else with_scale(diagnosis.scale, largest_friction(curve, limit, SURE), 1)
         reason = _untrusted(diagnosis) or reason or _other_friction(diagnosis, int(joint[-1]))
         answer = _answer(interval, *bounds)
         if curve is not None and curve.back_emf and answer != "pass":
             reason = reason or "the torque contains the back-EMF of the voltage drive"
         if curve is not None and answer == "not decidable" and not reason:
-            reason = _only_scale(diagnosis, bounds, partial(_largest, curve=curve, limit=limit))
+            known, best = largest_friction(curve, limit, SURE), largest_estimate(curve, limit)
+            reason = _only_scale(diagnosis.scale, bounds, known, best, 1)
             if not reason and (cause := inaccurate_speeds(curve, limit)):
                 reason = f"{WITHIN}, because {cause}{RECORD_MORE}"
         yield _judged(friction_quantity(joint, limit), limit.unit, bounds, interval, answer, reason)
 
 
-def _largest(diagnosis: Diagnosis, curve: JointFriction, limit: FrictionLimit) -> Range:
-    """Return the interval of the largest friction torque, including the uncertainty of the scale."""
-    lower, upper = largest_friction(curve, limit, SURE)
-    factors = _scale_factors(diagnosis, 1)
-    return lower * min(factors), upper * max(factors)
+def _open_size(diagnosis: Diagnosis, effect: str, parameter: str, bounds: Bounds) -> str:
+    """Return a reason if only the uncertain scale leaves the limit of an amplitude open."""
+    known, quantity = diagnosis.model_copy(update={"scale": None}), f"{effect}.{parameter}"
+    interval, _ = _widened(known, quantity, _size(known, effect, parameter), bounds)
+    if interval is None:
+        return ""
+    fitted = [named.parameters[parameter].value for named in diagnosis.effects if named.name == effect]
+    best = fitted[0] if fitted else sum(interval) / 2
+    return _only_scale(diagnosis.scale, bounds, interval, best, _power(effect, parameter))
 
 
-def _only_scale(
-    diagnosis: Diagnosis, bounds: tuple[float | None, float | None], interval: Callable[[Diagnosis], Range | None]
-) -> str:
-    """Return a reason if the limit is decided for a known scale, which no free swing shows.
+def _only_scale(scale: Scale | None, bounds: Bounds, interval: Range, best: float, power: int) -> str:
+    """Return a reason if only the uncertain scale leaves a limit open.
+
+    The limit is then decided for a known scale, but would remain open even if the best estimate were exact.
 
     Args:
-        diagnosis: the diagnosis
+        scale: the scale
         bounds: lower and upper limit
-        interval: function that returns the interval of the quantity for a diagnosis
+        interval: 90 % interval of the quantity for a known scale
+        best: best estimate of the quantity
+        power: power of the scale in the quantity
     """
-    scale = diagnosis.scale
-    if scale is None or _answer(interval(diagnosis.model_copy(update={"scale": None})), *bounds) == "not decidable":
+    if scale is None or _answer(interval, *bounds) == "not decidable":
         return ""
-    low, high = scale.interval90
-    return (
-        f"{ONLY_SCALE} {scale.inertia} ({low:.3g} to {high:.3g} kg m^2) leaves this open: state more accurate masses,"
-        " lengths and inertias in the rig file"
-    )
+    exact = with_scale(scale, (best, best), power)
+    return open_by_scale(scale) if _answer(exact, *bounds) == "not decidable" else ""
 
 
 def _other_friction(diagnosis: Diagnosis, joint: int) -> str:
@@ -235,7 +235,7 @@ def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float])
 def _judged(
     quantity: str,
     unit: str,
-    bounds: tuple[float | None, float | None],
+    bounds: Bounds,
     interval: Range | None,
     answer: Answer,
     reason: str,
@@ -268,13 +268,11 @@ def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
             return (diagnosis.scale and size.interval90_with_scale) or size.interval90
     for tested in diagnosis.evidence.exclusions if diagnosis.evidence else ():
         if (tested.effect, tested.parameter) == (effect, parameter) and tested.interval90 is not None:
-            return _with_scale(diagnosis, effect, parameter, *tested.interval90)
+            return with_scale(diagnosis.scale, tested.interval90, _power(effect, parameter))
     return None
 
 
-def _widened(
-    diagnosis: Diagnosis, quantity: str, interval: Range | None, bounds: tuple[float | None, float | None]
-) -> tuple[Range | None, str]:
+def _widened(diagnosis: Diagnosis, quantity: str, interval: Range | None, bounds: Bounds) -> tuple[Range | None, str]:
     """Widen an interval by those of the models with further effects.
 
     The text states the effects that leave a limit undecided which the first interval decides. It is empty otherwise.
@@ -290,7 +288,7 @@ def _widened(
             continue
         other = model.intervals90[quantity]
         if parameter:
-            other = _with_scale(diagnosis, name, parameter, *other)
+            other = with_scale(diagnosis.scale, other, _power(name, parameter))
         interval = min(interval[0], other[0]), max(interval[1], other[1])
         if not reason and _answer(interval, *bounds) != alone:
             further = f"common effects of undetectable sizes are present ({listed(model.effects)})"
@@ -300,19 +298,9 @@ def _widened(
     return interval, reason
 
 
-def _with_scale(diagnosis: Diagnosis, effect: str, parameter: str, low: float, high: float) -> Range:
-    """Widen the interval of a size by the uncertainty of b.
-
-    The given interval holds for the assumed b. The result covers the intervals at both ends of the interval of b.
-    """
-    amplitude = next(amplitude for amplitude in EFFECTS[effect].amplitudes if amplitude.name == parameter)
-    factors = _scale_factors(diagnosis, amplitude.scale_power)
-    return min(low * factor for factor in factors), max(high * factor for factor in factors)
-
-
-def _scale_factors(diagnosis: Diagnosis, power: int) -> list[float]:
-    """Return the factors by which a size changes with b: 1, and one for each end of the interval of b."""
-    return [1.0, *(() if diagnosis.scale is None else diagnosis.scale.factors90(power))]
+def _power(effect: str, parameter: str) -> int:
+    """Return the power of the scale b in an amplitude."""
+    return next(amplitude.scale_power for amplitude in EFFECTS[effect].amplitudes if amplitude.name == parameter)
 
 
 def _untrusted(diagnosis: Diagnosis) -> str:

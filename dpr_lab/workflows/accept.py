@@ -113,7 +113,8 @@ def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
     releases would not decide states this, unless the interval covers all shapes of an effect: the forecast refers to
     one shape.
     """
-    from dpr_lab.acceptance.judge import ONLY_SCALE, RECORD_MORE, WITHIN
+    from dpr_lab.acceptance.judge import RECORD_MORE, WITHIN
+    from dpr_lab.acceptance.scale import ONLY_SCALE
 
     forecasts = {forecast.quantity: forecast for forecast in planned.limits}
     hopeless = f", and {counted(len(planned.releases), 'further release')} would probably not decide it"

@@ -1,11 +1,10 @@
 """One- and two-sided tests of limits at 95 %, with intervals calculated by hand."""
 
-from typing import Any
-
 import pytest
 
-from dpr_lab.acceptance.judge import Acceptance, JudgedLimit, _answer, _largest, judge
-from dpr_lab.acceptance.limits import Limits
+from dpr_lab.acceptance.friction import largest_friction
+from dpr_lab.acceptance.judge import Acceptance, JudgedLimit, _answer, judge
+from dpr_lab.acceptance.limits import FrictionLimit, Limits
 from dpr_lab.gap.result.diagnosis import UNCERTAIN
 from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.report.gap.acceptance import limit_table
@@ -45,9 +44,9 @@ def test_the_largest_friction_torque_has_a_pointwise_upper_and_a_simultaneous_lo
         std_Nm=[0.5, 0.1, 0.3, 0.5],
         coefficients=2,
     )
-    scale: Any = {"scale": None}
-    assert _largest(curve, 2.0, made(**scale)) == pytest.approx((1.2 - 0.1 * 2.4477, 1.0 + 0.3 * 1.6449), rel=1e-4)
-    between = _largest(curve, 3.0, made(**scale))  # -5.1 with std 0.3 at -3 rad/s, 5.0 with std 0.4 at 3 rad/s
+    slow, fast = (FrictionLimit(max=1.0, unit="N m", speed_rad_s=speed) for speed in (2.0, 3.0))
+    assert largest_friction(curve, slow, 0.95) == pytest.approx((1.2 - 0.1 * 2.4477, 1.0 + 0.3 * 1.6449), rel=1e-4)
+    between = largest_friction(curve, fast, 0.95)  # -5.1 with std 0.3 at -3 rad/s, 5.0 with std 0.4 at 3 rad/s
     assert between == pytest.approx((5.1 - 0.3 * 2.4477, 5.0 + 0.4 * 1.6449), rel=1e-4)
 
 

@@ -1,10 +1,14 @@
 """Reasons of undecided limits, and the releases that decide them."""
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal
+
+import numpy as np
+import pytest
 
 from dpr_lab.acceptance.judge import Acceptance, JudgedLimit, judge
 from dpr_lab.acceptance.limits import Limits
+from dpr_lab.gap.result.causes import EffectSize
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Evidence, JointFriction
 from dpr_lab.identification.scaling.scale import Scale
@@ -16,39 +20,108 @@ def friction(size: float) -> Limits:
     return Limits.model_validate({"friction": {"joint1": {"max": size, "speed_rad_s": 3.0, "unit": "N m"}}})
 
 
-def with_friction(std_Nm: list[float], scale90: tuple[float, float] = (1.0, 1.0)) -> Diagnosis:
-    """Return a diagnosis without a gap, whose friction torque has the given standard deviations."""
+def with_friction(
+    std_Nm: list[float],
+    scale90: tuple[float, float] = (1.0, 1.0),
+    fixed_by: Literal["data", "bound"] = "bound",
+    constants_std: float = 0.0,
+) -> Diagnosis:
+    """Return a diagnosis without a gap, whose friction torque has the given standard deviations.
+
+    The torque is 1 mN m at 0.1 rad/s and rises to 2 mN m at 3 rad/s.
+    """
+    speeds = [0.1, 1.0, 3.0] if len(std_Nm) == 3 else [0.1, 3.0]
     curve = JointFriction(
-        speed_rad_per_s=[-3.0, -0.1, 0.1, 3.0],
-        torque_Nm=[-2e-3, -1e-3, 1e-3, 2e-3],
-        std_Nm=std_Nm,
+        speed_rad_per_s=[*(-speed for speed in reversed(speeds)), *speeds],
+        torque_Nm=[*np.interp(speeds, [0.1, 3.0], [-1e-3, -2e-3])[::-1], *np.interp(speeds, [0.1, 3.0], [1e-3, 2e-3])],
+        std_Nm=[*reversed(std_Nm), *std_Nm],
         coefficients=2,
     )
     evidence = Evidence.model_construct(friction={"joint1": curve}, exclusions=[], wider_models=[])
-    scale = Scale(b=1.0, interval90=scale90, fixed_by="bound")
+    scale = Scale(b=1.0, interval90=scale90, fixed_by=fixed_by, constants_std=constants_std)
     return made(verdict="no_gap", effects=[], probabilities={}).model_copy(
         update={"evidence": evidence, "scale": scale, "hints": []}
     )
 
 
-def test_an_undecided_friction_limit_states_the_inaccurate_speeds_and_their_cause() -> None:
-    (slow,) = judge(with_friction([1e-5, 5e-3, 5e-3, 1e-5]), friction(4e-3)).limits
-    assert "5 mN m from 0.1 to 0.1 rad/s, but 0.01 mN m at 3 rad/s: the friction at rest" in slow.reason
-    (fast,) = judge(with_friction([5e-3, 1e-5, 1e-5, 5e-3]), friction(4e-3)).limits
-    assert "a faster swing helps" in fast.reason
-    (even,) = judge(with_friction([3e-3] * 4), friction(4e-3)).limits
+@pytest.mark.parametrize(
+    ("std_Nm", "stated", "remedies"),
+    [
+        ([5e-3, 1e-5], "5 mN m at 0.1 rad/s, but 0.01 mN m at 3 rad/s: the friction at rest", ["ends at rest"]),
+        ([1e-5, 5e-3], "5 mN m at 3 rad/s, but 0.01 mN m at 0.1 rad/s: high speeds", ["faster"]),
+        ([5e-3, 5e-3, 1e-5], "5 mN m from 0.1 to 1 rad/s, but 0.01 mN m at 3 rad/s", ["ends at rest"]),
+        (
+            [5e-3, 1e-5, 4e-3],
+            "5 mN m at 0.1 rad/s and 4 mN m at 3 rad/s, but 0.01 mN m at 1 rad/s",
+            ["ends at rest", "faster"],
+        ),
+    ],
+)
+def test_an_undecided_friction_limit_states_the_inaccurate_speeds_and_their_cause(
+    std_Nm: list[float], stated: str, remedies: list[str]
+) -> None:
+    (limit,) = judge(with_friction(std_Nm), friction(4e-3)).limits
+    assert stated in limit.reason
+    assert [remedy for remedy in ("ends at rest", "faster") if remedy in limit.reason] == remedies
+
+
+def test_speeds_with_an_accurate_torque_are_not_called_inaccurate() -> None:
+    """At 3 rad/s the torque may exceed the limit of 1.95 mN m because it is large, not because it is inaccurate."""
+    (limit,) = judge(with_friction([5e-3, 1e-4]), friction(1.95e-3)).limits
+    assert "5 mN m at 0.1 rad/s, but 0.1 mN m at 3 rad/s" in limit.reason
+    (even,) = judge(with_friction([3e-3] * 2), friction(4e-3)).limits
     assert even.reason == "the limit lies within the interval: record more releases"
 
 
-def test_a_limit_that_only_the_scale_leaves_open_asks_for_no_releases() -> None:
-    (limit,) = judge(with_friction([1e-5] * 4, (0.5, 3.0)), friction(4e-3)).limits
-    assert limit.answer == "not decidable"
-    assert limit.reason.startswith("only the uncertainty of b (0.5 to 3 kg m^2) leaves this open")
+def would_decide(limit: JudgedLimit) -> tuple[str, ...]:
+    """Return the limits that a plan decides whose forecast is that one release decides this limit."""
     plan: Any = SimpleNamespace(
         limits=[SimpleNamespace(quantity=limit.quantity, decides=True, all_shapes=False, release=1)],
         releases=[SimpleNamespace(text="P1")],
     )
-    assert with_recordings(Acceptance("not decidable", "", (limit,)), plan).would_decide == ()
+    return with_recordings(Acceptance("not decidable", "", (limit,)), plan).would_decide
+
+
+def test_a_limit_that_only_the_scale_leaves_open_asks_for_accurate_masses_or_a_known_mass_or_torque() -> None:
+    (limit,) = judge(with_friction([1e-5] * 2, (0.5, 3.0)), friction(4e-3)).limits
+    assert limit.answer == "not decidable"
+    assert limit.reason.startswith(
+        "only the uncertainty of b (0.5 to 3 kg m^2) leaves this open: state more accurate m"
+    )
+    assert limit.reason.endswith("in the rig file, or record a release with an added mass or a known torque")
+    assert would_decide(limit) == ()
+
+
+def test_a_limit_that_only_motor_constants_leave_open_asks_for_accurate_constants() -> None:
+    (limit,) = judge(with_friction([1e-5] * 2, (0.99, 1.01), "data", 0.6), friction(3e-3)).limits
+    assert limit.reason == (
+        "only the uncertainty of the motor constants (standard deviation 60 %) leaves this open: state more accurate"
+        " motor constants in the rig file"
+    )
+
+
+def test_a_limit_that_a_narrower_fit_decides_is_not_attributed_to_the_scale() -> None:
+    """The interval at a known scale ends just below the limit. Its centre is below the limit for every scale."""
+    wide = with_friction([1e-3] * 2, (0.9, 1.12))
+    (limit,) = judge(wide, friction(3.7e-3)).limits
+    assert limit.reason == "the limit lies within the interval: record more releases"
+    assert would_decide(limit) == (limit.quantity,)
+
+
+@pytest.mark.parametrize(("value", "reason"), [(1.0e-3, "the limit lies within"), (1.2e-3, "only the uncertainty of")])
+def test_the_size_of_a_named_effect_decides_whether_the_scale_is_the_cause(value: float, reason: str) -> None:
+    """The limit is 1.3 mN m; the fit excludes it for a known b, whose interval ends 12 % above b."""
+    size = EffectSize(value=value, interval90=(0.8e-3, 1.29e-3), interval90_with_scale=(0.7e-3, 1.35e-3))
+    base = with_friction([1e-5] * 2, (0.9, 1.12))
+    effect = (
+        made()
+        .effects[0]
+        .model_copy(update={"name": "coulomb_joint1", "members": ["coulomb_joint1"], "parameters": {"torque_Nm": size}})
+    )
+    limits = Limits.model_validate({"effects": {"coulomb_joint1": {"torque_Nm": {"max": 1.3e-3, "unit": "N m"}}}})
+    (limit,) = judge(base.model_copy(update={"effects": [effect], "verdict": "named"}), limits).limits
+    assert limit.answer == "not decidable"
+    assert limit.reason.startswith(reason)
 
 
 def test_a_limit_that_no_planned_release_decides_states_it_instead_of_advising_more_releases() -> None:

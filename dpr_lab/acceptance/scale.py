@@ -1,0 +1,27 @@
+"""Intervals of absolute sizes with an uncertain scale b, and how to reduce this uncertainty."""
+
+from dpr_lab.identification.scaling.scale import Interval90, Scale
+from dpr_lab.shown import percent
+
+ONLY_SCALE = "only the uncertainty of"
+"""Beginning of a reason for which no further release of the same kind decides a limit."""
+
+
+def with_scale(scale: Scale | None, interval: Interval90, power: int) -> Interval90:
+    """Widen the interval of a size proportional to b^power by the uncertainty of b.
+
+    The given interval holds for the assumed b. The result covers the intervals at both ends of the interval of b.
+    """
+    factors = [1.0, *(() if scale is None else scale.factors90(power))]
+    return min(interval[0] * factor for factor in factors), max(interval[1] * factor for factor in factors)
+
+
+def open_by_scale(scale: Scale) -> str:
+    """Return the reason of a limit that only the uncertain scale leaves open, with the remedy."""
+    low, high = scale.interval90
+    uncertain = f"{scale.inertia} ({low:.3g} to {high:.3g} kg m^2)"
+    remedy = "masses, lengths and inertias in the rig file, or record a release with an added mass or a known torque"
+    if scale.constants_std:
+        uncertain = f"the motor constants (standard deviation {percent(scale.constants_std)})"
+        remedy = "motor constants in the rig file"
+    return f"{ONLY_SCALE} {uncertain} leaves this open: state more accurate {remedy}"
