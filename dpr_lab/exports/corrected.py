@@ -39,7 +39,7 @@ from dpr_lab.identification.moving_arm.problem import reading_std
 from dpr_lab.identification.moving_arm.scale import ArmScale, absolute_values, stated_scale
 from dpr_lab.identification.moving_arm.unknowns import parameter_of
 from dpr_lab.identification.preprocess import rms_noise
-from dpr_lab.identification.prior_update import posterior_of
+from dpr_lab.identification.prior_update import clamped_cosine, posterior_of
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -147,7 +147,8 @@ def rod_values(
     if scale is not None and fitted_b:
         covariance = covariance.copy()  # the lower end of the interval may be clipped, to stay positive
         covariance[SCALE, SCALE] = (unknown[SCALE] * (scale.interval90[1] / scale.b - 1.0) / NORMAL_Q90) ** 2
-    posterior = posterior_of(unknown, rig, visible, covariance[np.ix_(visible, visible)], alone=single)
+    of_visible = covariance[np.ix_(visible, visible)]
+    posterior = posterior_of(unknown, rig, visible, of_visible, alone=single, clamped=clamped_cosine(setups))
     scale = scale or posterior.scale(float(unknown[SCALE]))
     scale = scale.as_inertia("b", float(unknown[SCALE]) / scale.b)
     ratios = {

@@ -18,7 +18,7 @@ from dpr_lab.gap.damage.outliers import lone_readings
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.screen.tracking_noise import tracking_noise
-from dpr_lab.identification.prior_update import posterior_of
+from dpr_lab.identification.prior_update import clamped_cosine, posterior_of
 from dpr_lab.rig import Rig
 from dpr_lab.setup import only_inner
 
@@ -53,8 +53,9 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
         short, first = _fitted_in_short_segments(recordings, start)
     ratios = first.estimate.ratios
     driven = recordings.arm_moves or any(setup.torques for setup in short.segments.setups)
-    alone = only_inner(short.segments.setups)
-    b = float(ratios[SCALE]) if driven else posterior_of(ratios, recordings.rig, alone=alone).b
+    setups = short.segments.setups
+    alone, clamped = only_inner(setups), clamped_cosine(setups)
+    b = float(ratios[SCALE]) if driven else posterior_of(ratios, recordings.rig, alone=alone, clamped=clamped).b
     recordings = recordings.without(short, lone_readings(short, first.estimate))
     estimate = first.estimate.changed(ratios=with_scale(ratios, b))
     recordings = replace(recordings, ratios=None if recordings.exact_torques else estimate.ratios)

@@ -20,7 +20,7 @@ from dpr_lab.identification.directions import SEEN, free_directions, simple_basi
 from dpr_lab.identification.expected import expected_releases, information_root
 from dpr_lab.identification.instruments import BenchReading, Measurement, rod_measurements
 from dpr_lab.identification.model import ParameterValue
-from dpr_lab.identification.prior_update import Posterior, observed, posterior_of, units
+from dpr_lab.identification.prior_update import Posterior, observed, posterior_of
 from dpr_lab.identification.ratio_fit import fit_ratios
 from dpr_lab.rig import PARAMETERS, Rig, of_inner_rod
 from dpr_lab.rig_tables import Parameter
@@ -266,16 +266,20 @@ def identifiability(
     Z = np.maximum(posterior.values(posterior.b), 1e-3 * rig.nominal)
     places, alone = posterior.visible, posterior.alone
     names = of_inner_rod(Z[PARAMETERS.index("mb")]) if alone else PARAMETERS
-    columns, per = [PARAMETERS.index(name) for name in names], units(posterior.unknown, alone)[list(places)]
-    values, slopes = observed(Z, rig, places, alone)
-    root = information_root(information * np.outer(per, per), values)
+    columns, square = [PARAMETERS.index(name) for name in names], np.ix_(places, places)
+    per = np.linalg.inv(posterior.as_observed(posterior.unknown)[1][square])
+    values, slopes = observed(Z, rig, places, alone, posterior.clamped)
+    root = information_root(per.T @ information @ per, values)
     of_recordings = (root * values @ slopes)[:, columns]
     rows = InformationRows.of(of_recordings, {name: rig.parameters[name] for name in names}, Z[columns])
+    # with a clamped elbow, the ratios to b are shown as the fit determines them, with the assumed a/b and d/b
+    shown = values if alone else unknown_ratios(whole_parameters(Z, rig.L1, rig.g))[list(places)]
+    root_of_shown = root if alone else information_root(information, shown)
     unknowns = [UNKNOWN_RATIOS[i].replace("b", "a") if alone else UNKNOWN_RATIOS[i] for i in places]
     return Identifiability(
         **rows.directions(rod_measurements(names, Z, rig)),
-        unknowns=_named(unknowns, values),
-        cramer_rao_std=_named(unknowns, values * spread(root * values)),
+        unknowns=_named(unknowns, shown),
+        cramer_rao_std=_named(unknowns, shown * spread(root_of_shown * shown)),
         parameters=_parameters(rows, posterior, Z[columns]),
         helps=_helps(rows, rig),
         length_error=_length_error(rig, Z) if lengths and rig.poses and not alone else None,

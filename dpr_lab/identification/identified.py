@@ -24,7 +24,7 @@ from dpr_lab.identification.model import (
     ratios_alone,
 )
 from dpr_lab.identification.preprocess import PreprocessedRun, rms_noise
-from dpr_lab.identification.prior_update import Posterior, posterior_of, prior_ratio_std
+from dpr_lab.identification.prior_update import Posterior, clamped_cosine, posterior_of, prior_ratio_std
 from dpr_lab.identification.profile import profile90
 from dpr_lab.identification.ratio_fit import RatioFit, predictable_until
 from dpr_lab.identification.scaling.scale import Scale
@@ -84,8 +84,9 @@ def identified_model(
     measured = np.concatenate([prepared.run.theta[:, 1:] for prepared in runs])
     rms = np.sqrt(np.mean((measured - ratio_fit.predicted) ** 2, axis=0))
     ratios = {name: _ratio(ratio_fit, ratio_uncertainty, rig, name, profile) for name in RATIOS}
-    alone, unknown = only_inner(prepared.run.setup for prepared in runs), ratio_fit.fit.estimate.ratios
-    posterior = posterior_of(unknown, rig, ratio_fit.visible, ratio_uncertainty.of_runs, alone=alone)
+    setups, unknown = [prepared.run.setup for prepared in runs], ratio_fit.fit.estimate.ratios
+    alone, clamped = only_inner(setups), clamped_cosine(setups)
+    posterior = posterior_of(unknown, rig, ratio_fit.visible, ratio_uncertainty.of_runs, alone=alone, clamped=clamped)
     scale = _scale(ratio_fit, ratio_uncertainty, posterior)
     parameters, base = posterior.parameters(scale, ratios)
     p_over_b = float(unknown[ON_ELBOW])

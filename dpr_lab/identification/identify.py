@@ -24,7 +24,7 @@ from dpr_lab.identification.moving_arm.identify import identify_moving_arm
 from dpr_lab.identification.moving_arm.model import AnyModel
 from dpr_lab.identification.objectives import OBJECTIVES
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
-from dpr_lab.identification.prior_update import posterior_of
+from dpr_lab.identification.prior_update import clamped_cosine, posterior_of
 from dpr_lab.identification.ratio_fit import RatioFit, information, short_fit, visible_of
 from dpr_lab.identification.uncertainty import uncertainty
 from dpr_lab.rig import PARAMETERS, Rig
@@ -215,8 +215,9 @@ def identifiability(
             )
         tell(f"no runs given: simulated releases from {', '.join(rig.poses)}, with the values of the rig file")
         problem, estimate = mounted_releases(rig.nominal, rig)
-        alone = only_inner(problem.segments.setups)
-        posterior = posterior_of(estimate.ratios, rig, visible_of(problem.segments), alone=alone)
+        setups, visible = problem.segments.setups, visible_of(problem.segments)
+        alone, clamped = only_inner(setups), clamped_cosine(setups)
+        posterior = posterior_of(estimate.ratios, rig, visible, alone=alone, clamped=clamped)
         return analysed(information(problem, estimate), rig, posterior)
     refuse_misread(runs, rig)
     ratio_fit = polish(rig.nominal, [preprocess(run, rig) for run in runs], rig)
@@ -232,6 +233,7 @@ def identifiability(
         ratio_fit.visible,
         ratio_uncertainty.of_runs,
         alone=only_inner(run.setup for run in runs),
+        clamped=clamped_cosine(run.setup for run in runs),
     )
     # A residual above the noise floor is treated as noise of that size.
     of_runs = ratio_uncertainty.information / max(1.0, ratio_fit.chi2_per_dof)

@@ -9,16 +9,18 @@ prior mean z0 and covariance P0 (iterated extended Kalman update):
 
     K = P0 J^T (J P0 J^T + C)^-1,    z = z0 + K (ln q - ln q(z) - J (z0 - z)),    P = P0 - K J P0,    J = d ln q / d z
 
-q are the ratios to b, and b if a known mass makes it identifiable. For the inner rod alone, q are its ratios to a. The
-logarithm is used for two reasons. Masses, lengths and inertias are positive. They enter as products, so the problem is
-nearly linear in the logarithms even for bounds that are a factor of ten apart; a normal prior between such bounds would
-be centred far above the nominal value in its logarithm, and would shift the scale of all absolute sizes.
+q are the ratios to b, and b if a known mass makes it identifiable. For a single body, q are ratios to its inertia: to a
+for the inner rod alone, and to that of both rods for an elbow clamped in all recordings. The logarithm is used for two
+reasons. Masses, lengths and inertias are positive. They enter as products, so the problem is nearly linear in the
+logarithms even for bounds that are a factor of ten apart; a normal prior between such bounds would be centred far above
+the nominal value in its logarithm, and would shift the scale of all absolute sizes.
 
 The prior of a friction coefficient that is not measured has no influence, because effects that the model lacks change
 friction first. Ratios that are not positive are not used, because no positive masses have them.
 """
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,11 +36,12 @@ from dpr_lab.dynamics.base import (
     whole_parameters,
 )
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, alone_share, unknown_ratios
+from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, STRAIGHT, alone_share, unknown_ratios
 from dpr_lab.fitting.prior import parameter_std, unknown_jacobian
 from dpr_lab.identification.model import EstimatedValue, ParameterValue
 from dpr_lab.identification.scaling.scale import Interval90, Scale, lognormal90
 from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.setup import Setup
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +64,8 @@ UNREACHED = 1e-6
 The limit is far above rounding errors.
 """
 
-_A, _B, _E1, _C1 = (BASE.index(name) for name in ("a", "b", "e1", "c1"))
-_GRAVITY = RATIOS.index("e1/b")
+_A, _B = BASE.index("a"), BASE.index("b")
+_INNER, _COUPLING, _GRAVITY = (RATIOS.index(name) for name in ("a/b", "d/b", "e1/b"))
 _OF_FRICTION = [PARAMETERS.index(RATIOS[i].partition("/")[0]) for i in FRICTION]
 
 
@@ -84,6 +87,8 @@ class Posterior:
     """(n, n) covariance of the logarithms of these unknowns, as estimated from the recordings."""
     alone: bool
     """Whether only the inner rod is mounted. The scale is then its inertia a."""
+    clamped: float | None
+    """Value of `clamped_cosine`."""
 
     @property
     def share(self) -> float:
@@ -96,8 +101,15 @@ class Posterior:
 
     @property
     def b(self) -> float:
-        """Most probable inertia b, kg m^2; for the inner rod alone it follows from a."""
+        """Most probable inertia b, kg m^2; it follows from that of a single body if recordings determine that."""
+        if self.clamped is not None and SCALE in self.visible:
+            body = observed(self.median, self.rig, [SCALE], self.alone, self.clamped)[0][0]
+            return float(body * self.unknown[SCALE] / self.as_observed(self.unknown)[0][SCALE])
         return self.inertia()[0] / self.share
+
+    def as_observed(self, unknown: Array) -> tuple[Array, Array]:
+        """Return the quantities that the recordings determine; see the function `as_observed`."""
+        return as_observed(unknown, self.rig, self.alone, self.clamped)
 
     def inertia(self) -> tuple[float, float]:
         """Return the median of the inertia of the scale, and the standard deviation of its logarithm."""
@@ -169,7 +181,8 @@ class Posterior:
         n = len(places) - len(assumed)
         of_ratios = [k for k, i in enumerate(visible) if i != SCALE]
         C[:n, :n] = self.errors[np.ix_(of_ratios, of_ratios)]
-        Z, _ = _updated(as_observed(unknown, self.rig, alone=self.alone)[places], C, places, self.rig, self.alone)
+        values = self.as_observed(unknown)[0][places]
+        Z, _ = _updated(values, C, places, self.rig, self.alone, self.clamped)
         for parameter, place in zip(_OF_FRICTION, FRICTION, strict=True):
             if place in places and unknown[place] <= 0.0:
                 Z[parameter] = 0.0
@@ -207,7 +220,7 @@ class Posterior:
 
         `slopes` (n, 9) are the derivatives of their logarithms with respect to the logarithms of the parameters.
         """
-        _, rows = observed(self.median, self.rig, self.visible, self.alone)
+        _, rows = observed(self.median, self.rig, self.visible, self.alone, self.clamped)
         free = self.rig.searched
         _, sizes, directions = np.linalg.svd(rows[:, free])
         null = directions[np.count_nonzero(sizes > 1e-9 * sizes.max(initial=0.0)) :].T
@@ -230,6 +243,7 @@ def posterior_of(
     covariance: Array | None = None,
     *,
     alone: bool = False,
+    clamped: float | None = None,
 ) -> Posterior:
     """Compute the distribution of the parameters, given the unknowns that recordings determine (equation 47).
 
@@ -239,59 +253,85 @@ def posterior_of(
     Args:
         unknown: (7,) ratios, b and p/b of a fit
         rig: measured values, nominal values and bounds
-        visible: indices in `UNKNOWN_RATIOS` of the unknowns that the recordings determine; None: all ratios
+        visible: indices in `UNKNOWN_RATIOS` of the unknowns that the recordings determine; None: all that the
+            mounting determines
         covariance: (n, n) covariance of these unknowns; None: zero
         alone: whether only the inner rod is mounted; its ratios to a are then used
+        clamped: value of `clamped_cosine`; the ratios to the inertia of the whole body are used unless it is None
     """
-    of_rods = (_GRAVITY, FRICTION[0]) if alone else range(len(RATIOS))
+    of_body = (_GRAVITY, FRICTION[0]) if alone or clamped in (1.0, -1.0) else (_COUPLING, _GRAVITY, FRICTION[0])
+    of_rods = of_body if alone or clamped is not None else range(len(RATIOS))
     places = list(of_rods if visible is None else visible)
-    values = as_observed(unknown, rig, alone=alone)[places]
+    values, slopes = as_observed(unknown, rig, alone, clamped)
+    values, slopes = values[places], slopes[np.ix_(places, places)]
     errors = np.zeros((len(places), len(places)))
     if covariance is not None:
-        per = units(unknown, alone)[places] * np.maximum(np.abs(values), 1e-12)
-        errors = covariance / np.outer(per, per)
-    median, P = _updated(values, errors, places, rig, alone)
-    return Posterior(median, P, rig, unknown, tuple(places), errors, alone)
+        per = np.maximum(np.abs(values), 1e-12)
+        errors = slopes @ covariance @ slopes.T / np.outer(per, per)
+    median, P = _updated(values, errors, places, rig, alone, clamped)
+    return Posterior(median, P, rig, unknown, tuple(places), errors, alone, clamped)
 
 
-def as_observed(unknown: Array, rig: Rig, *, alone: bool) -> Array:
+def clamped_cosine(setups: Iterable[Setup]) -> float | None:
+    """Return the cosine of the elbow's angle if the elbow is clamped in all runs.
+
+    Returns:
+        the cosine, exactly 1 or -1 for aligned rods; 0 for several angles, because they determine ratios to a + b;
+        None if the elbow is free in some runs, or if a rod is not mounted
+    """
+    runs = list(setups)
+    if not runs or any(run.mounting != "clamped" or run.inner is not None for run in runs):
+        return None
+    angles = {run.elbow for run in runs}
+    cosine = math.cos(angles.pop()) if len(angles) == 1 else 0.0
+    return float(round(cosine)) if 1.0 - cosine**2 <= STRAIGHT**2 else cosine
+
+
+def as_observed(unknown: Array, rig: Rig, alone: bool, clamped: float | None = None) -> tuple[Array, Array]:
     """Return the unknowns (7,) as recordings of the mounted rods determine them.
 
-    For the inner rod alone, e1/b and c1/b become the ratios e1/a and c1/a of this rod, and b becomes its inertia a.
+    For a single body, d/b, e1/b and c1/b become ratios to its inertia I about joint 1, and b becomes I. For the inner
+    rod alone, I = a - p and e1 is that of this rod. For an elbow clamped at delta, I = a + b + 2 d cos(delta). If the
+    rods are aligned, e1 becomes the gravity of the whole body, e1 + cos(delta) d g / L1.
+
+    Returns:
+        the quantities, and their derivatives (7, 7) with respect to the unknowns
     """
-    if not alone:
-        return unknown
-    of_rod = unknown.copy()
-    of_rod[_GRAVITY] -= unknown[ON_ELBOW] * rig.g / rig.L1
-    return of_rod / units(unknown, alone)
-
-
-def units(unknown: Array, alone: bool) -> Array:
-    """Return the (7,) sizes of the unknowns for a unit of the quantities of `as_observed`."""
-    units = np.ones(len(unknown))
+    values, slopes = unknown.copy(), np.eye(len(unknown))
+    if not alone and clamped is None:
+        return values, slopes
+    cosine, per_length = clamped or 0.0, rig.g / rig.L1
     if alone:
-        units[: len(RATIOS)], units[SCALE] = alone_share(unknown), 1.0 / alone_share(unknown)
-    return units
+        share, of_share = alone_share(unknown), slopes[_INNER] - slopes[ON_ELBOW]
+        carried, factor = ON_ELBOW, -per_length
+    else:
+        share = unknown[_INNER] + 1.0 + 2.0 * cosine * unknown[_COUPLING]
+        of_share = slopes[_INNER] + 2.0 * cosine * slopes[_COUPLING]
+        carried, factor = _COUPLING, cosine * per_length if abs(cosine) == 1.0 else 0.0
+    values[_GRAVITY] += factor * unknown[carried]
+    slopes[_GRAVITY, carried] = factor
+    of_body = [_COUPLING, _GRAVITY, FRICTION[0]]
+    values[of_body] /= share
+    slopes[of_body] = (slopes[of_body] - np.outer(values[of_body], of_share)) / share
+    values[SCALE] *= share
+    slopes[SCALE] = share * slopes[SCALE] + unknown[SCALE] * of_share
+    return values, slopes
 
 
-def observed(Z: Array, rig: Rig, places: Sequence[int], alone: bool) -> tuple[Array, Array]:
+def observed(Z: Array, rig: Rig, places: Sequence[int], alone: bool, clamped: float | None) -> tuple[Array, Array]:
     """Return the quantities (n,) of `as_observed` for parameters Z (9,).
 
     Returns:
         the quantities, and the derivatives (n, 9) of their logarithms with respect to the logarithms of Z
     """
-    unknown, chosen = unknown_ratios(whole_parameters(Z, rig.L1, rig.g)), list(places)
-    if not alone:
-        values = unknown[chosen]
-        return values, unknown_jacobian(Z, rig)[chosen] * Z / np.maximum(values, 1e-30)[:, None]
-    _, of_base = _base(Z, rig, alone)
-    of_places = {_GRAVITY: of_base[_E1] - of_base[_A], FRICTION[0]: of_base[_C1] - of_base[_A], SCALE: of_base[_A]}
-    return as_observed(unknown, rig, alone=alone)[chosen], np.reshape(
-        [of_places[i] for i in chosen], (len(chosen), len(Z))
-    )
+    values, slopes = as_observed(unknown_ratios(whole_parameters(Z, rig.L1, rig.g)), rig, alone, clamped)
+    of_parameters, values = (slopes @ unknown_jacobian(Z, rig))[list(places)], values[list(places)]
+    return values, of_parameters * Z / np.maximum(np.abs(values), 1e-30)[:, None]
 
 
-def _updated(values: Array, errors: Array, places: Sequence[int], rig: Rig, alone: bool) -> tuple[Array, Array]:
+def _updated(
+    values: Array, errors: Array, places: Sequence[int], rig: Rig, alone: bool, clamped: float | None
+) -> tuple[Array, Array]:
     """Update the prior of the rig file by the quantities of `as_observed` (equation 47).
 
     Args:
@@ -300,6 +340,7 @@ def _updated(values: Array, errors: Array, places: Sequence[int], rig: Rig, alon
         places: indices in `UNKNOWN_RATIOS` of the quantities
         rig: measured values, nominal values and bounds
         alone: whether only the inner rod is mounted
+        clamped: value of `clamped_cosine`
 
     Returns:
         (9,) median of the parameters, and (9, 9) covariance of their logarithms
@@ -315,10 +356,12 @@ def _updated(values: Array, errors: Array, places: Sequence[int], rig: Rig, alon
     z0 = z = np.log(rig.nominal)
     P0 = P = np.diag(std**2)
     for _ in range(60):
-        q, J = observed(np.exp(z), rig, chosen.tolist(), alone)
+        q, J = observed(np.exp(z), rig, chosen.tolist(), alone, clamped)
         K = P0 @ J.T @ np.linalg.pinv(J @ P0 @ J.T + C, hermitian=True)
         P = P0 - K @ J @ P0
-        step = z0 + K @ (np.log(values / q) - J @ (z0 - z)) - z
+        # the gravity of folded rods may change its sign and then has no logarithm: linear until the sign is correct
+        change = np.where(q > 0.0, np.log(values / np.abs(q)), (values - q) / np.abs(q))
+        step = z0 + K @ (change - J @ (z0 - z)) - z
         z = z + np.clip(step, -SETTINGS.longest_step, SETTINGS.longest_step)
         if np.max(np.abs(step)) < SETTINGS.converged:
             break

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios, whole_parameters
-from dpr_lab.fitting.estimate import unknown_ratios
+from dpr_lab.fitting.estimate import SCALE, unknown_ratios, visible_ratios
 from dpr_lab.identification.model import EstimatedValue, ParameterValue
-from dpr_lab.identification.prior_update import posterior_of
+from dpr_lab.identification.prior_update import as_observed, clamped_cosine, posterior_of
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.rig_tables import Parameter
+from dpr_lab.setup import Setup
 
 TRUE = np.array([0.21, 0.19, 0.104, 0.093, 0.215, 0.00107, 0.00093, 0.00139, 0.00128])
 EXACT = np.zeros((5, 5))
@@ -176,3 +177,68 @@ def test_a_friction_of_zero_has_the_source_of_its_ratio(paper: Rig, weighed: boo
         value = values["c1"]
         assert (value.value, value.fixed_by) == (0.0, fixed_by)
         assert value.std == (scale.b * 1e-3 if fixed_by == "data" else None)
+
+
+def fitted_to(true: np.ndarray, start: np.ndarray, rig: Rig, setups: list[Setup]) -> np.ndarray:
+    """Ratios of a fit that keeps undetermined ratios at their start, for exact recordings with a clamped elbow."""
+    unknown, visible, clamped = start.copy(), list(visible_ratios(setups)), clamped_cosine(setups)
+    for _ in range(30):
+        values, slopes = as_observed(unknown, rig, False, clamped)
+        missing = as_observed(true, rig, False, clamped)[0] - values
+        unknown[visible] += np.linalg.solve(slopes[np.ix_(visible, visible)], missing[visible])
+    return unknown
+
+
+CLAMPED = {"straight": [0.0], "folded": [3.1], "bent": [0.7], "several": [0.0, 1.6]}
+
+
+@pytest.mark.parametrize("angles", CLAMPED.values(), ids=CLAMPED)
+def test_the_interval_of_b_with_a_clamped_elbow_contains_the_truth(paper: Rig, angles: list[float]) -> None:
+    setups = [Setup("clamped", elbow=angle) for angle in angles]
+    visible, clamped, rng, inside = visible_ratios(setups), clamped_cosine(setups), np.random.default_rng(5), []
+    nominal = unknown_ratios(whole_parameters(paper.nominal, paper.L1, paper.g))
+    for _ in range(40):
+        true = unknown_ratios(whole_parameters(rng.uniform(*paper.bounds), paper.L1, paper.g))
+        fitted = fitted_to(true, nominal, paper, setups)
+        low, high = posterior_of(fitted, paper, visible, clamped=clamped).scale().interval90
+        inside.append(low <= true[SCALE] <= high)
+    assert np.mean(inside) >= 0.8
+
+
+@pytest.mark.parametrize("angles", CLAMPED.values(), ids=CLAMPED)
+def test_rigs_with_equal_observed_quantities_swing_alike_with_a_clamped_elbow(paper: Rig, angles: list[float]) -> None:
+    setups = [Setup("clamped", elbow=angle) for angle in angles]
+    one = unknown_ratios(whole_parameters(TRUE, paper.L1, paper.g))
+    other = fitted_to(one, one * [1.3, 1.2, 1.0, 1.0, 1.0, 1.0, 1.0], paper, setups)
+    exact = [round(angle / np.pi) * np.pi if abs(np.sin(angle)) < 0.05 else angle for angle in angles]
+    for angle in exact:
+        accelerations = []
+        for a, d, e1, c1, *_ in (one, other):
+            inertia = a + 1.0 + 2.0 * d * np.cos(angle)
+            theta = np.linspace(-3.0, 3.0, 7)
+            torque = e1 * np.sin(theta) + d * paper.g / paper.L1 * np.sin(theta + angle) - c1 * 2.0
+            accelerations.append(torque / inertia)
+        assert accelerations[0] == pytest.approx(accelerations[1], rel=1e-6, abs=1e-9)
+
+
+def test_a_free_elbow_in_one_run_determines_the_full_ratios(paper: Rig) -> None:
+    setups = [Setup(), Setup("clamped")]
+    assert clamped_cosine(setups) is clamped_cosine([Setup("inner")]) is None
+    unknown = unknown_ratios(whole_parameters(TRUE, paper.L1, paper.g))
+    mixed = posterior_of(unknown, paper, visible_ratios(setups), clamped=clamped_cosine(setups))
+    assert mixed.scale() == posterior_of(unknown, paper).scale()
+
+
+def test_the_gravity_of_folded_rods_may_have_another_sign_than_in_the_rig_file(paper: Rig) -> None:
+    factors = {"l2": 2.6, "m2": 1.5, "mb": 0.05, "m1": 0.35}
+    longer = {
+        name: Parameter(**{key: getattr(value, key) * factors.get(name, 1.0) for key in ("nominal", "lower", "upper")})
+        for name, value in paper.parameters.items()
+    }
+    rig = paper.model_copy(update={"parameters": longer})
+    unknown = unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))
+    assert as_observed(unknown, rig, False, -1.0)[0][2] < 0.0
+    unknown[2] = 1.05 * unknown[1] * rig.g / rig.L1
+    posterior = posterior_of(unknown, rig, [2], clamped=-1.0)
+    reached = unknown_ratios(whole_parameters(posterior.median, rig.L1, rig.g))
+    assert as_observed(reached, rig, False, -1.0)[0][2] == pytest.approx(as_observed(unknown, rig, False, -1.0)[0][2])

@@ -16,7 +16,7 @@ from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Transferred
 from dpr_lab.identification.moving_arm.setup import drive_gain
-from dpr_lab.identification.prior_update import posterior_of
+from dpr_lab.identification.prior_update import clamped_cosine, posterior_of
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig
 from dpr_lab.setup import only_inner
@@ -112,13 +112,15 @@ def scale(state: Transferred) -> Scale:
     If only the inner rod is mounted, the value of a is stated instead.
     """
     problem, fit, rig = state.fitted.problem, state.selection.chosen.fit, state.fitted.recordings.rig
-    unknown, alone = fit.estimate.ratios, only_inner(problem.segments.setups)
+    unknown, setups = fit.estimate.ratios, problem.segments.setups
+    alone, clamped = only_inner(setups), clamped_cosine(setups)
     of_b = fitted_scale(problem, fit, state.covariance, rig)
     if of_b is None:
         visible = sorted(parameter.place for parameter in fit.free if parameter.block == "ratios")
         # an effect such as a spring may make a ratio uncertain
         errors = unknown_covariance(fit, state.covariance)[np.ix_(visible, visible)]
-        of_b = posterior_of(unknown, rig, visible, errors, alone=alone).scale(float(unknown[SCALE]))
+        posterior = posterior_of(unknown, rig, visible, errors, alone=alone, clamped=clamped)
+        of_b = posterior.scale(float(unknown[SCALE]))
     return of_b.as_inertia("a", alone_share(unknown)) if alone else of_b
 
 
