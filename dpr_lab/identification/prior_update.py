@@ -36,7 +36,7 @@ from dpr_lab.dynamics.base import (
     whole_parameters,
 )
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, STRAIGHT, alone_share, unknown_ratios
+from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, STRAIGHT, alone_share, unknown_ratios, with_scale
 from dpr_lab.fitting.prior import parameter_std, unknown_jacobian
 from dpr_lab.identification.model import EstimatedValue, ParameterValue
 from dpr_lab.identification.scaling.scale import Interval90, Scale, lognormal90
@@ -64,7 +64,6 @@ UNREACHED = 1e-6
 The limit is far above rounding errors.
 """
 
-_A, _B = BASE.index("a"), BASE.index("b")
 _INNER, _COUPLING, _GRAVITY = (RATIOS.index(name) for name in ("a/b", "d/b", "e1/b"))
 _OF_FRICTION = [PARAMETERS.index(RATIOS[i].partition("/")[0]) for i in FRICTION]
 
@@ -86,14 +85,14 @@ class Posterior:
     errors: Array
     """(n, n) covariance of the logarithms of these unknowns, as estimated from the recordings."""
     alone: bool
-    """Whether only the inner rod is mounted. The scale is then its inertia a."""
+    """Whether only the inner rod is mounted."""
     clamped: float | None
     """Value of `clamped_cosine`."""
 
     @property
     def share(self) -> float:
-        """Inertia of the scale over b: a/b of the inner rod alone, otherwise 1."""
-        return alone_share(self.unknown) if self.alone else 1.0
+        """Inertia of the scale over b at the ratios of the fit; 1 for two free rods."""
+        return float(self.as_observed(with_scale(self.unknown, 1.0))[0][SCALE])
 
     def determines(self, ratio: str) -> bool:
         """Check whether the recordings determine a ratio."""
@@ -101,28 +100,28 @@ class Posterior:
 
     @property
     def b(self) -> float:
-        """Most probable inertia b, kg m^2; it follows from that of a single body if recordings determine that."""
-        if self.clamped is not None and SCALE in self.visible:
-            body = observed(self.median, self.rig, [SCALE], self.alone, self.clamped)[0][0]
-            return float(body * self.unknown[SCALE] / self.as_observed(self.unknown)[0][SCALE])
+        """Most probable inertia b, kg m^2; it follows from that of a single body and the ratios of the fit."""
         return self.inertia()[0] / self.share
 
     def as_observed(self, unknown: Array) -> tuple[Array, Array]:
-        """Return the quantities that the recordings determine; see the function `as_observed`."""
+        """Call the function `as_observed` for the mounted rods."""
         return as_observed(unknown, self.rig, self.alone, self.clamped)
 
     def inertia(self) -> tuple[float, float]:
         """Return the median of the inertia of the scale, and the standard deviation of its logarithm."""
-        return self._moments(_A if self.alone else _B, alone=self.alone)
+        value, slopes = self._inertia(self.median)
+        return value, float(np.sqrt(max(slopes @ self.covariance @ slopes, 0.0)))
 
     def scale(self, b: float | None = None) -> Scale:
         """Return the scale of absolute sizes for a value of b; default: the most probable b.
 
-        The interval is extended to this value. For the inner rod alone, it is that of a, converted to b by the ratio.
+        The interval is extended to this value. For a single body, it is that of its inertia, converted to b by the
+        ratios of the fit: torques and effects are known relative to this inertia.
         """
-        b, share, place = b or self.b, self.share, _A if self.alone else _B
-        low, high = self._of_base(place, share * b, alone=self.alone)
-        loose = self._loose(_base(self.median, self.rig, self.alone)[1][[place]])[0]
+        b, share = b or self.b, self.share
+        lower, upper = (self._inertia(edge)[0] for edge in _edges(self.rig)) if self.clamped is None else (0.0, np.inf)
+        low, high = _interval(*self.inertia(), lower, upper, share * b)
+        loose = self._loose(self._inertia(self.median)[1][None])[0]
         return Scale(b=b, interval90=(low / share, high / share), fixed_by="bound" if loose else "measured")
 
     def parameters(
@@ -143,8 +142,9 @@ class Posterior:
         absolute = {}
         for i, name in enumerate(BASE):
             value = float(base[i])
-            determined = self.determines(f"{name}/b") and (not self.alone or value == 0.0)
-            if name == "b" and not self.alone:
+            of_body = self.clamped in (1.0, -1.0) and name == "e1"  # only the gravity of the whole body is determined
+            determined = self.determines(f"{name}/b") and (not self.alone or value == 0.0) and not of_body
+            if name == "b" and not self.alone and self.clamped is None:
                 wide = scale.interval90
             elif determined:
                 low, high = ratios[f"{name}/b"].interval90
@@ -204,10 +204,9 @@ class Posterior:
     def _value(self, value: float, slopes: Array, wide: Interval90) -> ParameterValue:
         """Return a value with its interval, from the derivatives (9,) of its logarithm.
 
-        The derivatives are those with respect to the logarithms of the parameters.
-
-        The interval `wide` is used if only the bounds of the rig file determine the value, or for a friction of zero,
-        which has no logarithm. `parameters` states the source of a friction of zero.
+        The derivatives are those with respect to the logarithms of the parameters. The interval `wide` is used if only
+        the bounds of the rig file determine the value, or for a friction of zero, which has no logarithm. `parameters`
+        states the source of a friction of zero.
         """
         if value == 0.0 or self._loose(slopes[None])[0]:
             return ParameterValue(value=value, std=None, fixed_by="bound", interval90=wide)
@@ -225,6 +224,11 @@ class Posterior:
         _, sizes, directions = np.linalg.svd(rows[:, free])
         null = directions[np.count_nonzero(sizes > 1e-9 * sizes.max(initial=0.0)) :].T
         return np.asarray((np.abs(slopes[:, free] @ null) > UNREACHED).any(axis=1))
+
+    def _inertia(self, Z: Array) -> tuple[float, Array]:
+        """Return the inertia of the scale, and the derivatives (9,) of its logarithm."""
+        value, slopes = observed(Z, self.rig, [SCALE], self.alone, self.clamped)
+        return float(value[0]), slopes[0]
 
     def _moments(self, place: int, *, alone: bool) -> tuple[float, float]:
         value, slopes = _base(self.median, self.rig, alone)
@@ -275,9 +279,8 @@ def posterior_of(
 def clamped_cosine(setups: Iterable[Setup]) -> float | None:
     """Return the cosine of the elbow's angle if the elbow is clamped in all runs.
 
-    Returns:
-        the cosine, exactly 1 or -1 for aligned rods; 0 for several angles, because they determine ratios to a + b;
-        None if the elbow is free in some runs, or if a rod is not mounted
+    It is exactly 1 or -1 for aligned rods, and 0 for several angles, which determine ratios to a + b. It is None if the
+    elbow is free in some runs, or if a rod is not mounted.
     """
     runs = list(setups)
     if not runs or any(run.mounting != "clamped" or run.inner is not None for run in runs):
@@ -369,10 +372,7 @@ def _updated(
 
 
 def _interval(median: float, log_std: float, lower: float, upper: float, value: float) -> Interval90:
-    """Clip a lognormal 90 % interval to the bounds.
-
-    The interval is then extended to include the value in use.
-    """
+    """Clip a lognormal 90 % interval to the bounds, then extend it to include the value in use."""
     low, high = lognormal90(median, log_std)
     return float(min(max(low, lower), value)), float(max(min(high, upper), value))
 

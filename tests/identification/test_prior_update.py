@@ -193,16 +193,30 @@ CLAMPED = {"straight": [0.0], "folded": [3.1], "bent": [0.7], "several": [0.0, 1
 
 
 @pytest.mark.parametrize("angles", CLAMPED.values(), ids=CLAMPED)
-def test_the_interval_of_b_with_a_clamped_elbow_contains_the_truth(paper: Rig, angles: list[float]) -> None:
+def test_intervals_of_base_parameters_and_of_the_body_contain_the_truth_with_a_clamped_elbow(
+    paper: Rig, angles: list[float]
+) -> None:
     setups = [Setup("clamped", elbow=angle) for angle in angles]
     visible, clamped, rng, inside = visible_ratios(setups), clamped_cosine(setups), np.random.default_rng(5), []
     nominal = unknown_ratios(whole_parameters(paper.nominal, paper.L1, paper.g))
     for _ in range(40):
-        true = unknown_ratios(whole_parameters(rng.uniform(*paper.bounds), paper.L1, paper.g))
+        whole = whole_parameters(rng.uniform(*paper.bounds), paper.L1, paper.g)
+        true = unknown_ratios(whole)
         fitted = fitted_to(true, nominal, paper, setups)
-        low, high = posterior_of(fitted, paper, visible, clamped=clamped).scale().interval90
-        inside.append(low <= true[SCALE] <= high)
-    assert np.mean(inside) >= 0.8
+        posterior = posterior_of(fitted, paper, visible, clamped=clamped)
+        exact = {
+            name: EstimatedValue(value=value, std=0.0, interval90=(value, value))
+            for name, value in zip(RATIOS, fitted.tolist(), strict=False)
+        }
+        scale = posterior.scale()
+        _, base = posterior.parameters(scale, exact)
+        intervals = [value.interval90 or (np.nan, np.nan) for value in base.values()]
+        body = as_observed(true, paper, False, clamped)[0][SCALE] / posterior.share
+        truths = [*whole[: len(base)].tolist(), body]
+        inside.append(
+            [low <= value <= high for (low, high), value in zip([*intervals, scale.interval90], truths, strict=True)]
+        )
+    assert np.mean(inside, axis=0).min() >= 0.8
 
 
 @pytest.mark.parametrize("angles", CLAMPED.values(), ids=CLAMPED)
