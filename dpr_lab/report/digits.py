@@ -71,14 +71,27 @@ def superscripts(text: str) -> str:
 
 
 def _rounded(numbers: tuple[float, ...], value: float, std: float) -> list[str]:
-    """Format numbers with the decimals that the standard deviation supports, each with the same power of ten."""
-    exponent, decimals = _precision(value, std)
-    power = f"e{exponent}" if exponent else ""
-    return [f"{number / 10.0**exponent:.{decimals}f}{power}" for number in numbers]
+    """Format numbers with the decimals that the standard deviation supports.
+
+    Small numbers have the power of ten of the value. A number that is ten times as large has the next power.
+    """
+    return [_written(number, *_precision(value, std)) for number in numbers]
+
+
+def _written(number: float, exponent: int, decimals: int) -> str:
+    text = f"{number / 10.0**exponent:.{decimals}f}"
+    if exponent and abs(float(text)) >= 10:
+        return _written(number, exponent + 1, decimals + 1)
+    if exponent and not float(text):
+        return "0"
+    return f"{text}e{exponent}" if exponent else text
 
 
 def _precision(value: float, std: float) -> tuple[int, int]:
     """Return the power of ten of a value, which is often 0, and the decimals that the standard deviation supports."""
     size = max(abs(value), std)
     exponent = 0 if 0.001 <= size < 1e6 else math.floor(math.log10(size))
-    return exponent, max(0, 1 - math.floor(math.log10(std / 10.0**exponent)))
+    decimals = max(0, 1 - math.floor(math.log10(std / 10.0**exponent)))
+    if exponent and round(size / 10.0**exponent, decimals) >= 10:
+        return exponent + 1, decimals + 1
+    return exponent, decimals

@@ -14,6 +14,7 @@ from dpr_lab.report.digits import interval, pair, plus_minus, superscripts, thre
         (0.2, 0.004, "0.2000 ± 0.0040"),
         (0.00133, 0.0000127, "0.001330 ± 0.000013"),
         (0.000133, 0.0000127, "(1.33 ± 0.13)e-4"),
+        (0.0009996, 0.0000127, "(1.000 ± 0.013)e-3"),
         (263.5, 12.3, "264 ± 12"),
         (0.0, 0.5, "0.00 ± 0.50"),
         (-0.3, 0.1, "-0.30 ± 0.10"),
@@ -43,6 +44,19 @@ def test_an_interval_has_the_places_of_its_value():
     assert interval(10.24241, 10.2491, value=10.2458, std=0.002) == "10.2424 to 10.2491"
     assert interval(0.0013091, 0.0013509, value=0.00133, std=0.0000127) == "0.001309 to 0.001351"
     assert interval(0.000130, 0.000135, value=0.000133, std=0.0000127) == "1.30e-4 to 1.35e-4"
+
+
+@pytest.mark.parametrize(
+    ("numbers", "text"),
+    [
+        ((1e-9, -1e-12, 2e-9), "1.0e-9 (0 to 2.0e-9)"),
+        ((0.0, 0.0, 8.8e-9), "0 (0 to 8.8e-9)"),
+        ((8.5e-4, 7e-4, 10e-4), "8.5e-4 (7.0e-4 to 1.00e-3)"),
+        ((9.996e-4, 9.9e-4, 10.1e-4), "1.000e-3 (0.990e-3 to 1.010e-3)"),
+    ],
+)
+def test_no_power_of_ten_of_zero_or_of_ten_and_more(numbers, text):
+    assert with_interval(*numbers) == text
 
 
 @pytest.mark.parametrize(
