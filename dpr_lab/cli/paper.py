@@ -36,7 +36,7 @@ def paper(
 ) -> None:
     """Reproduce the published tables, searches and figures.
 
-    Numbers that cannot be reproduced are listed.
+    The tables contain the printed and the recomputed numbers.
 
     Example: dpr-lab paper --out out/paper
     """

@@ -135,18 +135,6 @@ class Followed:
         return self.fitted.fit.estimate
 
 
-def compare_run(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Comparison:
-    """Compare a run with a model in segments and in a free run.
-
-    Args:
-        run: the measurement
-        rig: the recorded rig; its encoders determine the noise floor
-        model: the model; only initial states are fitted
-        segment_s: length of a segment, s
-    """
-    return compare_followed(follow(run, rig, model, segment_s))
-
-
 @solvable
 def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed:
     """Fit the initial states of a run's segments with a given model.
@@ -252,14 +240,19 @@ def free_run_from(followed: Followed, at_s: float) -> FreeRun:
     return FreeRun(t, problem.joints.to_rods(problem.predict(started)), predictable_until(followed.bare, index, t))
 
 
-def compare_followed(followed: Followed) -> Comparison:
-    """Compare a model with a run whose segments are already fitted.
+def compare_run(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Comparison:
+    """Compare a run with a model in segments and in a free run.
 
-    See `compare_run` for the result.
+    Args:
+        run: the measurement
+        rig: the recorded rig; its encoders determine the noise floor
+        model: the model; only initial states are fitted
+        segment_s: length of a segment, s
 
     Raises:
         RunError: the model cannot follow the readings.
     """
+    followed = follow(run, rig, model, segment_s)
     run, noise = followed.preprocessed.run, followed.preprocessed.noise
     t, measured, tracked = run.t, run.theta[:, 1:], followed.fitted.predicted
     freely = free_run_from(followed, t[0])

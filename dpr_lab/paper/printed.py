@@ -55,6 +55,17 @@ TABLE_2 = _numbers(_TABLE_2)
 TABLE_3 = _numbers(_TABLE_3)
 """(10, 10) rows of Table 3: nine parameters and H(Z); the best solution is the last row."""
 
+CONTRADICTIONS = (
+    "Table 2 gives group 4 the value of row 3 of table 1.",
+    "E of table 1 does not follow from its parameters.",
+    "H of rows 3 and 7 of table 3 is E of rows 7 and 6 of table 1, which is from one pose.",
+    "c2 (table 1, row 3) and c1 (table 3, row 6) are outside the bounds.",
+    "Table 3 is sorted by H, but its last row does not have the smallest recomputed E.",
+    "A free swing determines five ratios, not nine parameters.",
+    "E is summed over 10 s, also of chaotic swings.",
+)
+"""Contradictions of the publication, each with its evidence in docs/theory.md, section 2."""
+
 PERCENT_ERRORS = np.array([0.15, 0.0, 1.0, 0.5, 0.0, 1.0, 1.0, 0.74, 0.14])
 """(9,) relative errors of the last row of Table 3, %, as printed in section 4.2."""
 

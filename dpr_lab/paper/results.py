@@ -10,7 +10,7 @@ from typing import Any
 
 from dpr_lab.paper.campaign import TRUTHS, SearchCase, SearchResult, run_searches, search_cases
 from dpr_lab.paper.figures import save_figures
-from dpr_lab.paper.printed import BEST_H, FIGURES, PERCENT_ERRORS
+from dpr_lab.paper.printed import BEST_H, CONTRADICTIONS, FIGURES, PERCENT_ERRORS
 from dpr_lab.paper.swings import READINGS
 from dpr_lab.paper.tables import PaperTable, Recomputed, all_tables, recompute, verdicts
 from dpr_lab.rig import Rig
@@ -93,6 +93,7 @@ def record(result: Reproduction, rig: Rig) -> dict[str, Any]:
         "table3_E": {term: E.tolist() for term, E in result.ours.table3.items()},
         "searches": [search.record(rig) for search in result.results],
         "verdicts": list(result.verdicts),
+        "contradictions": [{"claim": claim, "evidence": "docs/theory.md, section 2"} for claim in CONTRADICTIONS],
     }
 
 

@@ -35,6 +35,9 @@ Keymap = dict[str, str]
 MENTION = re.compile(r"\{([a-z]+\.[a-z_0-9]+)\}")
 """Pattern of a placeholder for the key of an action in a text: `press {capture.start}`."""
 
+REMOVED = re.compile(r"slider\.[a-z]+|[a-z]+\.pause|compare\.(beside|earlier|later)")
+"""Pattern of the actions of version 0.2 that no longer exist. Their keys in the operator's file are ignored."""
+
 
 _DEFAULTS: dict[str, dict[str, dict[str, Any]]] = tomllib.loads(
     Path(__file__).with_name("keys.toml").read_text(encoding="utf-8")
@@ -85,7 +88,7 @@ def about_keys() -> str:
     [capture]
     release = "space"
 
-The sections are `app`, `chart`, `slider`, `runs` and the names of the steps. A file with an unknown action or key, or
+The sections are `app`, `chart`, `runs` and the names of the steps. A file with an unknown action or key, or
 with the same key for two actions of a section, is rejected. The message about an unknown action lists all actions.
 """
 
@@ -108,7 +111,7 @@ def load_keymap(path: Path, everywhere: type[DOMNode], places: Iterable[type[DOM
         return {}
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ConfigError(f"{path}: cannot be used: {error}") from error
-    keymap = dict(_flat(path, table))
+    keymap = {name: keys for name, keys in _flat(path, table) if not REMOVED.fullmatch(name)}
     common, local = actions(everywhere), [actions(place) for place in places]
     known = common | {name: keys for place in local for name, keys in place.items()}
     for name, keys in keymap.items():

@@ -167,8 +167,7 @@ Event: TypeAlias = (
 OnEvent: TypeAlias = Callable[[Event], None]
 
 Proceed: TypeAlias = Callable[[], bool]
-"""Function that a job calls where it can end early. If it returns False, the job ends
-with the best result so far."""
+"""Function that a job calls where it can end early. If it returns False, the job ends with the best result so far."""
 
 
 def ignore(event: Event) -> None:
@@ -176,5 +175,5 @@ def ignore(event: Event) -> None:
 
 
 def always() -> bool:
-    """Return True: the job neither pauses nor stops."""
+    """Return True: the job does not end early."""
     return True

@@ -1,5 +1,6 @@
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -74,6 +75,14 @@ def test_verdicts_count_what_was_reached(paper: Rig):
     (sentence,) = verdicts([good, bad], paper)
     assert "reached in 1 of 2 seeds" in sentence
     assert "within 1 % in 1 of 2" in sentence
+
+
+def test_each_contradiction_in_the_json_is_listed_in_the_theory(paper: Rig, result: Reproduction):
+    theory = (Path(__file__).parents[2] / "docs" / "theory.md").read_text(encoding="utf-8")
+    points = re.findall("^- ", theory.split("contradict each other")[1].split("## 3.")[0], re.MULTILINE)
+    entries = record(result, paper)["contradictions"]
+    assert len(entries) == len(points) == 7
+    assert {"claim", "evidence"} == set(entries[0])
 
 
 @pytest.mark.slow

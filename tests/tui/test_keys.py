@@ -11,7 +11,7 @@ import dpr_lab.tui
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import load_rig
 from dpr_lab.tui.app import KEYED, STEPS, DprApp
-from dpr_lab.tui.keys import actions, keys_file, load_keymap
+from dpr_lab.tui.keys import about_keys, actions, keys_file, load_keymap
 from dpr_lab.tui.recorder.attempt import Attempt, Phase
 from dpr_lab.tui.recorder.messages import Connected, Idle, RecorderFailed
 from dpr_lab.tui.steps.capture import CaptureStep
@@ -64,6 +64,16 @@ def test_a_wrong_file_names_file_action_and_key(tmp_path: Path, text: str, reaso
 def test_two_actions_may_swap_their_keys(tmp_path: Path) -> None:
     swapped = keymap(tmp_path, "[capture]\nkeep = 'a'\nagain = 'k'")
     assert swapped == {"capture.keep": "a", "capture.again": "k"}
+
+
+def test_keys_of_removed_actions_are_ignored(tmp_path: Path) -> None:
+    text = "[slider]\nless = 'n'\n[identify]\npause = 'w'\nstart = 'f6'\n[compare]\nearlier = 'f7'\nlater = 'f8'"
+    assert keymap(tmp_path, text) == {"identify.start": "f6"}
+
+
+def test_the_help_names_only_sections_that_exist() -> None:
+    sections = {name.split(".")[0] for name in actions(DprApp, *KEYED)}
+    assert set(re.findall(r"`([a-z]+)`", about_keys().split("The sections are")[1])) <= sections
 
 
 @pytest.mark.long

@@ -1,4 +1,4 @@
-"""Jobs in separate processes: reports, pausing, stopping, cancelling, and every kind of end."""
+"""Jobs in separate processes: reports, stopping, cancelling, and every kind of end."""
 
 import os
 import signal

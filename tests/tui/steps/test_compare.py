@@ -9,10 +9,8 @@ import pytest
 from textual.app import App
 from textual.widgets import Select, Static
 
-from dpr_lab.identification.compare import Comparison, compare_followed, compare_run, follow
+from dpr_lab.identification.compare import Comparison
 from dpr_lab.identification.model import load_model
-from dpr_lab.rig import Rig
-from dpr_lab.storage.reader import load_run
 from dpr_lab.tui.jobs.kept_comparison import KeptComparison
 from dpr_lab.tui.steps.compare import CompareStep
 from dpr_lab.tui.steps.second_curve import SecondCurve
@@ -108,14 +106,6 @@ async def test_with_no_run_left_nothing_is_compared(lab, until, notices_text, fi
         await until(pilot, lambda: step(pilot.app).job is None)
         assert figures(pilot.app) == "no run can be compared (skipped: gone): choose other runs (b)"
         assert "gone.mcap: no such file" in notices_text(pilot.app)
-
-
-@pytest.mark.long
-def test_following_once_gives_the_same_comparison(recorded: list[Path], modelled: Path, paper: Rig) -> None:
-    run, model = load_run(recorded[0]), load_model(modelled)
-    once, again = compare_run(run, paper, model), compare_followed(follow(run, paper, model))
-    assert np.array_equal(once.free_run, again.free_run)
-    assert once.horizon_s == again.horizon_s
 
 
 async def test_without_a_model_the_screen_states_how_to_obtain_one(lab) -> None:

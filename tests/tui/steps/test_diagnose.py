@@ -119,7 +119,7 @@ class Silent(JobProcess):
     """Job that sends no events by itself."""
 
     def __init__(self) -> None:
-        self.paused = False
+        """Start no process."""
 
     def cancel(self) -> None:
         """Do nothing, because no job runs."""
