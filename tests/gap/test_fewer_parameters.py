@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
+from unittest.mock import Mock
 
 import pytest
 
@@ -12,6 +13,7 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
 from dpr_lab.gap.hypothesis.significance import explains_as_much
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
+from dpr_lab.gap.which import replacements
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
@@ -218,3 +220,20 @@ def test_two_indistinguishable_common_effects_have_a_fixed_order(
     """Otherwise rounding decides which of them is named, and a headline changes with the number of readings."""
     before, proposed = (cast("Hypothesis", SimpleNamespace(key=frozenset({name}))) for name in (current, replacing))
     assert LARGER_PRIOR.accept(cast("FittedSets", None), before, Proposal(proposed, ratio)).accepted is accepted
+
+
+@pytest.mark.parametrize("possible", [True, False])
+def test_an_indistinguishable_effect_of_an_impossible_size_is_not_proposed(
+    monkeypatch: pytest.MonkeyPatch, possible: bool
+) -> None:
+    """A spring that softens like a scale error has usual sizes, but is this scale error."""
+    monkeypatch.setattr(replacements, "indifference", lambda *_: 30.0)
+    scale, spring = (
+        Mock(cost=cost, inflation=1.0, effects=(name,), key=frozenset({name}), priors={name: prior})
+        for name, cost, prior in ((SCALE, 100.0, 0.03), ("spring_joint1", 110.0, 1.0))
+    )
+    score = Mock(effect=EFFECTS["spring_joint1"])
+    sets = Mock(fits={spring.key: spring}, predictive=lambda model: model, unexpected=lambda model: [SCALE])
+    sets.without.return_value.key, sets.test.return_value.ranking = frozenset(), [score]
+    sets.as_possible.return_value = possible
+    assert [proposal.model for proposal in LARGER_PRIOR.propose(sets, scale)] == [spring] * possible

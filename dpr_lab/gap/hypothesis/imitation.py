@@ -1,6 +1,9 @@
 """Effects that only follow the remainder of other causes, and curves that imitate a removed effect."""
 
+import math
+
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis, explained
+from dpr_lab.gap.hypothesis.significance import log_prior_ratio
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 
 
@@ -15,10 +18,12 @@ def curve_follows_remainder(bare: Hypothesis, with_curve: Hypothesis, simple: Hy
     """Return whether a curve only follows the small remainder of unknown causes.
 
     The simpler set explains nearly as much, its remainder is below the noise, and with this remainder as noise the
-    curve is not significant.
+    curve is not significant. A set with far larger prior odds needs no such evidence.
     """
     curves = set(with_curve.curves) - simple.key
     if not curves or not simple.effects or simple.residuals.noise_ratio > 1.0:
+        return False
+    if log_prior_ratio(with_curve, simple) > math.log(THRESHOLDS.likelier):
         return False
     insignificant = simple.cost - with_curve.cost_at(simple.inflation) < simple.chance
     return insignificant and explained(bare, simple) >= THRESHOLDS.nearly_all * explained(bare, with_curve)

@@ -150,7 +150,8 @@ def _larger_priors(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
             same = test.indistinguishable(score, other) or (
                 first and sets.test(chosen).absorbs(other.effect, EFFECTS[name])
             )
-            if same and cost_with_prior(model, chosen) < chosen.cost + tolerance:
+            likely = cost_with_prior(model, chosen) < chosen.cost + tolerance
+            if same and likely and sets.as_possible(model, chosen):
                 yield Proposal(model, math.exp(log_prior_ratio(model, chosen)))
 
 
