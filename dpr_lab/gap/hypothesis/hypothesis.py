@@ -1,5 +1,6 @@
 """Hypothesis: a set of effects fitted with ratios and initial states, and its cost."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -132,6 +133,20 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
 def explained(bare: Hypothesis, model: Hypothesis) -> float:
     """Return the reduction of the excess by a set of effects."""
     return bare.bounded_excess - model.bounded_excess
+
+
+def log_prior_ratio(model: Hypothesis, current: Hypothesis) -> float:
+    """Return the log of the prior odds of a set against another, with those of the fitted sizes.
+
+    It is zero for sets of different size, which the penalty of the parameters compares.
+    """
+    if len(model.effects) != len(current.effects):
+        return 0.0
+    return _log_prior(model) - _log_prior(current)
+
+
+def _log_prior(model: Hypothesis) -> float:
+    return sum(math.log(model.priors[name]) for name in model.effects)
 
 
 def refutes_torque_noise(problem: Problem, model: Hypothesis) -> bool:

@@ -2,8 +2,7 @@
 
 import math
 
-from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis, explained
-from dpr_lab.gap.hypothesis.significance import log_prior_ratio
+from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis, explained, log_prior_ratio
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 
 

@@ -1,13 +1,11 @@
 """Significance of a reduction of cost, relative to noise, chance, and inexact functional forms."""
 
-import math
-
 import numpy as np
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
-from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, explained
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, explained, log_prior_ratio
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 
 
@@ -22,20 +20,6 @@ def promising_gain(model: Hypothesis) -> float:
     inflation = min(residuals.inflation, max(1.0, residuals.chi2 / residuals.dof))
     of_excess = THRESHOLDS.promising * residuals.excess
     return max(THRESHOLDS.chance, min(THRESHOLDS.chance * inflation / GAUSS_NEWTON.exceeded, of_excess))
-
-
-def log_prior_ratio(model: Hypothesis, current: Hypothesis) -> float:
-    """Return the log of the prior odds of a set against another, with those of the fitted sizes.
-
-    It is zero for sets of different size, which the penalty of the parameters compares.
-    """
-    if len(model.effects) != len(current.effects):
-        return 0.0
-    return _log_prior(model) - _log_prior(current)
-
-
-def _log_prior(model: Hypothesis) -> float:
-    return sum(math.log(model.priors[name]) for name in model.effects)
 
 
 def cost_with_prior(model: Hypothesis, current: Hypothesis) -> float:

@@ -6,7 +6,7 @@ from itertools import product, starmap
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
-from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, log_prior_ratio
 from dpr_lab.gap.hypothesis.imitation import follows_remainder
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.hypothesis.significance import (
@@ -14,7 +14,6 @@ from dpr_lab.gap.hypothesis.significance import (
     explains_as_much,
     form_indifference,
     indifference,
-    log_prior_ratio,
     significance,
 )
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
