@@ -32,8 +32,9 @@ class NoiseSettings:
     """Minimum number of samples of a rest; they determine the standard deviation to 7 %."""
     rounding_rad: float = 1e-9
     """Maximum standard deviation of a table of angles that contains only rounding errors and no noise, rad."""
-    rounded: float = 0.5
-    """Standard deviation of readings at rest below which rounding hides a part of the noise, counts."""
+    rounded: float = 0.55
+    """Standard deviation of readings at rest below which rounding may change the noise, counts. It is about 0.5 at the
+    edge between two counts, also for little noise."""
     correlated: float = 4.0
     """Minimum autocorrelation of readings at rest that counts as significant, in standard errors."""
     most_alike: float = 0.98
@@ -144,8 +145,9 @@ def arm_noise(run: Run, rig: Rig, *, still: bool = True) -> float:
 def _in_motion(run: Run, readings: Array, at_rest: Array, counts: Array) -> Array:
     """Return the (m,) standard deviations of moving readings (n, m), rad.
 
-    Noise below half a count hardly changes the rounded readings of a rod at rest, depending on its position between two
-    counts. Motion adds the variance of the rounding. The differences of the swing show how much of it is missing.
+    Noise below half a count hardly changes the rounded readings of a rod at rest, and at the edge between two counts
+    even little noise changes them by a whole count. In motion the variance of the rounding is added to that of the
+    noise. The differences of the swing show the sum.
     """
     hidden = (at_rest > NOISE.rounding_rad) & (at_rest < NOISE.rounded * np.abs(counts))
     if run.counts is None or len(readings) <= ORDER or not hidden.any():
@@ -153,7 +155,7 @@ def _in_motion(run: Run, readings: Array, at_rest: Array, counts: Array) -> Arra
     most = np.sqrt(at_rest**2 + counts**2 / 12)
     # of integers, the median difference would be a coarse measure
     moving = np.quantile(np.abs(_differences(run.swing.t, readings)), 0.9, axis=0) / NORMAL_Q90
-    return np.where(hidden, np.clip(moving, at_rest, most), at_rest)
+    return np.where(hidden, np.clip(moving, np.abs(counts) / math.sqrt(12), most), at_rest)
 
 
 def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Array]:

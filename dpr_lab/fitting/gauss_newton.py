@@ -69,8 +69,10 @@ class GaussNewton:
     """Initial damping, relative to columns of unit norm."""
     lower_damping: float = 0.1
     """Factor on the damping after a successful step."""
-    raise_damping: float = 1e6
-    """Factor on the damping after a failed step. A factor of 1e3 helped in none of 28 fits of two driven rigs."""
+    raise_damping: float = 1e3
+    """Factor on the damping after a failed step."""
+    raised_damping: float = 1e-3
+    """Smallest damping after a failed step. One of 1e-6 helped in none of 28 fits of two driven rigs."""
     most_damping: float = 0.1
     """Largest damping that is tried; with more damping no step is expected to reduce the cost."""
     same_step: float = 1e-3
@@ -87,11 +89,11 @@ class GaussNewton:
     """
     exceeded: float = 2.0
     """Largest expected ratio of the reduction by all further steps to that predicted for the next step."""
+    race: bool = False
+    """Whether `to_beat` is the chi2 of another fit of the same set. The iteration then also ends at a failed step
+    before `to_beat`, or if `further` steps would not reach it."""
     further: float = 8.0
-    """Number of further steps, each like the better of the last two, in which a fit must be able to reach `to_beat`.
-
-    If it is not, the iteration ends. It also ends if a step fails before `to_beat` is reached.
-    """
+    """Number of further steps, each like the better of the last two, in which a racing fit must reach `to_beat`."""
 
 
 GAUSS_NEWTON = GaussNewton()
@@ -286,9 +288,9 @@ def iterate(problem: Problem, free: tuple[FreeParameter, ...], state: Iteration,
     if trial is None and frozen and worthwhile:
         return _linearised(problem, free, replace(state, current=False, frozen_jacobian=False))
     if trial is None:
-        damping = state.damping * settings.raise_damping
+        damping = max(state.damping * settings.raise_damping, settings.raised_damping)
         stop = StopReason.NO_DESCENT if damping > settings.most_damping else None
-        stop = StopReason.BEATEN if state.chi2 > settings.to_beat else stop
+        stop = StopReason.BEATEN if settings.race and state.chi2 > settings.to_beat else stop
         return replace(state, damping=damping, failed=step, stop=stop if worthwhile else StopReason.CONVERGED)
     estimate, predicted, chi2, at_end = trial
     reduction = state.chi2 + at_start - chi2 - at_end
@@ -320,7 +322,7 @@ def _end(
         return None
     if reduction <= tolerance:
         return StopReason.CONVERGED
-    if chi2 - reduction - settings.further * max(reduction, before.reduction) > settings.to_beat:
+    if settings.race and chi2 - reduction - settings.further * max(reduction, before.reduction) > settings.to_beat:
         return StopReason.BEATEN
     far = chi2 > settings.far * problem.evidence
     return StopReason.PRELIMINARY if far and reduction <= settings.preliminary * chi2 else None

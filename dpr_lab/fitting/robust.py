@@ -42,7 +42,7 @@ def without_outstanding(
     easing = replace(settings, to_beat=np.inf)
     relocated = descend(eased, first_fit.estimate, free, iterations=iterations, settings=easing)
     start, predicted = relocated.estimate, relocated.predicted
-    race = replace(settings, to_beat=min(first_fit.chi2, settings.to_beat))
+    race = replace(settings, to_beat=min(first_fit.chi2, settings.to_beat), race=True)
     refit = fit(problem, start, free, iterations=iterations, predicted=predicted, settings=race)
     return min(first_fit, refit, key=_lost_and_chi2)
 

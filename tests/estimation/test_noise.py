@@ -41,15 +41,19 @@ def test_rest_gives_the_noise_of_each_encoder_and_its_covariance():
     np.testing.assert_allclose(noise.covariance, [[s1, s1], [s1, s1 + s2]], rtol=1e-12)
 
 
+@pytest.mark.parametrize("counts", [0.1, 0.3])
 @pytest.mark.parametrize("place", [0.0, 0.25, 0.5])
-def test_noise_below_half_a_count_is_that_of_moving_readings(place):
-    """The rods rest at this place between two counts. At the centre of a count, rounding hides noise of 0.3 counts."""
+def test_noise_below_half_a_count_is_that_of_moving_readings(place, counts):
+    """The rods rest at this place between two counts.
+
+    At the centre of a count, rounding hides this noise. At the edge, the readings change by a whole count.
+    """
     t = np.arange(-1000, 3000) / 1000
     angles = np.column_stack([np.sin(7 * t), np.pi + 0.8 * np.sin(6 * t), np.pi + np.sin(9 * t)])
     theta = np.where(t[:, None] < 0, [0.0, np.pi, np.pi], angles) + place * COUNT * np.array([1, 1, 2])
-    run = recorded(t, theta, 0.3)
+    run = recorded(t, theta, counts)
     std = np.array([arm_noise(run, RIG), *noise_floor(run, RIG).std_joint]) / COUNT
-    np.testing.assert_allclose(std, math.hypot(0.3, 12**-0.5) if place < 0.5 else 0.5, rtol=0.1)
+    np.testing.assert_allclose(std, math.hypot(counts, 12**-0.5), rtol=0.1)
 
 
 def test_covariance_is_that_of_the_absolute_angles():

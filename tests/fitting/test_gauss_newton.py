@@ -166,7 +166,7 @@ def test_a_fit_that_has_not_beaten_another_one_ends_at_its_first_failed_step(cle
     problem, base = clean
     model = Misleading(problem.model)
     start = base.fit.estimate.changed(ratios=base.fit.estimate.ratios * 1.002)
-    free, settings = free_parameters(start, (), problem), GaussNewton(to_beat=2.0 * base.fit.chi2)
+    free, settings = free_parameters(start, (), problem), GaussNewton(to_beat=2.0 * base.fit.chi2, race=True)
     fitted = fit(replace(problem, model=model), start, free, settings=settings)
     assert fitted.stop is StopReason.BEATEN
     assert model.predicted <= 1 + settings.tries
@@ -179,7 +179,7 @@ def test_a_fit_that_has_not_beaten_another_one_ends_at_its_first_failed_step(cle
 def test_a_fit_ends_if_eight_steps_like_the_last_ones_do_not_beat_another_one(before, to_beat, expected):
     """The first step does not decide, and the better of the last two counts."""
     state, problem = Mock(chi2=100.0, reduction=before), Mock(evidence=100)
-    assert gauss_newton._end(problem, state, 1.0, 1e-4, GaussNewton(to_beat=to_beat)) is expected
+    assert gauss_newton._end(problem, state, 1.0, 1e-4, GaussNewton(to_beat=to_beat, race=True)) is expected
 
 
 def test_a_failed_step_is_shortened_for_the_worse_segments_and_for_all_in_turn(monkeypatch):

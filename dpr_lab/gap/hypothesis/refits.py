@@ -45,7 +45,7 @@ def beating(model: Hypothesis) -> GaussNewton:
 
     Both fits have the same set of effects.
     """
-    return replace(PRELIMINARY, to_beat=model.fit.chi2)
+    return replace(PRELIMINARY, to_beat=model.fit.chi2, race=True)
 
 
 def refit(
@@ -73,7 +73,7 @@ def best_start(
     for score in scores:
         first = _started_with(problem, before, test, score)
         free = free_parameters(first.estimate, (*before.effects, score.effect.name), problem)
-        race = PRELIMINARY if best is None else replace(PRELIMINARY, to_beat=best.chi2)
+        race = PRELIMINARY if best is None else replace(PRELIMINARY, to_beat=best.chi2, race=True)
         end = descend(problem, first.estimate, free, iterations=iterations, predicted=first.predicted, settings=race)
         best = end if best is None else min(best, end, key=lambda fitted: fitted.chi2)
     assert best is not None

@@ -29,6 +29,8 @@ class LostFrameSettings:
     """Maximum relative deviation of a time between rows from their median."""
     counts: float = 6.0
     """Minimum median step of an angle, in units of its smallest change."""
+    rounding_rad: float = 1e-9
+    """Largest change that counts as an error of the arithmetic, rad."""
     floor: float = 0.2
     """Floor of the speed that normalises a change, in units of the rms step: at turning points the speed is zero."""
     most: float = 1.0
@@ -101,7 +103,7 @@ def long_steps(t: Array, theta: Array) -> tuple[int, int]:
 def _fine(theta: Array) -> Flags:
     """Return which angles usually change by several times their smallest change."""
     size = np.abs(np.diff(theta, axis=0))
-    smallest = np.where(size > 0, size, np.inf).min(axis=0, initial=np.inf)
+    smallest = np.where(size > LOST.rounding_rad, size, np.inf).min(axis=0, initial=np.inf)
     return np.asarray(np.median(size, axis=0) > LOST.counts * smallest) if len(size) else np.zeros(theta.shape[1], bool)
 
 
