@@ -107,6 +107,12 @@ def release_between(about: str, other: str, bits: float) -> AdvisedCheck:
     )
 
 
+@pytest.mark.parametrize("shares", [(0.98, 1e-20), (1e-20, 0.98), (1.0, 1e-320)])
+def test_a_check_of_a_cause_that_is_next_to_impossible_has_no_information(shares: tuple[float, float]) -> None:
+    """The share of a member of a class decreases exponentially with its criterion."""
+    assert expected_bits(shares, 3.0) == pytest.approx(0.0, abs=1e-12)
+
+
 def test_one_release_that_answers_two_questions_is_one_check_with_the_larger_information() -> None:
     (check, other) = merged(
         [release_between("a", "b", 0.9), release_between("d", "b", 0.5), release_between("a", "c", 0)]

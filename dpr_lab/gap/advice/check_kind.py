@@ -102,7 +102,7 @@ def expected_bits(probabilities: Sequence[float], separation: float) -> float:
         return float(either * before)
     z = np.linspace(-6, 6, 241)
     weight = np.exp(-(z**2) / 2) / np.exp(-(z**2) / 2).sum()
-    odds = np.log(p / (1 - p))
+    odds = np.log(probabilities[0]) - np.log(probabilities[1])
     entropies = [
         _entropy(1 / (1 + np.exp(-np.clip(odds + sign * separation**2 / 2 + separation * z, -500, 500))))
         for sign in (1, -1)
