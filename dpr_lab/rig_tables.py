@@ -59,8 +59,8 @@ class Parameter(RigTable):
     upper: Positive | None = None
     """Upper bound of the search."""
     measured: Positive | None = None
-    """Value measured with a balance or a calliper. The search does not change it, and it determines the scale of all
-    masses, inertias and torques.
+    """Value measured with a balance or a calliper. The search does not change it. The measured mass and centre of mass
+    of the outer rod (m2 and l2) together determine the scale of all masses, inertias and torques; one mass does not.
     """
     std: Positive | None = None
     """Standard uncertainty of `measured`."""

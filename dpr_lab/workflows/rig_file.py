@@ -126,6 +126,7 @@ def draft_rig(measures: RigMeasures) -> str:
         ConfigError: a rig file cannot contain these values.
     """
     from dpr_lab.rig import parse_rig
+    from dpr_lab.workflows.rig_scale import values_of_scale
 
     m = measures
     sizes = {name: getattr(m, name) for name in ("L0", "L1", "L2", "m1", "m2", "mb", "g")}
@@ -140,6 +141,7 @@ def draft_rig(measures: RigMeasures) -> str:
         "new_rig.toml",
         m=m,
         parameters=_parameters(m, mb),
+        of_scale=values_of_scale(m.mounted, m.elbow, m.arm),
         arm_mode=m.arm,
         arm_bounds=arm_bounds(m.arm, m.L0, carried, m.motor),
         motor=m.motor,
@@ -277,14 +279,16 @@ def check_rig(name: str | Path) -> list[RigFinding]:
 
 
 def _missing(rig: "Rig") -> Iterator[RigFinding]:
-    from dpr_lab.rig import MASSES
+    from dpr_lab.workflows.rig_scale import scale_known, values_of_scale
 
     if not rig.poses:
         yield RigFinding("missing", "poses", "there are no poses: capture needs a pose, the import of tables does not")
-    masses = ("m1",) if rig.rods.mounted == "inner" else MASSES
-    if all(rig.parameters[name].measured is None for name in masses) and rig.added_mass is None:
+    if not scale_known(rig):
+        drive = "torque of a joint" if rig.arm.mode == "clamped" else "torque (or current with measured kt) of the arm"
+        values = values_of_scale(rig.rods.mounted, rig.rods.elbow, rig.arm.mode, rig.parameters["mb"].nominal)
         message = (
-            "no mass is weighed (measured, std): only ratios can be identified, and the scale of all masses is unknown"
+            "the measured values (measured, std) do not determine the scale of masses and torques: only ratios can be"
+            f" identified. Measure {values}, or record another swing with an added mass or a known {drive}"
         )
         yield RigFinding("missing", "parameters", message)
     if rig.L2 is None and rig.rods.mounted != "inner":

@@ -42,6 +42,20 @@ def test_a_new_rig_with_a_length_in_mm_or_a_mass_in_g_has_a_warning(cli, tmp_pat
     assert [line.removeprefix("warning: ") for line in done.err.splitlines() if "unit?" in line] == warnings
 
 
+FINDINGS = {
+    values: [
+        {
+            "state": "missing",
+            "key": "parameters",
+            "text": "the measured values (measured, std) do not determine the scale of masses and torques: only ratios"
+            f" can be identified. Measure {values}, or record another swing with an added mass or a known torque of a"
+            " joint",
+        }
+    ]
+    for values in ("m2 and l2", "m1, l1 and mb")
+}
+
+
 def test_a_name_with_a_control_character_is_refused_as_a_name(cli, tmp_path: Path) -> None:
     """TOML forbids U+007F in a string, JSON does not; the message is about the name and not about the file."""
     done = cli("rig", "new", *FLAGS, "--name", "a\x7fb", "--out", "my.toml", cwd=tmp_path)
@@ -59,7 +73,7 @@ def test_a_rig_file_from_flags_can_be_used(cli, tmp_path: Path) -> None:
     assert cli("rig", "check", "my.toml", "--json", cwd=tmp_path).json == {
         "file": "my.toml",
         "ok": True,
-        "findings": [],
+        "findings": FINDINGS["m2 and l2"],
     }
     again = cli("rig", "new", *FLAGS, "--out", "my.toml", cwd=tmp_path)
     assert again.code == 3
@@ -70,7 +84,8 @@ def test_a_fault_of_a_single_rod_is_reported_only_for_this_rod(cli, tmp_path: Pa
     words = ("--rods", "inner", "--l1", "0.3", "--m1", "0.21+-0.001", "--name", "bob", "--out", "my.toml")
     assert cli("rig", "new", *words, cwd=tmp_path).code == 0
     text = (tmp_path / "my.toml").read_text()
-    assert "A weighed part has `nominal`, `measured` and `std`, and no bounds" in text
+    assert "A measured value has `nominal`, `measured` and `std`, and no bounds" in text
+    assert "# Measured m1 and l1 together determine the scale of all masses and torques" in text
     with pytest.raises(ConfigError, match=r"^[^\n]*parameters\.m1\.nominal: is missing$"):
         parse_rig(text.replace("nominal = 0.21\n", ""))
 
@@ -82,7 +97,7 @@ def test_flags_describe_arm_length_geared_joints_zeros_and_mounted_rods(cli, tmp
     assert (rig.rig.L0, rig.rig.L1_std, rig.joints.geared) == (0.4, 0.002, (1, 2))
     assert rig.encoders.rezeroed
     assert rig.rods.mounted == "inner"
-    assert cli("rig", "check", "my.toml", "--json", cwd=tmp_path).json["findings"] == []
+    assert cli("rig", "check", "my.toml", "--json", cwd=tmp_path).json["findings"] == FINDINGS["m1, l1 and mb"]
 
 
 ONE = ("--name", "qube", "--rods", "inner", "--l1", "0.129", "--m1", "0.024")
