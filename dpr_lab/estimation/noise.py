@@ -32,7 +32,7 @@ class NoiseSettings:
     """Minimum number of samples of a rest; they determine the standard deviation to 7 %."""
     rounding_rad: float = 1e-9
     """Maximum standard deviation of a table of angles that contains only rounding errors and no noise, rad."""
-    rounded: float = 0.55
+    rounded: float = 0.51
     """Standard deviation of readings at rest below which rounding may change the noise, counts. It is about 0.5 at the
     edge between two counts, also for little noise."""
     correlated: float = 4.0
