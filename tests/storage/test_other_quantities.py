@@ -161,6 +161,15 @@ def test_a_set_point_is_named_as_a_sign_of_a_drive(tmp_path: Path, one: Rig) -> 
     assert any("column goal_position is the set point of a controller" in question.sentence for question in questions)
 
 
+@pytest.mark.parametrize("name", ["pwm", "Motor PWM", "duty_cycle"])
+def test_a_duty_cycle_that_varies_is_named_as_a_sign_of_a_drive(tmp_path: Path, one: Rig, name: str) -> None:
+    for duty, drives in ((100 * np.sin(5 * T), True), (0 * T, False)):
+        file = table(tmp_path, f"time,angle,{name}", T, SWING, duty)
+        read = understand(file, one, ImportOptions(zero="hanging"))
+        assert drives == any(f"column {name} is the duty cycle of a motor" in note for note in read.notes)
+        assert not read.torques
+
+
 def test_zeros_are_not_guessed_if_motors_may_drive_the_rods(tmp_path: Path, paper: Rig) -> None:
     swing = record(load_plant("paper", 5), paper, 2.0, 200)[0].swing
     rods = [swing.t, swing.theta[:, 1] + 0.6, swing.theta[:, 2] + 0.6]

@@ -364,6 +364,18 @@ def test_frames_under_the_name_of_a_time_are_explained(tmp_path, one, step):
         import_csv(tmp_path / "a.csv", one)
 
 
+def test_row_numbers_below_the_name_of_a_time_are_no_time_if_another_column_is(tmp_path, one):
+    """The header lacks the name of the first column."""
+    t = 0.02 * np.arange(200)
+    rows = [f"{350 + k};{angle:.5f};{8.75 + t[k]:.2f}\n" for k, angle in enumerate(small_swing(t, 0.3))]
+    (tmp_path / "a.csv").write_text("Time;Amplitude;\n" + "".join(rows))
+    with pytest.raises(RunError, match=r"'Time' counts the rows, but 'column 3.*by 0.02 .*\(--columns t='column 3"):
+        import_csv(tmp_path / "a.csv", one)
+    for time, unit, step in (("3", "s", 0.02), ("Time", "ms", 0.001)):
+        options = ImportOptions(zero="hanging", columns={"t": time, "theta1": "2"}, time_unit=unit)
+        np.testing.assert_allclose(np.diff(import_csv(tmp_path / "a.csv", one, options).t), step, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("unit", "sentence"),
     [

@@ -121,7 +121,8 @@ def judged(
     """Return the effects with their probabilities after the tests.
 
     The quarters of a single release are few and differ in amplitude. An effect that fails their test, or that cannot be
-    tested, is still probable if it leaves only noise (decision 96).
+    tested, is still probable if it leaves only noise (decision 96), but not if it cannot be tested and needs a second
+    effect (decision 110).
 
     Args:
         outcome: results on held-out recordings
@@ -132,9 +133,10 @@ def judged(
     no_test, everything = not outcome.tested, {posterior.name for posterior in posteriors}
     one_release = outcome.basis == "one release"
     not_validated = everything if one_release and no_test else outcome.unproven
+    improbable = remainder or (no_test and len(posteriors) > 1)
     failed = outcome.worse_free_run or outcome.lone or outcome.closed.value < 0.0 or (no_test and not one_release)
     limits = (
-        (not_validated, TRANSFER.unproven if remainder else TRANSFER.weakly_tested),
+        (not_validated, TRANSFER.unproven if improbable else TRANSFER.weakly_tested),
         (outcome.untested, TRANSFER.untested),
         (everything if failed or forced else outcome.withdrawn, TRANSFER.unproven),
         (outcome.oversized, TRANSFER.oversized),

@@ -10,7 +10,7 @@ import numpy as np
 from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.cells import listed, names_no_angle, names_rate
 from dpr_lab.storage.tables.options import AXES, ImportOptions
-from dpr_lab.storage.tables.questions.frame_numbers import counter
+from dpr_lab.storage.tables.questions.frame_numbers import counter, refuse_row_numbers
 from dpr_lab.storage.tables.questions.names import numbered, refuse_long_form, refuse_scaled_units, without_scaled_unit
 from dpr_lab.storage.tables.table import LIMITS, Column, Table, bare, own_name
 from dpr_lab.storage.tables.time_stamps import different_times, never_falls, runs, varies, without_speed
@@ -174,6 +174,8 @@ def find_columns(table: Table, stated: Mapping[str, str], options: ImportOptions
     _refuse(table, named, stated, options.rate_hz is None)
     _check_units(table, named, unit, time_unit)
     refuse_scaled_units(table, named, options)
+    if "t" in named and "t" not in options.columns and not table.settled:
+        refuse_row_numbers(table, named["t"], (*named.values(), *filter(is_time, names)))
     if "t" not in stated and (others := [name for name in clocks if name != named["t"]]):
         notes = (*notes, f"time: {named['t']}; {listed(others)} can also be the time (--columns t=NAME uses it)")
     return Columns(named, unit, time_unit, notes)

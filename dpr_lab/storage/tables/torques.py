@@ -25,6 +25,7 @@ KIND_WORDS |= dict(zip(KINDS, KINDS, strict=True))
 TORQUE_WORDS = "tau|torque|trq|effort"
 TORQUE_UNITS = {"nm": 1.0, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2}
 _SET_POINT = re.compile(r"(?<![a-z])(goal|target|desired|reference|set[\W_]?points?)(?![a-z])", re.I)
+_DUTY = re.compile("pwm|duty")
 _NAME = re.compile(
     "(?:{word}){kind}([12])?{kind}({unit})?".format(
         word=TORQUE_WORDS, kind=f"({'|'.join(KIND_WORDS)})?", unit="|".join(TORQUE_UNITS)
@@ -170,7 +171,13 @@ def held_torque(t: Array, torque: Array, rows: NDArray[np.intp]) -> Array:
     return mean
 
 
-def set_point(table: Table) -> str:
-    """Name a varying column of controller set points, or return an empty text."""
-    name = next((name for name, column in table.named if _SET_POINT.search(name) and varies(column)), "")
-    return name and f"column {name} is the set point of a controller, which drives the rods"
+def sign_of_drive(table: Table, arm: str) -> str:
+    """Name a varying column of set points or motor commands, or return an empty text.
+
+    The duty cycle of the motor of a moving arm is no sign that the rods are driven.
+    """
+    varying = [name for name, column in table.named if varies(column)]
+    if name := next(filter(_SET_POINT.search, varying), ""):
+        return f"column {name} is the set point of a controller, which drives the rods"
+    name = next((name for name in varying if arm == "clamped" and _DUTY.search(bare(name))), "")
+    return name and f"column {name} is the duty cycle of a motor, which drives the rods"

@@ -48,7 +48,7 @@ from dpr_lab.storage.tables.questions.frame_numbers import counted_frames, frame
 from dpr_lab.storage.tables.questions.questions import questions, refuse_push
 from dpr_lab.storage.tables.table import Table
 from dpr_lab.storage.tables.time_stamps import carried_times, even_times, shares_times, spread_times, stamps_at_gaps
-from dpr_lab.storage.tables.torques import PASSIVE, find_torques, set_point, torque_column, unnumbered
+from dpr_lab.storage.tables.torques import PASSIVE, find_torques, sign_of_drive, torque_column, unnumbered
 from dpr_lab.storage.tables.understood import Understood
 
 _RATE = re.compile(r"--rate-hz \d|Hz \(--rate-hz\)")
@@ -82,7 +82,9 @@ def understand(
     rows, removed = _rows_to_keep(path, t, {**readings, **known}, options)
     inputs.refuse_silent(known, rows, path)
     notes += [*of_cart, *unused_input(recorded, options.arm), *unnumbered(recorded, inputs.pairs, options)]
-    drive = set_point(table)
+    drive = sign_of_drive(table, options.arm or "clamped")
+    if drive and not inputs.pairs and options.arm == "clamped":
+        notes.append(f"{drive}, but its torque is not known: record the torques of the motors, or a free swing")
     if inputs.pairs and not any(column[rows].any() for column in known.values()):
         inputs = replace(inputs, pairs={})
         if rig.rods.mounted == "both":  # two zeros may also fit driven rods by chance

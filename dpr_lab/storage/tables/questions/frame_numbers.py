@@ -1,14 +1,38 @@
 """Numbers of rows and frames: they show which rows a camera or logger lost."""
 
 import re
+from collections.abc import Collection
 
 import numpy as np
 
 from dpr_lab.arrays import Array
+from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.table import Table, bare
 from dpr_lab.storage.tables.time_stamps import runs
 
 _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
+
+_EVEN = 0.1
+"""Maximum range of the steps of evenly spaced times, relative to their median."""
+
+
+def refuse_row_numbers(table: Table, time: str, used: Collection[str]) -> None:
+    """Refuse row numbers as the time if a column that is not used increases evenly by fractions.
+
+    Raises:
+        RunError: the column `time` increases by 1 from row to row, and another column is probably the time.
+    """
+    numbered = table.column(time)
+    if (numbered != np.rint(numbered)).any() or (np.diff(numbered) != 1.0).any():
+        return
+    for name, column in table.named:
+        steps = np.diff(column)
+        even = name not in used and len(steps) > 1 and steps.min() > 0 and np.ptp(steps) <= _EVEN * np.median(steps)
+        if even and (column != np.rint(column)).any():
+            raise RunError(
+                f"{table.path}: column {time!r} counts the rows, but {name!r} increases evenly, by {np.median(steps):g}"
+                f" from row to row: name the column of the time (--columns t={name!r} or t={time!r})"
+            )
 
 
 def counter(table: Table) -> str:
