@@ -365,7 +365,6 @@ def test_frames_under_the_name_of_a_time_are_explained(tmp_path, one, step):
 
 
 def test_row_numbers_below_the_name_of_a_time_are_no_time_if_another_column_is(tmp_path, one):
-    """The header lacks the name of the first column."""
     t = 0.02 * np.arange(200)
     rows = [f"{350 + k};{angle:.5f};{8.75 + t[k]:.2f}\n" for k, angle in enumerate(small_swing(t, 0.3))]
     (tmp_path / "a.csv").write_text("Time;Amplitude;\n" + "".join(rows))
