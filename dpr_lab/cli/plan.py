@@ -185,7 +185,10 @@ def _show_detectable(made: "Plan", most: int = 6) -> None:
         )
         for effect in worst[:most]
     ]
-    note = f"The table lists those of the {len(made.detectable)} amplitudes that are hardest to detect. {NOT_SEEN}"
+    note = (
+        f"The table lists those of the {len(made.detectable)} amplitudes that are hardest to detect. Sizes hold for the"
+        f" assumed scale of inertias and torques, as in a diagnosis. {NOT_SEEN}"
+    )
     table("Minimum detectable size", ("effect", "amplitude", "now", "after the plan"), rows, note=note)
 
 

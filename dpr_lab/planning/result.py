@@ -88,7 +88,7 @@ class PlannedRelease(_Record):
 
 
 class Detectable(_Record):
-    """Minimum detectable size of one amplitude of an effect."""
+    """Minimum detectable size of one amplitude of an effect, at the assumed b."""
 
     effect: str
     """Name of the effect, a key of `dpr_lab.effects.EFFECTS`."""

@@ -181,7 +181,7 @@ def _placed(known: Knowledge, step: SequenceStep, rng: np.random.Generator) -> l
 
 def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
     names = [name for name in known.places if name not in known.always]
-    before, after = (detectable(known, information, SIGMAS, names) for information in (known.information, F))
+    before, after = (detectable(known, at, SIGMAS, names, at_assumed_scale=True) for at in (known.information, F))
     return [
         Detectable(
             effect=name,

@@ -7,15 +7,20 @@ import pytest
 
 from dpr_lab.acceptance.limits import Limits
 from dpr_lab.dynamics.base import base_parameters
+from dpr_lab.effects import effect_params
 from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.fitting.linearise import linearise
+from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.identification.expected import Releases, ratio_information
 from dpr_lab.planning.information import horizon_s, informed, problem_of_releases, reached_speeds
 from dpr_lab.planning.knowledge import Knowledge, known_before
+from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.stopping import Causes
+from dpr_lab.planning.summary import summed_up
 from dpr_lab.planning.worth.criteria import OpenPairs, detectable, given, shown_ratio_std
-from dpr_lab.planning.worth.objective import limit_forecasts
+from dpr_lab.planning.worth.objective import Objective, limit_forecasts
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import AddedMass, Pose
 
@@ -62,6 +67,21 @@ def test_a_limit_of_a_cable_is_forecast_with_its_other_amplitudes_free(known: Kn
     assert cable.reach > alone
     assert not detent.decides
     assert (cable.all_shapes, detent.all_shapes) == (False, True)
+
+
+def test_minimum_detectable_sizes_of_a_plan_hold_for_the_assumed_scale(known: Knowledge) -> None:
+    """The uncertain b widens the size of a named effect, but does not hide it: the ratio of torque and b is known."""
+    name, torque = "coulomb_joint1", "torque_Nm"
+    params = effect_params({name: {torque: 1e-3}})
+    model = replace(known.model, estimate=known.model.estimate.changed(params=params))
+    (one,) = informed([CALM], model)
+    named = replace(known, model=model, information=known.prior + one.information, named=frozenset({name}))
+    planned = summed_up(Objective.of(named), [], PlanLimits(), 0.0).detectable
+    (size,) = (least.before for least in planned if least.effect == name)
+    weighed = np.zeros_like(named.information)
+    weighed[SCALE, SCALE] = 1e6 * named.information[SCALE, SCALE]
+    exact = detectable(named, named.information + weighed, SIGMAS, [name])[name][torque]
+    assert size == pytest.approx(exact, rel=0.01)
 
 
 def test_a_ratio_limit_is_forecast_with_the_common_effects_that_accept_allows_for(known: Knowledge) -> None:

@@ -281,7 +281,7 @@ def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
 
 
 def detectable(
-    known: Knowledge, F: Array, sigmas: float, names: Iterable[str] | None = None
+    known: Knowledge, F: Array, sigmas: float, names: Iterable[str] | None = None, *, at_assumed_scale: bool = False
 ) -> dict[str, dict[str, float | None]]:
     """Return the minimum detectable size of each amplitude: a given number of its standard deviations.
 
@@ -292,11 +292,14 @@ def detectable(
         F: (k, k) information
         sigmas: number of standard deviations
         names: names of the effects; None: all effects
+        at_assumed_scale: whether the sizes hold for the assumed b, as in a diagnosis; otherwise they contain the
+            uncertainty of b
     """
     sizes: dict[str, dict[str, float | None]] = {}
+    fitted = [i for i in known.fitted if not (at_assumed_scale and i == SCALE)]
     for name in known.places if names is None else names:
         places = list(known.places.get(name, ()))
-        power = np.diag(given(F, [i for i in known.fitted if i not in places], places))
+        power = np.diag(given(F, [i for i in fitted if i not in places], places))
         prior = np.diag(known.prior)[places]
         visible = power - prior > np.maximum(WORTH.seen * np.diag(F)[places], prior)
         for i, place in enumerate(places):
