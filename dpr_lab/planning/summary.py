@@ -53,7 +53,15 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     """
     known = objective.known
     after = np.cumsum([known.information, *(step.information for step in steps)], axis=0)
-    gains, stds, first = [objective.gain(F) for F in after], [ratio_std(known, F) for F in after], len(known.made) + 1
+    stds, first, gained = (
+        [ratio_std(known, F) for F in after],
+        len(known.made) + 1,
+        [objective.gained(F) for F in after],
+    )
+    knowledge = [replace(known, information=F) for F in after]
+    alike = [inseparable_pairs(Objective.of(then), steps, d2) for then, d2 in zip(knowledge, gained, strict=True)]
+    stuck = [inseparable(objective, pairs) for pairs in alike]
+    gains = [_separable(objective.gain(F), stuck[0]) for F in after]
     reasons = [
         reason_for(before, then, 1 < number <= STOPPING.fewest, known.diagnosis is not None)
         for number, (before, then) in enumerate(pairwise(gains), first)
@@ -63,15 +71,11 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
         reason or f"reduces the standard deviations of the ratios by a further {percent(share)}"
         for reason, share in zip(reasons, shares, strict=True)
     ]
-    knowledge = [replace(known, information=F) for F in after]
-    alike = [inseparable_pairs(Objective.of(then), steps) for then in knowledge] if steps else []
-    stuck = [inseparable(objective, pairs) for pairs in alike] or [[]]
     state = _state(known, _names(stuck[0]))
-    gained = [objective.gained(F) for F in after[1:]]
-    forecast = _forecast(objective, steps, gained, alike[1:]) if state == "record" else [None] * len(steps)
+    forecast = _forecast(objective, steps, gained[1:], alike[1:]) if state == "record" else [None] * len(steps)
     releases = [
         _planned(k, step, after[k], objective, text, d2, decided)
-        for k, (step, text, d2, decided) in enumerate(zip(steps, texts, gained, forecast, strict=True), 1)
+        for k, (step, text, d2, decided) in enumerate(zip(steps, texts, gained[1:], forecast, strict=True), 1)
     ]
     return Plan(
         state=state,
@@ -196,13 +200,30 @@ def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
     ]
 
 
-def inseparable_pairs(objective: Objective, steps: Sequence[SequenceStep]) -> list[Flags]:
+def inseparable_pairs(
+    objective: Objective, steps: Sequence[SequenceStep], earlier: Sequence[Array] = ()
+) -> list[Flags]:
     """Return the (n, n) pairs of causes that even repeated releases do not separate.
 
     The list has one mask for each named effect.
+
+    Args:
+        objective: the objective with the knowledge before the repeated releases
+        steps: the planned releases; if there are none, no pair counts as inseparable
+        earlier: (n, n) d^2 from planned releases before the repeated ones, for each named effect
     """
+    if not steps:
+        return [np.zeros_like(d2, dtype=np.bool_) for d2 in earlier]
     F = objective.known.information + FORECAST.repeats * np.mean([step.information for step in steps], axis=0)
-    return [np.maximum(d2, d2.T) < FORECAST.separable for d2 in objective.gained(F)]
+    later = objective.gained(F)
+    pairs = [np.maximum(d2, before) for d2, before in zip(later, earlier or later, strict=True)]
+    return [np.maximum(d2, d2.T) < FORECAST.separable for d2 in pairs]
+
+
+def _separable(gain: Gain, stuck: Sequence[Inseparable]) -> Gain:
+    """Leave out the bits about pairs of causes that no release separates."""
+    pairs = [{*pair.causes} for pair in stuck]
+    return replace(gain, causes={causes: bits for causes, bits in gain.causes.items() if {*causes} not in pairs})
 
 
 def inseparable(objective: Objective, inseparable_pairs: Sequence[Flags]) -> list[Inseparable]:
@@ -278,18 +299,23 @@ def plan_sentence(
     number = next((k for k, chance in enumerate(chances, 1) if chance >= FORECAST.likely), len(chances))
     advice = "Record release 1, diagnose and plan again. " if len(chances) > 1 else ""
     if diagnosis is not None:
-        advice += _answered(diagnosis, releases[0])
+        advice += _answered(diagnosis, releases[0], stuck[0])
         reason = undecided(diagnosis, _names(stuck[0]))
         advice = f"{reason[:1].upper()}{reason[1:]}. {advice}"
-    together = _names(stuck[number])
-    apart = f", except between {listed(together)}," if together else ""
+    classes: dict[str, list[str]] = {}
+    for first, second in (pair.causes for pair in stuck[number]):
+        classes.setdefault(first, [first]).append(second)
+    apart = f", except {listed([f'between {listed(causes)}' for causes in classes.values()])}," if classes else ""
     more = counted(number, "more release")
     return f"{advice}With {more} the probability that the causes are decided{apart} is {chances[number - 1]:.2f}.{note}"
 
 
-def _answered(diagnosis: Diagnosis, release: PlannedRelease) -> str:
+def _answered(diagnosis: Diagnosis, release: PlannedRelease, stuck: Sequence[Inseparable]) -> str:
     """Return a sentence on the checks that the first release also answers, with a space; empty if there are none."""
-    separated = [{*pair.causes} for pair in release.pairs if pair.bits >= NOTICEABLE.causes]
+    pairs = [{*pair.causes} for pair in stuck]
+    separated = [
+        {*pair.causes} for pair in release.pairs if pair.bits >= NOTICEABLE.causes and {*pair.causes} not in pairs
+    ]
     recordings = [check for check in diagnosis.checks if check.release and check.informative]
     checks = [check.id for check in recordings if {*check.splits} in separated]
     return f"A run of release 1 is also a result of check {listed(checks)} (dpr-lab check). " if checks else ""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.gap.conclusion.causes import to_rule_out
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.result.diagnosis import UNCERTAIN
 from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.gap.result.posterior import PosteriorComponent
@@ -18,10 +19,11 @@ from dpr_lab.planning.knowledge import known_before
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.plan import usual_count
 from dpr_lab.planning.release import CandidateRelease
-from dpr_lab.planning.result import PairBits, PlannedRelease
+from dpr_lab.planning.result import Inseparable, PairBits, PlannedRelease
 from dpr_lab.planning.sequence import Planner, SequenceStep
 from dpr_lab.planning.stopping import Causes, causes_of, decided, possible, reservation, significance, undecided
 from dpr_lab.planning.summary import (
+    NOTICEABLE,
     inseparable,
     inseparable_pairs,
     only_ratios_sentence,
@@ -316,8 +318,43 @@ def test_a_plan_states_which_check_its_first_release_also_answers(bits: float, a
     check = {"id": "1-ab12", "kind": "recording", "text": "Record it.", "about": causes[0], "expected_bits": 0.4}
     diagnosis = of_runs(one_cause(6.0, checks=[check | {"splits": causes, "release": release}]), "P1")
     planned = PlannedRelease.model_construct(decided=0.9, pairs=[PairBits(causes=causes, bits=bits)])
-    text = plan_sentence("record", Mock(diagnosis=diagnosis), [planned], [[], []], ["separates causes"])
-    assert ("A run of release 1 is also a result of check 1-ab12 (dpr-lab check)." in text) is answered
+    stuck = [Inseparable(causes=causes, check="Do it.")]
+    for inseparable_now in ([], stuck):
+        stated = plan_sentence("record", Mock(diagnosis=diagnosis), [planned], [inseparable_now, []], ["separates"])
+        answers = "A run of release 1 is also a result of check 1-ab12 (dpr-lab check)." in stated
+        assert answers is (answered and not inseparable_now)
+
+
+def test_the_first_sentence_lists_each_class_of_inseparable_causes_separately() -> None:
+    tilt = [("base_tilt", other) for other in ("encoder_offset_joint1", "com_offset_link1")]
+    stuck = [Inseparable(causes=pair, check="") for pair in (*tilt, ("coulomb_joint1", "stribeck_joint1"))]
+    planned = PlannedRelease.model_construct(decided=0.9, pairs=[])
+    text = plan_sentence("record", Mock(diagnosis=of_runs(one_cause(6.0), "P1")), [planned], [[], stuck], ["separates"])
+    classes = "base_tilt, encoder_offset_joint1 and com_offset_link1 and between coulomb_joint1 and stribeck_joint1"
+    assert f"decided, except between {classes}, is 0.90" in text
+
+
+def test_a_release_separates_causes_in_its_reason_only_if_the_plan_counts_them_as_separable(paper: Rig) -> None:
+    """Six releases with d^2 = 0.95 do not reach the d^2 of separable causes, although each has 0.05 bits.
+
+    A pair that the first release separates is not inseparable after it, even if the next ones add little.
+    """
+    pair = ("encoder_offset_joint1", "encoder_drift_joint1")
+    class_of = {"name": pair[0], "members": [*pair], "odds": dict.fromkeys(pair, 0.5)}
+    effect, known = one_cause().effects[0].model_copy(update=class_of), known_before(paper)
+    result = of_runs(one_cause().model_copy(update={"effects": [effect]}), "P1", "P2")
+    (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
+    information = known.information + swing.information
+    causes = tuple(causes_of(result))
+    after = replace(known, information=information, causes=causes, named=frozenset(pair[:1]), diagnosis=result)
+    for d2 in (0.95, 100.0):
+        step = SequenceStep(swing.release, d2 * CALIBRATION.temperature * swing.information, 1.0, 0.0)
+        made = summed_up(Objective.of(after), [step], PlanLimits(), 0.0)
+        separates = f"separates {pair[0]} from {pair[1]}" in made.releases[0].reason
+        assert made.releases[0].pairs[0].bits > NOTICEABLE.causes
+        assert separates is not bool(made.inseparable)
+        assert separates is (d2 == 100.0)
+        assert "except between" not in made.sentence
 
 
 @pytest.mark.parametrize(
