@@ -127,8 +127,8 @@ def show(made: "Plan") -> None:
         _show_detectable(made)
     if made.limits:
         report_table("Limits of the rig", limit_forecast_table(made))
-    for release in made.inseparable:
-        line(in_words(f"No release separates {' from '.join(release.causes)}. {release.check}"))
+    for pair in made.inseparable:
+        line(in_words(pair.advice))
     if made.releases:
         line(f"{made.minutes:.1f} minutes at the rig.")
 

@@ -112,6 +112,11 @@ class Inseparable(_Record):
     check: str
     """Text of the bench check that distinguishes the two causes."""
 
+    @property
+    def advice(self) -> str:
+        """Sentences that no release separates the causes, and what does."""
+        return f"No release separates {' from '.join(self.causes)}. {self.check}"
+
 
 class LimitForecast(_Record):
     """Forecast of whether the planned releases show that the rig meets or violates a limit."""

@@ -1,5 +1,6 @@
 """Test of a rig against the limits in a file."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -111,7 +112,8 @@ def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
 
     The reason of a limit states the release that is expected to decide it alone. The reason of a limit that the
     releases would not decide states this, unless the interval covers all shapes of an effect: the forecast refers to
-    one shape.
+    one shape. More accurate sizes do not decide a limit whose cause is uncertain. Its reason states the bench check
+    that the plan contains.
     """
     from dpr_lab.acceptance.judge import RECORD_MORE, WITHIN
     from dpr_lab.acceptance.scale import ONLY_SCALE
@@ -121,6 +123,8 @@ def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
 
     def advised(limit: "JudgedLimit") -> "JudgedLimit":
         forecast = forecasts.get(limit.quantity)
+        if not limit.reason.startswith((WITHIN, ONLY_SCALE)):
+            return _with_bench_check(limit, planned)
         if not limit.reason.startswith(WITHIN) or forecast is None:
             return limit
         cause = limit.reason.removesuffix(RECORD_MORE)
@@ -132,11 +136,21 @@ def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
     open_ones = [
         limit.quantity
         for limit in limits
-        if limit.answer == "not decidable" and not limit.reason.startswith(ONLY_SCALE)
+        if limit.reason.startswith(WITHIN)
+        or (limit.interval90 is None and not re.search(r"\b(cause|indistinguishable)\b", limit.reason))
     ]
     decided = tuple(quantity for quantity in open_ones if quantity in forecasts and forecasts[quantity].decides)
     texts = tuple(release.text for release in planned.releases) if decided else ()
     return replace(acceptance, limits=limits, recordings=texts, would_decide=decided)
+
+
+def _with_bench_check(limit: "JudgedLimit", planned: "Plan") -> "JudgedLimit":
+    """Add the bench check of the causes that the limit or its reason names, if no release separates them."""
+    names = {*re.findall(r"\w+", f"{limit.quantity} {limit.reason}")}
+    checks = [pair for pair in planned.inseparable if limit.reason and names.intersection(pair.causes)]
+    if not checks:
+        return limit
+    return replace(limit, reason=f"{limit.reason}. {checks[0].advice}".removesuffix("."))
 
 
 def _save(

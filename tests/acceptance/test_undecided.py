@@ -12,6 +12,7 @@ from dpr_lab.gap.result.causes import EffectSize
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Evidence, JointFriction
 from dpr_lab.identification.scaling.scale import Scale
+from dpr_lab.planning.result import Inseparable
 from dpr_lab.workflows.accept import with_recordings
 from tests.a_diagnosis import made
 
@@ -78,6 +79,7 @@ def would_decide(limit: JudgedLimit) -> tuple[str, ...]:
     plan: Any = SimpleNamespace(
         limits=[SimpleNamespace(quantity=limit.quantity, decides=True, all_shapes=False, release=1)],
         releases=[SimpleNamespace(text="P1")],
+        inseparable=[],
     )
     return with_recordings(Acceptance("not decidable", "", (limit,)), plan).would_decide
 
@@ -134,10 +136,37 @@ def test_a_limit_that_no_planned_release_decides_states_it_instead_of_advising_m
         SimpleNamespace(quantity="near", decides=True, all_shapes=False, release=2),
         SimpleNamespace(quantity="shapes", decides=False, all_shapes=True, release=None),
     ]
-    plan: Any = SimpleNamespace(limits=forecasts, releases=[SimpleNamespace(text="P1"), SimpleNamespace(text="P2")])
+    texts = [SimpleNamespace(text="P1"), SimpleNamespace(text="P2")]
+    plan: Any = SimpleNamespace(limits=forecasts, releases=texts, inseparable=[])
     acceptance = with_recordings(Acceptance("not decidable", "", tuple(limits)), plan)
     far, near, shapes = acceptance.limits
     assert far.reason == "the limit lies within the interval, and 2 further releases would probably not decide it"
     assert shapes.reason == reason
     assert near.reason == "the limit lies within the interval: release 2 alone is expected to decide it"
     assert (acceptance.would_decide, acceptance.recordings) == (("near",), ("P1", "P2"))
+
+
+@pytest.mark.parametrize(
+    ("quantity", "reason"),
+    [
+        ("encoder_offset_joint2.offset_rad", "the probability that this effect is the cause is 89 %"),
+        ("a/b", "the ratios depend on the cause, and encoder_offset_joint2 has a probability of only 89 %"),
+    ],
+)
+def test_a_limit_with_an_uncertain_cause_asks_for_the_bench_check_and_not_for_releases(
+    quantity: str, reason: str
+) -> None:
+    """A release can make the interval narrower, but does not separate the causes."""
+    limit = JudgedLimit(quantity, "", -3e-3, 3e-3, (4.19e-3, 4.21e-3), "not decidable", reason)
+    pair = Inseparable(causes=("encoder_offset_joint2", "com_offset_link2"), check="Turn the rod.")
+    plan: Any = SimpleNamespace(
+        limits=[SimpleNamespace(quantity=quantity, decides=True, all_shapes=False, release=1)],
+        releases=[SimpleNamespace(text="P1")],
+        inseparable=[pair],
+    )
+    acceptance = with_recordings(Acceptance("not decidable", "", (limit,)), plan)
+    assert (acceptance.recordings, acceptance.would_decide) == ((), ())
+    stated = acceptance.limits[0].reason
+    assert stated == f"{reason}. No release separates {pair.causes[0]} from {pair.causes[1]}. Turn the rod"
+    plan.inseparable = []
+    assert with_recordings(Acceptance("not decidable", "", (limit,)), plan).limits == (limit,)
