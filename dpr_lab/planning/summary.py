@@ -58,8 +58,8 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
         len(known.made) + 1,
         [objective.gained(F) for F in after],
     )
-    knowledge = [replace(known, information=F) for F in after]
-    alike = [inseparable_pairs(Objective.of(then), steps, d2) for then, d2 in zip(knowledge, gained, strict=True)]
+    knowledge = [Objective.of(replace(known, information=F)) for F in after]
+    alike = [inseparable_pairs(then, steps, d2) for then, d2 in zip(knowledge, gained, strict=True)]
     stuck = [inseparable(objective, pairs) for pairs in alike]
     gains = [_separable(objective.gain(F), stuck[0]) for F in after]
     reasons = [
@@ -185,7 +185,8 @@ def _placed(known: Knowledge, step: SequenceStep, rng: np.random.Generator) -> l
 
 def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
     names = [name for name in known.places if name not in known.always]
-    before, after = (detectable(known, at, SIGMAS, names, at_assumed_scale=True) for at in (known.information, F))
+    matrices = known.information, F
+    before, after = (detectable(known, matrix, SIGMAS, names, at_assumed_scale=True) for matrix in matrices)
     return [
         Detectable(
             effect=name,
@@ -208,15 +209,15 @@ def inseparable_pairs(
     The list has one mask for each named effect.
 
     Args:
-        objective: the objective with the knowledge before the repeated releases
-        steps: the planned releases; if there are none, no pair counts as inseparable
+        objective: the objective before the repeated releases
+        steps: the planned releases; without any, no pair is inseparable
         earlier: (n, n) d^2 from planned releases before the repeated ones, for each named effect
     """
     if not steps:
-        return [np.zeros_like(d2, dtype=np.bool_) for d2 in earlier]
+        return [np.zeros(d2.shape, np.bool_) for d2 in earlier]
     F = objective.known.information + FORECAST.repeats * np.mean([step.information for step in steps], axis=0)
     later = objective.gained(F)
-    pairs = [np.maximum(d2, before) for d2, before in zip(later, earlier or later, strict=True)]
+    pairs = [np.maximum(*both) for both in zip(later, earlier or later, strict=True)]
     return [np.maximum(d2, d2.T) < FORECAST.separable for d2 in pairs]
 
 
@@ -313,11 +314,9 @@ def plan_sentence(
 def _answered(diagnosis: Diagnosis, release: PlannedRelease, stuck: Sequence[Inseparable]) -> str:
     """Return a sentence on the checks that the first release also answers, with a space; empty if there are none."""
     pairs = [{*pair.causes} for pair in stuck]
-    separated = [
-        {*pair.causes} for pair in release.pairs if pair.bits >= NOTICEABLE.causes and {*pair.causes} not in pairs
-    ]
+    noticeable = [{*pair.causes} for pair in release.pairs if pair.bits >= NOTICEABLE.causes]
     recordings = [check for check in diagnosis.checks if check.release and check.informative]
-    checks = [check.id for check in recordings if {*check.splits} in separated]
+    checks = [check.id for check in recordings if {*check.splits} in noticeable and {*check.splits} not in pairs]
     return f"A run of release 1 is also a result of check {listed(checks)} (dpr-lab check). " if checks else ""
 
 
