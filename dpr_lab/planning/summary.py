@@ -217,7 +217,7 @@ def inseparable_pairs(
         return [np.zeros(d2.shape, np.bool_) for d2 in earlier]
     F = objective.known.information + FORECAST.repeats * np.mean([step.information for step in steps], axis=0)
     later = objective.gained(F)
-    pairs = [np.maximum(*both) for both in zip(later, earlier or later, strict=True)]
+    pairs = [np.maximum(d2, before) for d2, before in zip(later, earlier or later, strict=True)]
     return [np.maximum(d2, d2.T) < FORECAST.separable for d2 in pairs]
 
 
