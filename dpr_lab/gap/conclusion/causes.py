@@ -11,6 +11,7 @@ from dpr_lab.effects.effect import Effect, Params
 from dpr_lab.effects.families import FAMILIES
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.gap.classes.posterior import Alternative, EffectPosterior
+from dpr_lab.gap.conclusion.at_rest import NOT_HELD, at_rest
 from dpr_lab.gap.conclusion.verdict import VERDICT
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.refits import refit_without
@@ -122,7 +123,9 @@ def _share(state: Transferred, parts: tuple[str, ...]) -> float:
     return float(np.clip(returned / total, 0.0, 1.0)) if total > 0 else 0.0
 
 
-def remedies(named: Sequence[NamedEffect], sizes: Mapping[str, Params], rig: RigConstants) -> list[str]:
+def remedies(
+    named: Sequence[NamedEffect], sizes: Mapping[str, Params], rig: RigConstants, held: Mapping[int, float] = NOT_HELD
+) -> list[str]:
     """Return the remedies: one sentence per faulty part, and one for the simulator.
 
     An effect with a probability below one half has no remedy, for example if it worsens the free runs.
@@ -131,13 +134,16 @@ def remedies(named: Sequence[NamedEffect], sizes: Mapping[str, Params], rig: Rig
         named: the effects, in order
         sizes: fitted parameters of each effect
         rig: values of the rig file
+        held: angle up to which friction holds each rod away from its balance, rad, by rod
     """
     sentences: list[str] = []
     for effect in named:
         remedy = EFFECTS[effect.name].remedy
         if remedy is not None and effect.probability >= VERDICT.rather:
             repair = remedy(sizes[effect.name], rig, EFFECTS[effect.name].joints[0])
-            sentences.append(f"For {effect.name}: {repair}{to_rule_out(effect)}.")
+            sentences.append(
+                f"For {effect.name}: {repair}{to_rule_out(effect)}.{at_rest(effect.name, held, fitted=True)}"
+            )
     return [*sentences, *to_simulator(named)]
 
 

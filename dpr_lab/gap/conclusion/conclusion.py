@@ -2,18 +2,19 @@
 
 import hashlib
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.gap.advice.expected import expected_size
 from dpr_lab.gap.classes.posterior import probabilities
 from dpr_lab.gap.conclusion.assumptions import assumptions
+from dpr_lab.gap.conclusion.at_rest import at_rest, held_angles
 from dpr_lab.gap.conclusion.causes import families, named_effect, remedies, rivals
 from dpr_lab.gap.conclusion.components import components
 from dpr_lab.gap.conclusion.notes import notes
 from dpr_lab.gap.conclusion.ratios import ratio_fields, scale
 from dpr_lab.gap.conclusion.sentence import sentence
-from dpr_lab.gap.conclusion.verdict import listed_causes, verdict
+from dpr_lab.gap.conclusion.verdict import VERDICT, listed_causes, verdict
 from dpr_lab.gap.hypothesis.detectable import visible
 from dpr_lab.gap.result.checks import AdvisedCheck, recommended
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -46,8 +47,11 @@ def conclude(state: Transferred, advised: Sequence[AdvisedCheck], evidence: Evid
     probable = () if withheld or kind == "inconclusive" else state.posteriors
     named = [named_effect(state, posterior, assumed) for posterior in shown] if names_causes else []
     named_families = families(state, named)
-    checks = [] if withheld else _checks(state, advised, [effect.name for effect in named], assumed)
     sizes, residuals = named_params(chosen.estimate.params), chosen.residuals
+    constants = state.fitted.recordings.constants
+    probable_names = [effect.name for effect in named if effect.probability >= VERDICT.rather]
+    held = held_angles(probable_names, chosen.estimate.whole, sizes, state.fitted.problem.segments.setups, constants)
+    checks = [] if withheld else _checks(state, advised, [effect.name for effect in named], assumed, held)
     return Diagnosis(
         verdict="inconclusive" if kind == "too_short" else kind,
         sentence=sentence(kind, state, visible_counts, evidence.budget),
@@ -66,7 +70,7 @@ def conclude(state: Transferred, advised: Sequence[AdvisedCheck], evidence: Evid
         detectable={name: dict(least) for name, least in minimum_sizes.items()},
         absorbed=state.selection.absorbed,
         sensor_findings=_sensor_findings(state),
-        remedies=remedies(named, sizes, state.fitted.recordings.constants),
+        remedies=remedies(named, sizes, constants, held),
         advice=[check.sentences for check in recommended(checks)],
         checks=checks,
         **ratio_fields(state),
@@ -86,7 +90,11 @@ def conclude(state: Transferred, advised: Sequence[AdvisedCheck], evidence: Evid
 
 
 def _checks(
-    state: Transferred, advised: Iterable[AdvisedCheck], named: Sequence[str], scale: Scale
+    state: Transferred,
+    advised: Iterable[AdvisedCheck],
+    named: Sequence[str],
+    scale: Scale,
+    held: Mapping[int, float],
 ) -> list[AdvisedCheck]:
     """Return the checks with information on named effects, the best first, each with a unique identifier."""
     estimate = state.selection.chosen.estimate
@@ -94,7 +102,13 @@ def _checks(
     checks = merged(check for check in advised if check.about in named)
     checks = sorted((check for check in checks if check.expected_bits > 0), key=lambda check: -check.priority)
     return [
-        check.model_copy(update={"id": f"{k}-{digest}", "expected": expected_size(state.selection, scale, check)})
+        check.model_copy(
+            update={
+                "id": f"{k}-{digest}",
+                "expected": expected_size(state.selection, scale, check),
+                "text": check.text + at_rest(check.measures, held),
+            }
+        )
         for k, check in enumerate(checks, 1)
     ]
 

@@ -1,0 +1,57 @@
+"""Readings at rest although friction holds a rod away from its balance."""
+
+import math
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+
+from dpr_lab.arrays import Array
+from dpr_lab.dynamics.base import BASE, base_of_run
+from dpr_lab.effects.base_tilt import BASE_TILT
+from dpr_lab.effects.com_offset import COM_OFFSET_LINK1, COM_OFFSET_LINK2
+from dpr_lab.effects.coulomb import COULOMB
+from dpr_lab.effects.effect import Params
+from dpr_lab.effects.encoder_offset import ENCODER_OFFSET_JOINT1, ENCODER_OFFSET_JOINT2
+from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.effects.stribeck import STRIBECK
+from dpr_lab.setup import Setup
+
+NOT_HELD: Mapping[int, float] = MappingProxyType({})
+"""Angles at rest without dry friction."""
+
+READ_AT_REST = dict.fromkeys([e.name for e in (ENCODER_OFFSET_JOINT1, BASE_TILT, COM_OFFSET_LINK1)], 0)
+READ_AT_REST |= dict.fromkeys([e.name for e in (ENCODER_OFFSET_JOINT2, COM_OFFSET_LINK2)], 1)
+"""Rod (0: inner, 1: outer) whose position at rest the remedy or the bench check of an effect uses."""
+
+
+def held_angles(
+    names: Iterable[str], whole: Array, sizes: Mapping[str, Params], setups: Iterable[Setup], rig: RigConstants
+) -> dict[int, float]:
+    """Return the angle up to which named dry friction holds each rod away from its balance, rad, by rod.
+
+    It is the arc sine of the largest friction torque at rest over the gravity torque of the rod, at most pi / 2.
+    `names` are those of the probable effects, `whole` (7,) the base parameters of the rig.
+    """
+    friction = dict.fromkeys((0, 1), 0.0)
+    for name in names:
+        for rod, laws in enumerate(zip(COULOMB, STRIBECK, strict=True)):
+            if name in [law.name for law in laws]:
+                friction[rod] += sizes[name]["torque_Nm"] + sizes[name].get("extra_at_rest_Nm", 0.0)
+    held: dict[int, float] = {}
+    for setup in set(setups):
+        base = dict(zip(BASE, base_of_run(whole, setup, rig.L1, rig.g).tolist(), strict=True))
+        for rod, gravity in enumerate((base["e1"], base["d"] * rig.g / rig.L1)):
+            if gravity > 0.0:
+                held[rod] = max(held.get(rod, 0.0), math.asin(min(friction[rod] / gravity, 1.0)))
+    return held
+
+
+def at_rest(effect: str, held: Mapping[int, float], *, fitted: bool = False) -> str:
+    """Return a sentence on friction for an effect that is read or corrected at rest; otherwise an empty text."""
+    angle = held.get(READ_AT_REST.get(effect, -1), 0.0)
+    if angle <= 0.0:
+        return ""
+    instead = ", or use the fitted value" if fitted else ""
+    return (
+        f" Friction of joint {READ_AT_REST[effect] + 1} holds the rod at rest up to {1e3 * angle:.2g} mrad from its"
+        f" balance: let it come to rest from both sides and take the mean{instead}."
+    )
