@@ -1,6 +1,8 @@
 """Update of a diagnosis by the result of a recommended check."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,13 +11,26 @@ from dpr_lab.gap.result import RECORD
 from dpr_lab.whole_file import whole_folder
 from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.diagnose import ACCEPTANCE
-from dpr_lab.workflows.events import OnEvent, ignore
+from dpr_lab.workflows.events import OnEvent, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
     from dpr_lab.gap.result.checks import AdvisedCheck
     from dpr_lab.gap.result.diagnosis import Diagnosis
     from dpr_lab.run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class ReleaseTolerance:
+    """Difference of a recording from the release that a check asks for, beyond which a warning is printed."""
+
+    angle_rad: float = 0.2
+    """Largest difference of an angle, rad: a release by hand differs by less."""
+    duration: float = 0.5
+    """Smallest duration, relative to the advised one."""
+
+
+TOLERANCE = ReleaseTolerance()
 
 
 def take_check(
@@ -46,7 +61,7 @@ def take_check(
         out: folder of `diagnosis.json` and its page; None: no files are written
         torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured
         confirmed: whether a value that no candidate predicts is accepted
-        on_event: receives `RunRead`
+        on_event: receives `RunRead`, and `Warned` for a recording that differs from the advised release
 
     Raises:
         ConfigError: the rig is not valid, or a file with the name of the folder exists.
@@ -73,6 +88,8 @@ def take_check(
         rig = load_rig(rig_name) if rig_name else stored_rig(files[0])
         runs = tuple(read_runs(files, rig, on_event, torque=torque))
         _refuse_used(runs, diagnosis, check)
+        for sentence in other_releases(runs, check):
+            on_event(Warned(sentence))
     updated = update(diagnosis, check, CheckAnswer(runs, rig, value, std, confirmed))
     updated = updated.model_copy(update={"parent": sha256_of(diagnosis_file(diagnosis_path))})
     if out:
@@ -94,6 +111,27 @@ def _refuse_used(runs: "Sequence[Run]", diagnosis: "Diagnosis", check: "AdvisedC
     for run in runs:
         if run.sha256 and (role := used.get(run.sha256)):
             raise RunError(f"{run.file or run.name}: was {role}: record the release of the check")
+
+
+def other_releases(runs: "Sequence[Run]", check: "AdvisedCheck") -> Iterator[str]:
+    """Yield a sentence for each recording that is much shorter than advised, or released from other angles.
+
+    Its result counts, but it may contain little information about the causes of the check.
+    """
+    release = check.release
+    for run in runs if release else ():
+        rods = 1 if run.setup.alone else 2
+        start, advised = run.swing.theta[0, 1 : rods + 1], (release.theta1_rad, release.theta2_rad)[:rods]
+        apart = max(abs(math.remainder(a - b, 2.0 * math.pi)) for a, b in zip(start, advised, strict=True))
+        if apart > TOLERANCE.angle_rad or run.duration < TOLERANCE.duration * release.duration_s:
+            done, asked = (
+                f"{' and '.join(f'{math.degrees(angle):.0f}' for angle in angles)} deg for {duration:.3g} s"
+                for angles, duration in ((start, run.duration), (advised, release.duration_s))
+            )
+            yield (
+                f"warning: {run.file or run.name}: was released from {done}, but check {check.id} asks for {asked}"
+                " (0 = upright): it may not distinguish the causes"
+            )
 
 
 def _save(diagnosis: "Diagnosis", out: Path) -> None:

@@ -17,7 +17,7 @@ from dpr_lab.gap.advice import recording
 from dpr_lab.gap.advice.check_kind import CheckAnswer, expected_bits
 from dpr_lab.gap.conclusion.conclusion import merged
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
+from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, AdvisedRelease, CheckDone
 from dpr_lab.gap.result.diagnosis import Diagnosis, load_diagnosis
 from dpr_lab.gap.result.evidence import Evidence, RecordingUsed
 from dpr_lab.planning.stopping import causes_of
@@ -26,7 +26,7 @@ from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.reader import load_run
-from dpr_lab.workflows.check import take_check
+from dpr_lab.workflows.check import other_releases, take_check
 from sim_device.plant.config import load_plant
 from sim_device.plant.drives import JointDrives
 from sim_device.trials.offline_recorder import record
@@ -354,6 +354,19 @@ def test_a_recording_that_was_already_used_is_no_check(
     monkeypatch.setattr("dpr_lab.gap.result.diagnosis.load_diagnosis", lambda _: diagnosis)
     with pytest.raises(RunError, match=f"x.mcap: was already {role}: record the release of the check"):
         take_check(tmp_path, diagnosis.checks[0].id, (file,))
+
+
+def test_another_release_than_the_advised_one_is_reported_with_both() -> None:
+    t = np.linspace(0.0, 4.0, 401)
+    theta = np.full((401, 3), [0.0, 2.2, 2.2])
+    run = Run("x", t, theta, None, None, "paper", "", 100.0, mounting="inner")
+    release = AdvisedRelease(theta1_rad=np.radians(175.0), theta2_rad=np.radians(175.0), duration_s=30.0)
+    check = release_between("a", "b", 0.9).model_copy(update={"release": release})
+    (sentence,) = other_releases([run], check)
+    assert "was released from 126 deg for 4 s, but check" in sentence
+    assert "asks for 175 deg for 30 s" in sentence
+    near = release.model_copy(update={"theta1_rad": 2.1, "duration_s": 6.0})
+    assert not [*other_releases([run], check.model_copy(update={"release": near}))]
 
 
 @pytest.mark.slow
