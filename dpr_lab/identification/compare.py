@@ -80,7 +80,12 @@ class Comparison(Shown):
     def _rows(self) -> list[Row]:
         by_kind = {"noise": self.noise_rad, "segments": self.segment_rms_rad, "free run": self.free_run_rms_rad}
         rows = ((name, *(f"{1e3 * value:.3g}" for value in values.tolist())) for name, values in by_kind.items())
-        return [("mrad rms", "theta1", "theta2"), *rows]
+        return [row[: self.rods + 1] for row in (("mrad rms", "theta1", "theta2"), *rows)]
+
+    @property
+    def rods(self) -> int:
+        """Number of mounted rods; the two columns of a single rod are equal."""
+        return 1 if np.array_equal(*self.measured.T) else 2
 
     @property
     def free_run_error(self) -> Array:

@@ -213,8 +213,8 @@ def _warnings(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty) -> list[
     warnings = []
     if ratio_fit.chi2_per_dof > SETTINGS.gap_warning:
         warnings.append(
-            f"the residual is {ratio_fit.chi2_per_dof**0.5:.1f} times the noise floor over segments of"
-            f" {ratio_fit.longest_s:.2g} s: the model lacks an effect of this rig"
+            f"the root of the reduced chi-square is {ratio_fit.chi2_per_dof**0.5:.1f} over segments of"
+            f" {ratio_fit.longest_s:.2g} s, with noise alone 1: the model lacks an effect of this rig"
         )
     warnings += [
         f"{name} is fixed at zero: its unconstrained estimate is negative" for name in ratio_uncertainty.at_zero

@@ -254,10 +254,14 @@ class Model(FittedModel):
     """Additional ratio m2 L1^2 / b for runs with only the inner rod; None if there are no such runs."""
 
     def _heading(self) -> str:
-        rms = " and ".join(f"{1e3 * value:.3g} mrad ({name})" for name, value in self.fit.rms_rad.items())
+        by_rod = [*self.fit.rms_rad.items()][: 1 if self.fitted else 2]
+        rms = " and ".join(f"{1e3 * value:.3g} mrad ({name})" for name, value in by_rod)
         doubts = f"; {len(self.failures)} checks failed" if self.failures else ""
         search = search_words(self.search.algorithm)
-        return f"Model of rig {self.rig.name} from {counted(len(self.runs), 'run')}, {search}: {rms}{doubts}"
+        of_warnings = "".join(f"; warning: {warning}" for warning in self.warnings)
+        return (
+            f"Model of rig {self.rig.name} from {counted(len(self.runs), 'run')}, {search}: {rms}{doubts}{of_warnings}"
+        )
 
     @computed_field
     @property

@@ -74,7 +74,11 @@ def _(comparison: ArmComparison) -> tuple[Any, str]:
 @_columns.register
 def _(comparison: Comparison) -> tuple[Any, str]:
     curves = {name: getattr(comparison, name) for name in ("measured", "free_run", "tracked")}
-    by_rod = {f"{name}_{rod}": values[:, i] for name, values in curves.items() for i, rod in enumerate(RODS)}
+    by_rod = {
+        f"{name}_{rod}": values[:, i]
+        for name, values in curves.items()
+        for i, rod in enumerate(RODS[: comparison.rods])
+    }
     return {COLUMNS[0]: comparison.t, **by_rod}, COLUMNS[0]
 
 

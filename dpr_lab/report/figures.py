@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -106,11 +107,14 @@ def response_figure(comparisons: Compared) -> Figure:
         if not comparisons:
             return empty_figure(NO_COMPARISON)
         figure = new_figure(0.5 + 1.75 * len(comparisons))
-        grid = figure.subplots(len(comparisons), 2, squeeze=False)
+        rods = max(comparison.rods for comparison in comparisons)
+        grid = figure.subplots(len(comparisons), rods, squeeze=False)
         for panels, comparison in zip(grid, comparisons, strict=True):
             _title(panels[0], comparison)
-            for axis, axes in enumerate(panels):
+            for axis, axes in enumerate(panels[: comparison.rods]):
                 _draw_response(axes, comparison, axis)
+            for unused in panels[comparison.rods :]:
+                unused.axis("off")
         for axes in grid[-1]:
             axes.set_xlabel("time since release (s)")
         legend_above(figure)
@@ -130,10 +134,11 @@ def error_figure(comparisons: Compared) -> Figure:
     with style.house_style():
         if not comparisons:
             return empty_figure(NO_COMPARISON)
-        figure = new_figure(0.5 + 2.7 * len(comparisons))
-        grid = figure.subplots(2 * len(comparisons), 2, squeeze=False)
-        for row, comparison in enumerate(comparisons):
-            _draw_errors(grid[2 * row : 2 * row + 2], comparison)
+        rows = [0, *np.cumsum([comparison.rods for comparison in comparisons]).tolist()]
+        figure = new_figure(0.5 + 1.35 * rows[-1])
+        grid = figure.subplots(rows[-1], 2, squeeze=False)
+        for (first, end), comparison in zip(pairwise(rows), comparisons, strict=True):
+            _draw_errors(grid[first:end], comparison)
         legend_above(figure)
         return figure
 
@@ -283,7 +288,7 @@ def _draw_response(axes: Axes, comparison: Comparison, axis: int) -> None:
 
 
 def _draw_errors(panels: NDArray[np.object_], comparison: Comparison) -> None:
-    """Draw the error panels (2, 2) of one run."""
+    """Draw the error panels (rods, 2) of one run."""
     near = comparison.t <= comparison.horizon_s
     _title(panels[0, 0], comparison)
     for axis, (left, right) in enumerate(panels):
@@ -293,10 +298,10 @@ def _draw_errors(panels: NDArray[np.object_], comparison: Comparison) -> None:
         _draw_error(right, comparison.t, segment, noise, float(comparison.segment_rms_rad[axis]))
         left.set_ylabel(f"{AXES[axis]}\nerror (mrad)")
         right.set_ylabel("residual (mrad)")
-    for upper in panels[0]:
+    for upper in panels[:-1].flat:
         upper.tick_params(labelbottom=False)
-    panels[1, 0].set_xlabel("free run up to the horizon: time since release (s)")
-    panels[1, 1].set_xlabel("segments with free initial states: time since release (s)")
+    panels[-1, 0].set_xlabel("free run up to the horizon: time since release (s)")
+    panels[-1, 1].set_xlabel("segments with free initial states: time since release (s)")
 
 
 def _draw_error(axes: Axes, t: Array, error: Array, noise_rad: float, rms_rad: float = np.nan) -> None:

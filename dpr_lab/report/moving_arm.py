@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 UNITS = dict.fromkeys("abdA", "kg m²") | dict.fromkeys(("c0", "c1", "c2"), "N m s/rad")
 UNITS |= {"e1": "N m", "k0": "N m/rad", "f0": "N m", "kt gear/R": "N m/V", "kt gear": "N m/A"}
 
+SEGMENT_NOTE = (
+    "Longer segments leave larger residuals: those of `identify` are of its own segments, which may be shorter."
+)
+
 
 def summary(model: "MovingArmModel", angles: AngleUnit = RADIANS) -> str:
     """Describe the residuals and the segments."""
@@ -45,7 +49,7 @@ def absolute_table(model: "MovingArmModel") -> Rows:
     ]
 
 
-@page_table("run", "role", "joint", "residual (mrad rms)", "noise (mrad)")
+@page_table("run", "role", "joint", "segment (s)", "residual (mrad rms)", "noise (mrad)", caption=SEGMENT_NOTE)
 def comparison_table(compared: Mapping[str, Any]) -> Rows:
     """Return one row per run and joint of the output of `dpr-lab compare --json`."""
     return [
@@ -53,6 +57,7 @@ def comparison_table(compared: Mapping[str, Any]) -> Rows:
             run_label(run["run"]),
             role(run["held_out"], run["truncated"]),
             joint,
+            f"{run['segment_s']:.3g}",
             f"{1e3 * rms:.3g}",
             f"{1e3 * run['noise_rad'][joint]:.2g}",
         ]

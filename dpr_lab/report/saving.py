@@ -184,7 +184,7 @@ def write_export(
 
 
 def _record(comparison: Comparison) -> dict[str, Any]:
-    by_axis = ("segment_rms_rad", "free_run_rms_rad", "noise_rad")
+    by_axis, rods = ("segment_rms_rad", "free_run_rms_rad", "noise_rad"), AXES[: comparison.rods]
     return {
         "run": comparison.run,
         "pose": comparison.pose,
@@ -193,5 +193,5 @@ def _record(comparison: Comparison) -> dict[str, Any]:
         **({"torque_kind": comparison.torque_kind} if comparison.torque_kind else {}),
         "horizon_s": comparison.horizon_s,
         "segments": comparison.segments,
-        **{name: dict(zip(AXES, getattr(comparison, name).tolist(), strict=True)) for name in by_axis},
+        **{name: dict(zip(rods, getattr(comparison, name).tolist(), strict=False)) for name in by_axis},
     }

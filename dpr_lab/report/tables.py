@@ -35,7 +35,7 @@ PARAMETER_NOTE = (
     " Measure it to determine it."
 )
 COMPARISON_NOTE = (
-    "Pairs are θ1, θ2 (inner, outer rod). rms: residual of segments with free initial states. Free run: rms"
+    "Pairs are θ1, θ2 (inner, outer rod). rms: residual of segments of 0.5 s with free initial states. Free run: rms"
     " error of one simulation from the release to the horizon. Held out: not fitted. Horizon: time until"
     " which the swing is predictable; ≥: at least until the end of the recording."
 )
@@ -272,7 +272,7 @@ def comparison_table(comparisons: "Sequence[Comparison]", angles: AngleUnit = RA
             ("≥ " if to_the_end(comparison) else "") + three(comparison.horizon_s),
         ]
         for comparison in comparisons
-        for rods in [1 if np.array_equal(*comparison.measured.T) else 2]  # two equal columns represent a single rod
+        for rods in [comparison.rods]
     ]
 
 

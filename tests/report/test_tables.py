@@ -9,6 +9,8 @@ import pytest
 from dpr_lab.identification.model import EstimatedValue
 from dpr_lab.identification.moving_arm.identify import ArmComparison
 from dpr_lab.report import moving_arm, run_names, tables
+from dpr_lab.report.data_frame import to_dataframe
+from dpr_lab.report.figures import error_figure, response_figure
 
 
 @pytest.mark.parametrize("table", [tables.ratio_table, tables.parameter_table, tables.run_table, tables.search_table])
@@ -53,9 +55,15 @@ def test_one_rod_has_one_residual(model, comparison):
     both = comparison()
     alone = replace(both, measured=both.measured[:, [0, 0]])
     assert [len(tables.comparison_table([made]).rows[0][3].split(", ")) for made in (both, alone)] == [2, 1]
+    assert ["theta2" in repr(made) for made in (both, alone)] == [True, False]
+    assert [len(to_dataframe(made).columns) for made in (both, alone)] == [6, 3]
+    assert [len(response_figure([made]).axes) for made in (both, alone)] == [2, 1]
+    assert [len(error_figure([made]).axes) for made in (both, alone)] == [4, 2]
     whole = model()
     assert "θ1, θ2" in tables.summary(whole)
-    assert "θ1:" in tables.summary(whole.model_copy(update={"fitted": [*whole.ratios.values()]}))
+    single = whole.model_copy(update={"fitted": [*whole.ratios.values()], "warnings": ["lacks an effect"]})
+    assert "θ1:" in tables.summary(single)
+    assert repr(single).splitlines()[0].endswith(" mrad (theta1); warning: lacks an effect")
 
 
 def test_a_compared_run_in_mrad_and_times_noise(comparison):
@@ -168,8 +176,10 @@ def test_the_tables_of_a_moving_arm_state_units_and_label_runs_like_those_of_a_c
     assert {row[0]: row[3] for row in rows} == {"e1/a": "1/s²", "A/a": "1", "kt/(R a)": "1/(s² V)"}
     name = "20261121T101500Z_X1_00000001"
     size = {"joint 0": 1e-3}
-    runs = [{"run": name, "held_out": False, "truncated": False, "rms_rad": size, "noise_rad": size}]
-    ((label, *_),) = moving_arm.comparison_table({"runs": runs}).rows
+    runs = [{"run": name, "held_out": False, "truncated": False, "segment_s": 0.5, "rms_rad": size, "noise_rad": size}]
+    table = moving_arm.comparison_table({"runs": runs})
+    ((label, _, _, segment, *_),) = table.rows
+    assert (segment, table.columns[3]) == ("0.5", "segment (s)")
     assert label == run_names.run_name(Path(f"{name}.mcap")) != name
 
 

@@ -69,7 +69,10 @@ class MovingArmModel(FittedModel):
 
     def _heading(self) -> str:
         rms = ", ".join(f"{1e3 * value:.3g} mrad ({name})" for name, value in self.fit.rms_rad.items())
-        return f"Model of rig {self.rig.name} with a moving arm from {counted(len(self.runs), 'run')}: {rms}"
+        of_warnings = "".join(f"; warning: {warning}" for warning in self.warnings)
+        return (
+            f"Model of rig {self.rig.name} with a moving arm from {counted(len(self.runs), 'run')}: {rms}{of_warnings}"
+        )
 
     @property
     def quantities(self) -> dict[str, EstimatedValue]:

@@ -88,6 +88,7 @@ FRICTION = EvidenceSection(
     caption="Friction torque of each joint, up to the speed that it reaches in both directions: viscous friction, the"
     " named friction laws and a free-form curve, fitted together. The band is the 90 % interval at each speed.",
     symbols="T(u) = c u + sum of the friction laws at the speed u, positive if it opposes a positive u, at the assumed"
-    " b. Its variance is g(u)^T C g(u), with C the covariance of the fitted values and g(u) the derivative of T(u).",
+    " b (one rod: a). Its variance is g(u)^T C g(u), with C the covariance of the fitted values and g(u) the derivative"
+    " of T(u).",
     tables=(friction_table,),
 )
