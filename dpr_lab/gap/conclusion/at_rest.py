@@ -18,9 +18,11 @@ from dpr_lab.setup import Setup
 NOT_HELD: Mapping[int, float] = MappingProxyType({})
 """Angles at rest without dry friction."""
 
-READ_AT_REST = dict.fromkeys([e.name for e in (ENCODER_OFFSET_JOINT1, BASE_TILT, COM_OFFSET_LINK1)], 0)
-READ_AT_REST |= dict.fromkeys([e.name for e in (ENCODER_OFFSET_JOINT2, COM_OFFSET_LINK2)], 1)
-"""Rod (0: inner, 1: outer) whose position at rest the remedy or the bench check of an effect uses."""
+READ_AT_REST = (
+    (ENCODER_OFFSET_JOINT1.name, BASE_TILT.name, COM_OFFSET_LINK1.name),
+    (ENCODER_OFFSET_JOINT2.name, COM_OFFSET_LINK2.name),
+)
+"""Effects whose remedy or bench check uses the position of the inner and of the outer rod at rest."""
 
 
 def held_angles(
@@ -40,18 +42,18 @@ def held_angles(
     for setup in set(setups):
         base = dict(zip(BASE, base_of_run(whole, setup, rig.L1, rig.g).tolist(), strict=True))
         for rod, gravity in enumerate((base["e1"], base["d"] * rig.g / rig.L1)):
-            if gravity > 0.0:
+            if friction[rod] > 0.0 and gravity > 0.0:
                 held[rod] = max(held.get(rod, 0.0), math.asin(min(friction[rod] / gravity, 1.0)))
     return held
 
 
 def at_rest(effect: str, held: Mapping[int, float], *, fitted: bool = False) -> str:
     """Return a sentence on friction for an effect that is read or corrected at rest; otherwise an empty text."""
-    angle = held.get(READ_AT_REST.get(effect, -1), 0.0)
-    if angle <= 0.0:
+    rod = next((rod for rod, names in enumerate(READ_AT_REST) if effect in names), None)
+    if rod is None or rod not in held:
         return ""
     instead = ", or use the fitted value" if fitted else ""
     return (
-        f" Friction of joint {READ_AT_REST[effect] + 1} holds the rod at rest up to {1e3 * angle:.2g} mrad from its"
+        f" Friction of joint {rod + 1} holds the rod at rest up to {1e3 * held[rod]:.2g} mrad from its"
         f" balance: let it come to rest from both sides and take the mean{instead}."
     )
