@@ -60,6 +60,9 @@ WITHIN = "the limit lies within the interval"
 RECORD_MORE = ": record more releases"
 """End of such a reason, before the releases are known."""
 
+SECOND_RELEASE = ": record a second release"
+"""End of the reason of a limit of an effect whose form one release does not test."""
+
 
 @dataclass(frozen=True, slots=True)
 class JudgedLimit:
@@ -356,7 +359,7 @@ def _doubted(named: NamedEffect) -> str:
 
 def _because(named: NamedEffect) -> str:
     """Return the reason for a limited probability and the remedy, or an empty text."""
-    return f", {UNTESTED}: record a second release" if named.untested else ""
+    return f", {UNTESTED}{SECOND_RELEASE}" if named.untested else ""
 
 
 def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> str:

@@ -112,8 +112,8 @@ def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
 
     The reason of a limit states the release that is expected to decide it alone. The reason of a limit that the
     releases would not decide states this, unless the interval covers all shapes of an effect: the forecast refers to
-    one shape. More accurate sizes do not decide a limit whose cause is uncertain. Its reason states the bench check
-    that the plan contains.
+    one shape. If no release separates the possible causes of a limit, its reason states the bench check of the plan
+    instead.
     """
     from dpr_lab.acceptance.judge import RECORD_MORE, WITHIN
     from dpr_lab.acceptance.scale import ONLY_SCALE
@@ -135,9 +135,11 @@ def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
     limits = tuple(map(advised, acceptance.limits))
     open_ones = [
         limit.quantity
-        for limit in limits
-        if limit.reason.startswith(WITHIN)
-        or (limit.interval90 is None and not re.search(r"\b(cause|indistinguishable)\b", limit.reason))
+        for before, limit in zip(acceptance.limits, limits, strict=True)
+        if limit.answer == "not decidable"
+        and not limit.reason.startswith(ONLY_SCALE)
+        and "indistinguishable" not in limit.reason
+        and (limit.reason.startswith(WITHIN) or limit.reason == before.reason)
     ]
     decided = tuple(quantity for quantity in open_ones if quantity in forecasts and forecasts[quantity].decides)
     texts = tuple(release.text for release in planned.releases) if decided else ()
@@ -146,9 +148,11 @@ def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
 
 def _with_bench_check(limit: "JudgedLimit", planned: "Plan") -> "JudgedLimit":
     """Add the bench check of the causes that the limit or its reason names, if no release separates them."""
+    from dpr_lab.acceptance.judge import SECOND_RELEASE
+
     names = {*re.findall(r"\w+", f"{limit.quantity} {limit.reason}")}
     checks = [pair for pair in planned.inseparable if limit.reason and names.intersection(pair.causes)]
-    if not checks:
+    if not checks or limit.reason.endswith(SECOND_RELEASE):
         return limit
     return replace(limit, reason=f"{limit.reason}. {checks[0].advice}".removesuffix("."))
 

@@ -141,7 +141,7 @@ def draft_rig(measures: RigMeasures) -> str:
         "new_rig.toml",
         m=m,
         parameters=_parameters(m, mb),
-        of_scale=values_of_scale(m.mounted, m.elbow, m.arm),
+        of_scale=values_of_scale(m.mounted, m.elbow, m.arm, mb.value),
         arm_mode=m.arm,
         arm_bounds=arm_bounds(m.arm, m.L0, carried, m.motor),
         motor=m.motor,

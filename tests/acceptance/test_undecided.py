@@ -169,4 +169,13 @@ def test_a_limit_with_an_uncertain_cause_asks_for_the_bench_check_and_not_for_re
     stated = acceptance.limits[0].reason
     assert stated == f"{reason}. No release separates {pair.causes[0]} from {pair.causes[1]}. Turn the rod"
     plan.inseparable = []
+    separable = with_recordings(Acceptance("not decidable", "", (limit,)), plan)
+    assert (separable.limits, separable.recordings) == ((limit,), ("P1",))
+
+
+def test_a_limit_that_a_second_release_tests_asks_for_no_bench_check() -> None:
+    reason = "the probability is 64 %, because one release does not test its form: record a second release"
+    limit = JudgedLimit("spring_joint1.stiffness", "", -1.0, 1.0, (0.0, 2.0), "not decidable", reason)
+    pair = Inseparable(causes=("spring_joint1", "encoder_scale_joint1"), check="Turn the rod.")
+    plan: Any = SimpleNamespace(limits=[], releases=[], inseparable=[pair])
     assert with_recordings(Acceptance("not decidable", "", (limit,)), plan).limits == (limit,)

@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 
@@ -38,7 +40,15 @@ def test_a_usual_resolution_near_the_fitted_one_is_named(named, paper: Rig, exce
     assert ("another cause is probable" in sentence) is (excess == -0.05)
 
 
-@pytest.mark.parametrize(("setup", "gravity"), [(BOTH, 2.0), (Setup("inner"), 2.0 - 0.05 * 9.81 / 0.5)])
+@pytest.mark.parametrize(
+    ("setup", "gravity"),
+    [
+        (BOTH, 2.0),
+        (Setup("inner"), 2.0 - 0.05 * 9.81 / 0.5),
+        (Setup("clamped"), 2.0 + 0.03 * 9.81 / 0.5),
+        (Setup("clamped", elbow=math.pi), 2.0 - 0.03 * 9.81 / 0.5),
+    ],
+)
 def test_a_zero_read_at_rest_is_uncertain_by_friction_over_gravity(named, paper: Rig, setup: Setup, gravity: float):
     rig = rig_constants(paper)._replace(L1=0.5, g=9.81)
     whole = np.array([0.2, 0.02, 0.03, 2.0, 1e-3, 1e-4, 0.05])

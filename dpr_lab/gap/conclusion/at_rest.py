@@ -1,5 +1,6 @@
 """Readings at rest although friction holds a rod away from its balance."""
 
+import cmath
 import math
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
@@ -7,7 +8,7 @@ from types import MappingProxyType
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import BASE, base_of_run
 from dpr_lab.effects.base_tilt import BASE_TILT
-from dpr_lab.effects.com_offset import COM_OFFSET_LINK1, COM_OFFSET_LINK2
+from dpr_lab.effects.com_offset import COM_OFFSET_LINK1
 from dpr_lab.effects.coulomb import COULOMB
 from dpr_lab.effects.effect import Params
 from dpr_lab.effects.encoder_offset import ENCODER_OFFSET_JOINT1, ENCODER_OFFSET_JOINT2
@@ -20,7 +21,7 @@ NOT_HELD: Mapping[int, float] = MappingProxyType({})
 
 READ_AT_REST = (
     (ENCODER_OFFSET_JOINT1.name, BASE_TILT.name, COM_OFFSET_LINK1.name),
-    (ENCODER_OFFSET_JOINT2.name, COM_OFFSET_LINK2.name),
+    (ENCODER_OFFSET_JOINT2.name,),
 )
 """Effects whose remedy or bench check uses the position of the inner and of the outer rod at rest."""
 
@@ -41,7 +42,10 @@ def held_angles(
     held: dict[int, float] = {}
     for setup in set(setups):
         base = dict(zip(BASE, base_of_run(whole, setup, rig.L1, rig.g).tolist(), strict=True))
-        for rod, gravity in enumerate((base["e1"], base["d"] * rig.g / rig.L1)):
+        torques = [base["e1"], base["d"] * rig.g / rig.L1]
+        if setup.mounting == "clamped":  # both rods are one body
+            torques = [abs(torques[0] + cmath.rect(torques[1], setup.elbow))]
+        for rod, gravity in enumerate(torques):
             if friction[rod] > 0.0 and gravity > 0.0:
                 held[rod] = max(held.get(rod, 0.0), math.asin(min(friction[rod] / gravity, 1.0)))
     return held
