@@ -85,14 +85,14 @@ def test_a_name_cannot_write_into_a_notebook(results) -> None:
 
 
 def test_a_comparison_has_the_index_of_its_run() -> None:
-    t, curves = np.array([0.0, 0.1]), np.zeros((2, 2))
+    t, curves = np.array([0.0, 0.1]), np.array([[0.0, 1.0], [0.0, 1.0]])
     run = Run("X1", t, np.zeros((2, 3)), None, None, "paper", "", 10.0)
     comparison = dpr.Comparison(
         "X1", None, False, t, curves, curves, curves, 1.0, np.ones(2), 1, np.ones(2), np.ones(2)
     )
     frames = [dpr.to_dataframe(run), dpr.to_dataframe(comparison)]
     assert [frame.index.name for frame in frames] == ["t_s", "t_s"]
-    assert frames[0].join(frames[1])["tracked_theta2"].tolist() == [0.0, 0.0]
+    assert frames[0].join(frames[1])["tracked_theta2"].tolist() == [1.0, 1.0]
 
 
 @pytest.mark.slow

@@ -1,17 +1,15 @@
 """Measured values of a rig file that determine the scale of masses and torques."""
 
-import numpy as np
+from typing import TYPE_CHECKING
 
-from dpr_lab.dynamics.base import whole_parameters
-from dpr_lab.fitting.estimate import unknown_ratios, visible_ratios
-from dpr_lab.identification.moving_arm.setup import rods_measured
-from dpr_lab.identification.prior_update import clamped_cosine, posterior_of
-from dpr_lab.rig import Rig, of_inner_rod
-from dpr_lab.setup import Setup
+if TYPE_CHECKING:
+    from dpr_lab.rig import Rig
 
 
 def values_of_scale(mounted: str, elbow: str, arm_mode: str, mb: float = 0.0) -> str:
     """List parameters whose measured values together determine the scale; mb, kg, is carried by a single rod."""
+    from dpr_lab.rig import of_inner_rod
+
     rod = 1 if mounted == "inner" else 2
     if arm_mode in ("free", "driven"):
         return f"m{rod}, l{rod} and J{rod}"
@@ -20,12 +18,20 @@ def values_of_scale(mounted: str, elbow: str, arm_mode: str, mb: float = 0.0) ->
     return "m1, l1 and mb" if rod == 1 and "mb" in of_inner_rod(mb) else f"m{rod} and l{rod}"
 
 
-def scale_known(rig: Rig) -> bool:
+def scale_known(rig: "Rig") -> bool:
     """Check whether an added mass, the motor or measured values of a rig file determine the scale.
 
     The measured values are checked as in `identify`, with the ratios of a rig that is not exactly uniform: the inertia
     of a rod is stationary if its centre of mass is in the middle.
     """
+    import numpy as np
+
+    from dpr_lab.dynamics.base import whole_parameters
+    from dpr_lab.fitting.estimate import unknown_ratios, visible_ratios
+    from dpr_lab.identification.moving_arm.setup import rods_measured
+    from dpr_lab.identification.prior_update import clamped_cosine, posterior_of
+    from dpr_lab.setup import Setup
+
     motor = rig.motor if rig.arm.mode == "driven" else None
     known_current = motor and motor.input == "current" and motor.kt and motor.kt.std
     if rig.added_mass or known_current or (motor and motor.input == "torque"):
