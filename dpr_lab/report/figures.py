@@ -298,8 +298,9 @@ def _draw_errors(panels: NDArray[np.object_], comparison: Comparison) -> None:
         _draw_error(right, comparison.t, segment, noise, float(comparison.segment_rms_rad[axis]))
         left.set_ylabel(f"{AXES[axis]}\nerror (mrad)")
         right.set_ylabel("residual (mrad)")
-    for upper in panels[:-1].flat:
-        upper.tick_params(labelbottom=False)
+    for left, right in panels[:-1]:
+        left.tick_params(labelbottom=False)
+        right.tick_params(labelbottom=False)
     panels[-1, 0].set_xlabel("free run up to the horizon: time since release (s)")
     panels[-1, 1].set_xlabel("segments with free initial states: time since release (s)")
 

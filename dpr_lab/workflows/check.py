@@ -119,7 +119,9 @@ def other_releases(runs: "Sequence[Run]", check: "AdvisedCheck") -> Iterator[str
     Its result counts, but it may contain little information about the causes of the check.
     """
     release = check.release
-    for run in runs if release else ():
+    if release is None:
+        return
+    for run in runs:
         rods = 1 if run.setup.alone else 2
         start, advised = run.swing.theta[0, 1 : rods + 1], (release.theta1_rad, release.theta2_rad)[:rods]
         apart = max(abs(math.remainder(a - b, 2.0 * math.pi)) for a, b in zip(start, advised, strict=True))

@@ -34,7 +34,7 @@ def held_angles(
     It is the arc sine of the largest friction torque at rest over the gravity torque of the rod, at most pi / 2.
     `names` are those of the probable effects, `whole` (7,) the base parameters of the rig.
     """
-    friction = dict.fromkeys((0, 1), 0.0)
+    friction = [0.0, 0.0]
     for name in names:
         for rod, laws in enumerate(zip(COULOMB, STRIBECK, strict=True)):
             if name in [law.name for law in laws]:
