@@ -73,14 +73,14 @@ def test_the_worked_example_states_the_claims_of_its_certificate() -> None:
     effects = {
         "Free-form friction curve, joint 2": "friction_curve_joint2",
         "Free-form friction curve, joint 1": "friction_curve_joint1",
-        "Air drag": "air_drag_outer",
+        "Air drag": "air_drag_both",
         "Encoder eccentricity, joint 1": "encoder_eccentricity_joint1",
     }
     for words, effect in effects.items():
         assert f"- **{words} ({100 * claims[f'{effect}: probability'].value:.0f} %)" in page, effect
     amplitudes = {
         "free-form friction curve, joint 2: backward": ("friction_curve_joint2: backward_Nm", 1e3),
-        "air drag, outer rod": ("air_drag_outer: coefficient_kg_per_m2", 1.0),
+        "air drag, all rods": ("air_drag_both: coefficient_kg_per_m2", 1.0),
     }
     for words, (name, per_unit) in amplitudes.items():
         row = re.search(rf"\| {words} \| (\S+) [^|]+ \| (\S+) ", page)
