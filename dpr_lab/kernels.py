@@ -126,7 +126,8 @@ def _loops_kept() -> Iterator[None]:
     """Compile without unrolling of loops, if this version of Numba permits it.
 
     The compiler unrolls a short loop over few lanes before it converts loops to vector instructions, so that the loop
-    stays scalar. Numba has no option for this, and its names may change: the kernels are then slower, but the same.
+    stays scalar. Numba has no option for this. If a later version renames the internal function, kernels are slower,
+    with equal results.
     """
     module: Any = codegen
     create = getattr(module, "create_pass_builder", None)

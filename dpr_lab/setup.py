@@ -220,7 +220,7 @@ class Setup:
         return self.mounting != "both"
 
     @property
-    def starts(self) -> int:
+    def initial_values(self) -> int:
         """Number of variables of the initial state: angles and speeds of the moving parts."""
         return {"both": 4, "clamped": 3}.get(self.mounting, 2) + 2 * self.arm_moves
 

@@ -188,9 +188,7 @@ def base_from_ratios(ratios: ArrayLike) -> Array:
 
 
 def rows(base: ArrayLike, L1: float, g: float) -> Array:
-    """Compute the quotients by a of the base parameters, for the batch kernel.
-
-    The parameters are b, d, e1, e2, c1 and c2.
+    """Divide the base parameters by a, for the batch kernel.
 
     Args:
         base: (..., 6) base parameters, at any scale
@@ -198,7 +196,7 @@ def rows(base: ArrayLike, L1: float, g: float) -> Array:
         g: gravity, m/s^2
 
     Returns:
-        (..., 6) quotients
+        (..., 6) b, d, e1, e2, c1 and c2, each divided by a
     """
     a, b, d, e1, c1, c2 = np.moveaxis(np.asarray(base, dtype=np.float64), -1, 0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

@@ -50,9 +50,9 @@ class Segments:
         return 6 if self.arm_moves else 4
 
     @property
-    def starts(self) -> Integers:
+    def initial_values(self) -> Integers:
         """(S,) number of free initial values of each segment."""
-        return np.array([setup.starts for setup in self.setups], dtype=np.int64)[self.run]
+        return np.array([setup.initial_values for setup in self.setups], dtype=np.int64)[self.run]
 
     @property
     def held(self) -> Flags:

@@ -75,8 +75,8 @@ def rig_model(
         constants: measured constants of the rig; None: the lengths of `frame` and the masses of Z
 
     Raises:
-        ValueError: an array has another shape, the mode is unknown, or the arm is not clamped although an effect moves
-            a clamped arm.
+        ValueError: an array has another shape, the mode is unknown, or an active effect requires a clamped arm and the
+            arm is not clamped.
     """
     if arm.mode not in MODES:
         raise ValueError(f"arm mode must be one of {', '.join(MODES)}, not {arm.mode!r}")

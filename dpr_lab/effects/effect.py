@@ -88,7 +88,7 @@ class EffectParameter:
 
     @property
     def words(self) -> str:
-        """Name for readers: `extra at rest` of `extra_at_rest_Nm`."""
+        """Name for readers, such as `extra at rest` for `extra_at_rest_Nm`."""
         return self.label or _UNIT_SUFFIX.sub("", self.name).replace("_", " ")
 
     @property

@@ -22,7 +22,7 @@ class Family:
     def among(self, effects: Collection[str]) -> tuple[str, ...]:
         """Select the given effects that belong to this family.
 
-        The result is empty unless at least two of the effects belong to the family, one of which is specific to it.
+        The result is empty unless it has two or more effects, of which at least one is specific to the family.
         """
         parts = tuple(name for name in effects if name in self.parts)
         return parts if len(parts) > 1 and set(parts) & set(self.marks) else ()

@@ -328,7 +328,7 @@ def _rest_std(t: Array, joints: Array, counts: Array) -> Array:
     """Return the standard deviation of each joint at rest.
 
     The deviations are taken from a straight line, because a hand-held rod drifts. Outliers are excluded; a change by
-    one count is none.
+    one count is not an outlier.
     """
     line = np.vander(t - t.mean(), 2)
     return np.array([_about(line, joint, 1.5 * count) for joint, count in zip(joints.T, counts, strict=True)])

@@ -53,10 +53,10 @@ def refuse_long_gaps(runs: Iterable[Run]) -> None:
 
 
 def refuse_other_rigs(runs: Iterable[Run], rig: Rig) -> None:
-    """Check that `rig` is a rig, to which every run with a rig name belongs.
+    """Check that `rig` is a rig, and that no run names another rig.
 
     Raises:
-        RunError: a run belongs to another rig, or the rig is given by the name or path of its file.
+        RunError: a run names another rig, or `rig` is the name or path of a rig file.
     """
     if isinstance(rig, (str, Path)):
         raise RunError(f"{rig}: is the name of a rig file, not a rig: read the file with load_rig")

@@ -1,4 +1,4 @@
-"""Covariance of fitted values due to noise and to values that count as exact."""
+"""Covariance of fitted values due to noise and to the uncertainty of constants that are not fitted."""
 
 from collections.abc import Sequence
 

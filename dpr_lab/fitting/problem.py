@@ -112,7 +112,7 @@ class Problem:
     def evidence_by_segment(self) -> Integers:
         """(segments,) degrees of freedom of each segment."""
         readings = np.count_nonzero(self.read, axis=1)
-        return np.add.reduceat(readings, self.segments.offsets[:-1]) - self.segments.starts
+        return np.add.reduceat(readings, self.segments.offsets[:-1]) - self.segments.initial_values
 
     @property
     def joints(self) -> JointAngles:

@@ -69,7 +69,8 @@ class RodsAlone:
 
     def _ratios(self, segments: Segments, estimate: Estimate) -> tuple[Array, Array]:
         """Return ratios and 1 / b (segments, 6), and their derivatives (segments, 6, 7)."""
-        by_run = [pushed_by(estimate.ratios, setup, self.constants.L1, self.constants.g) for setup in segments.setups]
+        L1, g = self.constants.L1, self.constants.g
+        by_run = [values_and_slopes(estimate.ratios, setup, L1, g) for setup in segments.setups]
         values, slopes = zip(*by_run, strict=True)
         return np.array(values)[segments.run], np.array(slopes)[segments.run]
 
@@ -124,7 +125,7 @@ def _whole_slopes(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
     return base_slopes(setup, L1, g) @ slopes if setup.alone else slopes[:_P]
 
 
-def pushed_by(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
+def values_and_slopes(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
     """Return the result of `values_of_run`, and the (6, 7) derivatives of these values."""
     values, slopes = values_of_run(unknown, setup, L1, g), ratios_of_run(unknown, setup, L1, g)[1]
     by_unknown = np.zeros(len(WHOLE))

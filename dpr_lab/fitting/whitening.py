@@ -12,7 +12,8 @@ covariance of the readings, but the filter takes linear time.
 
 A film from a camera that is not fixed has another correlated error: the picture turns slowly. In one segment, the
 angle of the picture is a straight line. Its value and its change over half of the segment have the standard deviation
-s. With the weighted readings C of these two, the covariance of the weighted readings is I + s^2 C C^T.
+s. The columns of C are the changes of the weighted readings per unit of each. The covariance of the weighted readings
+is I + s^2 C C^T.
 
 Source: F. C. Schweppe (1965), Evaluation of likelihood functions for Gaussian signals, IEEE Trans. Inf. Theory 11.
 """

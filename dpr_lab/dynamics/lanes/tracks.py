@@ -92,8 +92,8 @@ def _parts(
 ) -> Integers:
     """Return the kind, the candidate, and the first and last segment of each track.
 
-    The result is (4, tracks). The tracks belong to the marked candidates. Neighbouring tracks belong to candidates of
-    the same segment where possible, so that neighbouring lanes have the same times.
+    The result is (4, tracks). Only candidates that `which` marks have tracks. Neighbouring tracks belong to candidates
+    of the same segment where possible, so that neighbouring lanes have the same times.
     """
     columns = run[first] if which.shape[1] > 1 else np.zeros(len(first), dtype=np.int64)
     segment, candidate = np.nonzero(which[:, columns].T)

@@ -202,7 +202,8 @@ def lane_workspace(lanes: int = LANES) -> LaneWorkspace:
 def one_workspace(lanes: int) -> Any:
     """Create an array of one workspace.
 
-    At each call of a kernel, Numba finds the type of an array in compiled code, and that of a record in Python code.
+    At each call of a kernel, Numba determines the type of an argument: of an array fast, in compiled code, but of a
+    record slowly, in Python.
     """
     return np.zeros(1, _record(lanes))
 

@@ -46,7 +46,7 @@ _INERTIA, _VISCOUS, _EXCESS = (
 
 @dataclass(frozen=True, slots=True)
 class FollowSettings:
-    """Increments for derivatives of simulated swings, and limits of a failed simulation."""
+    """Increments for derivatives of simulated swings, and limits beyond which a simulation counts as failed."""
 
     step: float = 1e-5
     """Increment of each component of an initial state for forward differences, rad and rad/s."""

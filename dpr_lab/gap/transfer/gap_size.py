@@ -88,7 +88,7 @@ def gap_rad(problem: Problem, model: Hypothesis) -> dict[str, float]:
 def _above_noise(problem: Problem, fitted: Fit, level: float) -> dict[str, float]:
     """Return the rms residual of a fit above a noise level, rad, by axis."""
     residual = bounded_residual(problem, fitted)
-    lost = 1 - (problem.segments.starts.sum() + len(fitted.free)) / np.count_nonzero(problem.read)
+    lost = 1 - (problem.segments.initial_values.sum() + len(fitted.free)) / np.count_nonzero(problem.read)
     above = _mean(residual**2, problem) / lost - level
     return _by_axis(np.sqrt(np.maximum(above, 0.0) / np.maximum(_mean(problem.weight**2, problem), TINY)))
 
