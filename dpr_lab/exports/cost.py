@@ -63,7 +63,7 @@ class Yardstick:
         """Rms error of the bare model, rad."""
         return _rms([swing.lab for swing in self.before])
 
-    def held_against(self, model: AnyModel) -> tuple[AnyModel, tuple[Replay, ...]]:
+    def chosen_model(self, model: AnyModel) -> tuple[AnyModel, tuple[Replay, ...]]:
         """Choose the model to write, and simulate the recordings with it.
 
         The bare model is chosen if the refitted model `model` is worse over the whole swing. The refitted model can be

@@ -18,12 +18,12 @@
 Why was cause X preferred to Y? The field `search` of a diagnosis lists all trials of the search. The trial that rejects
 Y, or that replaces Y by X, states its move and the reason.
 
-Reading order. About 8,600 words contain the rules of this choice:
+Reading order. About 9,000 words contain the rules of this choice:
 
     `hypothesis.hypothesis`      the cost, by which sets are compared
     `hypothesis.thresholds`      the numbers in the rules
     `hypothesis.significance`    the difference of cost that counts
-    `hypothesis.imitation`       effects that only follow what other causes leave
+    `hypothesis.imitation`       effects that only fit the residual of other causes
     `which.search`               a move: it proposes sets, accepts or rejects them, and states the reason
     `which.moves`                the order of the moves
     `which.forward`              the moves; the trial names the one to read
@@ -33,8 +33,8 @@ Reading order. About 8,600 words contain the rules of this choice:
 
 About 6,700 words contain the stages: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`, `which.select`,
 `corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 68,100 words. Each has the
-computations of one decision, and can be read when it is changed. Two of them belong to no single stage: `damage`
-(outliers, disturbances, and rods moved by a hand, which the fit of the bare model removes; steps of a reading) and
+computations of one decision; read it when you change it. Two of them belong to no single stage: `damage`
+(outliers, kicks, and rods moved by a hand, which the fit of the bare model excludes; steps of a reading) and
 `films` (corrections of films).
 
 Terms of all modules:
@@ -44,13 +44,14 @@ Terms of all modules:
     score             predicted reduction of chi2 by one more effect, from one linearised fit
     cost, criterion   held-out chi-square plus the penalty of the parameters, by which sets are compared
     excess            chi2 above the noise; `bounded_excess` is at least the random variation of the noise
+    remainder         residual above the noise that a set of effects leaves
     inflation         variance inflation n / n_eff: chi2 that corresponds to one independent reading
     curve             an effect of three or more amplitudes, which can imitate a sum of other effects
     form              an effect that contains a simpler one (`Effect.nested`) as a special case is a richer form of it
     expected, known   effects that the rig file implies, for example of a geared motor; all others are `unexpected`
     universal         effects that every rig has, for example a zero error of an encoder
     common            effects that are visible on most rigs: the universal ones, base tilt, Coulomb friction, air drag
-    own share         part of an effect's reduction of chi2 that no other form of the other effects explains
+    own share         part of an effect's reduction of chi2 that the other effects, in any form, do not explain
     possible          a set whose sizes and gravity torque a rig can have
     sets              all fitted sets (`which.fitted_sets.FittedSets`), with functions that fit further ones
     held out          not fitted: `Request.held_out` contains the runs, `Fitted.held_out` the screened runs

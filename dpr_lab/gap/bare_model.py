@@ -23,7 +23,8 @@ from dpr_lab.rig import Rig
 from dpr_lab.setup import only_inner
 
 LESS_NOISE = 0.8
-"""Maximum ratio of a more likely noise of measured torques to the previous one; tested noises have steps of 0.71."""
+"""Maximum ratio of a smaller noise of measured torques, if it is used, to the previous one; tested noises differ by
+0.71."""
 
 
 def nominal_ratios(rig: Rig) -> Array:
@@ -47,9 +48,9 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
         RunError: no initial state fits the readings of a segment.
     """
     short, first = _fitted_in_short_segments(recordings, start)
-    steady = without_disturbances(recordings, first.estimate.ratios)
-    if steady is not recordings:
-        recordings = steady
+    undisturbed = without_disturbances(recordings, first.estimate.ratios)
+    if undisturbed is not recordings:
+        recordings = undisturbed
         short, first = _fitted_in_short_segments(recordings, start)
     ratios = first.estimate.ratios
     driven = recordings.arm_moves or any(setup.torques for setup in short.segments.setups)
@@ -64,7 +65,7 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
         recordings = quieter
         problem, bare = _in_working_segments(recordings, short, estimate)
     if noise := tracking_noise(recordings, problem, bare.fit):
-        recordings = recordings.with_tracking(noise)
+        recordings = recordings.with_tracking_noise(noise)
         problem, bare = _in_working_segments(recordings, short, estimate)
     return recordings, problem, bare
 

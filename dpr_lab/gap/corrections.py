@@ -1,4 +1,4 @@
-"""Corrections of the recordings that forward selection implies, each followed by a new search.
+"""Corrections of the recordings that forward selection shows to be necessary; each needs a new search.
 
 A correction returns the fitted state with corrected recordings, as a `ScreenedRuns`: the search fits the bare model
 again. It returns None if the recordings need no correction.
@@ -49,7 +49,7 @@ class ForwardSelected:
 
 
 def corrected(state: ForwardSelected, search: Callable[[ScreenedRuns], ForwardSelected]) -> ForwardSelected:
-    """Apply each correction that a search implies, and repeat the search.
+    """Apply each necessary correction, and repeat the search.
 
     Args:
         state: result of the first search

@@ -134,7 +134,7 @@ def _fitted(screened: ScreenedRuns) -> Fitted:
     recordings = with_time_scale(recordings, bare.estimate.ratios)
     held_out = without_disturbances(screened.held_out, bare.estimate.ratios)
     held_out = replace(held_out, ratios=recordings.ratios, torque_noise_Nm=recordings.torque_noise_Nm)
-    held_out = held_out.with_tracking(recordings.tracking).with_shutter(recordings.shutter)
+    held_out = held_out.with_tracking_noise(recordings.tracking).with_shutter(recordings.shutter)
     prediction = held_out_prediction(held_out, bare) if held_out.records else None
     _begin(request, "where")
     return Fitted(
@@ -194,10 +194,10 @@ def _transferred(selected: Selected) -> Transferred:
     rig, recordings, problem, chosen = fitted.request.rig, fitted.recordings, fitted.problem, selection.chosen
     _begin(fitted.request, "transfer")
     everything = recordings.only([*recordings.records, *fitted.held_out.records])
-    freely = {
+    simulated = {
         name: free_runs(everything, model.estimate, free=model.fit.free) for name, model in selection.models.items()
     }
-    outcome = transfer(selected, freely)
+    outcome = transfer(selected, simulated)
     described = description(recordings.records, rig, problem, selection, outcome)
     if not described.withholds:
         refuse_rising(problem, chosen)
@@ -207,10 +207,10 @@ def _transferred(selected: Selected) -> Transferred:
         fitted=fitted,
         selection=selection,
         posteriors=judged(outcome, selected.posteriors, forced=described.forced, remainder=not chosen.at_noise_floor),
-        free_runs=freely,
+        free_runs=simulated,
         transfer=outcome,
         description=described,
         remainder=remainder,
-        gap=gap(selected, outcome, freely, budget, remainder),
+        gap=gap(selected, outcome, simulated, budget, remainder),
         covariance=whole_covariance(problem, chosen, rig, remainder),
     )

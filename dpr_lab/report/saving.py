@@ -129,7 +129,7 @@ def save_exports(
     for name in formats:
         model, lost, check = models[name], FORMATS[name].lost(corrected, rig), None
         if reference is not None and model is not corrected:
-            model, swings = reference.held_against(model)
+            model, swings = reference.chosen_model(model)
             replayed = reference.replayed(swings)
             check = check_of(replayed, reference.bare_rad)
             errors = replayed.off_rad, reference.replayed(reference.own).off_rad, reference.bare_rad

@@ -177,7 +177,7 @@ def _checked(
     replays, refused = {}, {}
     for number, name in enumerate(formats, 2):
         on_event(StageBegan(number, stages, FORMATS[name].program))
-        models[name], swings = reference.held_against(models[name])
+        models[name], swings = reference.chosen_model(models[name])
         angles = replayed(name, models[name], rig, swings)
         replays[name] = reference.replayed(
             swings, [swing.error(theta) for swing, theta in zip(swings, angles, strict=True)]

@@ -23,7 +23,7 @@ def test_a_hopeless_alternative_is_only_fitted_from_the_selected_solution(
     sets.with_one.return_value = first
     monkeypatch.setattr(replacements, "simpler_forms", lambda *_: [])
     monkeypatch.setattr(replacements, "_indistinguishable", lambda *_: [Mock()])
-    monkeypatch.setattr(replacements, "imaged", lambda *_: image)
+    monkeypatch.setattr(replacements, "replaced_linearly", lambda *_: image)
     monkeypatch.setattr(replacements, "escaped", lambda _, model: restarted.append(model.name))
     fit_alternatives(sets, Mock(effects=("named",), at_noise_floor=False, cost=100.0, chance=10.0))
     assert restarted == expected

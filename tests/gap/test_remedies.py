@@ -58,7 +58,7 @@ def test_a_zero_read_at_rest_is_uncertain_by_friction_over_gravity(named, paper:
     held = held_angles(list(sizes), whole, sizes, [setup], rig)
     assert held[0] == pytest.approx(0.01 / gravity, rel=1e-3)
     zero, _ = remedies(effects, sizes, rig, held)
-    assert f"holds the rod at rest up to {1e3 * held[0]:.2g} mrad from its balance: let it come to rest" in zero
+    assert f"holds the rod at rest up to {1e3 * held[0]:.2g} mrad from equilibrium: let it come to rest" in zero
     assert "from both sides and take the mean." in at_rest("base_tilt", held)
     assert at_rest("coulomb_joint2", held) == ""
     assert at_rest("base_tilt", held_angles([], whole, sizes, [setup], rig)) == ""

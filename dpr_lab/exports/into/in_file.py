@@ -23,7 +23,7 @@ class ChangeSettings:
     """Difference of a ratio, in its standard deviations, up to which it counts as unchanged."""
     idle: float = 1e-6
     """Damping, as a fraction of the typical damping, below which it counts as zero."""
-    felt: float = 0.01
+    required: float = 0.01
     """Relative growth of the mean square error over segments below which an effect keeps the value of the file."""
 
 
@@ -164,7 +164,7 @@ def effect_rows(
     return rows
 
 
-def felt(effects: Effects, file: Effects, error: Callable[[Effects], float]) -> Effects:
+def required_effects(effects: Effects, file: Effects, error: Callable[[Effects], float]) -> Effects:
     """Select the effects that the recordings require.
 
     Other effects keep their values of the file; they are omitted if these values are zero.
@@ -176,7 +176,7 @@ def felt(effects: Effects, file: Effects, error: Callable[[Effects], float]) -> 
     """
     for name in effects:
         without = {**effects, name: file[name]}
-        if error(without) < (1 + CHANGE.felt) * error(effects):
+        if error(without) < (1 + CHANGE.required) * error(effects):
             effects = {other: sizes for other, sizes in without.items() if any(sizes.values())}
     return effects
 

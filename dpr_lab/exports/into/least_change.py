@@ -30,9 +30,9 @@ from dpr_lab.exports.into.in_file import (
     as_in_file,
     cause,
     effect_rows,
-    felt,
     in_file,
     ranked,
+    required_effects,
     scaled,
     unseen,
 )
@@ -125,7 +125,7 @@ def ranked_change(
     """
     corrected, of_file = numbers
     file = {name: {key: 0.0 for key in sizes} | in_file(chain, name) for name, sizes in effects.items()}
-    effects = felt(effects, file, lambda tried: error(model_with(corrected, tried)))
+    effects = required_effects(effects, file, lambda tried: error(model_with(corrected, tried)))
     least = model_with(corrected, effects)
     causes: list[tuple[list[ModelCause], ModelKind]] = [
         (rows, model_with(corrected, {**effects, name: file[name]}))

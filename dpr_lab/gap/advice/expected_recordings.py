@@ -40,7 +40,7 @@ MENU_OF_ONE_ROD = {
     for text, release in MENU.items()
     if release.added_mass is None
 }
-"""The same for a rig with the inner rod alone."""
+"""Releases of a rig with the inner rod alone, by their description."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -194,6 +194,6 @@ def _with_effects(problem: Problem, start: Estimate, effects: Mapping[str, Mappi
 
 
 def _test(recordings: Recordings, problem: Problem, model: Hypothesis, names: Sequence[str]) -> ScoreTest:
-    """Test which candidates a fit to the new runs lacks."""
+    """Compute the score test of the candidates that a fit to the new runs lacks."""
     known = recorded_properties(recordings.records, problem, model.fit)
     return score_test(problem, model.fit, [EFFECTS[name] for name in names], known)

@@ -81,7 +81,7 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
     added_cost = np.array([0.0, *costs, max(without - chosen.cost, 0.0)])
     scaled = -added_cost / CALIBRATION.unit(chosen.inflation)
     weights = np.exp(np.clip(scaled, -CALIBRATION.negligible, CALIBRATION.negligible))
-    replaced = (selection.fitted[replacements.key(alternative.name)] for alternative in alternatives)
+    replaced = (selection.fitted[replacements.key_with(alternative.name)] for alternative in alternatives)
     prior_ratios = [prior_odds(selection, model, (name, *plausibilities)) for model in replaced]
     sizes = [_size_odds(replacements, alternative) for alternative in alternatives]
     weights[1:-1] = np.minimum(weights[1:-1] * prior_ratios * sizes, 1.0)
@@ -114,13 +114,13 @@ class _Replacements:
         """Score test of all effects for the set without the effect."""
         return self.selection.tests_without[self.name]
 
-    def key(self, other: str) -> frozenset[str]:
-        """Return the names of the set in which another effect replaces the named effect."""
+    def key_with(self, other: str) -> frozenset[str]:
+        """Return the effects of the set in which another effect replaces the named effect."""
         return self.selection.without[self.name].key | {other}
 
     def with_other(self, other: str) -> Hypothesis | None:
         """Return the set with another effect in place of the named effect, or None if it was not fitted."""
-        return self.selection.fitted.get(self.key(other))
+        return self.selection.fitted.get(self.key_with(other))
 
 
 def _class_members(
@@ -217,7 +217,7 @@ def _size_odds(replacements: _Replacements, alternative: Alternative) -> float:
     name, other = replacements.name, alternative.name
     if alternative.cosine < THRESHOLDS.indistinguishable or _are_forms(name, other):
         return 1.0
-    chosen, model = replacements.selection.chosen, replacements.selection.fitted[replacements.key(other)]
+    chosen, model = replacements.selection.chosen, replacements.selection.fitted[replacements.key_with(other)]
     rarity = EFFECTS[name].prior_odds / EFFECTS[other].prior_odds
     return rarity * model.priors[other] / chosen.priors[name]
 

@@ -1,4 +1,4 @@
-"""Readings at rest although friction holds a rod away from its balance."""
+"""Errors of readings at rest, because friction holds a rod away from its equilibrium."""
 
 import cmath
 import math
@@ -29,7 +29,7 @@ READ_AT_REST = (
 def held_angles(
     names: Iterable[str], whole: Array, sizes: Mapping[str, Params], setups: Iterable[Setup], rig: RigConstants
 ) -> dict[int, float]:
-    """Return the angle up to which named dry friction holds each rod away from its balance, rad, by rod.
+    """Return the largest angle from equilibrium, rad, at which named dry friction holds each rod, by rod.
 
     It is the arc sine of the largest friction torque at rest over the gravity torque of the rod, at most pi / 2.
     `names` are those of the probable effects, `whole` (7,) the base parameters of the rig.
@@ -58,6 +58,6 @@ def at_rest(effect: str, held: Mapping[int, float], *, fitted: bool = False) -> 
         return ""
     instead = ", or use the fitted value" if fitted else ""
     return (
-        f" Friction of joint {rod + 1} holds the rod at rest up to {1e3 * held[rod]:.2g} mrad from its"
-        f" balance: let it come to rest from both sides and take the mean{instead}."
+        f" Friction of joint {rod + 1} holds the rod at rest up to {1e3 * held[rod]:.2g} mrad from"
+        f" equilibrium: let it come to rest from both sides and take the mean{instead}."
     )

@@ -134,7 +134,7 @@ def remedies(
         named: the effects, in order
         sizes: fitted parameters of each effect
         rig: values of the rig file
-        held: angle up to which friction holds each rod away from its balance, rad, by rod
+        held: largest angle from equilibrium at which friction holds each rod, rad, by rod
     """
     sentences: list[str] = []
     for effect in named:

@@ -15,7 +15,7 @@ from dpr_lab.gap.conclusion.notes import notes
 from dpr_lab.gap.conclusion.ratios import ratio_fields, scale
 from dpr_lab.gap.conclusion.sentence import sentence
 from dpr_lab.gap.conclusion.verdict import VERDICT, listed_causes, verdict
-from dpr_lab.gap.hypothesis.detectable import visible
+from dpr_lab.gap.hypothesis.detectable import count_detectable
 from dpr_lab.gap.result.checks import AdvisedCheck, recommended
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Evidence
@@ -40,7 +40,7 @@ def conclude(state: Transferred, advised: Sequence[AdvisedCheck], evidence: Evid
     """
     chosen, minimum_sizes = state.selection.chosen, state.selection.detectable
     withheld, transfer = state.description.withholds, state.transfer
-    visible_counts = visible(minimum_sizes, state.fitted.recordings.prior.limits)
+    visible_counts = count_detectable(minimum_sizes, state.fitted.recordings.prior.limits)
     kind = verdict(state, visible_counts, evidence.budget)
     shown = state.posteriors if kind == "named" else listed_causes(state.posteriors)
     names_causes, assumed = kind in ("named", "partly_explained", "too_short"), scale(state)

@@ -16,7 +16,10 @@ from dpr_lab.shown import listed, percent
 
 
 def notes(state: Transferred, kind: Verdict, named_families: Sequence[NamedFamily]) -> list[str]:
-    """Return all notes; if the description of the recordings is wrong, only that on truncated recordings."""
+    """Return all notes.
+
+    If the description of the recordings is wrong, only the note on truncated recordings is returned.
+    """
     records = [*state.fitted.recordings.records, *state.fitted.held_out.records]
     names = [whole(record.run.name) for record in records if not record.run.complete]
     cut = [f"{warning[:1].upper()}{warning[1:]}." for warning in truncation(names)]

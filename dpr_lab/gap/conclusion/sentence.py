@@ -225,7 +225,7 @@ _BASIS = {
 
 
 def _classes(causes: Sequence[EffectPosterior], below: float = -np.inf) -> str:
-    """Return the list of the classes in words, with each probability less than `below` or limited.
+    """List the classes in words; a probability is stated if it is less than `below` or limited by a test.
 
     If there are several classes, each class of two members is put in parentheses. A limited probability has its reason.
     """

@@ -23,9 +23,10 @@ class VerdictRules:
     sure: float = 0.6
     """Minimum probability of the most probable class of a set that is named."""
     rather: float = 0.5
-    """Probability below which the sentence omits an effect, unless no other effect is more probable."""
+    """Probability below which the sentence omits an effect that is not the most probable one."""
     outside: float = 10.0
-    """Ratio of the probabilities of an outside cause and an effect above which, for all effects, none explains."""
+    """Ratio of the probability of an outside cause to that of an effect; if it is larger for all effects, none is
+    named."""
     closes: float = 0.5
     """Minimum share of the gap that a cause closes on held-out recordings.
 
@@ -38,7 +39,7 @@ class VerdictRules:
     gap_from: float = 0.5
     """Minimum ratio of a gap to the noise, if no effect explains it."""
     held_out_gap: float = 1.0
-    """The same for a gap that only the held-out recordings show."""
+    """Minimum ratio of a gap to the noise, if only the held-out recordings show the gap."""
     visible: float = 0.5
     """Minimum share of the effects that are detectable at their typical size for the verdict "no gap".
 

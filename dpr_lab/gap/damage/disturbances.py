@@ -20,7 +20,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.fitting.cut import MIN_SAMPLES, cut
 from dpr_lab.fitting.estimate import Estimate
-from dpr_lab.gap.damage.hand import fitted_starts, without_hand
+from dpr_lab.gap.damage.hand import fitted_initial_states, without_hand
 from dpr_lab.gap.damage.jumps import JUMP, Jump, jumps_of_segments, outstanding
 from dpr_lab.gap.damage.steps import shows_step
 from dpr_lab.gap.result.finding import SensorFinding
@@ -76,7 +76,7 @@ class ExcludedInterval:
 
 
 def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
-    """Exclude a hand at the beginning, kicks, and steps of a reading.
+    """Remove the influence of a hand at the beginning, of kicks, and of steps of a reading.
 
     Args:
         recordings: the runs
@@ -144,7 +144,7 @@ def _jumps(recordings: Recordings, estimate: Estimate) -> list[Jump]:
         return []
     for begin in (0.0, 0.5 * LENGTHS.working):
         later = [_later(record, begin) for record in recordings.records]
-        problem, fitted = fitted_starts(recordings.only(later), estimate, LENGTHS.working)
+        problem, fitted = fitted_initial_states(recordings.only(later), estimate, LENGTHS.working)
         for best, candidates in zip((kicks, steps), jumps_of_segments(problem, fitted), strict=True):
             best += [jump for jump in candidates if searched[jump.run]]
     # A step of a reading also changes the gains of kicks, so kicks are returned only if there are no steps.

@@ -68,7 +68,7 @@ def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Recor
     """
     alone = replace(recordings, ratios=None).only([record])
     undriven = Estimate.of(ratios, effect_params({}), np.zeros((0, 4)))
-    problem, fitted = fitted_starts(alone, undriven, LENGTHS.first)
+    problem, fitted = fitted_initial_states(alone, undriven, LENGTHS.first)
     until = _pushed_until(alone, problem, fitted)
     evidence = "the rods gain energy until {:.2g} s: a hand still pushes, so these readings are excluded"
     if until is None:
@@ -80,8 +80,8 @@ def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Recor
     return record.left_out(float(record.t[0]), until).with_findings([finding])
 
 
-def fitted_starts(recordings: Recordings, estimate: Estimate, length: float) -> tuple[Problem, Fit]:
-    """Cut recordings into segments, and fit the initial states of the segments.
+def fitted_initial_states(recordings: Recordings, estimate: Estimate, length: float) -> tuple[Problem, Fit]:
+    """Cut recordings into segments, and fit only the initial states of the segments.
 
     The ratios and the effects of the estimate are fixed. `length` is the approximate length of a segment, s.
     """
@@ -158,7 +158,7 @@ def _held_until(recordings: Recordings, problem: Problem, fitted: Fit) -> float 
         free = recording.only((recording.t >= begin) & (recording.t < begin + duration))
         if len(free.t) < MIN_SAMPLES:
             return None
-        of_free_rods, from_here = fitted_starts(recordings.only([free]), fitted.estimate, LENGTHS.first)
+        of_free_rods, from_here = fitted_initial_states(recordings.only([free]), fitted.estimate, LENGTHS.first)
         if float(from_here.linear.chi2_by_segment.sum()) < usual * len(of_free_rods.t):
             return begin
     return None

@@ -126,7 +126,7 @@ class AllShapes:
 
     @cached_property
     def _whole(self) -> "_Swings":
-        """Swings of the whole recordings."""
+        """Swings along the whole recordings, for all shapes except frequencies."""
         return _Swings.of(self.problem, self.model.estimate, self.model.fit.linear)
 
     @cached_property

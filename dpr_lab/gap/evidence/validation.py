@@ -41,7 +41,7 @@ CURVE = CurveSettings()
 
 
 def validation(
-    recordings: Recordings, problem: Problem, models: Mapping[str, Hypothesis], freely: Mapping[str, FreeRuns]
+    recordings: Recordings, problem: Problem, models: Mapping[str, Hypothesis], simulated: Mapping[str, FreeRuns]
 ) -> tuple[Budget, list[Curves]]:
     """Return the validation budget and curves from free runs before and after correction.
 
@@ -49,16 +49,16 @@ def validation(
         recordings: the fitted runs
         problem: segments of the fitted runs
         models: models before and after correction
-        freely: free runs of all recordings by model, the fitted ones first
+        simulated: free runs of all recordings by model, the fitted ones first
     """
-    by_run = zip(*(runs.swings for runs in freely.values()), strict=True)
-    pairs = [dict(zip(freely, of_models, strict=True)) for of_models in by_run]
+    by_run = zip(*(runs.swings for runs in simulated.values()), strict=True)
+    pairs = [dict(zip(simulated, of_models, strict=True)) for of_models in by_run]
     ends = [horizon(pair["after"]) for pair in pairs]
     untils = [FREE_RUN.length_s if end is None else end for end in ends]
     samples = [_compared(pair, until_s) for pair, until_s in zip(pairs, untils, strict=True)]
-    parts = {name: list(sources(problem, model, recordings, freely[name])) for name, model in models.items()}
+    parts = {name: list(sources(problem, model, recordings, simulated[name])) for name, model in models.items()}
     variances = {name: mean_squares(parts[name], samples) for name in models}
-    errors = {name: _mean_errors(freely[name], samples) for name in models}
+    errors = {name: _mean_errors(simulated[name], samples) for name in models}
     counts = np.array([of_run.sum() for of_run in samples], dtype=np.float64)
     share = counts / max(counts.sum(), 1.0)
     runs = [

@@ -109,13 +109,13 @@ def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float |
     return excluded
 
 
-def visible(least: DetectableSizes, limits: Array | None) -> tuple[int, int]:
+def count_detectable(least: DetectableSizes, limits: Array | None) -> tuple[int, int]:
     """Count the effects that are detectable at their typical size, and at any size.
 
     If an effect is undetectable at any size, it does not act in these recordings or is absorbed by the ratios.
 
     Args:
-        least: result of `detectable`
+        least: minimum detectable sizes, the result of `detectable`
         limits: (SIZE,) maximum sizes on this rig; None: those of the laboratory rig
     """
     acting = {name: sizes for name, sizes in least.items() if any(size is not None for size in sizes.values())}

@@ -136,7 +136,7 @@ def explained(bare: Hypothesis, model: Hypothesis) -> float:
 
 
 def log_prior_ratio(model: Hypothesis, current: Hypothesis) -> float:
-    """Return the log of the prior odds of a set against another, with those of the fitted sizes.
+    """Return the logarithm of the ratio of the prior weights of two sets, at their fitted sizes.
 
     It is zero for sets of different size, which the penalty of the parameters compares.
     """

@@ -1,4 +1,4 @@
-"""Effects that only follow the remainder of other causes, and curves that imitate a removed effect."""
+"""Effects that only fit the residual of other causes, and curves that imitate a removed effect."""
 
 import math
 
@@ -7,17 +7,17 @@ from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 
 
 def follows_remainder(bare: Hypothesis, larger: Hypothesis, simple: Hypothesis) -> bool:
-    """Return whether a curve, vibration or drift only follows the remainder of small unknown causes."""
+    """Return whether a curve, vibration or drift only fits the remainder of small unknown causes."""
     if follows_swing(bare, larger, simple) or follows_decay(bare, larger, simple):
         return True
     return curve_follows_remainder(bare, larger, simple)
 
 
 def curve_follows_remainder(bare: Hypothesis, with_curve: Hypothesis, simple: Hypothesis) -> bool:
-    """Return whether a curve only follows the small remainder of unknown causes.
+    """Return whether a curve only fits the small remainder of unknown causes.
 
-    The simpler set explains nearly as much, its remainder is below the noise, and with this remainder as noise the
-    curve is not significant. A set with far larger prior odds needs no such evidence.
+    This is so under three conditions: the simpler set explains nearly as much, its remainder is below the noise, and
+    the curve is not significant if this remainder counts as noise. A set with far larger prior odds is exempt.
     """
     curves = set(with_curve.curves) - simple.key
     if not curves or not simple.effects or simple.residuals.noise_ratio > 1.0:
@@ -25,28 +25,28 @@ def curve_follows_remainder(bare: Hypothesis, with_curve: Hypothesis, simple: Hy
     if log_prior_ratio(with_curve, simple) > math.log(THRESHOLDS.likelier):
         return False
     insignificant = simple.cost - with_curve.cost_at(simple.inflation) < simple.chance
-    return insignificant and explained(bare, simple) >= THRESHOLDS.nearly_all * explained(bare, with_curve)
+    return insignificant and explained(bare, simple) >= THRESHOLDS.simpler_share * explained(bare, with_curve)
 
 
 def follows_swing(bare: Hypothesis, vibrating: Hypothesis, other: Hypothesis) -> bool:
-    """Return whether a vibration at a multiple of the swing's frequency only follows the residual of a missing law.
+    """Return whether a vibration at a multiple of the swing's frequency only fits the residual of a missing law.
 
     Any missing law of angle or speed leaves a residual at these frequencies. Another set explains most of it.
     """
     if not vibrating.harmonic_vibrations - other.key or not other.effects:
         return False
-    return explained(bare, other) > THRESHOLDS.most_of_it * explained(bare, vibrating)
+    return explained(bare, other) > THRESHOLDS.vibration_share * explained(bare, vibrating)
 
 
 def follows_decay(bare: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> bool:
-    """Return whether a friction drift in a single decay only follows the residual of a missing loss.
+    """Return whether a friction drift in a single decay only fits the residual of a missing loss.
 
     Along a decay, a loss that depends on speed, which every rod has, looks like a drift. Another set of the same size
     explains nearly all of the residual.
     """
     if not drifting.decay_drifts - other.key or not other.effects or len(other.fit.free) > len(drifting.fit.free):
         return False
-    return explained(bare, other) > THRESHOLDS.nearly_all * explained(bare, drifting)
+    return explained(bare, other) > THRESHOLDS.simpler_share * explained(bare, drifting)
 
 
 def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:

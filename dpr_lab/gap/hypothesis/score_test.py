@@ -34,7 +34,7 @@ class Score:
     gain: float
     """Predicted reduction of chi2."""
     columns: tuple[int, ...]
-    """Columns of the amplitudes in the test, without absorbed ones unless all are absorbed."""
+    """Columns of the amplitudes that are not absorbed; of all amplitudes if all are absorbed."""
     free: tuple[FreeParameter, ...]
     """Parameters of the fit, then amplitudes of the effect."""
     amplitudes: Array

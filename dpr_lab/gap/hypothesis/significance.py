@@ -23,7 +23,7 @@ def promising_gain(model: Hypothesis) -> float:
 
 
 def cost_with_prior(model: Hypothesis, current: Hypothesis) -> float:
-    """Return the cost of a set minus the difference of cost that its prior against the current set outweighs."""
+    """Return the cost of a set minus its log prior ratio to the current set, in units of cost."""
     unit = CALIBRATION.unit(min(model.inflation, current.inflation))  # the same in both directions
     return model.cost - unit * log_prior_ratio(model, current)
 
@@ -64,7 +64,9 @@ def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> flo
     return limit if after.at_noise_floor else min(limit, segment_scatter(before, after))
 
 
-def segment_scatter(before: Hypothesis, after: Hypothesis, standard_errors: float = THRESHOLDS.consistent) -> float:
+def segment_scatter(
+    before: Hypothesis, after: Hypothesis, standard_errors: float = THRESHOLDS.significant_scatter
+) -> float:
     """Return the reduction of chi2 that can occur by chance, from its scatter between segments.
 
     Segments are the independent units, because the residual of small unknown effects is smooth along a segment. The
@@ -82,7 +84,7 @@ def segment_scatter(before: Hypothesis, after: Hypothesis, standard_errors: floa
 
 
 def accepted(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
-    """Return whether an effect explains more than chance and, while a residual remains, than inexact forms."""
+    """Return whether an additional effect significantly reduces the cost and, while a residual remains, the excess."""
     if before.cost - after.cost < significance(bare, before, after):
         return False
     return before.at_noise_floor or after.at_noise_floor or after.bounded_excess < most_excess(bare, before)
@@ -129,10 +131,10 @@ def explains_as_much(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> 
     """
     if len(simple.fit.free) >= len(rich.fit.free):
         return False
-    if explained(bare, simple) < THRESHOLDS.nearly_all * explained(bare, rich):
+    if explained(bare, simple) < THRESHOLDS.simpler_share * explained(bare, rich):
         return False
     margin = indifference(bare, rich)
-    if not rich.at_noise_floor and np.isfinite(by_chance := segment_scatter(simple, rich, THRESHOLDS.beyond_chance)):
+    if not rich.at_noise_floor and np.isfinite(by_chance := segment_scatter(simple, rich, THRESHOLDS.chance_scatter)):
         margin = max(margin, by_chance)
     return simple.cost - rich.cost < margin
 

@@ -24,20 +24,20 @@ class Thresholds:
     """Maximum reduction of chi2 by chance if only noise remains without the effect."""
     promising: float = 0.5
     """Minimum predicted reduction of an effect that is fitted to few readings, as a fraction of the excess."""
-    consistent: float = 4.0
+    significant_scatter: float = 4.0
     """Minimum significant reduction of chi2 while a residual remains, in standard errors from the segments."""
-    beyond_chance: float = NORMAL_Q90
-    """Difference between two sets that chance exceeds in 5 % of cases, in the same standard errors."""
+    chance_scatter: float = NORMAL_Q90
+    """Difference of chi2 between two sets that chance exceeds in 5 % of cases, in standard errors from the segments."""
     fewest_segments: int = 10
     """Minimum number of segments from which their scatter can be estimated."""
     integrator: float = 5e-4
     """Uncertainty of the explained chi2 due to the integrator's steps, as a fraction."""
     integrator_at_floor: float = 5e-5
-    """The same for a set that leaves only noise, which shows that the steps are small enough."""
+    """Value of `integrator` for a set that leaves only noise, which shows that the steps are small enough."""
 
     # factors of the excess
     excess_factor: float = 1.3
-    """Minimum factor between the excesses without and with an effect that is added, or a large one that is kept."""
+    """Minimum ratio of the excess without an effect to the excess with it, for an added effect and for a large one."""
     necessary_factor: float = 3.0
     """Minimum factor by which the excess increases without an effect that is kept."""
     necessary_factor_if_small: float = 30.0
@@ -47,7 +47,7 @@ class Thresholds:
 
     # fractions of the whole gap
     large: float = 0.04
-    """Minimum size of a large effect, more than another form of a named effect can explain."""
+    """Minimum size of a large effect; another form of a named effect explains less."""
     small: float = 0.01
     """Size below which an effect merely compensates for another form while a residual remains."""
     secondary: float = 0.1
@@ -61,10 +61,10 @@ class Thresholds:
     """
 
     # similar explanations
-    nearly_all: float = 0.9
+    simpler_share: float = 0.9
     """Minimum reduction of the excess by a simpler explanation, relative to that by the richer one."""
-    most_of_it: float = 0.5
-    """The same for an explanation that replaces a vibration at a multiple of the swing's frequency."""
+    vibration_share: float = 0.5
+    """Minimum relative reduction by an explanation that replaces a vibration at a multiple of the swing's frequency."""
     richer_form_share: float = 0.003
     """Minimum fraction of the explained chi2 that a richer form adds while a residual remains."""
     own_share: float = 0.15

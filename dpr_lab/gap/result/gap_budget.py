@@ -52,7 +52,7 @@ class GapBudget(Saved):
     basis: Literal["recordings", "pieces of one recording"]
     """Units that are predicted: whole recordings, or the quarters of a single recording."""
     explained: Share
-    """Share that the named effects remove, confirmed on other recordings."""
+    """Share that the named effects remove, with each recording predicted from the others."""
     varying: Share
     """Share that parameters remove if they may differ between recordings."""
     unmodelled: Share

@@ -168,8 +168,8 @@ class Recordings:
         """Whether the readings of all recordings may come from videos."""
         return all(record.may_be_film for record in self.records)
 
-    def with_tracking(self, noise: TrackingNoise | None) -> "Recordings":
-        """Return the recordings with correlated errors, unless the noise is known by other means."""
+    def with_tracking_noise(self, noise: TrackingNoise | None) -> "Recordings":
+        """Add correlated errors to the noise of films whose noise was not measured."""
         if noise is None or self.tracking is not None:
             return self
         evidence = (

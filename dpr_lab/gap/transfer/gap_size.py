@@ -31,7 +31,7 @@ TWO_DIGITS = GaussNewton(converged=1e-3, converged_frozen=1e-4)
 def gap(
     state: Selected,
     transfer: Transfer,
-    freely: Mapping[str, FreeRuns],
+    simulated: Mapping[str, FreeRuns],
     budget: GapBudget,
     remainder: Discrepancy | None,
 ) -> Gap:
@@ -40,13 +40,13 @@ def gap(
     Args:
         state: the state with the selected set of effects
         transfer: performance of the selected set on held-out recordings
-        freely: free runs of the models before and after the correction along all recordings, held-out ones included
+        simulated: free runs of the models before and after the correction along all recordings, held-out ones included
         budget: reproducible and other shares of the gap
         remainder: discrepancy term of the selected set; None if only noise remains
     """
     problem, selection = state.fitted.problem, state.selection
     bare, chosen = selection.bare, selection.chosen
-    errors = {name: runs.errors_rad for name, runs in freely.items()}
+    errors = {name: runs.errors_rad for name, runs in simulated.items()}
     return Gap(
         floor_rad=floor_rad(problem),
         before_rad=gap_rad(problem, bare),

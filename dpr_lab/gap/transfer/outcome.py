@@ -22,7 +22,7 @@ class TransferSettings:
     least_groups: int = 4
     """Minimum number of groups of segments whose signed ranks can be significant."""
     clear: float = 10.0
-    """Minimum factor by which chi2 decreases if the reduction in fewer groups is significant.
+    """Minimum factor by which a significant reduction decreases chi2, if there are too few groups of segments.
 
     The 95 % point of the F distribution with three and three degrees of freedom is 9.3 (decision 70).
     """

@@ -12,8 +12,8 @@ for each segment s, with neighbouring segments grouped. An effect carries over t
 2. d is significantly negative in no run.
 3. The share of the gap that the effect closes is not significantly below half of that in the fitted recordings.
 
-An effect that fails explains only the fitted recordings and is withdrawn, but quarters of one release only make it
-uncertain. No effect is certain if all together increase the gap or worsen the free runs (`worse_free_run`), if one
+An effect that fails explains only the fitted recordings and is withdrawn. If it fails on quarters of one release, it is
+only uncertain. No effect is certain if all together increase the gap or worsen the free runs (`worse_free_run`), if one
 recording alone has a remainder (`lone_recording`), or if there are too few segments for a test. One release of a single
 rod does not test the form of an effect with several parameters.
 
@@ -50,10 +50,10 @@ Rows = slice | Flags
 """Selection of segments."""
 
 
-def transfer(state: Selected, freely: Mapping[str, FreeRuns]) -> Transfer:
+def transfer(state: Selected, simulated: Mapping[str, FreeRuns]) -> Transfer:
     """Test the selected effects on held-out recordings, or by leave-one-run-out cross-validation.
 
-    `freely` contains the free runs along all recordings, `before` and `after` the correction.
+    `simulated` contains the free runs along all recordings, `before` and `after` the correction.
     """
     recordings, problem, selection = state.fitted.recordings, state.fitted.problem, state.selection
     held_out, chosen = state.fitted.held_out_prediction, selection.chosen
@@ -72,7 +72,7 @@ def transfer(state: Selected, freely: Mapping[str, FreeRuns]) -> Transfer:
     failed = tuple(_failed(test, selection, of_effects, closed)) if tested else ()
     basis, noise = _basis(state.fitted), selection.bare.residuals.independent_noise
     one_release = basis == "one release"
-    errors = {name: runs.errors for name, runs in freely.items()}
+    errors = {name: runs.errors for name, runs in simulated.items()}
     return Transfer(
         basis=basis,
         tested=tested,
@@ -88,7 +88,7 @@ def transfer(state: Selected, freely: Mapping[str, FreeRuns]) -> Transfer:
         worse_free_run=worse_free_run(
             errors["before"],
             errors["after"],
-            freely["before"].expected_errors(noise),
+            simulated["before"].expected_errors(noise),
             held_out.names if held_out else errors["before"],
         ),
         untested=untested(state.fitted, state.posteriors),
@@ -105,8 +105,9 @@ def _basis(fitted: Fitted) -> Basis:
 
 
 def untested(fitted: Fitted, posteriors: Sequence[EffectPosterior]) -> tuple[str, ...]:
-    """Return the effects with several parameters, shapes included, whose form no second release or rod tests.
+    """Return the effects whose form the recordings do not test.
 
+    These are the effects of several parameters, including shapes, if all recordings are one release of a single rod.
     The pieces of a long recording are one release.
     """
     releases = {whole(record.run.name) for record in (*fitted.recordings.records, *fitted.held_out.records)}
@@ -120,9 +121,9 @@ def judged(
 ) -> tuple[EffectPosterior, ...]:
     """Return the effects with their probabilities after the tests.
 
-    The quarters of a single release are few and differ in amplitude. An effect that fails their test, or that cannot be
-    tested, is still probable if it leaves only noise (decision 96), but not if it cannot be tested and needs a second
-    effect (decision 110).
+    The quarters of a single release are few and differ in amplitude. An effect that leaves only noise therefore stays
+    probable if it fails their test or cannot be tested (decision 96). In a set of several effects that
+    cannot be tested it does not (decision 110).
 
     Args:
         outcome: results on held-out recordings

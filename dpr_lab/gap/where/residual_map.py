@@ -27,7 +27,7 @@ class MapRules:
     """Settings of the fit and of the description of a residual map."""
 
     absorbed: float = 1e-3
-    """Maximum share of the squared influence on the readings that remains of an absorbed direction."""
+    """Maximum share of its squared influence on the readings that an absorbed direction keeps."""
     mostly: float = 0.75
     """Minimum share of the chi-square reduction that a symmetric or slow part must reach, to describe the map."""
 

@@ -36,10 +36,10 @@ class Effort:
     nearly: float = 0.9
     """Minimum cosine similarity and relative score of further replacements, while a residual remains."""
     nearly_common: float = 0.5
-    """The same for a common effect, such as a zero error, also if only noise remains."""
+    """Value of `nearly` for a common effect, such as a zero error, also if only noise remains."""
     hopeless: float = 2.0
-    """Increase of the criterion by an alternative, relative to the largest change by chance, from which on its fit is
-    not repeated from other starting points."""
+    """Maximum increase of the criterion at which the fit of an alternative is repeated from other starting points,
+    relative to the largest change by chance."""
     leading: float = 0.5
     """Minimum score of an effect, relative to the best score, for which several of its shapes are fitted."""
 

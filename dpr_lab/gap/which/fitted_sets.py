@@ -37,7 +37,7 @@ from dpr_lab.progress import FitBegan, ScoreTestBegan
 Progress = Callable[[FitBegan | ScoreTestBegan], None]
 
 Arguments = tuple[Hypothesis] | tuple[Hypothesis, ScoreTest, Score] | tuple[Hypothesis, str, Score]
-"""Arguments of a fit: of a repeated fit, of the best shape of an additional effect, or of `restarts.imaged`."""
+"""Arguments of a repeated fit, of the best shape of an additional effect, or of `restarts.replaced_linearly`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ class Beam:
     fitted: int = 4
     """Number of candidates that are fitted near the noise."""
     fitted_when_far: int = 6
-    """The same far from the noise, where linear scores are unreliable."""
+    """Number of candidates that are fitted far from the noise, where linear scores are unreliable."""
     sets: int = 2
     """Number of sets that are extended to the next larger size."""
     worse: float = 4.0
@@ -86,7 +86,7 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
 def _next_level(
     sets: FittedSets, best: Hypothesis, front: Sequence[Hypothesis], max_effects: int, *, last: bool
 ) -> list[Hypothesis]:
-    """Return the sets with one effect or two losses more than a set of the front, best first."""
+    """Extend each set of `front` by one effect or two losses; return the larger sets, best first."""
     level: dict[frozenset[str], Hypothesis] = {}
     for model in front:
         level = _with_one_more(sets, best, model, level, last=last)
@@ -153,8 +153,8 @@ def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
         if not any(_nearly_equal(score, other) for other in picked):
             picked.append(score)
     names = {score.effect.name for score in picked}
-    inner = {name for score in picked for name in score.effect.nested} - names
-    return picked + [score for score in promising if score.effect.name in inner]
+    simpler = {name for score in picked for name in score.effect.nested} - names
+    return picked + [score for score in promising if score.effect.name in simpler]
 
 
 def _nearly_equal(score: Score, other: Score) -> bool:
@@ -166,7 +166,7 @@ def _nearly_equal(score: Score, other: Score) -> bool:
 def _deciding_excess(
     sets: FittedSets, best: Hypothesis, model: Hypothesis, level: Sequence[Hypothesis], last: bool
 ) -> float:
-    """Return the excess below which a further extension of `model` can be extended or accepted.
+    """Return the largest excess at which a further extension of `model` could be extended or accepted.
 
     Near the noise, an extension with fewer parameters than a fitted set may have a larger excess at the same cost.
     """
@@ -220,10 +220,10 @@ def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) ->
 
 def _doubts(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], model: Hypothesis) -> tuple[bool, bool]:
     """Return whether a set has an impossible size, and whether it contains an effect that only imitates others."""
-    little = follows_remainder(sets.bare, model, best) or any(
+    imitates = follows_remainder(sets.bare, model, best) or any(
         follows_swing(sets.bare, model, other) or follows_decay(sets.bare, model, other) for other in models
     )
-    return not sets.possible(model), little
+    return not sets.possible(model), imitates
 
 
 def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:

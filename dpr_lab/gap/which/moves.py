@@ -1,4 +1,4 @@
-"""Order of the moves of the search, and moves that neither remove nor replace effects."""
+"""Order of the moves of the search, and two of the moves: known effects, and convergence of the fit."""
 
 from collections.abc import Iterator
 

@@ -86,8 +86,8 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
     """Propose the set without the effect that has the smallest own share, while a residual remains.
 
     The own share is the part of its reduction that no other form of the remaining effects explains. A free function
-    can replace an effect with few amplitudes even if this is the cause. If the set without an effect of more amplitudes
-    explains as much, it is therefore proposed first.
+    can imitate an effect with few amplitudes even if this effect is the cause. A set that keeps it, and lacks an effect
+    with more amplitudes instead, is therefore proposed first if it explains as much.
     """
     if current.at_noise_floor or len(current.effects) < 2:
         return
@@ -106,10 +106,10 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
 
 
 def _without_possible_compensations(sets: FittedSets, current: Hypothesis) -> dict[str, Hypothesis]:
-    """Return the sets without one effect, for each effect that may only compensate for another effect's form.
+    """Return, for each effect that may only compensate for another effect's form, the set without it.
 
-    Effects that every rig has are kept, and effects without which the excess is far above that of the best fitted set.
-    All are kept if a removal would lead the search to a curve that explains less.
+    Two kinds of effects are not included: those that every rig has, and those without which the excess is far above
+    that of the best fitted set. The result is empty if a removal would lead the search to a curve that explains less.
     """
     closest = min(model.bounded_excess for model in sets.fits.values())
     limit = min(THRESHOLDS.necessary_factor_if_small * closest, THRESHOLDS.open_share * sets.bare.bounded_excess)

@@ -19,7 +19,7 @@ from dpr_lab.gap.hypothesis.significance import (
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.fitted_sets import FittedSets
-from dpr_lab.gap.which.restarts import escaped, imaged, simpler_forms
+from dpr_lab.gap.which.restarts import escaped, replaced_linearly, simpler_forms
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 
@@ -132,7 +132,10 @@ BETTER_ALTERNATIVE = Move(
 
 
 def _larger_priors(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets in which an indistinguishable effect replaces one, with the ratio of the prior probabilities."""
+    """Propose sets in which an indistinguishable effect replaces another.
+
+    The value of a proposal is the ratio of the prior probabilities.
+    """
     chosen = sets.predictive(current)
     margin = indifference(sets.bare, chosen)
     for name in sets.unexpected(chosen):
@@ -155,7 +158,7 @@ def _larger_priors(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 
 
 def _comes_first(name: str, other: str) -> bool:
-    """Return whether an effect represents a class of two common effects: zero errors first, others by their names."""
+    """Return whether `name` comes before `other` in the fixed order of common effects: zero errors, then by name."""
     first, second = EFFECTS[name], EFFECTS[other]
     order = [(not effect.stage.startswith("encoder"), effect.name) for effect in (first, second)]
     return first.common and second.common and order[0] < order[1]
@@ -188,8 +191,8 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
     Alternatives are indistinguishable by the linear scores, or have the largest scores, or are simpler forms while a
     residual remains. A fit can reduce the cost by much more than its linear score. While a residual remains, effects
     with a similar signature and nearly the score of the effect are therefore fitted, too. If an indistinguishable
-    effect fits worse, its fit ended in a local minimum and is repeated from the selected solution. Only an effect that
-    is then not hopeless is also fitted from other starting points.
+    effect fits worse, its fit ended in a local minimum and is repeated from the selected solution. The fit
+    is not repeated from other starting points if its cost is far too high (`EFFORT.hopeless`).
     """
     if not chosen.at_noise_floor:
         for simpler in simpler_forms(sets, chosen):
@@ -200,7 +203,7 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
         for score in _indistinguishable(test, name):
             other = sets.with_one(smaller, score)
             if other.cost - chosen.cost > chosen.chance:
-                other = imaged(sets, chosen, name, score)
+                other = replaced_linearly(sets, chosen, name, score)
             if other.cost - chosen.cost < EFFORT.hopeless * chosen.chance:
                 escaped(sets, other)
         for score in test.ranking[: EFFORT.replacements]:

@@ -108,7 +108,7 @@ def replaced(sets: FittedSets, model: Hypothesis, effect: str, other: str) -> Hy
     if candidate.fit.chi2 > EFFORT.nowhere * smaller.fit.chi2:
         candidate = sets.keep(_handed_over(sets, model, effect, other))
     if model.at_noise_floor and not candidate.at_noise_floor:
-        return imaged(sets, model, effect, score)
+        return replaced_linearly(sets, model, effect, score)
     return candidate
 
 
@@ -127,7 +127,7 @@ def _handed_over(sets: FittedSets, model: Hypothesis, effect: str, other: str) -
     return refit(sets.problem, start, names, EFFORT.fine)
 
 
-def imaged(sets: FittedSets, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
+def replaced_linearly(sets: FittedSets, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
     """Replace one effect by another, starting from the linear prediction at `model`.
 
     From this estimate, two indistinguishable effects fit equally well. A fit that starts without both effects may end

@@ -104,7 +104,7 @@ def _predicts_whole_segments(sets: FittedSets, current: Hypothesis, proposal: Pr
 
 
 def _revised(state: SearchState) -> SearchState:
-    """Return the state after the first revision that is accepted and still better after the moves that follow it."""
+    """Return the state after the first accepted revision that is not significantly worse after its following moves."""
     for revision, moves in REVISIONS:
         after = apply_move(revision, state)
         if after.current is state.current:

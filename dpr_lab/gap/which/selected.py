@@ -25,7 +25,7 @@ class Selection:
     final_test: ScoreTest
     """Score test of further effects for the selected set."""
     detectable: DetectableSizes
-    """Minimum detectable size next to the selected set, by effect and amplitude; None if undetectable at any size."""
+    """Minimum detectable size, given the selected set, by effect and amplitude; None if undetectable at any size."""
     without: Mapping[str, Hypothesis]
     """Sets without one effect of the selected set, by the removed effect."""
     without_substitute: Mapping[str, Hypothesis]
