@@ -26,12 +26,12 @@ from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.planning.candidates import minutes, mounted_now, mountings, spread_poses
 from dpr_lab.planning.forecast import FORECAST
 from dpr_lab.planning.information import informed
-from dpr_lab.planning.knowledge import RATIO_COLUMNS, Acting, Knowledge, known_before
+from dpr_lab.planning.knowledge import RATIO_COLUMNS, Acting, Knowledge, given, known_before
 from dpr_lab.planning.limits import AllowedRods, PlanLimits, RecordingTimes
 from dpr_lab.planning.plan import plan
 from dpr_lab.planning.release import CandidateRelease, MountedParts
 from dpr_lab.planning.stopping import STOPPING
-from dpr_lab.planning.worth.criteria import given, ratio_std
+from dpr_lab.planning.worth.criteria import ratio_std
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.rig_tables import AddedMass
 

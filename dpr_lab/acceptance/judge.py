@@ -32,7 +32,8 @@ from typing import Literal
 import numpy as np
 
 from dpr_lab.acceptance.friction import inaccurate_speeds, largest_estimate, largest_friction
-from dpr_lab.acceptance.limits import Limits, friction_quantity
+from dpr_lab.acceptance.limits import Limits, free_run_quantity, friction_quantity
+from dpr_lab.acceptance.median_error import median90, what_decides
 from dpr_lab.acceptance.scale import open_by_scale, with_scale
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.evidence.joint_friction import laws_of
@@ -212,12 +213,7 @@ def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 
 def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float]) -> Iterator[JudgedLimit]:
-    """Test the median free-run error of the releases.
-
-    The logarithms of the errors are assumed to be normally distributed.
-    """
-    from scipy.special import stdtrit  # slow to import, and every diagnosis imports this module
-
+    """Test the median free-run error of the releases."""
     if (limit := limits.free_run) is None:
         return
     reason = f"the description of the recordings is probably wrong: {diagnosis.hints[0]}" if diagnosis.hints else ""
@@ -228,11 +224,11 @@ def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float])
     elif len(errors) < 2:
         reason = reason or f"fewer than two recordings contain an undisturbed swing of {limit.horizon_s:g} s"
     else:
-        logs = np.log(np.maximum(list(errors.values()), np.finfo(float).tiny))
-        spread = float(stdtrit(len(logs) - 1, SURE) * logs.std(ddof=1) / np.sqrt(len(logs)))
-        interval = float(np.exp(logs.mean() - spread)), float(np.exp(logs.mean() + spread))
+        interval = median90([*errors.values()])
     answer = _answer(interval, None, limit.max)
-    yield _judged(f"free run over {limit.horizon_s:g} s", limit.unit, (None, limit.max), interval, answer, reason)
+    if answer == "not decidable" and not reason:
+        reason = f"{WITHIN}{what_decides(diagnosis, limit, [*errors.values()])}"
+    yield _judged(free_run_quantity(limit), limit.unit, (None, limit.max), interval, answer, reason)
 
 
 def _judged(

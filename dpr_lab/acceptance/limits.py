@@ -132,6 +132,11 @@ def friction_quantity(joint: str, limit: FrictionLimit) -> str:
     return f"friction of {joint} up to {limit.speed_rad_s:g} rad/s"
 
 
+def free_run_quantity(limit: FreeRunLimit) -> str:
+    """Name the quantity of a limit for free runs."""
+    return f"free run over {limit.horizon_s:g} s"
+
+
 AnyLimits = TypeVar("AnyLimits", bound=Limits)
 
 

@@ -81,7 +81,8 @@ from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
-from dpr_lab.planning.worth.criteria import OpenAmplitudes, OpenPairs, given
+from dpr_lab.planning.knowledge import given
+from dpr_lab.planning.worth.criteria import OpenAmplitudes, OpenPairs
 
 
 @dataclass(frozen=True, slots=True)

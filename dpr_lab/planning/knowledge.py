@@ -33,10 +33,12 @@ from dpr_lab.fitting.prior import STRENGTH, Prior, prior_of
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.gap.bare_model import nominal_ratios
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.screen.pieces import in_pieces
 from dpr_lab.gap.screen.record import RATE_HZ, record
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.identification.moving_arm.unknowns import arm_start
+from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.planning.information import PresentModel, informed
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.release import ArmState, CandidateRelease
@@ -126,6 +128,8 @@ class Knowledge:
     """Columns of each effect in the vector of unknowns, by the name of the effect."""
     hidden_ratios: tuple[int, ...] = ()
     """Indices of the ratios that no release determines."""
+    free_run_rad: tuple[float, ...] = ()
+    """Error of the free run along each run over the horizon of a limit, rad; empty without such a limit."""
 
     @property
     def amplitudes(self) -> Array:
@@ -156,8 +160,9 @@ def known_before(rig: Rig, acting: Acting = GRAVITY_ONLY) -> Knowledge:
 def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Acting = GRAVITY_ONLY) -> Knowledge:
     """Derive the knowledge from the rig file, the recorded runs and their diagnosis.
 
-    The probabilities of the causes do not contain the information of runs that the diagnosis held out. The information
-    of these runs is therefore left out as well.
+    The probabilities of the causes do not contain the information of runs that the diagnosis held out, or of held-out
+    pieces of a long run. This information is therefore left out as well. The scale b is as uncertain as the diagnosis
+    states.
 
     Args:
         runs: the runs that were diagnosed
@@ -165,19 +170,25 @@ def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Act
         diagnosis: diagnosis of these runs
         acting: parts that may act in the next release
     """
-    recordings = Recordings(tuple(record(run, rig) for run in runs), rig)
+    used = diagnosis.evidence.recordings if diagnosis.evidence else []
+    held_out = {recording.name for recording in used if recording.held_out}
+    pieces, unseen, _ = in_pieces(runs, ())
+    as_diagnosed = [*pieces, *unseen] if held_out.intersection(piece.name for piece in unseen) else runs
+    recordings = Recordings(tuple(record(run, rig) for run in as_diagnosed), rig)
     acting = acting.including([recorded.setup for recorded in recordings.records])
     ratios = diagnosis.unknowns
     if not np.isfinite(ratios[ON_ELBOW]):
         ratios[ON_ELBOW] = nominal_ratios(rig)[ON_ELBOW]
     known = _known(rig, acting, ratios, diagnosis.model_effects, _noise_in(recordings))
     inflation = max(1.0, diagnosis.chi2_per_dof)
-    held_out = {used.name for used in diagnosis.evidence.recordings if used.held_out} if diagnosis.evidence else set()
     fitted = recordings.only([recorded for recorded in recordings.records if recorded.run.name not in held_out])
+    gained = information_of_runs(fitted, known.model) / inflation
+    prior = known.prior + _of_scale(known, known.prior + gained, diagnosis.scale)
     return replace(
         known,
         model=replace(known.model, inflation=inflation),
-        information=known.prior + information_of_runs(fitted, known.model) / inflation,
+        prior=prior,
+        information=prior + gained,
         causes=tuple(causes_of(diagnosis)),
         diagnosis=diagnosis,
         made=tuple(_made(run) for run in runs),
@@ -205,6 +216,20 @@ def _known(
         places=places,
         hidden_ratios=acting.hidden_ratios,
     )
+
+
+def _of_scale(known: Knowledge, F: Array, scale: Scale | None) -> Array:
+    """Return the (k, k) change of information F with which b is as uncertain as in a diagnosis.
+
+    The prior of the plan is normal in b. That of a diagnosis is lognormal in the nine parameters, and for a single rod
+    it also contains the ratios that no release determines. The change is negative if the plan is too certain.
+    """
+    change = np.zeros_like(F)
+    if scale is not None:
+        others = [i for i in known.fitted if i != SCALE]
+        std = known.model.estimate.ratios[SCALE] * max(scale.log_std, 1e-3)
+        change[SCALE, SCALE] = std**-2 - given(F, others, [SCALE])[0, 0]
+    return change
 
 
 def _made(run: Run) -> CandidateRelease:
@@ -310,3 +335,23 @@ def information_of_runs(recordings: Recordings, model: PresentModel) -> Array:
     if len(columns) > k:
         H = H[:k, :k] - H[:k, k:] @ np.linalg.lstsq(H[k:, k:], H[k:, :k], rcond=1e-12)[0]
     return H[:k, :k]
+
+
+def given(F: Array, fitted: Sequence[int], columns: Sequence[int]) -> Array:
+    """Return the information about some unknowns if the other unknowns are fitted (Schur complement).
+
+    Args:
+        F: (..., k, k) information about all unknowns
+        fitted: indices of the unknowns that are fitted
+        columns: indices of the unknowns that the result refers to
+    """
+    scale = 1 / np.sqrt(diagonal(F)[..., list(fitted)])
+    across = F[..., *np.ix_(fitted, columns)] * scale[..., None]
+    inner = F[..., *np.ix_(fitted, fitted)] * scale[..., None] * scale[..., None, :] + 1e-12 * np.eye(len(fitted))
+    explained: Array = across.swapaxes(-2, -1) @ np.linalg.solve(inner, across)
+    return F[..., *np.ix_(columns, columns)] - explained
+
+
+def diagonal(F: Array) -> Array:
+    """Return the (..., k) diagonals of matrices (..., k, k)."""
+    return np.diagonal(F, axis1=-2, axis2=-1)

@@ -2,10 +2,11 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dpr_lab.acceptance.free_run import free_run_errors
 from dpr_lab.errors import ConfigError
 from dpr_lab.estimation.usable_runs import refuse_long_gaps, refuse_other_rigs
 from dpr_lab.gap.diagnose import diagnose
@@ -84,6 +85,9 @@ def plan(
         diagnosis = diagnose(runs, rig)
     started, acting = time.perf_counter(), Acting.of(rig, limits)
     known = known_after(runs, rig, diagnosis, acting) if runs and diagnosis else known_before(rig, acting)
+    if diagnosis is not None and limits.free_run is not None:
+        errors = free_run_errors(runs, rig, diagnosis, limits.free_run.horizon_s)
+        known = replace(known, free_run_rad=tuple(errors.values()))
     objective = Objective.of(known, limits)
     planner = Planner(objective, limits, np.random.default_rng(seed), driven_releases(known.model, limits, rig))
     most = count or (usual_count(known, limits) if budget_min is None else LENGTH.most)
@@ -96,6 +100,6 @@ def usual_count(known: Knowledge, limits: PlanLimits) -> int:
 
     The number is smaller if the causes are decided and no limit must be tested.
     """
-    if known.diagnosis is None or not decided(known.diagnosis) or limits.effects or limits.friction or limits.ratios:
+    if known.diagnosis is None or not decided(known.diagnosis) or limits.has_any:
         return LENGTH.usual
     return LENGTH.optional if reservation(known.diagnosis) else 0

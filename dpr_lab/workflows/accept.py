@@ -73,7 +73,8 @@ def accept(
         refuse_other_rig_file(diagnosis_file, diagnosis, rig)
     acceptance = judged(diagnosis, requirements, runs, rig)
     if acceptance.answer == "not decidable":
-        acceptance = with_recordings(acceptance, plan(rig, runs, diagnosis, limits=requirements))
+        of_plan = requirements.model_copy(update={"free_run": None})  # the test itself forecasts free runs
+        acceptance = with_recordings(acceptance, plan(rig, runs, diagnosis, limits=of_plan))
     files = _save(acceptance, diagnosis, runs, rig, request.out, on_event) if request.out else {}
     return AcceptResult(acceptance, files)
 

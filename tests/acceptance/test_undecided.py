@@ -1,5 +1,7 @@
 """Reasons of undecided limits, and the releases that decide them."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, Literal
 
@@ -10,9 +12,13 @@ from dpr_lab.acceptance.judge import Acceptance, JudgedLimit, judge
 from dpr_lab.acceptance.limits import Limits
 from dpr_lab.gap.result.causes import EffectSize
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.result.evidence import Evidence, JointFriction
+from dpr_lab.gap.result.evidence import Budget, Evidence, JointFriction, RunBudget
 from dpr_lab.identification.scaling.scale import Scale
+from dpr_lab.planning.knowledge import known_before
+from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import Inseparable
+from dpr_lab.planning.worth.objective import limit_forecasts
+from dpr_lab.rig import Rig
 from dpr_lab.workflows.accept import with_recordings
 from tests.a_diagnosis import made
 
@@ -179,3 +185,48 @@ def test_a_limit_that_a_second_release_tests_asks_for_no_bench_check() -> None:
     pair = Inseparable(causes=("spring_joint1", "encoder_scale_joint1"), check="Turn the rod.")
     plan: Any = SimpleNamespace(limits=[], releases=[], inseparable=[pair])
     assert with_recordings(Acceptance("not decidable", "", (limit,)), plan).limits == (limit,)
+
+
+def free_run(largest: float, errors: Sequence[float], horizon_s: float = 1.0, **gap: object) -> JudgedLimit:
+    """Return the test of a limit for free runs; chaos dominates the second run after 2 s."""
+    limits = Limits.model_validate({"free_run": {"max": largest, "horizon_s": horizon_s, "unit": "rad"}})
+    runs = [RunBudget.model_construct(until_s=2.0 + k, reaches_horizon=k == 0) for k in range(2)]
+    evidence = Evidence.model_construct(budget=Budget.model_construct(runs=runs))
+    result = made(verdict="no_gap").model_copy(update={"evidence": evidence, "hints": []})
+    result = result.model_copy(update={"gap": result.gap.model_copy(update=gap)})
+    return judge(result, limits, {f"X{k}": error for k, error in enumerate(errors)}).limits[0]
+
+
+def test_an_undecided_free_run_states_the_number_of_releases_that_decide_it() -> None:
+    """With n = 5 the half width of ln(median) is 2.132 / sqrt(5) = 0.95 < 1, with n = 4 2.353 / 2 = 1.18."""
+    limit = free_run(np.e * 1e-3, [np.e * 1e-3, 1e-3, 1e-3 / np.e])
+    assert limit.reason == (
+        "the limit lies within the interval: 2 further releases with the same mean and spread of the errors would"
+        " decide it"
+    )
+
+
+@pytest.mark.parametrize(
+    ("horizon_s", "remainder", "cause"),
+    [
+        (1.0, {}, "factor of 7.4"),
+        (1.0, {"joint1": 1e-3}, "; the unexplained remainder contributes to them, and a release does not reduce it"),
+        (2.5, {"joint1": 1e-3}, "; small initial errors dominate them after 2 s: choose a shorter horizon_s"),
+    ],
+)
+def test_a_free_run_that_no_number_of_releases_decides_states_the_obstacle(
+    horizon_s: float, remainder: dict[str, float], cause: str
+) -> None:
+    limit = free_run(1e-3, [np.e * 1e-3, 1e-3, 1e-3 / np.e], horizon_s, remainder_Nm=remainder)
+    assert limit.reason.startswith("the limit lies within the interval, and 20 further releases would probably not")
+    assert limit.reason.endswith(cause)
+
+
+def test_a_plan_forecasts_a_free_run_by_the_interval_of_the_test(paper: Rig) -> None:
+    """Half the limit passes if the half width of ln(median) is below ln 2 = 0.69: with n = 8 it is 0.67."""
+    limits = Limits.model_validate({"free_run": {"max": 1e-3, "horizon_s": 1.0, "unit": "rad"}})
+    known = replace(known_before(paper), free_run_rad=(np.e * 1e-3, 1e-3, 1e-3 / np.e))
+    release = CandidateRelease(2.0, 2.0, 0.5)
+    decides = [limit_forecasts(known, known.prior, limits, [release] * more)[0].decides for more in (4, 5)]
+    assert decides == [False, True]
+    assert limit_forecasts(known_before(paper), known.prior, limits, [release])[0].reach is None

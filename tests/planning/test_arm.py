@@ -8,11 +8,11 @@ import pytest
 from dpr_lab.errors import ConfigError
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.planning.information import informed, simulated_states
-from dpr_lab.planning.knowledge import Acting, known_before
+from dpr_lab.planning.knowledge import Acting, given, known_before
 from dpr_lab.planning.limits import PlanLimits, load_plan_limits
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.signals import driven_releases
-from dpr_lab.planning.worth.criteria import given, shown_ratio_std
+from dpr_lab.planning.worth.criteria import shown_ratio_std
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.rig_tables import ArmTable, Parameter
 from dpr_lab.workflows.plan import PlanRequest, plan

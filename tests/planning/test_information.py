@@ -14,12 +14,12 @@ from dpr_lab.fitting.linearise import linearise
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.identification.expected import Releases, ratio_information
 from dpr_lab.planning.information import horizon_s, informed, problem_of_releases, reached_speeds
-from dpr_lab.planning.knowledge import Knowledge, known_before
+from dpr_lab.planning.knowledge import Knowledge, given, known_before
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.stopping import Causes
 from dpr_lab.planning.summary import summed_up
-from dpr_lab.planning.worth.criteria import OpenPairs, detectable, given, shown_ratio_std
+from dpr_lab.planning.worth.criteria import OpenPairs, detectable, shown_ratio_std
 from dpr_lab.planning.worth.objective import Objective, limit_forecasts
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import AddedMass, Pose

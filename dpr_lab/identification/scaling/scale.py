@@ -4,7 +4,7 @@ A free swing determines only ratios to b. A size that is proportional to b^k is 
 are uncertain. The power k is 1 for a torque or an inertia, and -1 for a quantity in 1/kg.
 """
 
-from math import exp, hypot
+from math import exp, hypot, log
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, NonNegativeFloat, PositiveFloat
@@ -46,6 +46,12 @@ class Scale(ModelPart):
     def known(self) -> bool:
         """Whether the recordings or measured values determine the scale."""
         return self.fixed_by != "bound"
+
+    @property
+    def log_std(self) -> float:
+        """Standard deviation of the logarithm of b that corresponds to the interval."""
+        low, high = self.interval90
+        return log(high / low) / (2 * NORMAL_Q90)
 
     @property
     def assumption(self) -> str:

@@ -29,7 +29,7 @@ Atkinson & V. V. Fedorov (1975), The design of experiments for discriminating be
 57-70. K. Chaloner & I. Verdinelli (1995), Bayesian experimental design: a review, Statistical Science 10, 273-304.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -42,7 +42,7 @@ from dpr_lab.gap.advice.check_kind import expected_bits
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.evidence import Exclusion
-from dpr_lab.planning.knowledge import RATIO_COLUMNS, Knowledge
+from dpr_lab.planning.knowledge import RATIO_COLUMNS, Knowledge, diagonal, given
 from dpr_lab.planning.stopping import Causes, not_excluded, recurring
 
 
@@ -71,25 +71,6 @@ class Worth:
 
 
 WORTH = Worth()
-
-
-def given(F: Array, fitted: Sequence[int], columns: Sequence[int]) -> Array:
-    """Return the information about some unknowns if the other unknowns are fitted (Schur complement).
-
-    Args:
-        F: (..., k, k) information about all unknowns
-        fitted: indices of the unknowns that are fitted
-        columns: indices of the unknowns that the result refers to
-    """
-    scale = 1 / np.sqrt(_diagonal(F)[..., list(fitted)])
-    across = F[..., *np.ix_(fitted, columns)] * scale[..., None]
-    inner = F[..., *np.ix_(fitted, fitted)] * scale[..., None] * scale[..., None, :] + 1e-12 * np.eye(len(fitted))
-    explained: Array = across.swapaxes(-2, -1) @ np.linalg.solve(inner, across)
-    return F[..., *np.ix_(columns, columns)] - explained
-
-
-def _diagonal(F: Array) -> Array:
-    return np.diagonal(F, axis1=-2, axis2=-1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +160,7 @@ def library_bits(known: Knowledge, F: Array) -> Array:
     """
     columns = [i for i in range(RATIO_COLUMNS, F.shape[-1]) if known.model.columns[i].effect not in known.named]
     G = given(F, known.fitted, columns)
-    power = np.maximum(_diagonal(G), 0.0)
+    power = np.maximum(diagonal(G), 0.0)
     typical = np.array([known.model.columns[i].size for i in columns])
     effects = np.array([known.model.columns[i].effect for i in columns])
     first, second = np.nonzero(effects[:, None] != effects)
@@ -235,7 +216,7 @@ def open_bits(known: Knowledge, F: Array) -> Array:
     if not amplitudes.tested:
         return np.zeros(F.shape[:-2])
     size = np.array([amplitude.size for amplitude in amplitudes.tested])
-    added = _diagonal(amplitudes.after - amplitudes.before)
+    added = diagonal(amplitudes.after - amplitudes.before)
     return np.mean(_bits(size * np.sqrt(np.maximum(added, 0.0) / CALIBRATION.temperature)), axis=-1)
 
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dpr_lab.acceptance.limits import Limits, friction_quantity
+from dpr_lab.acceptance.limits import Limits, free_run_quantity, friction_quantity
+from dpr_lab.acceptance.median_error import median90
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
@@ -21,7 +22,7 @@ from dpr_lab.gap.evidence.joint_friction import GRID, curve_basis, linear_torque
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.planning.information import reached_speeds
-from dpr_lab.planning.knowledge import Knowledge
+from dpr_lab.planning.knowledge import Knowledge, given
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import LimitForecast
 from dpr_lab.planning.worth.criteria import (
@@ -29,7 +30,6 @@ from dpr_lab.planning.worth.criteria import (
     OpenPairs,
     cause_bits,
     detectable,
-    given,
     library_bits,
     open_bits,
     ratio_bits,
@@ -159,7 +159,7 @@ def limit_forecasts(
             all_shapes=not goal.single,
             decides=goal.quantity not in slow and goal.single and goal.reach is not None and goal.reach < goal.room,
         )
-        for goal in goals(known, F, limits)
+        for goal in (*goals(known, F, limits), *_of_free_run(known, limits, len(releases)))
     ]
 
 
@@ -244,6 +244,16 @@ def _of_ratios(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
         room = min(abs(end - middle) for end in (lower, upper) if end is not None)
         reach = NORMAL_Q90 * stds[name] if name in stds and np.isfinite(room) else None
         yield Goal(name, limit.unit, reach, max(float(room), 1e-300))
+
+
+def _of_free_run(known: Knowledge, limits: Limits, further: int) -> Iterator[Goal]:
+    """Yield the goal of the median free-run error, which depends only on the number of releases."""
+    if limits.free_run is not None:
+        reach, largest = None, limits.free_run.max
+        if len(known.free_run_rad) > 1 and np.isfinite(known.free_run_rad).all():
+            low, high = median90(known.free_run_rad, further)
+            reach = largest * (1 - np.sqrt(low / high))
+        yield Goal(free_run_quantity(limits.free_run), limits.free_run.unit, reach, largest / 2)
 
 
 def _with_common_effects(known: Knowledge, F: Array) -> tuple[Knowledge, Array]:

@@ -1,0 +1,65 @@
+"""Median of the free-run errors of several releases, and the releases that decide its limit.
+
+The logarithms of the errors are assumed to be normally distributed, with an unknown spread. For n releases whose
+logarithms have the mean m and the standard deviation s, the 90 % interval of the median is
+
+    exp(m -+ t s / sqrt(n)),
+
+with the 95 % quantile t of Student's distribution with n - 1 degrees of freedom. The forecast for further releases has
+a larger n, with the same m and s.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dpr_lab.acceptance.limits import FreeRunLimit
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.identification.scaling.scale import Interval90
+from dpr_lab.shown import counted
+
+SIDE = 0.95
+"""Confidence of each end of the interval."""
+
+FURTHER = 20
+"""Maximum number of further releases of a forecast."""
+
+
+def median90(errors: Sequence[float], further: int = 0) -> Interval90:
+    """Return the 90 % interval of the median of two or more errors.
+
+    Args:
+        errors: errors of the recorded releases, rad
+        further: number of further releases with the same mean and spread
+    """
+    from scipy.special import stdtrit  # slow to import, and every diagnosis imports this module
+
+    logs, count = np.log(np.maximum(errors, np.finfo(float).tiny)), len(errors) + further
+    reach = float(stdtrit(count - 1, SIDE) * logs.std(ddof=1) / np.sqrt(count))
+    return float(np.exp(logs.mean() - reach)), float(np.exp(logs.mean() + reach))
+
+
+def further_releases(errors: Sequence[float], limit: float) -> int | None:
+    """Return the number of further releases that are expected to decide a limit of the median.
+
+    The result is 0 if these errors decide it, and None if `FURTHER` releases do not.
+    """
+    intervals = ((number, median90(errors, number)) for number in range(FURTHER + 1))
+    return next((number for number, (low, high) in intervals if not low <= limit <= high), None)
+
+
+def what_decides(diagnosis: Diagnosis, limit: FreeRunLimit, errors: Sequence[float]) -> str:
+    """Return the end of the reason of an undecided limit: the number of releases that decide it, or the obstacle."""
+    if (number := further_releases(errors, limit.max)) is not None:
+        return f": {counted(number, 'further release')} with the same mean and spread of the errors would decide it"
+    cause, budget = "", diagnosis.evidence.budget if diagnosis.evidence else None
+    horizons = [run.until_s for run in budget.runs if run.reaches_horizon] if budget else []
+    if min(horizons, default=np.inf) < limit.horizon_s:
+        cause = f"; small initial errors dominate them after {min(horizons):.2g} s: choose a shorter horizon_s"
+    elif diagnosis.gap.remainder_Nm:
+        cause = "; the unexplained remainder contributes to them, and a release does not reduce it"
+    factor = max(errors) / min(errors)
+    return (
+        f", and {FURTHER} further releases would probably not decide it: the errors of the releases differ by up to a"
+        f" factor of {factor:.2g}{cause}"
+    )
