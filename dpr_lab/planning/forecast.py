@@ -11,17 +11,12 @@ refers to the information at that time, because the next plan will apply it then
 
 A release may also reveal another effect or another alternative. The causes then stay undecided until a further release.
 The setting `confirmed` takes this into account: of the planned releases in blind trials for which the above probability
-predicted a decision, it is the fraction that decided the causes. It did not depend on the kind of the diagnosis: 14 of
-16 for one cause, 7 of 8 for several causes, 13 of 14 for no gap, and 4 of 5 for a remainder. Releases from a fixed menu
-are not counted, because they decide less often: 24 of 40, against 26 of all 36 planned releases. If n of N releases
+predicted a decision, it is the fraction that decided the causes (docs/theory.md, section 15). If n of N releases
 decided the causes, `confirmed` is (n + 1/2) / (N + 1), the posterior mean for the Jeffreys prior.
 
 If the selected effects leave a remainder above the noise, its cause is not known, although the search tested every
 effect of the library. A further release then decides only if it reveals this cause. `revealed` replaces `confirmed` in
-this case, and was estimated in the same way. Chance alone gives a similar value. A remainder of significance s after n
-releases has a significance of mean s sqrt((n + 1) / n) and variance 1 / n after the next one. At the limit s = 4 of
-noise, the remainder therefore disappears with the probability 0.05, 0.10 or 0.14 for n = 1, 2 or 3. A larger remainder
-disappears less often.
+this case, and was estimated in the same way.
 
 For an individual plant, the probability of a decision differs from this mean: the causes may stay undecided for reasons
 that a forecast cannot take into account. The prior of this probability is a beta distribution with the above mean and a

@@ -53,18 +53,14 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     """
     known = objective.known
     after = np.cumsum([known.information, *(step.information for step in steps)], axis=0)
-    stds, first, gained = (
-        [ratio_std(known, F) for F in after],
-        len(known.made) + 1,
-        [objective.gained(F) for F in after],
-    )
+    stds, gained = [ratio_std(known, F) for F in after], [objective.gained(F) for F in after]
     knowledge = [Objective.of(replace(known, information=F)) for F in after]
     alike = [inseparable_pairs(then, steps, d2) for then, d2 in zip(knowledge, gained, strict=True)]
     stuck = [inseparable(objective, pairs) for pairs in alike]
     gains = [_separable(objective.gain(F), stuck[0]) for F in after]
     reasons = [
         reason_for(before, then, 1 < number <= STOPPING.fewest, known.diagnosis is not None)
-        for number, (before, then) in enumerate(pairwise(gains), first)
+        for number, (before, then) in enumerate(pairwise(gains), len(known.made) + 1)
     ]
     shares = [1 - float(np.exp(np.log(then / before).mean())) for before, then in pairwise(stds)]
     texts = [
