@@ -10,6 +10,7 @@ a larger n, with the same m and s.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,11 +19,18 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.scaling.scale import Interval90
 from dpr_lab.shown import counted
 
-SIDE = 0.95
-"""Confidence of each end of the interval."""
 
-FURTHER = 20
-"""Maximum number of further releases of a forecast."""
+@dataclass(frozen=True, slots=True)
+class MedianError:
+    """Settings of the interval of the median error, and of its forecast."""
+
+    confidence: float = 0.95
+    """Confidence of each end of the interval."""
+    further: int = 20
+    """Maximum number of further releases of a forecast."""
+
+
+MEDIAN = MedianError()
 
 
 def median90(errors: Sequence[float], further: int = 0) -> Interval90:
@@ -35,21 +43,24 @@ def median90(errors: Sequence[float], further: int = 0) -> Interval90:
     from scipy.special import stdtrit  # slow to import, and every diagnosis imports this module
 
     logs, count = np.log(np.maximum(errors, np.finfo(float).tiny)), len(errors) + further
-    reach = float(stdtrit(count - 1, SIDE) * logs.std(ddof=1) / np.sqrt(count))
+    reach = float(stdtrit(count - 1, MEDIAN.confidence) * logs.std(ddof=1) / np.sqrt(count))
     return float(np.exp(logs.mean() - reach)), float(np.exp(logs.mean() + reach))
 
 
 def further_releases(errors: Sequence[float], limit: float) -> int | None:
     """Return the number of further releases that are expected to decide a limit of the median.
 
-    The result is 0 if these errors decide it, and None if `FURTHER` releases do not.
+    The result is 0 if these errors decide it, and None if `MEDIAN.further` releases do not.
     """
-    intervals = ((number, median90(errors, number)) for number in range(FURTHER + 1))
+    intervals = ((number, median90(errors, number)) for number in range(MEDIAN.further + 1))
     return next((number for number, (low, high) in intervals if not low <= limit <= high), None)
 
 
 def what_decides(diagnosis: Diagnosis, limit: FreeRunLimit, errors: Sequence[float]) -> str:
-    """Return the end of the reason of an undecided limit: the number of releases that decide it, or the obstacle."""
+    """Return the end of the reason of an undecided limit.
+
+    It states the number of releases that decide the limit, or the obstacle.
+    """
     if (number := further_releases(errors, limit.max)) is not None:
         return f": {counted(number, 'further release')} with the same mean and spread of the errors would decide it"
     cause, budget = "", diagnosis.evidence.budget if diagnosis.evidence else None
@@ -60,6 +71,6 @@ def what_decides(diagnosis: Diagnosis, limit: FreeRunLimit, errors: Sequence[flo
         cause = "; the unexplained remainder contributes to them, and a release does not reduce it"
     factor = max(errors) / min(errors)
     return (
-        f", and {FURTHER} further releases would probably not decide it: the errors of the releases differ by up to a"
+        f", and {MEDIAN.further} further releases would probably not decide it: the errors of the releases differ by up to a"
         f" factor of {factor:.2g}{cause}"
     )
