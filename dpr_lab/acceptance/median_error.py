@@ -69,8 +69,5 @@ def what_decides(diagnosis: Diagnosis, limit: FreeRunLimit, errors: Sequence[flo
         cause = f"; small initial errors dominate them after {min(horizons):.2g} s: choose a shorter horizon_s"
     elif diagnosis.gap.remainder_Nm:
         cause = "; the unexplained remainder contributes to them, and a release does not reduce it"
-    factor = max(errors) / min(errors)
-    return (
-        f", and {MEDIAN.further} further releases would probably not decide it: the errors of the releases differ by up to a"
-        f" factor of {factor:.2g}{cause}"
-    )
+    spread = f"the errors of the releases differ by up to a factor of {max(errors) / min(errors):.2g}"
+    return f", and {MEDIAN.further} further releases would probably not decide it: {spread}{cause}"
