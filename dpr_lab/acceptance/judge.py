@@ -56,10 +56,10 @@ Range = tuple[float, float]
 Bounds = tuple[float | None, float | None]
 
 WITHIN = "the limit lies within the interval"
-"""Beginning of a reason for which further releases may decide a limit."""
+"""Beginning of the reason of an undecided limit that further releases may decide."""
 
 RECORD_MORE = ": record more releases"
-"""End of such a reason, before the releases are known."""
+"""End of this reason, before the releases are known."""
 
 SECOND_RELEASE = ": record a second release"
 """End of the reason of a limit of an effect whose form one release does not test."""
@@ -298,7 +298,7 @@ def _widened(diagnosis: Diagnosis, quantity: str, interval: Range | None, bounds
 
 
 def _power(effect: str, parameter: str) -> int:
-    """Return the power of the scale b in an amplitude."""
+    """Return the exponent of the scale b in an amplitude."""
     return next(amplitude.scale_power for amplitude in EFFECTS[effect].amplitudes if amplitude.name == parameter)
 
 

@@ -4,7 +4,7 @@ from dpr_lab.identification.scaling.scale import Interval90, Scale
 from dpr_lab.shown import percent
 
 ONLY_SCALE = "only the uncertainty of"
-"""Beginning of a reason for which no further release of the same kind decides a limit."""
+"""Beginning of the reason of an undecided limit that no further release of the same kind decides."""
 
 
 def with_scale(scale: Scale | None, interval: Interval90, power: int) -> Interval90:

@@ -114,7 +114,7 @@ def _options(typed: Mapping[str, Any]) -> ImportOptions:
 
 import_table.__signature__ = _with_options(import_table)  # pyright: ignore[reportFunctionMemberAccess]
 app.command("table", cls=PluginListing)(import_table)
-app.command("csv", help="The same as `import table`. Example: dpr-lab import csv swing.csv --rig paper")(import_table)
+app.command("csv", help="Alias of `import table`. Example: dpr-lab import csv swing.csv --rig paper")(import_table)
 
 
 def _show(understood: "Understood", as_json: bool) -> None:

@@ -127,8 +127,10 @@ class _Design:
     first: Array
     """(runs,) weights of the mean of the first group."""
     scatter: Array
-    """(m, runs) weights of residuals whose sum of squares is `norm` variances; m = 0 if the variance is not
-    estimable."""
+    """(m, runs) weights of m residuals; the sum of their squares estimates `norm` times the variance.
+
+    m = 0 if the variance is not estimable.
+    """
     norm: float
     """Degrees of freedom of the residuals."""
     basis: Basis

@@ -255,8 +255,8 @@ def identifiability(
         information: (5, 5) Fisher information of the ratios, or (6, 6) with b, from a fit or from
             `dpr_lab.identification.expected.mounted_releases`
         rig: bounds, measured values, encoders and poses
-        posterior: distribution of the parameters given the unknowns of the information; default: the first unknowns
-            have the best known values of the rig file
+        posterior: distribution of the parameters, given the unknowns to which `information` refers; None: computed from
+            the best known values of the rig file
         lengths: whether to compute the effect of an error of L1, which needs a fit to simulated releases
     """
     if posterior is None:

@@ -330,7 +330,7 @@ class Model(FittedModel):
 
     @property
     def scale_sentence(self) -> str:
-        """Sentence that states the inertia b of all masses, inertias and torques, with its uncertainty."""
+        """Sentence that states the inertia b, which scales all masses, inertias and torques, and its uncertainty."""
         if self._scale is not None:
             return self._scale.sentence
         end = "." if self.base["b"].fixed_by != "bound" else " (not measured)."

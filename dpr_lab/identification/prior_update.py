@@ -205,8 +205,8 @@ class Posterior:
         """Return a value with its interval, from the derivatives (9,) of its logarithm.
 
         The derivatives are those with respect to the logarithms of the parameters. The interval `wide` is used if only
-        the bounds of the rig file determine the value, or for a friction of zero, which has no logarithm. `parameters`
-        states the source of a friction of zero.
+        the bounds of the rig file determine the value, or for a friction of zero, which has no logarithm. The
+        source of a friction of zero is set in `parameters`.
         """
         if value == 0.0 or self._loose(slopes[None])[0]:
             return ParameterValue(value=value, std=None, fixed_by="bound", interval90=wide)

@@ -89,7 +89,7 @@ class ForecastSettings:
     weight: float = 4.0
     """Weight of `confirmed` in the prior of one plant, expressed as a number of releases."""
     revealed: float = 0.1
-    """The same fraction if the previous diagnosis left a remainder above the noise.
+    """Fraction like `confirmed`, if the previous diagnosis left a remainder above the noise.
 
     The next release decided the causes on none of 4 plants with one main effect and three to six small effects.
     """

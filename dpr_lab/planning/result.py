@@ -114,7 +114,7 @@ class Inseparable(_Record):
 
     @property
     def advice(self) -> str:
-        """Sentences that no release separates the causes, and what does."""
+        """Two sentences: no release separates these causes, and the bench check that does."""
         return f"No release separates {' from '.join(self.causes)}. {self.check}"
 
 

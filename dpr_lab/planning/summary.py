@@ -147,7 +147,7 @@ def _forecast(
 ) -> list[float | None]:
     """Return the probability that the causes are decided, for each number of releases.
 
-    It is None before any recording. After each release, its pairs of inseparable causes count as one cause.
+    It is None before any recording. Causes that are inseparable after a release count as one cause.
     """
     diagnosis, pairs = objective.known.diagnosis, objective.pairs
     if diagnosis is None or not steps:

@@ -89,7 +89,7 @@ def save_diagnosis(
 def _confirmed(
     diagnosis: Diagnosis, corrected: AnyModel, runs: Sequence[Run], rig: Rig, on_loss: Callable[[str], None]
 ) -> AnyModel:
-    """Return the bare model instead of a corrected model without confirmed causes that predicts worse.
+    """Return the bare model if no cause is confirmed and the corrected model predicts worse; otherwise the latter.
 
     The predictions are free runs, so the corrected model is kept if no run can be replayed.
     """

@@ -234,7 +234,7 @@ def _causes(
 def over_limit(sizes: Mapping[str, float], least: Mapping[str, float | None]) -> float | None:
     """Compute the ratio of an effect's size to its minimum detectable size.
 
-    The most visible amplitude determines the ratio.
+    The largest ratio of its amplitudes is returned.
 
     The result is None if no minimum detectable size is known.
     """

@@ -111,10 +111,10 @@ def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig:
 def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
     """Add the planned releases if they are expected to decide a limit.
 
-    The reason of a limit states the release that is expected to decide it alone. The reason of a limit that the
-    releases would not decide states this, unless the interval covers all shapes of an effect: the forecast refers to
-    one shape. If no release separates the possible causes of a limit, its reason states the bench check of the plan
-    instead.
+    The reason of an undecided limit then states one of three things: the release that is expected to decide it alone,
+    that the planned releases would not decide it, or, if no release separates its possible causes, the bench check of
+    the plan. The second is not stated if the interval covers all shapes of an effect, because the forecast refers to
+    one shape.
     """
     from dpr_lab.acceptance.judge import RECORD_MORE, WITHIN
     from dpr_lab.acceptance.scale import ONLY_SCALE

@@ -25,7 +25,7 @@ def refuse_own_folder(out: Path, original: Path) -> None:
     """Check that a changed copy does not overwrite its original.
 
     Raises:
-        ConfigError: the folder is the folder of the original, or an error of `check_folder_writable`.
+        ConfigError: the folder is that of the original, or nothing can be written to it.
     """
     check_folder_writable(out)
     if (out / original.name).resolve() == original.resolve():

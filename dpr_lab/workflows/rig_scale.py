@@ -7,7 +7,10 @@ if TYPE_CHECKING:
 
 
 def values_of_scale(mounted: str, elbow: str, arm_mode: str, mb: float = 0.0) -> str:
-    """List parameters whose measured values together determine the scale; mb, kg, is carried by a single rod."""
+    """List parameters whose measured values together determine the scale.
+
+    `mb` is the mass at joint 2 in kg, which matters for a single rod.
+    """
     from dpr_lab.rig import of_inner_rod
 
     rod = 1 if mounted == "inner" else 2
@@ -21,8 +24,8 @@ def values_of_scale(mounted: str, elbow: str, arm_mode: str, mb: float = 0.0) ->
 def scale_known(rig: "Rig") -> bool:
     """Check whether an added mass, the motor or measured values of a rig file determine the scale.
 
-    The measured values are checked as in `identify`, with the ratios of a rig that is not exactly uniform: the inertia
-    of a rod is stationary if its centre of mass is in the middle.
+    The measured values are checked as in `identify`, but for rods that are not exactly uniform. With the centre of
+    mass exactly in the middle of a rod, the derivative of its inertia would be zero, and the result could be wrong.
     """
     import numpy as np
 

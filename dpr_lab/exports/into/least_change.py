@@ -121,7 +121,7 @@ def ranked_change(
         error: function that returns the mean square error of a model over segments, rad^2
         numbers: corrected numbers, and numbers of the file
         effects: identified sizes of effects by name
-        uncorrected: changed numbers of bodies and joints, each with the numbers in which they have their old values
+        uncorrected: changed numbers of bodies and joints, each with a copy of all numbers in which they are uncorrected
     """
     corrected, of_file = numbers
     file = {name: {key: 0.0 for key in sizes} | in_file(chain, name) for name, sizes in effects.items()}

@@ -227,7 +227,8 @@ _BASIS = {
 def _classes(causes: Sequence[EffectPosterior], below: float = -np.inf) -> str:
     """List the classes in words; a probability is stated if it is less than `below` or limited by a test.
 
-    If there are several classes, each class of two members is put in parentheses. A limited probability has its reason.
+    If there are several classes, each class of two members is put in parentheses. The reason of a limited probability
+    is stated.
     """
     words = [_class(cause) for cause in causes]
     if len(words) > 1:

@@ -1,7 +1,7 @@
 """Test the named effects on held-out recordings: each must improve their prediction.
 
-The selected set and the set without one effect are fitted to the same runs and compared on each held-out run or, if
-there are none, on each fitted run or quarter of the only run that is left out in turn. Let
+The selected set and the set without one effect are fitted to the same runs and compared on each held-out run. If there
+are none, each fitted run is left out in turn; of a single run, each quarter. Let
 
     d_s = chi2_s(without) - chi2_s(with)
 
@@ -253,7 +253,7 @@ def _relative_to_fitted(closed: Interval, selection: Selection) -> float:
 
 
 def _fitted_share(smaller: Hypothesis, chosen: Hypothesis) -> float:
-    """Return by which share the chosen set reduces the gap of the smaller set."""
+    """Return the share by which the chosen set reduces the gap of the smaller set."""
     return share(np.array([[smaller.residuals.excess], [chosen.residuals.excess]]))
 
 

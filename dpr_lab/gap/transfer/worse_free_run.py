@@ -36,7 +36,7 @@ class WorseFreeRunRules:
     Beyond this error, chaos dominates.
     """
     followed_s: float = 0.6
-    """Minimum time of the comparison of free runs, s after the beginning of the recording."""
+    """Minimum duration over which free runs are compared, s after the beginning of the recording."""
 
 
 WORSE = WorseFreeRunRules()

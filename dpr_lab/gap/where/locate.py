@@ -30,7 +30,7 @@ MAPS: Maps = (*DISCREPANCY.kinds, ("error", "speed"))
 """Kinds of the maps, each with the coordinate on which the torque, the friction or the error depends."""
 
 SIGNIFICANT = 3.0
-"""Minimum residual that counts as a gap to locate or to divide, and minimum trend of a map, in standard deviations."""
+"""Minimum residual for which the gap is located or divided, and minimum trend of a map, in standard deviations."""
 
 
 def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:

@@ -49,7 +49,7 @@ def energy_rises(t: Array, rods: Array, rig: Rig) -> list[EnergyRise]:
 
     The rises are in order of time, with a swing between them. Further rises are distinguished while a rise above the
     limit remains. The inertias are those of the rig file, or those that conserve the energy best between the rises. The
-    velocities are computed with short and with long windows. The result with the smallest other rises counts.
+    velocities are computed with short and with long windows. The result with the smallest remaining rises is used.
 
     Args:
         t: (n,) times, s
@@ -90,7 +90,7 @@ def energy_rises(t: Array, rods: Array, rig: Rig) -> list[EnergyRise]:
 
 
 def _rises(t: Array, energy: Array, most: int, shortest: float) -> list[tuple[int, int]]:
-    """Return the first and last indices of the `most` largest rises; a swing within a rise divides it further."""
+    """Return the first and last indices of the `most` largest rises; a fall of the energy divides a rise."""
     spans: list[tuple[int, int]] = []
     for _ in range(most):
         _, begin, end = max(_rise(energy, *part) for part in _between(spans, len(energy)))

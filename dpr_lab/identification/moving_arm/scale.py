@@ -115,7 +115,7 @@ def estimated(value: float, std: float, fixed_by: Literal["data", "bound"] = "da
     """Return an estimate with its 90 % interval.
 
     The interval is that of a normal distribution, or of a lognormal one if the scale is only assumed. A lognormal
-    interval excludes zero, although the standard deviation is large.
+    interval excludes zero, even if the standard deviation is large.
     """
     reach = NORMAL_Q90 * std
     ends = (value - reach, value + reach)

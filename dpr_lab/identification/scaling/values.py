@@ -27,8 +27,8 @@ class EstimatedValue(ModelPart):
     def moved(self, value: float) -> "EstimatedValue":
         """Return the estimate with another value; the interval is moved by the difference.
 
-        An end at zero stays, and an interval without negative values does not obtain any, unless the value is then
-        outside.
+        An end at zero is not moved, and the lower end of an interval without negative values does not become negative,
+        unless the new value is then outside.
         """
         (lowest, highest), change = self.interval90, value - self.value
         low, high = lowest + change, highest + change

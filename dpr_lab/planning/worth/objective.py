@@ -207,7 +207,7 @@ def _fitted_together(known: Knowledge, F: Array, name: str) -> dict[str, float]:
 
 
 def _of_friction(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
-    """Yield the goals of friction limits.
+    """Yield one goal for each friction limit.
 
     The limited quantity is the friction torque of a joint at the speeds of the limit. A free-form friction curve is
     added to the model.

@@ -238,7 +238,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
             self._draw()
 
     def action_length(self) -> None:
-        """Select the next longer duration, or until rest."""
+        """Select the next longer duration; after the longest, recording until rest."""
         self._require_none()
         now = 0.0 if self.options.until_rest else self.options.duration
         longer = next((duration for duration in CHOICES.durations if duration > now), None)

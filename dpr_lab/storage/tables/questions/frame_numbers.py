@@ -64,9 +64,10 @@ def counted_frames(table: Table) -> tuple[str, int]:
 
 
 def frame_step_note(name: str, step: int, rate_hz: float) -> str:
-    """Return a note that a column counts every k-th frame, because the given rate can be that of all frames.
+    """Return a note if a column counts every k-th frame.
 
-    A column without a name may instead contain the times of rows at the given rate, in ms or us.
+    The given rate may then be that of all frames, not of the rows. A column without a name may instead contain the
+    times of rows at the given rate, in ms or us.
     """
     unit = {1e3: "ms", 1e6: "us"}.get(round(step * rate_hz, 6), "")
     if unit and name.isdecimal():

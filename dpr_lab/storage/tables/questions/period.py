@@ -55,7 +55,7 @@ class AmplitudeScale:
     as_read: float
     """Difference of the sums of squares at the scale 1 and at the best scale, in units of a significant difference."""
     other_unit: float
-    """The same difference at the scale that exchanges degrees and radians; infinite if it is impossible."""
+    """Difference like `as_read`, at the scale that exchanges degrees and radians; infinite if it is impossible."""
     amplitudes: tuple[float, float]
     """Largest and smallest amplitude, rad."""
 
