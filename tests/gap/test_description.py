@@ -15,7 +15,7 @@ from dpr_lab.effects import EFFECTS, effect_params, plausibility
 from dpr_lab.errors import RunError
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.conclusion import description as description_module
-from dpr_lab.gap.conclusion.description import unbalanced
+from dpr_lab.gap.conclusion.description import unexplained_energy
 from dpr_lab.gap.conclusion.sentence import _in_noise
 from dpr_lab.gap.conclusion.verdict import listed_causes
 from dpr_lab.gap.diagnose import diagnose
@@ -293,7 +293,7 @@ def test_a_motor_that_is_not_described_changes_the_energy_of_the_rod(
     rod, t = replace(bench_rigs.Rod(21.4, 0.04, 0.0, 9e-3), **changed), np.arange(0.0, 4.0, 0.02)
     angle = zero + bench_rigs.rod_swing(rod, start, t)
     run = bench_rigs.table(tmp_path, "swing", rig, {"t_s": t, "theta1_rad": angle})
-    result = unbalanced([run], rig)
+    result = unexplained_energy([run], rig)
     assert result.forced == forced
     assert ("Friction and known torques do not explain" in result.hint) == forced
 
@@ -304,8 +304,8 @@ def test_the_motion_of_a_prescribed_arm_supplies_energy(tmp_path: Path) -> None:
     t = np.arange(0.0, 4.0, 0.02)
     run = bench_rigs.table(tmp_path, "swing", rig, {"t_s": t, "theta1_rad": bench_rigs.rod_swing(rod, 1.2, t)})
     arm = ArmMotion(run.t, np.sin(run.t), np.cos(run.t))
-    assert unbalanced([run], rig).forced
-    assert not unbalanced([replace(run, arm=arm)], rig).forced
+    assert unexplained_energy([run], rig).forced
+    assert not unexplained_energy([replace(run, arm=arm)], rig).forced
 
 
 def test_the_angles_of_a_film_have_no_other_scale(monkeypatch, paper: Rig):

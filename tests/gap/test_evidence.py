@@ -10,7 +10,7 @@ from dpr_lab.gap.evidence import exclusions as of_exclusions
 from dpr_lab.gap.evidence.coverage import coverage
 from dpr_lab.gap.evidence.exclusions import AllShapes, exclusions
 from dpr_lab.gap.evidence.joint_friction import joint_friction
-from dpr_lab.gap.evidence.residuals import residual_look
+from dpr_lab.gap.evidence.residuals import residual_analysis
 from dpr_lab.gap.evidence.validation import validation
 from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.hypothesis.refits import refit_with
@@ -65,7 +65,7 @@ def test_a_spring_with_a_constant_torque_does_not_hide_the_friction(recorded: An
 @pytest.mark.slow
 def test_residuals_of_a_clean_rig_are_white_and_effects_excluded(looked_at: Any):
     recordings, problem, model = looked_at({})
-    look = residual_look(problem, {"before": model, "after": model})
+    look = residual_analysis(problem, {"before": model, "after": model})
     for models in look.joints.values():
         assert abs(models["after"].autocorrelation[1]) < 0.1
         np.testing.assert_allclose(models["after"].quantiles[10:50], look.normal[10:50], atol=0.2)

@@ -17,5 +17,5 @@ def test_an_effect_of_any_size_hands_its_amplitudes_over(torque: float, monkeypa
     monkeypatch.setattr(restarts, "refit", lambda problem, start, names, iterations: start)
     sets = cast(Any, SimpleNamespace(library=EFFECTS, problem=None))
     model = cast(Any, SimpleNamespace(estimate=start, effects=("stribeck_joint1",)))
-    exchanged = cast(Any, restarts._handed_over(sets, model, "stribeck_joint1", "coulomb_joint1"))
+    exchanged = cast(Any, restarts._replaced_from_amplitudes(sets, model, "stribeck_joint1", "coulomb_joint1"))
     assert exchanged.params[param_index("coulomb_joint1", "torque_Nm")] == torque

@@ -14,7 +14,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.conclusion import sentence, verdict
 from dpr_lab.gap.conclusion.notes import _small_effects
-from dpr_lab.gap.conclusion.sentence import how_far
+from dpr_lab.gap.conclusion.sentence import reduction_sentence
 from dpr_lab.gap.conclusion.verdict import small_effects
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Basis
@@ -72,7 +72,7 @@ def test_a_diagnosis_of_one_release_states_that_it_was_not_validated_on_another(
 
 
 def test_a_single_recording_that_stays_unexplained_names_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, value in (("_classes", "an effect"), ("fitted_only", True), ("how_far", "Not closed.")):
+    for name, value in (("_classes", "an effect"), ("fitted_only", True), ("reduction_sentence", "Not closed.")):
         monkeypatch.setattr(sentence, name, lambda *_, value=value: value)
     chosen = Mock(effects=("coulomb_joint1",), residuals=Mock(noise_ratio=3.0))
     selection = Mock(share_explained=0.96, expected=frozenset(), chosen=chosen)
@@ -120,7 +120,7 @@ def test_a_gap_that_grows_is_not_reported_to_close() -> None:
     grown = Transfer(
         "held-out runs", True, Interval(value=-0.51, interval90=(-0.74, -0.22)), 1.0, (), {}, {}, {}, (), (), (), None
     )
-    assert how_far(grown) == "On held-out runs the gap does not close (-51 %, 90 % interval -74 % to -22 %)."
+    assert reduction_sentence(grown) == "On held-out runs the gap does not close (-51 %, 90 % interval -74 % to -22 %)."
 
 
 @pytest.mark.parametrize(
@@ -132,7 +132,8 @@ def test_a_gap_that_grows_is_not_reported_to_close() -> None:
 )
 def test_a_single_release_whose_quarters_differ_shows_no_reduction(low: float, words: str) -> None:
     closed = Interval(value=0.97, interval90=(low, 1.0))
-    assert how_far(Transfer("one release", True, closed, 1.0, (), {}, {}, {}, (), (), (), None)).endswith(words)
+    transfer = Transfer("one release", True, closed, 1.0, (), {}, {}, {}, (), (), (), None)
+    assert reduction_sentence(transfer).endswith(words)
 
 
 @pytest.mark.parametrize(
@@ -177,15 +178,15 @@ def test_held_out_data_without_a_gap_of_their_own_refute_nothing() -> None:
         np.array([[3.0, -4.0, 2.0, -2.0], [1.0, -4.0, 0.0, -2.0]]), 1.0, np.random.default_rng(1), 1, np.zeros(4, int)
     )
     silent = Transfer("held-out runs", True, nothing_to_close, 0.3, (), {}, {}, {}, (), (), (), None)
-    assert how_far(silent) == "On held-out runs the gap is too small to show a reduction."
+    assert reduction_sentence(silent) == "On held-out runs the gap is too small to show a reduction."
 
 
 def test_a_narrow_interval_is_stated_with_a_decimal() -> None:
     closed = Interval(value=0.9984, interval90=(0.9962, 1.0))
     outcome = Transfer("one release", True, closed, 30.0, (), {}, {}, {}, (), (), (), None)
-    assert how_far(outcome).endswith("the gap closes by 99.8 % (90 % interval 99.6 % to 100.0 %).")
+    assert reduction_sentence(outcome).endswith("the gap closes by 99.8 % (90 % interval 99.6 % to 100.0 %).")
     nearly = replace(outcome, closed=Interval(value=0.9999, interval90=(0.99983, 0.99992)))
-    assert how_far(nearly).endswith("the gap closes by more than 99.9 % (90 % interval above 99.9 %).")
+    assert reduction_sentence(nearly).endswith("the gap closes by more than 99.9 % (90 % interval above 99.9 %).")
 
 
 @pytest.mark.slow
@@ -378,8 +379,8 @@ def test_a_short_held_out_run_shows_a_large_reduction_although_its_groups_are_fe
 def test_held_out_pieces_of_a_single_recording_are_not_called_runs() -> None:
     closed = Interval(value=0.51, interval90=(0.22, 0.74))
     cut = Transfer("held-out runs", True, closed, 1.0, (), {}, {"swing 10-19 s": closed}, {}, (), (), (), None)
-    assert how_far(cut).startswith("On held-out pieces of the recording the gap closes by 51 %")
-    assert how_far(replace(cut, held_out={"other": closed})).startswith("On held-out runs the gap")
+    assert reduction_sentence(cut).startswith("On held-out pieces of the recording the gap closes by 51 %")
+    assert reduction_sentence(replace(cut, held_out={"other": closed})).startswith("On held-out runs the gap")
 
 
 @pytest.mark.long

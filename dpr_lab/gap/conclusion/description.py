@@ -92,11 +92,11 @@ def description(
     look = second_look(runs, rig)
     # an encoder error also causes an apparent energy input
     if not look.sentence or (not look.tried and selection.share_explained >= THRESHOLDS.explained):
-        return unbalanced(runs, rig)
+        return unexplained_energy(runs, rig)
     return Description(look.sentence, _as_good(look, selection))
 
 
-def unbalanced(runs: Sequence[Run], rig: Rig) -> Description:
+def unexplained_energy(runs: Sequence[Run], rig: Rig) -> Description:
     """Describe a change of the rods' energy that neither friction nor known torques explain.
 
     Effects with many amplitudes can imitate the force that causes it (decision 89). Zero errors are effects themselves

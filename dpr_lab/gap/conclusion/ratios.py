@@ -10,7 +10,7 @@ from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE, UNKNOWN_RATIOS, alone_share, unknown_ratios
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.conclusion.uncertainty import by_unseen_ratios
+from dpr_lab.gap.conclusion.uncertainty import by_undetermined_ratios
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.saved import Interval
@@ -35,7 +35,7 @@ def ratios(problem: Problem, model: Hypothesis, covariance: Array, rig: Rig) -> 
         rig: bounds
     """
     values = model.estimate.ratios[: len(RATIOS)].tolist()
-    prior_variance = by_unseen_ratios(problem, model, rig)
+    prior_variance = by_undetermined_ratios(problem, model, rig)
     variance = np.diag(unknown_covariance(model.fit, covariance))[: len(RATIOS)]
     half_widths = NORMAL_Q90 * np.sqrt(variance + prior_variance)
     positive = (prior_variance > 0.0) | np.isin(np.arange(len(RATIOS)), FRICTION)

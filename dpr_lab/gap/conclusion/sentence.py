@@ -73,7 +73,7 @@ def _sentence(kind: DetailedVerdict, state: Transferred, budget: Budget) -> str:
         return f"{_no_gap(state.selection.bare)} {_free_run(budget)}"
     if kind == "unexplained":
         return _unexplained(state, budget)
-    causes, reduction = causes_named(state), how_far(state.transfer)
+    causes, reduction = causes_named(state), reduction_sentence(state.transfer)
     if kind == "named":
         explained = f"The gap is explained by {_certain(causes)}{_small(state)}."
         return f"{explained} {reduction} Nothing above the noise floor remains."
@@ -133,7 +133,7 @@ def _unexplained(state: Transferred, budget: Budget) -> str:
             doubt = f"a remainder of {remainder} makes a cause outside the library more probable"
         return (
             f"Unexplained: {closest} {verb} {percent(share)} of the excess chi-square in the fitted"
-            f" recordings, but {doubt}. {how_far(transfer)}"
+            f" recordings, but {doubt}. {reduction_sentence(transfer)}"
         )
     candidate = "candidates" if several else "candidate"
     return f"Unexplained: the closest {candidate}, {closest}, {verb} only {percent(share)} of the excess chi-square."
@@ -189,7 +189,7 @@ def _free_run(budget: Budget) -> str:
     )
 
 
-def how_far(transfer: Transfer) -> str:
+def reduction_sentence(transfer: Transfer) -> str:
     """State by how much the gap closes on held-out data, and which data these are."""
     if not transfer.tested:
         return "The recordings are too short to predict one part from another, so no data validate this result."

@@ -61,7 +61,7 @@ def covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrep
         remainder: discrepancy term of the fit, which also shifts the values
     """
     before = problem.predict(model.estimate)
-    shifts = [other.predict(model.estimate) - before for other in _otherwise(problem, rig)]
+    shifts = [other.predict(model.estimate) - before for other in _changed_problems(problem, rig)]
     # a segment that cannot be simulated contains no information
     changes = [problem.whitened(np.nan_to_num(shift)) for shift in shifts]
     if remainder is not None:
@@ -74,7 +74,7 @@ def whole_covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: D
     return covariance(problem, model, rig, remainder) + second_moments(problem, model.fit, model.inflation)
 
 
-def by_unseen_ratios(problem: Problem, model: Hypothesis, rig: Rig) -> Array:
+def by_undetermined_ratios(problem: Problem, model: Hypothesis, rig: Rig) -> Array:
     """Return the (5,) variance of the ratios due to the undetermined ratios.
 
     Args:
@@ -112,7 +112,7 @@ def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator
         yield model.estimate.changed(ratios=ratios)
 
 
-def _otherwise(problem: Problem, rig: Rig) -> Iterator[Problem]:
+def _changed_problems(problem: Problem, rig: Rig) -> Iterator[Problem]:
     """Yield a problem with half the integrator step, and one problem for each increased weighed mass."""
     segments, model = problem.segments, problem.model
     yield replace(problem, segments=replace(segments, step=segments.step / 2))

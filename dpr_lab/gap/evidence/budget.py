@@ -92,7 +92,7 @@ def sources(problem: Problem, model: Hypothesis, recordings: Recordings, runs: F
         origin = "noise of measured torques, and of the readings of a prescribed joint"
         yield Source("inputs", "input", origin, _by_inputs(recordings, runs))
     origin, spread = "noise of the readings to which ratios and effects are fitted", considered(model.fit, noise)
-    moves = (swing.settled(swing.by_values) for swing in swings)
+    moves = (swing.refitted_changes(swing.by_values) for swing in swings)
     yield Source("fitted values", "input", origin, [np.einsum("nij,jk,nik->ni", D, spread, D) for D in moves])
     origin = "noise of the readings to which the initial state is fitted"
     yield Source("initial state", "input", origin, [noise * swing.start_variance() for swing in swings])
@@ -121,8 +121,8 @@ def _changes(
     step = shifted(fit, whitened)
     remaining = fit.linear.projected(whitened[:, :, None])[:, :, 0] + fit.linear.A @ step
     changes = [
-        swing.settled((direct + swing.by_values @ step)[:, :, None])[:, :, 0]
-        for swing, direct in zip(runs.swings, runs.otherwise(change), strict=True)
+        swing.refitted_changes((direct + swing.by_values @ step)[:, :, None])[:, :, 0]
+        for swing, direct in zip(runs.swings, runs.changes_with(change), strict=True)
     ]
     return changes, float((1 + np.sum(remaining**2) / model.inflation) ** -0.5)
 

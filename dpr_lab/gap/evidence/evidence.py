@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from dpr_lab.gap.evidence.coverage import coverage
 from dpr_lab.gap.evidence.exclusions import exclusions
 from dpr_lab.gap.evidence.joint_friction import joint_friction
-from dpr_lab.gap.evidence.residuals import residual_look
+from dpr_lab.gap.evidence.residuals import residual_analysis
 from dpr_lab.gap.evidence.validation import validation
 from dpr_lab.gap.evidence.wider_models import wider_models
 from dpr_lab.gap.result.evidence import Evidence, RecordingUsed
@@ -27,7 +27,7 @@ def evidence(state: Transferred) -> Evidence:
         recordings=[*_used(recordings, held_out=False), *_used(state.fitted.held_out, held_out=True)],
         coverage=coverage(recordings, state.fitted.held_out),
         closing=list(state.transfer.closing),
-        residuals=residual_look(problem, selection.models),
+        residuals=residual_analysis(problem, selection.models),
         exclusions=exclusions(problem, selection.chosen, selection.final_test, selection.detectable),
         wider_models=wider_models(state),
         friction=joint_friction(

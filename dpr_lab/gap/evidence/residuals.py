@@ -17,7 +17,7 @@ from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 
 
 @dataclass(frozen=True, slots=True)
-class LookSettings:
+class ResidualSettings:
     """Settings of the residual analysis."""
 
     lags: int = 40
@@ -28,21 +28,21 @@ class LookSettings:
     """Number of standard deviations beyond which a residual counts as extreme."""
 
 
-LOOK = LookSettings()
+RESIDUALS = ResidualSettings()
 
 
-def residual_look(problem: Problem, models: Mapping[str, Hypothesis]) -> ResidualLook:
+def residual_analysis(problem: Problem, models: Mapping[str, Hypothesis]) -> ResidualLook:
     """Return the residual analysis of each joint under each model.
 
     Args:
         problem: segments of the fitted runs
         models: models before and after correction
     """
-    chances = (np.arange(LOOK.quantiles) + 0.5) / LOOK.quantiles
+    chances = (np.arange(RESIDUALS.quantiles) + 0.5) / RESIDUALS.quantiles
     joints: dict[str, dict[str, Whiteness]] = {}
     for j, axis in enumerate(ALL_AXES[: problem.axes]):
         if problem.read[:, j].any():
-            joints[axis] = {name: _look(problem, model, j, chances) for name, model in models.items()}
+            joints[axis] = {name: _whiteness(problem, model, j, chances) for name, model in models.items()}
     owner = problem.owner
     within = np.diff(owner) == 0
     return ResidualLook(
@@ -53,13 +53,13 @@ def residual_look(problem: Problem, models: Mapping[str, Hypothesis]) -> Residua
     )
 
 
-def _look(problem: Problem, model: Hypothesis, joint: int, chances: Array) -> Whiteness:
+def _whiteness(problem: Problem, model: Hypothesis, joint: int, chances: Array) -> Whiteness:
     r = np.nan_to_num(problem.by_sample(model.fit.linear.residual)[:, joint], posinf=0.0)
     read = problem.read[:, joint]
     return Whiteness(
-        autocorrelation=_autocorrelation(np.where(read, r, 0.0), read, problem.owner, LOOK.lags).tolist(),
+        autocorrelation=_autocorrelation(np.where(read, r, 0.0), read, problem.owner, RESIDUALS.lags).tolist(),
         quantiles=np.quantile(r[read], chances).tolist(),
-        beyond3=float(np.mean(np.abs(r[read]) > LOOK.far)),
+        beyond3=float(np.mean(np.abs(r[read]) > RESIDUALS.far)),
     )
 
 

@@ -18,7 +18,7 @@ from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 
 
 @dataclass(frozen=True, slots=True)
-class Refits:
+class RefitSettings:
     """Settings of the preliminary fits that the search compares."""
 
     preliminary: float = 3e-3
@@ -36,11 +36,11 @@ class Refits:
     """
 
 
-REFITS = Refits()
+REFITS = RefitSettings()
 PRELIMINARY = GaussNewton(preliminary=REFITS.preliminary)
 
 
-def beating(model: Hypothesis) -> GaussNewton:
+def settings_to_beat(model: Hypothesis) -> GaussNewton:
     """Return the settings of a fit that ends early unless it beats the previous fit.
 
     Both fits have the same set of effects.

@@ -96,7 +96,7 @@ def most_excess(bare: Hypothesis, before: Hypothesis) -> float:
     return max(excess / THRESHOLDS.excess_factor, excess - THRESHOLDS.large * bare.bounded_excess)
 
 
-def need(bare: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:
+def evidence_ratio(bare: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:
     """Return the ratio of the evidence for an effect to the required evidence.
 
     Above the noise floor, the evidence is the factor by which the excess increases without the effect. The required

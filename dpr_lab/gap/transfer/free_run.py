@@ -6,7 +6,7 @@ state is fitted to the first readings h. A change dr of the readings also change
 
     dr - J0 (J0_h^T W^2 J0_h)^-1 J0_h^T W^2 dr_h
 
-remains. `settled` returns this remaining change.
+remains. `refitted_changes` returns this remaining change.
 """
 
 from collections.abc import Callable
@@ -110,7 +110,7 @@ class FreeSwing:
         slow = np.diag(slow_starts(self.setup, A.shape[1]))
         return A.T @ A + slow.T @ slow, A
 
-    def settled(self, change: Array) -> Array:
+    def refitted_changes(self, change: Array) -> Array:
         """Return the (n, 2, k) changes of the readings after a refit of the initial state."""
         normal, A = self._normal
         rows = (self.weight[:, :, None] * change)[self.head].reshape(len(A), -1)
@@ -203,7 +203,7 @@ class FreeRuns:
                 expected[swing.record.run.name] = FreeRunError(swing.t[after], squares)
         return expected
 
-    def otherwise(self, change: Callable[[Problem], Problem]) -> list[Array]:
+    def changes_with(self, change: Callable[[Problem], Problem]) -> list[Array]:
         """Simulate a changed problem; return the (n, 2) change of each run's readings."""
         change_of_all = np.nan_to_num(change(self.problem).predict(self.start) - self.predicted)
         return [change_of_all[rows] for rows in self.rows]

@@ -21,11 +21,11 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypot
 from dpr_lab.gap.hypothesis.imitation import substitute_curve
 from dpr_lab.gap.hypothesis.refits import (
     PRELIMINARY,
-    beating,
     best_start,
     refit,
     refit_with,
     refit_without,
+    settings_to_beat,
     shaped,
 )
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, score_test
@@ -173,7 +173,7 @@ class FittedSets:
         larger = self._best_shape(model, score)
         failed = model.far_from_noise and model.fit.chi2 - larger.fit.chi2 < EFFORT.achieved * score.gain
         if failed and not self.is_short:
-            larger = min(larger, self._from_short_segments(model, score, beating(larger)), key=_chi2)
+            larger = min(larger, self._from_short_segments(model, score, settings_to_beat(larger)), key=_chi2)
         return self.keep(larger)
 
     def _from_short_segments(self, model: Hypothesis, score: Score, settings: GaussNewton) -> Hypothesis:

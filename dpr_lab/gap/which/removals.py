@@ -5,7 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.significance import accepted, explains_as_much, need, segment_scatter, significance
+from dpr_lab.gap.hypothesis.significance import (
+    accepted,
+    evidence_ratio,
+    explains_as_much,
+    segment_scatter,
+    significance,
+)
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
@@ -59,7 +65,7 @@ def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Pro
     removable = [name for name in sets.unexpected(current) if sets.as_possible(sets.without(current, name), current)]
     if removable:
         bare = sets.corrected_bare(current)
-        needs = {name: need(bare, current, sets.without_substitute(current, name)) for name in removable}
+        needs = {name: evidence_ratio(bare, current, sets.without_substitute(current, name)) for name in removable}
         least = min(needs, key=lambda name: needs[name])
         yield Proposal(sets.without(current, least), needs[least])
 

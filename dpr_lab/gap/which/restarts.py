@@ -11,7 +11,7 @@ from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.robust import without_outstanding
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
-from dpr_lab.gap.hypothesis.refits import PRELIMINARY, beating, refit, refit_without, shaped
+from dpr_lab.gap.hypothesis.refits import PRELIMINARY, refit, refit_without, settings_to_beat, shaped
 from dpr_lab.gap.hypothesis.score_test import Score
 from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.fitted_sets import FittedSets
@@ -33,11 +33,11 @@ def _escaped(sets: FittedSets, model: Hypothesis) -> Hypothesis:
         start = model.estimate.changed(initial=short_sets.bare.estimate.initial)
         near = fit(short_sets.problem, start, model.fit.free, iterations=EFFORT.rough, settings=PRELIMINARY)
         lengthened = _lengthened(sets, near, model.estimate.initial, iterations=EFFORT.fine)
-        model = _better(sets, without_outstanding(sets.problem, lengthened, settings=beating(model)), model)
+        model = _better(sets, without_outstanding(sets.problem, lengthened, settings=settings_to_beat(model)), model)
     return model
 
 
-def carried_over(sets: FittedSets, short: Hypothesis) -> Hypothesis:
+def fitted_to_working_segments(sets: FittedSets, short: Hypothesis) -> Hypothesis:
     """Fit a set to the working segments, starting from its fit to short segments."""
     long = _lengthened(sets, short.fit, sets.bare.estimate.initial, iterations=2 * EFFORT.fine)
     return escaped(sets, hypothesis(sets.problem, short.effects, long))
@@ -74,7 +74,9 @@ def _in_best_order(sets: FittedSets, model: Hypothesis) -> Hypothesis:
                     params = best.estimate.params.copy()
                     params[index] = other
                     start = best.estimate.changed(params=params)
-                    near = fit(sets.problem, start, model.fit.free, iterations=EFFORT.fine, settings=beating(model))
+                    near = fit(
+                        sets.problem, start, model.fit.free, iterations=EFFORT.fine, settings=settings_to_beat(model)
+                    )
                     model = _better(sets, near, model)
     return model
 
@@ -106,13 +108,13 @@ def replaced(sets: FittedSets, model: Hypothesis, effect: str, other: str) -> Hy
         return None
     candidate = sets.with_one(smaller, score)
     if candidate.fit.chi2 > EFFORT.nowhere * smaller.fit.chi2:
-        candidate = sets.keep(_handed_over(sets, model, effect, other))
+        candidate = sets.keep(_replaced_from_amplitudes(sets, model, effect, other))
     if model.at_noise_floor and not candidate.at_noise_floor:
         return replaced_linearly(sets, model, effect, score)
     return candidate
 
 
-def _handed_over(sets: FittedSets, model: Hypothesis, effect: str, other: str) -> Hypothesis:
+def _replaced_from_amplitudes(sets: FittedSets, model: Hypothesis, effect: str, other: str) -> Hypothesis:
     """Replace one effect by another, starting from the amplitudes of the replaced effect.
 
     Rods that hardly move stick even at the smallest Coulomb friction. Its derivative at zero is then no search
@@ -133,10 +135,10 @@ def replaced_linearly(sets: FittedSets, model: Hypothesis, effect: str, score: S
     From this estimate, two indistinguishable effects fit equally well. A fit that starts without both effects may end
     in a local minimum in which another effect has a wrong shape. `score` is the score of the new effect.
     """
-    return sets.keep(sets.once((model, effect, score), lambda: _at_image(sets, model, effect, score)))
+    return sets.keep(sets.once((model, effect, score), lambda: _at_linear_prediction(sets, model, effect, score)))
 
 
-def _at_image(sets: FittedSets, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
+def _at_linear_prediction(sets: FittedSets, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
     start, names = shaped(model, score), (*model.effects, score.effect.name)
     free = free_parameters(start, names, sets.problem)
     with_both = hypothesis(sets.problem, names, fit(sets.problem, start, free, iterations=0))

@@ -18,7 +18,7 @@ from dpr_lab.gap.which.forward import forward_selection
 from dpr_lab.gap.which.moves import REFINE, REVISIONS, SHORT, START
 from dpr_lab.gap.which.removals import HELD_OUT
 from dpr_lab.gap.which.replacements import fit_alternatives
-from dpr_lab.gap.which.restarts import carried_over
+from dpr_lab.gap.which.restarts import fitted_to_working_segments
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply_move, apply_moves
 from dpr_lab.gap.which.selected import Selection
 
@@ -86,7 +86,7 @@ def short_segments(short: SearchState) -> Move:
 
     def propose(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
         state = apply_moves(SHORT, short)
-        model = carried_over(sets, state.current) if state.current.effects else sets.bare
+        model = fitted_to_working_segments(sets, state.current) if state.current.effects else sets.bare
         yield Proposal(model, trials=state.trace)
 
     return Move(
