@@ -26,7 +26,7 @@ from dpr_lab.dynamics.lanes.workspace import FEW_LANES, LANES
 from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.effects import SIZE
-from dpr_lab.effects.effect_kernels import INTERNAL, active_effects, required_by
+from dpr_lab.effects.effect_kernels import INTERNAL, active_effects, keep_states
 from dpr_lab.effects.mounted import differ, effects_of_run
 from dpr_lab.effects.quantities import RigConstants
 
@@ -117,7 +117,7 @@ def predict_with_internal(
     candidates = Candidates(by_run, params, initial, held)
     active = active_effects(params)
     linked = internal is None or np.logical_or.reduce(np.isnan(held), axis=(1, 2))[:, None]
-    chained = required_by(active).internal & linked
+    chained = keep_states(active) & linked
     tracks = tracks_of(active, chained, segments.run, segments.chains)
     every_block = np.ones_like(tracks.required.torque)
     if any((setup.torques and setup.torques.on_joints) or setup.arm for setup in segments.setups):

@@ -134,7 +134,7 @@ _AMPLITUDES = {
 }
 
 _OF_AMPLITUDE = [name for name, places in _AMPLITUDES.items() for _ in places]
-_PLACES = [place for places in _AMPLITUDES.values() for place in places]
+_PLACES = np.array([place for places in _AMPLITUDES.values() for place in places])
 
 _EVENTS = tuple(name for name, effect in EFFECTS.items() if effect.event)
 

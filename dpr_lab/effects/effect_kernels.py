@@ -18,7 +18,7 @@ from dpr_lab.effects.quantities import Terms, encoder0, encoder1, encoder2, join
 from dpr_lab.effects.stages import PER_JOINT, STAGES, Requirements
 
 _ALL = list(EFFECTS.values())
-_AMPLITUDES = [param_index(effect.name, p.name) for effect in _ALL for p in effect.amplitudes]
+_AMPLITUDES = np.array([param_index(effect.name, p.name) for effect in _ALL for p in effect.amplitudes])
 _FIRST_AMPLITUDES = np.cumsum([0, *(len(effect.amplitudes) for effect in _ALL[:-1])])
 
 EFFECT_OF = np.repeat(np.arange(len(_ALL)), [len(effect.parameters) for effect in _ALL])
@@ -240,10 +240,17 @@ _REQUIREMENTS = np.array(
 )
 """(fields of `Requirements`, effects) whether an effect requires a field."""
 
+_WITH_STATES = _REQUIREMENTS[Requirements._fields.index("internal")]
+
 
 def active_effects(params: Array) -> Flags:
     """Return the (..., effects) mask of effects with a non-zero amplitude in (..., SIZE) parameters."""
     return np.logical_or.reduceat(params[..., _AMPLITUDES] != 0.0, _FIRST_AMPLITUDES, axis=-1)
+
+
+def keep_states(active: Flags) -> Flags:
+    """Return the (...) mask of those masks (..., effects) whose active effects have internal states."""
+    return np.logical_or.reduce(active & _WITH_STATES, axis=-1)
 
 
 def required_by(active: Flags) -> Requirements:

@@ -106,7 +106,7 @@ class Problem:
     @property
     def evidence(self) -> int:
         """Degrees of freedom: number of readings minus number of initial values."""
-        return int(self.evidence_by_segment.sum())
+        return int(np.count_nonzero(self.read) - self.segments.initial_values.sum())
 
     @property
     def evidence_by_segment(self) -> Integers:
@@ -200,7 +200,7 @@ class Problem:
             return 0.0
         zeros = np.zeros((len(estimate.zeros), self.axes))
         zeros[:, :2] = estimate.zeros
-        return np.repeat(zeros[self.segments.run], np.diff(self.segments.offsets), axis=0)
+        return zeros.take(self.segments.run[self.owner], axis=0)
 
     def slopes(self, estimate: Estimate, free: Sequence[FreeParameter], predicted: Array | None = None) -> Array:
         """Return the (samples, 2, free + 4) derivatives of the predicted readings.

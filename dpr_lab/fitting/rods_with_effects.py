@@ -22,7 +22,7 @@ from dpr_lab.dynamics.encoder_errors import with_encoder_errors
 from dpr_lab.dynamics.prediction import predict, predict_with_internal
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.effects import EFFECTS, named_params, param_index
-from dpr_lab.effects.effect_kernels import active_effects, required_by
+from dpr_lab.effects.effect_kernels import active_effects, keep_states
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.estimate import EFFECTS_BEGIN, ZEROS_BEGIN, Estimate, FreeParameter, whole_of
 
@@ -130,7 +130,7 @@ class RodsWithEffects:
 
         other_rows = np.append(moving[:-states], len(ratios) - 1)  # the last row is the estimate itself
         start_rows = moving[-states:]
-        if required_by(active_effects(estimate.params)).internal.any():
+        if keep_states(active_effects(estimate.params)):
             angles[other_rows], internal = predicted(other_rows)
             angles[start_rows], _ = predicted(start_rows, internal[-1])
         else:

@@ -200,12 +200,13 @@ def lane_workspace(lanes: int = LANES) -> LaneWorkspace:
 
 
 def one_workspace(lanes: int) -> Any:
-    """Create an array of one workspace.
+    """Create an array of one workspace of zeros.
 
     At each call of a kernel, Numba determines the type of an argument: of an array fast, in compiled code, but of a
-    record slowly, in Python.
+    record slowly, in Python. NumPy fills a large record slowly, so the zeros are those of a `bytearray`.
     """
-    return np.zeros(1, _record(lanes))
+    record = _record(lanes)
+    return np.frombuffer(bytearray(record.itemsize), record)
 
 
 @inlined
