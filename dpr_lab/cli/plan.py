@@ -115,7 +115,8 @@ def show(made: "Plan") -> None:
         forecast = bool(made.forecast)
         rows = [_row(release) for release in made.releases]
         note = RELEASES + FORECAST * forecast
-        title = f"{'Optional releases' if made.state == 'enough' else 'Releases to record'}, in this order"
+        optional = made.state in ("enough", "bench check")
+        title = f"{'Optional releases' if optional else 'Releases to record'}, in this order"
         table(title, [*COLUMNS, *["P(decided)"] * forecast], rows, note=note)
     if pairs := _pair_rows(made):
         last = len(made.releases)
@@ -128,7 +129,8 @@ def show(made: "Plan") -> None:
     if made.limits:
         report_table("Limits of the rig", limit_forecast_table(made))
     for pair in made.inseparable:
-        line(in_words(pair.advice))
+        if pair.check not in made.sentence:
+            line(in_words(pair.advice))
     if made.releases:
         line(f"{made.minutes:.1f} minutes at the rig.")
 
@@ -147,7 +149,7 @@ def _pair_rows(made: "Plan") -> list[tuple[str, ...]]:
 
     bits: dict[tuple[str, str], list[str]] = {}
     for release in made.releases:
-        for pair in release.pairs:
+        for pair in made.separable(release):
             bits.setdefault(pair.causes, []).append(f"{pair.bits:.2f}")
     return [(*map(named, causes), ", ".join(values)) for causes, values in bits.items()]
 

@@ -175,6 +175,11 @@ class Plan(Shown, _Record):
     seconds: float
     """Computing time, s."""
 
+    def separable(self, release: PlannedRelease) -> list[PairBits]:
+        """Return the expected information of a release about the causes that releases separate."""
+        pairs = [{*pair.causes} for pair in self.inseparable]
+        return [pair for pair in release.pairs if {*pair.causes} not in pairs]
+
     def _heading(self) -> str:
         return self.sentence
 

@@ -7,7 +7,7 @@ import pytest
 
 from dpr_lab.cli.plan import commands, show
 from dpr_lab.errors import ConfigError, RunError
-from dpr_lab.planning.result import Plan, PlannedRelease
+from dpr_lab.planning.result import Inseparable, PairBits, Plan, PlannedRelease
 from dpr_lab.rig import load_rig
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.run import Run
@@ -135,7 +135,10 @@ def test_a_plan_without_releases_writes_no_rig_file(tmp_path: Path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ["plan.json"]
 
 
-@pytest.mark.parametrize(("state", "title"), [("enough", "Optional releases"), ("record", "Releases to record")])
+@pytest.mark.parametrize(
+    ("state", "title"),
+    [("enough", "Optional releases"), ("bench check", "Optional releases"), ("record", "Releases to record")],
+)
 def test_releases_after_the_decision_are_optional(
     state: str, title: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -154,6 +157,30 @@ def test_releases_after_the_decision_are_optional(
         )
     )
     assert f"{title}, in this order" in capsys.readouterr().out
+
+
+def test_a_plan_that_asks_for_a_bench_check_states_it_once_and_no_bits_about_its_causes(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dpr_lab.cli.plan.report_table", lambda *_: None)
+    monkeypatch.setattr("dpr_lab.report.tables.ratio_std_table", lambda *_: None)
+    stuck, other = ("latency_joint1", "coulomb_joint1"), ("coulomb_joint2", "detent_joint2")
+    pairs = [PairBits(causes=stuck, bits=0.07), PairBits(causes=other, bits=0.31)]
+    plan = Plan.model_construct(
+        state="bench check",
+        sentence="Turn the rod.",
+        releases=[planned_release(pairs=pairs)],
+        forecast=[],
+        limits=[],
+        inseparable=[Inseparable(causes=stuck[::-1], check="Turn the rod.")],
+        detectable=[],
+        minutes=1.0,
+    )
+    show(plan)
+    shown = capsys.readouterr().out
+    assert shown.count("Turn the rod.") == 1
+    assert "0.31" in shown
+    assert "0.07" not in shown
 
 
 @pytest.mark.slow

@@ -218,8 +218,8 @@ def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
             f"horizon: {release.horizon_s:.1f} s; later, small errors of the start pose change the swing",
         ]
         shown.append(sentences(f"Release {release.number}", lines))
-        if release.pairs:
-            rows = [(*map(named, pair.causes), f"{pair.bits:.2f}") for pair in release.pairs]
+        if pairs := made.separable(release):
+            rows = [(*map(named, pair.causes), f"{pair.bits:.2f}") for pair in pairs]
             shown += [table("Undecided causes", ("cause", "or", "expected bits"), rows), ""]
         columns = ("ratio", "now", "after this release", "unit")
         shown += [table("Standard deviation of each ratio", columns, ratio_std_table(made, release).rows), ""]
