@@ -24,8 +24,6 @@ ACTIONS = frozenset(
         "browse",
         "choose",
         "choose_all",
-        "cursor",
-        "cursors",
         "cycle",
         "filter",
         "go",
