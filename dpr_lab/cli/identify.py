@@ -29,10 +29,7 @@ def identify(
     search: Annotated[
         str,
         typer.Option(
-            help=(
-                "Search algorithm: improved genetic algorithm [iga], plain genetic algorithm [plain_ga] or covariance"
-                " matrix adaptation [cma_es]."
-            ),
+            help="Search algorithm: improved genetic algorithm [iga] or plain genetic algorithm [plain_ga].",
             callback=SEARCHES.check,
             autocompletion=SEARCHES.complete,
         ),

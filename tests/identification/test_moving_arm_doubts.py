@@ -286,7 +286,7 @@ def test_a_prescribed_run_of_one_rod_on_a_rig_with_a_motor_is_identified(tmp_pat
     table, run = tmp_path / "swing.csv", tmp_path / "swing.mcap"
     np.savetxt(table, np.column_stack([t, swing]), delimiter=",", header="t,theta0,theta1", comments="", fmt="%.7f")
     import_csv(table, rig, ImportOptions(arm="prescribed", keep_rest=True), out=run)
-    request = IdentifyRequest((run,), "furuta", tmp_path / "model.json", search="cma_es")
+    request = IdentifyRequest((run,), "furuta", tmp_path / "model.json", search="plain_ga")
     done = identify(request)
     assert isinstance(done.model, Model)
     a = J1 + m1 * l1**2
