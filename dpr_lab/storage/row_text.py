@@ -1,24 +1,20 @@
-"""Write and read samples as JSON; blocks of many samples have a fixed width.
+"""Write samples as JSON; blocks of many samples have a fixed width.
 
-The samples are written and read as arrays of bytes, without a Python call for each row.
+These blocks are written as arrays of bytes, without a Python call for each row.
 
 Within a block, each number has the same number of characters in every row. Shorter numbers are preceded by blanks,
 which JSON allows, so any JSON reader can read these messages. A block in which a number needs more digits is written
-and read row by row.
+row by row.
 """
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from dpr_lab.arrays import Array, Integers
-from dpr_lab.rig import JOINTS
 from dpr_lab.storage.layout import TORQUE_KEYS
 
 
@@ -88,24 +84,6 @@ def message_records(channel: int, log_ns: Integers, texts: Bytes) -> Bytes:
     return np.hstack([head.view(np.uint8).reshape(len(texts), -1), texts])
 
 
-def message_texts(records: bytes) -> tuple[int, Bytes] | None:
-    """Return the channel and the texts (n, w) of records that `message_records` has written.
-
-    The result is None for other records.
-    """
-    if len(records) < _HEAD.itemsize:
-        return None
-    first = np.frombuffer(records, dtype=_HEAD, count=1)
-    width = 9 + int(first["length"][0])
-    if first["kind"][0] != Opcode.MESSAGE or width < _HEAD.itemsize or len(records) % width:
-        return None
-    rows = np.frombuffer(records, dtype=np.uint8).reshape(-1, width)
-    constant = slice(0, 11)  # kind, length and channel
-    if not (rows[:, constant] == rows[0, constant]).all():
-        return None
-    return int(first["channel"][0]), rows[:, _HEAD.itemsize :]
-
-
 def sample_texts(samples: Samples) -> Bytes | None:
     """Return (n, w) JSON texts of samples; None if a number has no fixed width."""
     parts: list[Bytes | str | None] = ['{"tick":', _decimals(samples.ticks), ',"t":', _decimals(samples.t)]
@@ -153,52 +131,6 @@ def _fixed(scaled: Integers, decimals: int) -> Bytes:
         return text
     point = np.full((len(size), 1), _POINT, dtype=np.uint8)
     return np.hstack([text[:, : whole + 1], point, text[:, whole + 1 :]])
-
-
-_NUMBER = rb"( *-?\d+(?:\.\d+)?)"
-
-
-def _vector(key: str, size: int) -> bytes:
-    return rb',"%s":\[' % key.encode() + rb",".join([_NUMBER] * size) + rb"\]"
-
-
-_SAMPLE = re.compile(
-    rb'\{"tick":' + _NUMBER + rb',"t":' + _NUMBER + rb"(?:" + _vector("counts", JOINTS) + rb")?"
-    + _vector("theta", JOINTS) + b"".join(rb"(?:" + _vector(key, 2) + rb")?" for key in TORQUE_KEYS) + rb"\}"
-)  # fmt: skip
-
-
-def samples_of(texts: Bytes) -> Samples | None:
-    """Parse the texts (n, w) of `sample_texts`; return None for other texts.
-
-    NumPy accepts more texts than JSON. Therefore the result is written again and compared with the texts.
-    """
-    match = _SAMPLE.fullmatch(texts[0].tobytes())
-    if match is None:
-        return None
-    kinds = (np.int64, np.float64, *[np.int64] * JOINTS, *[np.float64] * (_SAMPLE.groups - 2 - JOINTS))
-    parts = (texts[:, slice(*match.span(group))] for group in range(1, _SAMPLE.groups + 1))
-    try:
-        columns = [_numbers(part, kind) for part, kind in zip(parts, kinds, strict=True)]
-    except (ValueError, OverflowError):  # for example two signs, or a blank between digits
-        return None
-    counts, theta, *torques = (np.column_stack(columns[i:j]) for i, j in pairwise((2, 5, 8, 10, 12)))
-    known = [pair for pair in torques if pair.size]
-    torque = np.reshape(known, (len(known), len(texts), 2))
-    samples = Samples(columns[0], columns[1], theta, counts if counts.size else None, torque)
-    again = sample_texts(samples)
-    return samples if again is not None and np.array_equal(again, texts) else None
-
-
-def _numbers(texts: Bytes, kind: type[np.generic]) -> NDArray[Any]:
-    """Parse texts (n, w) as numbers (n,) of a type; the result is (n, 0) for empty texts.
-
-    Raises:
-        ValueError, OverflowError: a text is not a number.
-    """
-    if not texts.size:
-        return np.zeros(texts.shape)
-    return np.ascontiguousarray(texts).view(f"S{texts.shape[1]}")[:, 0].astype(kind)
 
 
 def sample_messages(samples: Samples) -> Iterator[bytes]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dpr_lab.errors import RunError, printable
 from dpr_lab.rig import JOINTS
 from dpr_lab.storage.layout import CLOCK, EVENTS, LIMITS, RELEASED, SAMPLES, TORQUE_KEYS, Stored
-from dpr_lab.storage.row_text import Samples, samples_of
+from dpr_lab.storage.row_text import Samples
 
 STRANGE = (ValueError, KeyError, TypeError, OverflowError, RecursionError, AttributeError)
 """Exceptions that JSON with unexpected content causes."""
@@ -69,19 +69,6 @@ class Gathered:
                     self.clock = message.data
         except STRANGE as error:
             self.strange_event = str(error) or type(error).__name__
-
-    def take_rows(self, texts: NDArray[np.uint8]) -> bool:
-        """Add samples that are given as texts (n, w) of fixed width.
-
-        For other texts, add nothing and return False.
-        """
-        if self.strange_sample:
-            return True
-        samples = samples_of(texts)
-        if samples is None:
-            return False
-        self._parts.append(samples)
-        return True
 
     @property
     def samples(self) -> Samples:

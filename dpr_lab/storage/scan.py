@@ -38,7 +38,7 @@ from dpr_lab.storage.layout import (
     unsealed,
 )
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
-from dpr_lab.storage.row_text import Samples, message_texts
+from dpr_lab.storage.row_text import Samples
 from dpr_lab.storage.samples import STRANGE, Gathered, json_object
 from dpr_lab.storage.sidecar import SIDECAR_SUFFIX
 from dpr_lab.whole_file import regular
@@ -319,8 +319,7 @@ def _take(record: McapRecord, collected: _Collected) -> None:
     match record:
         case Chunk():
             content = _expanded(record, collected.room)
-            if not _take_rows(content, collected):
-                collected.read.take(_messages(record, content, collected.topics))
+            collected.read.take(_messages(record, content, collected.topics))
         case Metadata(name=name, metadata=content) if name in (PROVENANCE, END):
             read = unsealed(content)
             if read is None:
@@ -354,14 +353,6 @@ def _expanded(chunk: Chunk, room: _Room) -> bytes:
     if zlib.crc32(content) != chunk.uncompressed_crc:
         raise McapError("a chunk that does not match its CRC")
     return content
-
-
-def _take_rows(content: bytes, collected: _Collected) -> bool:
-    """Collect a chunk of samples of equal width; return False for other chunks."""
-    rows = message_texts(content)
-    if rows is None or collected.topics.get(rows[0]) != SAMPLES:
-        return False
-    return collected.read.take_rows(rows[1])
 
 
 def _messages(chunk: Chunk, content: bytes, topics: dict[int, str]) -> list[Stored]:
