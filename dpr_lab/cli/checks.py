@@ -62,10 +62,10 @@ class Choices:
     def complete(self, incomplete: str) -> list[tuple[str, str]]:
         """Return the completions of the last name: pairs of completed text and description.
 
-        Names are separated by commas.
+        Names are separated by commas; a name that is already in the list is not completed again.
         """
         before, comma, prefix = incomplete.rpartition(",")
-        matching = (name for name in self.names if name.startswith(prefix))
+        matching = (name for name in self.names if name.startswith(prefix) and name not in before.split(","))
         return [(f"{before}{comma}{name}", self.worded(name).removesuffix(f" [{name}]")) for name in matching]
 
     def check(self, value: str | None) -> str | None:
@@ -111,10 +111,10 @@ def names_in(text: str | None) -> tuple[str, ...] | None:
 
 
 def complete_rig(incomplete: str) -> list[str]:
-    """Return the completions of a rig option: built-in rigs, and files of the current folder."""
+    """Return the completions of a rig option: built-in rigs and rig files. If there is none, shells complete paths."""
     from dpr_lab.configs import built_in
 
-    files = [str(path) for path in Path().glob(f"{incomplete}*") if path.is_dir() or path.suffix == ".toml"]
+    files = [str(path) for path in Path().glob(f"{incomplete}*.toml")]
     return [name for name in built_in("rigs") if name.startswith(incomplete)] + files
 
 

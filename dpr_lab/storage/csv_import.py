@@ -46,8 +46,9 @@ def import_csv(
 
     Raises:
         RunError: the file is not a table of numbers, a column cannot be found, the time decreases (the message names
-            the line), more than 10 % of the rows have no value, no row remains, a joint without a rod moves, or the
-            table cannot be a swing of the rig (`dpr_lab.storage.tables.questions`).
+            the line), too many rows have no value (more than half, or 10 % if there are many consecutive ones), no row
+            remains, a joint without a rod moves, or the table cannot be a swing of the rig
+            (`dpr_lab.storage.tables.questions`).
     """
     swing = understand(file, rig, options, on_progress or unwatched)
     if out is None:

@@ -7,7 +7,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from dpr_lab.errors import ConfigError
+from dpr_lab.errors import ConfigError, LinkUrlError
 from dpr_lab.shown import percent
 from dpr_lab.whole_file import write_text
 from dpr_lab.workflows.rig_drive import MotorMeasures, arm_bounds
@@ -275,7 +275,16 @@ def check_rig(name: str | Path) -> list[RigFinding]:
             RigFinding("wrong", key, line.removeprefix(f"{Path(name)}: ").removeprefix(key).lstrip(":= "))
             for key, line in problems
         ]
-    return [*_missing(rig), *_odd_geometry(rig), *_odd_parameters(rig), *_odd_poses(rig)]
+    return [*_missing(rig), *_odd_geometry(rig), *_odd_parameters(rig), *_odd_poses(rig), *_odd_link(rig)]
+
+
+def _odd_link(rig: "Rig") -> Iterator[RigFinding]:
+    from dpr_lab.transports import known_link
+
+    try:
+        known_link(rig.link.url)
+    except LinkUrlError as error:
+        yield RigFinding("odd", "link.url", str(error))
 
 
 def _missing(rig: "Rig") -> Iterator[RigFinding]:

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 import typer
 
-from dpr_lab.cli.checks import EFFECT_NAMES, OBJECTIVE_NAMES, SEARCHES, complete_rig
+from dpr_lab.cli.checks import EFFECT_NAMES, EXPORT_NAMES, OBJECTIVE_NAMES, SEARCHES, complete_rig
 from dpr_lab.configs import BUILTIN, built_in
 from dpr_lab.effects import EFFECTS
+from dpr_lab.exports import FORMATS
 from dpr_lab.identification.objectives import OBJECTIVES, objective_words
 from dpr_lab.rig import load_rig
 from dpr_lab.rig_tables import AddedMass, Encoders, LinkSettings, Parameter, Pose, RigGeometry
@@ -77,7 +78,17 @@ def test_choices_are_completed() -> None:
     assert EFFECT_NAMES.complete("backlash_joint2,coul") == [
         (f"backlash_joint2,{name}", EFFECTS[name].words) for name in EFFECTS if name.startswith("coul")
     ]
+    others = [f"mjcf,{name}" for name in FORMATS if name != "mjcf"]
+    assert [name for name, _ in EXPORT_NAMES.complete("mjcf,")] == others
     assert complete_rig("pap") == ["paper"]
+
+
+def test_a_folder_is_left_to_the_completion_of_paths(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "rigs").mkdir()
+    assert complete_rig("ri") == []  # a completed word would end with a blank instead of a slash
+    (tmp_path / "rigs" / "bench.toml").touch()
+    assert complete_rig("rigs/be") == ["rigs/bench.toml"]
 
 
 def test_help_names_every_search(cli) -> None:

@@ -243,6 +243,7 @@ def changed(tmp_path: Path, old: str, new: str) -> Path:
         ("theta1 = 0.1\ntheta2 = 0.1", "theta1 = 3.14\ntheta2 = 3.14", "odd", "poses.X2"),
         ("theta1 = 0.1\ntheta2 = 0.1", "theta1 = 90.0\ntheta2 = 5.7", "odd", "poses.X2"),
         ("rate_hz = 1000", "rate_hz = 20", "odd", "link.rate_hz"),
+        ('url = "sim://"', 'url = "bluetooth://rig"', "odd", "link.url"),
         ("# noise_counts = 0.5 ", "noise_counts = 0.0 ", "odd", "encoders.noise_counts"),
         ("L2 = 0.25", "# L2 = 0.25", "missing", "rig.L2"),
         ("[poses.X1]", "[pose.X1]", "wrong", "pose"),
