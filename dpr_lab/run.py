@@ -295,8 +295,8 @@ class MountingSettings:
     """Thresholds for readings that contradict the specified mounting."""
 
     still: float = 0.1
-    """Maximum range of joint 2 with a clamp, or with an encoder without a rod, rad. Backlash and the drag of a bearing
-    cause smaller ranges."""
+    """Maximum range of joint 2 with a clamp, of an encoder without a rod, and of a clamped arm, rad. Backlash, the drag
+    of a bearing and a mount that yields cause smaller ranges."""
     tail: float = 0.01
     """Fraction of the readings at each end of the range that is ignored, because single readings may be outliers."""
 
@@ -331,10 +331,28 @@ def elbow_turn(theta: Array, mounting: Mounting) -> float:
     """
     if mounting == "both" or not len(theta):
         return 0.0
-    tails = [MOUNTED.tail, 1 - MOUNTED.tail]
-    joint2, outer = (float(np.diff(np.quantile(x, tails))[0]) for x in (theta[:, 2] - theta[:, 1], theta[:, 2]))
+    joint2, outer = _turn(theta[:, 2] - theta[:, 1]), _turn(theta[:, 2])
     # the reading of an absolute encoder without a rod is constant
     return joint2 if mounting == "clamped" else min(joint2, outer)
+
+
+def turned_arm(theta: Array) -> str:
+    """Return a message if an arm that is described as clamped turns; otherwise an empty text.
+
+    `theta` contains the (n, 3) angles of arm and rods.
+    """
+    turn = _turn(theta[:, 0]) if len(theta) else 0.0
+    if not turn > MOUNTED.still:
+        return ""
+    return (
+        f"its arm is described as clamped, but encoder 0 turns by {turn:.2g} rad. Clamp the arm and record again, or"
+        " state its mode: capture or import with --arm"
+    )
+
+
+def _turn(angles: Array) -> float:
+    """Return the range of angles without a few wrong readings."""
+    return float(np.diff(np.quantile(angles, [MOUNTED.tail, 1 - MOUNTED.tail]))[0])
 
 
 def clock_rates(clock: Mapping[str, float], sigmas: float = 5.0) -> dict[str, tuple[float, float]]:

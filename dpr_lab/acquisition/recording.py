@@ -14,7 +14,7 @@ from dpr_lab.acquisition.rest import RodAngles, RodPair, pose_error
 from dpr_lab.acquisition.settings import QUALITY_LIMITS, QualityLimits
 from dpr_lab.arrays import Array
 from dpr_lab.errors import DeviceFault
-from dpr_lab.run import Run
+from dpr_lab.run import Run, turned_arm
 from dpr_lab.storage.metadata import RunSummary
 from dpr_lab.storage.spool import Spool
 from dpr_lab.storage.writer import RunWriter
@@ -246,7 +246,7 @@ class Recording:
     def finish(self, clock: tuple[ClockFit | None, str], notes: tuple[str, ...] = ()) -> QualityReport:
         """Check the recording, add `notes` to the quality report, and complete the run file."""
         self.note_clock(*clock)
-        notes = (*notes, *self._torque_notes(), *self._motor_notes())
+        notes = (*notes, *self._torque_notes(), *self._arm_notes())
         report = self._judged(self.run(), self._duration)
         report = replace(report, notes=notes)
         with unbroken():
@@ -262,12 +262,13 @@ class Recording:
         )
         return (note,) if lost else ()
 
-    def _motor_notes(self) -> tuple[str, ...]:
-        """Return a note if the device drives an arm that is described as free.
-
-        The result is empty for a device without such a drive.
-        """
-        if not self._motor or self.release_tick is None:
+    def _arm_notes(self) -> tuple[str, ...]:
+        """Return a note if the arm moves although it is described as clamped, or is driven although free."""
+        if self.release_tick is None:
+            return ()
+        if self.rig.arm.mode == "clamped":
+            return tuple(filter(None, [turned_arm(self.run().swing.theta)]))
+        if not self._motor:
             return ()
         ticks, inputs = np.array(self._motor, dtype=np.float64).T
         rest, swing = inputs[ticks < self.release_tick], inputs[ticks >= self.release_tick]
@@ -295,7 +296,7 @@ class Recording:
             gate=report.sentence if report is not None else "",
             gate_figures={f"{c.name} ({c.unit})": c.measured for c in report.checks} if report is not None else {},
             pose_measured=self.pose_measured,
-            notes=self._motor_notes(),
+            notes=self._arm_notes(),
         )
 
     def _message(self, host_ns: int, message: Message) -> None:

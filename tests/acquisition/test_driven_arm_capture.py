@@ -36,6 +36,16 @@ def changed(tmp_path: Path, old: str, new: str) -> Path:
     return file
 
 
+def test_an_arm_that_moves_although_it_is_described_as_clamped_is_noted(
+    furuta: Rig, tmp_path: Path, bench, agree
+) -> None:
+    clamped = furuta.model_copy(update={"arm": furuta.arm.model_copy(update={"mode": "clamped"})})
+    with bench(**FURUTA) as (device, _):
+        captured = capture(device, clamped, "X1", replace(OPTIONS, duration=0.5), tmp_path, confirm=agree)
+    assert "described as clamped, but encoder 0 turns by" in captured.quality.sentence
+    assert any("state its mode" in note for note in load_run(captured.run_file).notes)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("firmware", thinned(["python", "c"], 2))
 def test_a_captured_run_identifies_rod_arm_and_motor(furuta: Rig, tmp_path: Path, bench, agree, firmware: str) -> None:

@@ -15,6 +15,7 @@ from dpr_lab.gap.screen.input import refuse_wrong_input
 from dpr_lab.gap.screen.record import Record, record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import free_runs
+from dpr_lab.identification.moving_arm.identify import identify_moving_arm
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from tests.arm_engine import drawn_plant, recorded, rig_of
@@ -86,6 +87,8 @@ def test_a_clamped_arm_that_turns_is_refused_among_runs_with_a_free_arm() -> Non
     recordings = Recordings(tuple(record(run, rig) for run in (runs[0], turned)), rig)
     with pytest.raises(RunError, match=r"held: its arm is described as clamped, but encoder 0 turns by 0\.49 rad"):
         refuse_wrong_input(recordings, nominal_ratios(rig))
+    with pytest.raises(RunError, match=r"held: its arm is described as clamped"):
+        identify_moving_arm([runs[0], turned], rig)
 
 
 @pytest.mark.slow

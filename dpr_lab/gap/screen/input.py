@@ -25,6 +25,7 @@ from dpr_lab.identification.misread.moving_arm_description import (
 )
 from dpr_lab.identification.misread.scaled_readings import TURNED_RODS, ScaledReadings
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain
+from dpr_lab.run import turned_arm
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +34,6 @@ class InputRules:
 
     still: float = 6.0
     """Maximum range of the arm's angle for an arm that counts as at rest, in standard deviations of a reading."""
-    turned_rad: float = 0.1
-    """Maximum range of the angle of a clamped arm, rad; a mount or a gear that yields turns it by less."""
-    most_readings: tuple[float, float] = (0.99, 0.01)
-    """Quantiles of the angle of a clamped arm, whose difference is its range; few wrong readings do not change them."""
     likely: tuple[str, ...] = (SPRING_JOINT0.name, COULOMB_JOINT0.name)
     """Effects that most arms have. Without them in the model, the torque of a strong cable can hide a wrong sign."""
     alike: float = 1.1
@@ -98,21 +95,17 @@ def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
 
 def _refuse_other_modes(recordings: Recordings) -> None:
     for record in recordings.records:
-        run, moves = record.run, record.setup.arm_moves
-        if moves:
-            turn = float(np.ptp(record.joints[:, -1]))
-        else:  # without a few wrong readings
-            turn = float(np.subtract(*np.quantile(run.swing.theta[:, 0], INPUT.most_readings)))
-        if moves and turn < INPUT.still * float(np.median(record.sigma[:, -1])):
+        run = record.run
+        if run.arm_mode == "clamped" and (turned := turned_arm(run.swing.theta)):
+            raise RunError(f"{run.file or run.name}: {turned}")
+        if not record.setup.arm_moves:
+            continue
+        turn = float(np.ptp(record.joints[:, -1]))
+        if turn < INPUT.still * float(np.median(record.sigma[:, -1])):
             raise RunError(
                 f"{run.file or run.name}: its arm is {run.arm_mode}, but encoder 0 stands still (range"
                 f" {turn:.2g} rad). If the arm was held, import with --arm clamped; otherwise check the"
                 " column of theta0"
-            )
-        if run.arm_mode == "clamped" and turn > INPUT.turned_rad:
-            raise RunError(
-                f"{run.file or run.name}: its arm is described as clamped, but encoder 0 turns by {turn:.2g} rad. Clamp"
-                " the arm and record again, or state its mode: capture or import with --arm"
             )
 
 

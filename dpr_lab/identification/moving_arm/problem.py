@@ -25,7 +25,7 @@ from dpr_lab.fitting.estimate import Estimate, FreeParameter
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.identification.moving_arm.unknowns import STEPS, Unknowns, mode_number, unknowns_of
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run
+from dpr_lab.run import Run, turned_arm
 from dpr_lab.setup import Torques
 
 Cut = tuple[int, slice]
@@ -150,6 +150,8 @@ def _recording(run: Run, rig: Rig) -> ArmRecording:
     if run.arm_mode == "driven" and rig.motor is None:
         raise RunError(f"{name}: its arm is driven: the rig file needs [motor] with the input")
     if run.arm_mode == "clamped":
+        if turned := turned_arm(run.swing.theta):
+            raise RunError(f"{name}: {turned}")
         refuse_without_motion(run, rig)
     else:
         refuse_still_arm(run.swing.theta[:, 0], run.arm_mode, name)
