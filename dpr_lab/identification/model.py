@@ -208,13 +208,13 @@ class FittedModel(Shown, ModelPart):
         """Check whether the run with this hash was fitted; otherwise it is held out."""
         return bool(sha256) and any(run.sha256 == sha256 for run in self.runs)
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path | str) -> None:
         """Write `model.json` atomically.
 
         Raises:
             RunError: the file cannot be written.
         """
-        write_text(path, self.model_dump_json(indent=1) + "\n", RunError)
+        write_text(Path(path), self.model_dump_json(indent=1) + "\n", RunError)
 
 
 class Model(FittedModel):

@@ -118,7 +118,7 @@ def test_a_model_of_the_inner_rod_alone_states_the_same_a_and_e1_everywhere(
     changes = {"fitted": five, "p_over_b": p, "ratios": ratios, "cramer_rao_std": {}}
     scale = scale.as_inertia("a", share) if inertia == "a" else scale  # older files contain b
     model = both.model_copy(update=changes | {"scale": scale})
-    model.save(tmp_path / "model.json")
+    model.save(str(tmp_path / "model.json"))  # a script gives a text, as to `load_model`
     assert load_model(tmp_path) == model
     frame, of_file = to_dataframe(model)["value"], json.loads((tmp_path / "model.json").read_text())["alone"]
     assert set(frame.index) == {"e1/a", "c1/a", "a", "e1", "c1", "l1", "m1", "mb", "J1"}
