@@ -86,6 +86,11 @@ def export(
     check_folder_writable(out)
     rig = load_rig(rig_name)
     model = model_to_export(model_path, rig)
+    if isinstance(model, MovingArmModel):
+        for name in model.negative_friction:
+            on_event(
+                Warned(f"{name}: the estimate is negative; the files contain zero, because it would supply energy")
+            )
     runs = read_runs(check, rig, on_event, torque=torque, moving=isinstance(model, MovingArmModel))
     warn_of_one_rod(model, rig, on_event)
     for run in runs:

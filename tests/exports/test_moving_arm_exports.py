@@ -84,6 +84,13 @@ def test_an_exported_model_with_a_moving_arm_agrees_with_dpr_lab(name, near, rod
     assert np.abs(replayed(name, rig, model, tmp_path, start) - lab(rig, model, start)).max() < near
 
 
+def test_negative_friction_is_written_as_zero():
+    rig, model = model_of(c1=-1e-3, k0=0.0)
+    assert model.negative_friction == ("c1",)
+    for name in ("urdf", "mjcf", "sdf", "python"):
+        assert FORMATS[name].written(model, rig) == FORMATS[name].written(model_of(c1=0.0, k0=0.0)[1], rig), name
+
+
 def test_urdf_without_a_spring_agrees_with_dpr_lab(tmp_path):
     rig, model = model_of(k0=0.0)
     assert np.abs(replayed("urdf", rig, model, tmp_path, START) - lab(rig, model, START)).max() < 1e-8

@@ -98,6 +98,17 @@ class MovingArmModel(FittedModel):
         values = dict(zip(SWING_PARAMETERS, self.swing, strict=True))
         return {name: value if name == "L0" else value * scale for name, value in values.items()}
 
+    @property
+    def negative_friction(self) -> tuple[str, ...]:
+        """Friction coefficients with a negative estimate; their intervals usually contain zero."""
+        values = dict(zip(SWING_PARAMETERS, self.swing, strict=True))
+        return tuple(name for name in ("c1", "c2", "c0", "f0") if values[name] < 0.0)
+
+    def without_negative_friction(self) -> "MovingArmModel":
+        """Set negative friction coefficients to zero, because they would supply energy."""
+        negative, values = self.negative_friction, zip(SWING_PARAMETERS, self.swing, strict=True)
+        return self.model_copy(update={"swing": [0.0 if name in negative else value for name, value in values]})
+
     def with_swing(self, swing: Sequence[float], inertia: float) -> "MovingArmModel":
         """Replace the `SWING_PARAMETERS` and the scale of the model, whose relative uncertainty is unchanged.
 
