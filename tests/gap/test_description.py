@@ -321,3 +321,21 @@ def test_the_angles_of_a_film_have_no_other_scale(monkeypatch, paper: Rig):
 
     assert hint(None) == "An angle scale of 0.5"
     assert hint(0.002) == ""
+
+
+@pytest.mark.parametrize("needed", [True, False])
+def test_another_scale_must_replace_an_effect_that_is_needed(monkeypatch, needed: bool):
+    """A zero error that a spring can imitate is no evidence of a scale."""
+    chosen = SimpleNamespace(cost=100.0, chance=30.0, effects=("spring_joint1",), key=frozenset({"spring_joint1"}))
+    smaller = SimpleNamespace(cost=131.0 if needed else 129.0, key=frozenset())
+    residuals = SimpleNamespace(excess=1.0)
+    bare = SimpleNamespace(estimate=SimpleNamespace(ratios=None), residuals=residuals)
+    selection = SimpleNamespace(chosen=chosen, bare=bare, without={"spring_joint1": smaller})
+    setup = SimpleNamespace(held=True, arm=None, arm_moves=False)
+    scaled = SimpleNamespace(cost=101.0, residuals=residuals, at_noise_floor=True)
+    monkeypatch.setattr(description_module, "_scaled_fit", lambda *_: scaled)
+    problem = SimpleNamespace(segments=SimpleNamespace(setups=(setup,)))
+    rig = SimpleNamespace(
+        rods=SimpleNamespace(mounted="inner"), encoders=SimpleNamespace(counts_per_rev=(4096, 4096, 4096))
+    )
+    assert bool(description_module.other_scale(problem, selection, rig)) is needed

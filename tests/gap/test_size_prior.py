@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from dpr_lab.effects import SIZE, effect_params, plausibility
+from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.gap.classes.posterior import Alternative, _plausibility, _Replacements, _size_odds
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
-from dpr_lab.gap.hypothesis.size_prior import size_prior
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.significance import member_odds
+from dpr_lab.gap.hypothesis.size_prior import SIZE_PRIOR, fitted_prior, size_prior
 
 SCALE, SPRING = "encoder_scale_joint1", "spring_joint1"
 
@@ -30,10 +33,15 @@ def test_a_scale_is_a_tolerance_or_that_of_another_encoder_or_arbitrary(excess: 
 
 
 def test_a_spring_is_relative_to_the_gravity_torque_of_the_rig() -> None:
-    """The scale is 3e-3 N m/rad on a light rig, and 1 % of the limit on a heavy rig."""
-    light, heavy = (prior(SPRING, limit=limit, stiffness_Nm_per_rad=0.03) for limit in (0.1, 3.0))
-    assert light == pytest.approx(1 / (1 + 10.0**4))
+    """The scale is 3e-3 N m/rad on a light rig, and a part of the limit on a heavy rig; any strength is possible."""
+    weak = SIZE_PRIOR.spring * 30.0
+    light, heavy, strong = (
+        prior(SPRING, limit=limit, stiffness_Nm_per_rad=size)
+        for limit, size in ((1.0, 6e-3), (30.0, weak), (30.0, 9.0))
+    )
+    assert light == pytest.approx(1 / (1 + 2.0**4))
     assert heavy == pytest.approx(0.5)
+    assert strong == SIZE_PRIOR.arbitrary == prior(SCALE, excess=0.1)
     friction = effect_params({"coulomb_joint1": {"torque_Nm": 0.03}})
     assert prior("coulomb_joint1", limit=3.0, torque_Nm=0.03) == plausibility(friction, "coulomb_joint1")
 
@@ -59,10 +67,40 @@ def test_sizes_decide_if_an_alternative_imitates_the_effect_completely(
 @pytest.mark.parametrize(("other", "share"), [(SPRING, np.exp(-2.0)), ("stribeck_joint1", 1.0)])
 def test_a_member_with_more_parameters_also_costs_the_difference_of_the_criterion(other: str, share: float) -> None:
     named = "coulomb_joint1" if other != SPRING else SCALE
-    fitted = Mock(priors={other: 0.5}, cost=100.0 + 2 * CALIBRATION.unit(1.0))
+    fitted = Mock(priors={other: 0.5}, cost=100.0 + 2 * CALIBRATION.unit(1.0), penalty=36.0)
     selection: Any = Mock(
-        chosen=Mock(cost=100.0, inflation=1.0), without={named: Mock(key=frozenset())},
+        chosen=Mock(cost=100.0, inflation=1.0, penalty=18.0, priors={named: 0.1}),
+        without={named: Mock(key=frozenset())},
         fitted={frozenset({other}): fitted},
     )  # fmt: skip
     score = cast("Any", SimpleNamespace(effect=SimpleNamespace(name=other)))
     assert _plausibility(_Replacements(selection, named), score) == pytest.approx(0.5 * share)
+
+
+def test_a_member_with_fewer_parameters_gains_at_most_their_penalty() -> None:
+    """The rest of the difference of the criterion can be an error of the integrator."""
+    spring = cast("Hypothesis", Mock(cost=119.0, inflation=1.0, penalty=36.0, priors={SPRING: 0.6}))
+    for cost, gain in ((113.0, np.e), (0.0, np.exp(3.0))):
+        scale = cast("Hypothesis", Mock(cost=cost, penalty=18.0, priors={SCALE: 0.03}))
+        assert member_odds(scale, spring, SPRING, SCALE) == pytest.approx(0.05 * gain)
+
+
+@pytest.mark.parametrize(("cubic", "saved"), [(0.0, 9.0), (0.004, 9.0 - 4.0), (0.02, 0.0)])
+def test_a_linear_spring_does_not_pay_the_penalty_of_its_cubic_term(
+    monkeypatch: pytest.MonkeyPatch, cubic: float, saved: float
+) -> None:
+    """The standard deviation of the cubic term is 0.002, and its correlation with the stiffness changes this one."""
+    names = ("stiffness_Nm_per_rad", "cubic_Nm_per_rad3")
+    covariance = np.array([[1e-4, -1e-5], [-1e-5, 4e-6]])
+    monkeypatch.setattr("dpr_lab.gap.hypothesis.size_prior.considered", lambda *_: covariance)
+    params = effect_params({SPRING: dict(zip(names, (0.1, cubic), strict=True))})
+    fit = cast(
+        "Fit",
+        SimpleNamespace(
+            free=[SimpleNamespace(effect=SPRING, name=name) for name in names],
+            values=np.array([0.1, cubic]),
+            estimate=SimpleNamespace(params=params),
+        ),
+    )
+    weight = fitted_prior(fit, SPRING, np.full(SIZE, 10.0), cast("Any", None), inflation=1.0, penalty=9.0)
+    assert weight == pytest.approx(SIZE_PRIOR.arbitrary * np.exp(saved / CALIBRATION.unit(1.0)))

@@ -221,6 +221,19 @@ def test_uncertain_verdicts_state_why_a_cause_is_uncertain() -> None:
     assert candidates in sentence("too_short", state, (10, 10), PREDICTED)
 
 
+@pytest.mark.parametrize(
+    ("ratio", "words"),
+    [
+        (0.35, "A remainder of 0.35 times the noise is significant, but smaller than the noise: a small further cause"),
+        (4.1, "A remainder of 4.1 times the noise stays unexplained: a further cause acts"),
+    ],
+)
+def test_the_words_for_a_remainder_fit_its_size(ratio: float, words: str) -> None:
+    state = of_causes(COULOMB)
+    state.selection.chosen = Fake(at_noise_floor=False, residuals=Fake(noise_ratio=ratio))
+    assert words in sentence("partly_explained", state, (10, 10), PREDICTED)
+
+
 def test_a_short_release_without_a_significant_effect_does_not_exclude_the_library() -> None:
     state: Any = Fake(
         description=Fake(hint="", withholds=False),

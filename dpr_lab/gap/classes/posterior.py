@@ -28,7 +28,13 @@ from dpr_lab.gap.hypothesis.detectable import comparable_size, linear_exclusions
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.imitation import follows_decay
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
-from dpr_lab.gap.hypothesis.significance import adds_less_than_remains, form_indifference, indifference
+from dpr_lab.gap.hypothesis.significance import (
+    adds_less_than_remains,
+    are_forms,
+    form_indifference,
+    indifference,
+    member_odds,
+)
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.selected import Selection
 
@@ -190,23 +196,14 @@ def _adds_nothing(replacements: _Replacements, richer: str) -> bool:
 
 
 def _plausibility(replacements: _Replacements, score: Score) -> float:
-    """Return the prior of a replacing effect with its size, from its fit or its score.
-
-    An effect with more parameters than the named one also costs the difference of the criterion, unless it is a form.
-    """
+    """Return the weight of a replacing effect with its size, from its fit or its score (`member_odds`)."""
     name, other, chosen = replacements.name, score.effect.name, replacements.selection.chosen
     if (fitted := replacements.with_other(other)) is None:
         params = effect_params({})
         for parameter, value in score.named_amplitudes.items():
             params[param_index(other, parameter)] = value
         return plausibility(params, other)
-    if _are_forms(name, other):
-        return fitted.priors[other]
-    return fitted.priors[other] * math.exp(min((chosen.cost - fitted.cost) / CALIBRATION.unit(chosen.inflation), 0.0))
-
-
-def _are_forms(name: str, other: str) -> bool:
-    return name in EFFECTS[other].nested or other in EFFECTS[name].nested
+    return chosen.priors[name] * member_odds(fitted, chosen, name, other)
 
 
 def _size_odds(replacements: _Replacements, alternative: Alternative) -> float:
@@ -215,7 +212,7 @@ def _size_odds(replacements: _Replacements, alternative: Alternative) -> float:
     The effect and the alternative do not form a class if the effect imitates only a part of the alternative.
     """
     name, other = replacements.name, alternative.name
-    if alternative.cosine < THRESHOLDS.indistinguishable or _are_forms(name, other):
+    if alternative.cosine < THRESHOLDS.indistinguishable or are_forms(name, other):
         return 1.0
     chosen, model = replacements.selection.chosen, replacements.selection.fitted[replacements.key_with(other)]
     rarity = EFFECTS[name].prior_odds / EFFECTS[other].prior_odds

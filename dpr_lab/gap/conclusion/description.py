@@ -193,7 +193,8 @@ SCALES = (2.0, 0.5)
 def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
     """Describe a scale of the readings at which fewer effects suffice.
 
-    Only readings of one degree of freedom are considered. The text is empty if there is no such scale.
+    Only readings of one degree of freedom, and effects without which the gap is larger, are considered. The text is
+    empty if there is no such scale.
 
     Args:
         problem: the segments
@@ -203,16 +204,17 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
     chosen = selection.chosen
     setups = problem.segments.setups
     alone = all(setup.held and setup.arm is None and not setup.arm_moves for setup in setups)
-    if not chosen.effects or not alone:
+    most = chosen.cost + chosen.chance
+    smaller = [model.key for model in selection.without.values() if model.cost > most]
+    if not smaller or not alone:
         return ""
-    smaller = (chosen.key - {name} for name in chosen.effects)
     # in the selected set, an effect of the angle has changed the gravity torque
     bare = selection.bare.estimate.ratios
     scaled_fits = [
         (factor, _scaled_fit(problem, chosen, bare, factor, names)) for names in smaller for factor in SCALES
     ]
     factor, best = min(scaled_fits, key=lambda pair: pair[1].cost)
-    if best.cost > chosen.cost + chosen.chance or not _closes(best, selection):
+    if best.cost > most or not _closes(best, selection):
         return ""
     joint, coupled = 2 if rig.rods.mounted == "outer" else 1, rig.rods.mounted == "both"
     counts = rig.encoders.counts_per_rev[joint]

@@ -162,9 +162,12 @@ def _remainder(chosen: Hypothesis, transfer: Transfer) -> str:
         )
     if chosen.at_noise_floor:
         return UNCERTAIN
-    size = _in_noise(chosen.residuals.noise_ratio)
-    small = chosen.residuals.noise_ratio < 1.0
-    remainder = f"A small but significant remainder, {size}," if small else f"A remainder of {size}"
+    remainder = f"A remainder of {_in_noise(chosen.residuals.noise_ratio)}"
+    if chosen.residuals.noise_ratio < 1.0:
+        return (
+            f"{remainder} is significant, but smaller than the noise: a small further cause may act, or a named effect"
+            " may have a slightly different form."
+        )
     return f"{remainder} stays unexplained: a further cause acts, or a named effect has another form."
 
 

@@ -14,7 +14,7 @@ from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import folds, predictive_loss
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics, residual_statistics
-from dpr_lab.gap.hypothesis.size_prior import size_prior
+from dpr_lab.gap.hypothesis.size_prior import fitted_prior
 from dpr_lab.gap.hypothesis.swing_lines import on_swing_line, one_decay
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 
@@ -50,7 +50,7 @@ class Hypothesis:
     decay_drifts: frozenset[str] = frozenset()
     """Friction drifts in the set, if the recordings are one decay: amplitude and time are inseparable."""
     priors: Mapping[str, float] = field(default_factory=dict)
-    """Prior weight of each effect with its fitted size."""
+    """Prior weight of each effect with its fitted size, for a spring relative to the penalty of all its amplitudes."""
 
     @property
     def cost(self) -> float:
@@ -126,7 +126,8 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
     sizes = {} if limits is None else {name: relative_size(params, limits, name) for name in curves}
     harmonic_vibrations = frozenset(name for name in names if on_swing_line(problem, name, fitted.estimate))
     drifts = frozenset(names) & {effect.name for effect in FRICTION_DRIFT} if one_decay(problem) else frozenset[str]()
-    priors = {name: size_prior(params, name, limits, problem.model.constants) for name in names}
+    cost = {"inflation": residuals.inflation, "penalty": PENALTY.parameter}
+    priors = {name: fitted_prior(fitted, name, limits, problem.model.constants, **cost) for name in names}
     return Hypothesis(names, fitted, residuals, loss, sizes, harmonic_vibrations, drifts, priors)
 
 

@@ -1,5 +1,7 @@
 """Significance of a reduction of cost, relative to noise, chance, and inexact functional forms."""
 
+import math
+
 import numpy as np
 
 from dpr_lab.effects import EFFECTS
@@ -26,6 +28,31 @@ def cost_with_prior(model: Hypothesis, current: Hypothesis) -> float:
     """Return the cost of a set minus its log prior ratio to the current set, in units of cost."""
     unit = CALIBRATION.unit(min(model.inflation, current.inflation))  # the same in both directions
     return model.cost - unit * log_prior_ratio(model, current)
+
+
+def member_odds(model: Hypothesis, chosen: Hypothesis, name: str, other: str) -> float:
+    """Return the odds of an indistinguishable effect in place of a named one, from priors and parameters.
+
+    An effect with more parameters costs the difference of the criterion. One with fewer parameters gains it, but at
+    most their penalty, because the rest of the difference can be an error of the integrator. Forms of one effect are
+    compared by their priors.
+
+    Args:
+        model: set with the other effect
+        chosen: set with the named effect
+        name: the named effect
+        other: the other effect
+    """
+    odds = model.priors[other] / chosen.priors[name]
+    if are_forms(name, other):
+        return odds
+    saved = max(chosen.penalty - model.penalty, 0.0) / CALIBRATION.unit(1.0)
+    return odds * math.exp(min((chosen.cost - model.cost) / CALIBRATION.unit(chosen.inflation), saved))
+
+
+def are_forms(name: str, other: str) -> bool:
+    """Return whether one effect is a special case of the other."""
+    return name in EFFECTS[other].nested or other in EFFECTS[name].nested
 
 
 def indifference(

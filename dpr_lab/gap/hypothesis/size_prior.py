@@ -3,31 +3,43 @@
 The sizes of most effects are compared with those of laboratory rigs (`dpr_lab.effects.plausibility`). A spring and an
 error of the encoder scale imitate each other on a single rod, so that their priors decide. Both depend on the rig:
 
-- A spring is relative to gravity, because heavy rods have strong cables.
+- A spring is relative to gravity, because heavy rods have strong cables. It is weak, or has any strength.
 - A scale is exact, or has a tolerance, or belongs to another common encoder, or is arbitrary (belt, potentiometer).
+
+Most springs are linear. A spring therefore has the weight of its simplest form that fits.
 """
 
+import math
 from dataclasses import dataclass
+from itertools import chain, combinations
+
+import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS, param_index, plausibility
 from dpr_lab.effects.encoder_scale import ENCODER_SCALE, usual_counts
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.effects.spring import SPRING
+from dpr_lab.fitting.covariance import considered
+from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 
 
 @dataclass(frozen=True, slots=True)
 class SizePrior:
     """Prior of the sizes of springs and scale errors."""
 
-    spring: float = 0.01
-    """Scale of a spring's amplitude, as a fraction of its limit (3 % of the gravity torque per radian)."""
+    spring: float = 7e-4
+    """Scale of an amplitude of a weak spring, as a fraction of its limit.
+
+    On one rod, this spring imitates a scale error of the size `tolerance`.
+    """
     tolerance: float = 5e-3
     """Largest relative error of a scale that counts as a tolerance."""
     other_encoder: float = 0.5
     """Prior weight of the scale of another common encoder, relative to a tolerance."""
     arbitrary: float = 0.03
-    """Prior weight of any other scale, for example due to a belt or a potentiometer."""
+    """Prior weight of any other scale, for example due to a belt or a potentiometer, and of a strong spring."""
 
 
 SIZE_PRIOR = SizePrior()
@@ -53,7 +65,43 @@ def size_prior(params: Array, effect: str, limits: Array | None, constants: RigC
         for amplitude in EFFECTS[effect].amplitudes:
             place = param_index(effect, amplitude.name)
             params[place] *= min(amplitude.prior_scale / (SIZE_PRIOR.spring * limits[place]), 1.0)
+        return max(plausibility(params, effect), EFFECTS[effect].prior_odds * SIZE_PRIOR.arbitrary)
     return plausibility(params, effect)
+
+
+def fitted_prior(
+    fit: Fit, effect: str, limits: Array | None, constants: RigConstants, *, inflation: float, penalty: float
+) -> float:
+    """Return the prior weight of a fitted effect; a spring has that of its best form without needless amplitudes.
+
+    Without the amplitudes d of covariance D, chi2 grows by the inflation times d^T D^-1 d, the set costs fewer
+    penalties, and the stiffness k becomes k - cov(k, d) D^-1 d.
+
+    Args:
+        fit: fit of the set with the effect
+        effect: name of the effect
+        limits: (SIZE,) maximum sizes on the rig; None: no limits
+        constants: encoders of the rig
+        inflation: variance inflation of the fit
+        penalty: penalty of an amplitude, in chi2 of independent readings
+    """
+    params = fit.estimate.params
+    weight = size_prior(params, effect, limits, constants)
+    free = {parameter.name: i for i, parameter in enumerate(fit.free) if parameter.effect == effect}
+    if effect not in SPRINGS or (stiffness := EFFECTS[effect].adds) not in free:
+        return weight
+    covariance, k, values = considered(fit, inflation), free.pop(stiffness), fit.values
+    for needless in chain.from_iterable(combinations(free, n) for n in range(1, len(free) + 1)):
+        rows = [free[name] for name in needless]
+        moved = np.linalg.pinv(covariance[np.ix_(rows, rows)], hermitian=True) @ values[rows]
+        simpler = params.copy()
+        simpler[[param_index(effect, name) for name in needless]] = 0.0
+        simpler[param_index(effect, stiffness)] -= covariance[k, rows] @ moved
+        at_bound = any(covariance[row, row] == 0.0 != values[row] for row in rows)
+        if simpler[param_index(effect, stiffness)] > 0.0 and not at_bound:
+            saved = (penalty * len(rows) - values[rows] @ moved) / CALIBRATION.unit(1.0)
+            weight = max(weight, size_prior(simpler, effect, limits, constants) * math.exp(saved))
+    return weight
 
 
 def _scale(excess: float, configured: float) -> float:

@@ -76,6 +76,8 @@ class Thresholds:
     """Minimum growth factor of the amplitudes of a curve that replaces a removed effect."""
     likelier: float = 5.0
     """Minimum ratio of the prior probabilities if an effect replaces another one that explains as much."""
+    tie: float = 1.5
+    """Ratio of the probabilities of two indistinguishable effects up to which a fixed order or the search decides."""
     indistinguishable: float = 0.999
     """Minimum cosine of the signatures of two effects that recordings hardly distinguish."""
 

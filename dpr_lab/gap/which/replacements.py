@@ -10,10 +10,12 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, log_prior_ratio
 from dpr_lab.gap.hypothesis.imitation import follows_remainder
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.hypothesis.significance import (
+    adds_less_than_remains,
     cost_with_prior,
     explains_as_much,
     form_indifference,
     indifference,
+    member_odds,
     significance,
 )
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
@@ -132,9 +134,9 @@ BETTER_ALTERNATIVE = Move(
 
 
 def _larger_priors(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets in which an indistinguishable effect replaces another.
+    """Propose sets in which an indistinguishable effect or a simpler form replaces another.
 
-    The value of a proposal is the ratio of the prior probabilities.
+    The value of a proposal is the ratio of the probabilities.
     """
     chosen = sets.predictive(current)
     margin = indifference(sets.bare, chosen)
@@ -145,16 +147,19 @@ def _larger_priors(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
             continue
         for other in test.ranking:
             model = sets.fits.get(smaller.key | {other.effect.name})
-            if model is None or model.key == chosen.key or abs(model.cost - chosen.cost) > margin:
+            if model is None or model.key == chosen.key:
                 continue
-            first = _comes_first(other.effect.name, name)
-            tolerance = CALIBRATION.unit(chosen.inflation) * math.log(THRESHOLDS.likelier) if first else 0.0
-            same = test.indistinguishable(score, other) or (
-                first and sets.test(chosen).absorbs(other.effect, EFFECTS[name])
-            )
-            likely = cost_with_prior(model, chosen) < chosen.cost + tolerance
-            if same and likely and sets.as_possible(model, chosen):
-                yield Proposal(model, math.exp(log_prior_ratio(model, chosen)))
+            if other.effect.name in EFFECTS[name].nested:
+                same = adds_less_than_remains(chosen, model)
+            else:
+                first = _comes_first(other.effect.name, name)
+                tolerance = CALIBRATION.unit(chosen.inflation) * math.log(THRESHOLDS.tie) if first else 0.0
+                likely = cost_with_prior(model, chosen) < chosen.cost + tolerance
+                close = likely and abs(model.cost - chosen.cost) <= margin
+                absorbed = first and sets.test(chosen).absorbs(other.effect, EFFECTS[name])
+                same = close and (absorbed or test.indistinguishable(score, other))
+            if same and sets.as_possible(model, chosen):
+                yield Proposal(model, member_odds(model, chosen, name, other.effect.name))
 
 
 def _comes_first(name: str, other: str) -> bool:
@@ -164,11 +169,11 @@ def _comes_first(name: str, other: str) -> bool:
     return first.common and second.common and order[0] < order[1]
 
 
-def _far_larger_prior(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    ratio = f"the ratio of the prior probabilities is {proposal.value:.2g}"
-    accepted = proposal.value > THRESHOLDS.likelier
+def _more_probable(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    ratio = f"the ratio of the probabilities is {proposal.value:.2g}"
+    accepted = proposal.value > THRESHOLDS.tie
     added, removed = proposal.model.key - current.key, current.key - proposal.model.key
-    if proposal.value > 1 / THRESHOLDS.likelier and added and all(starmap(_comes_first, product(added, removed))):
+    if proposal.value > 1 / THRESHOLDS.tie and added and all(starmap(_comes_first, product(added, removed))):
         return Decision(True, f"indistinguishable, and first in the fixed order of common effects; {ratio}")
     richer = any(not current.key.isdisjoint(EFFECTS[name].nested) for name in proposal.model.key - current.key)
     if richer and not accepted:
@@ -178,10 +183,10 @@ def _far_larger_prior(sets: FittedSets, current: Hypothesis, proposal: Proposal)
 
 LARGER_PRIOR = Move(
     "larger prior probability",
-    "of two indistinguishable effects, the one with the far larger prior probability is named, and of two common"
-    " effects with similar priors the first of a fixed order",
+    "of two indistinguishable effects, the more probable one is named, and of two common effects with similar"
+    " probabilities the first of a fixed order",
     _larger_priors,
-    _far_larger_prior,
+    _more_probable,
 )
 
 

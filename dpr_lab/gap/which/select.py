@@ -15,9 +15,9 @@ from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.forward import forward_selection
-from dpr_lab.gap.which.moves import REFINE, REVISIONS, SHORT, START
+from dpr_lab.gap.which.moves import CONVERGE, REFINE, REVISIONS, SHORT, START
 from dpr_lab.gap.which.removals import HELD_OUT
-from dpr_lab.gap.which.replacements import fit_alternatives
+from dpr_lab.gap.which.replacements import LARGER_PRIOR, fit_alternatives
 from dpr_lab.gap.which.restarts import fitted_to_working_segments
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply_move, apply_moves
 from dpr_lab.gap.which.selected import Selection
@@ -76,6 +76,7 @@ def _one_search(state: SearchState) -> Selection:
         state = _revised(state)
         if state.current is before:
             break
+    state = apply_moves((LARGER_PRIOR, CONVERGE), state)  # a form can be more probable at a higher criterion
     final = apply_move(HELD_OUT, state)
     misleading = tuple(name for name in state.current.effects if name not in final.current.effects)
     return _selection(final, misleading)
@@ -104,7 +105,10 @@ def _predicts_whole_segments(sets: FittedSets, current: Hypothesis, proposal: Pr
 
 
 def _revised(state: SearchState) -> SearchState:
-    """Return the state after the first accepted revision that is not significantly worse after its following moves."""
+    """Return the state after the first accepted revision that is not significantly worse after its following moves.
+
+    A set with more parameters must have a lower criterion.
+    """
     for revision, moves in REVISIONS:
         after = apply_move(revision, state)
         if after.current is state.current:
@@ -112,7 +116,8 @@ def _revised(state: SearchState) -> SearchState:
             continue
         tested = apply_moves(moves, after)
         added = cost_with_prior(tested.current, state.current) - state.current.cost
-        if added < indifference(state.sets.bare, state.current):
+        richer = tested.current.parameters > state.current.parameters
+        if added < (0.0 if richer else indifference(state.sets.bare, state.current)):
             return tested
         undone = Decision(True, "the criterion of the other set is higher after the moves that follow")
         state = tested.after(revision, Proposal(state.current), undone)
