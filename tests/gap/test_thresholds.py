@@ -20,10 +20,10 @@ from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
 from dpr_lab.gap.hypothesis.significance import (
     accepted,
     adds_less_than_remains,
+    evidence_ratio,
     explains_as_much,
     form_indifference,
     most_excess,
-    need,
     promising_gain,
     segment_scatter,
     significance,
@@ -122,7 +122,7 @@ def test_a_reduction_in_every_segment_is_significant_however_small_it_is() -> No
 def test_an_effect_is_needed_by_the_growth_of_the_excess_without_it(
     smaller: Hypothesis, model: Hypothesis, expected: float
 ) -> None:
-    assert need(BARE, model, smaller) == pytest.approx(expected)
+    assert evidence_ratio(BARE, model, smaller) == pytest.approx(expected)
 
 
 def test_small_effects_add_less_than_one_percent_of_the_gap_together() -> None:
