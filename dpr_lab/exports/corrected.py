@@ -340,7 +340,6 @@ def _arm_values(
         kind: kind of the input of the arm; empty without an input
         scale: scale of absolute values
     """
-    low, high = scale.interval90
     if not covariance.size:  # a diagnosis of an earlier version
         ends = np.array([interval.interval90 for interval in determined.values()]).reshape(-1, 2)
         covariance = np.diag((np.diff(ends)[:, 0] / (2 * NORMAL_Q90)) ** 2)
@@ -350,14 +349,12 @@ def _arm_values(
         for (name, interval), error in zip(determined.items(), std, strict=True)
     }
     ratios = moved_ratios(estimates, swing, kind, scale.inertia)
-    of_scale = float(np.arcsinh((high - low) / (2 * scale.b))) / NORMAL_Q90  # exact for a lognormal interval
     values = {parameter_of(name, kind, scale.inertia): ratio.value for name, ratio in ratios.items()}
-    source = ArmScale(scale.b, of_scale, by_gain=False, known=scale.known)
     return {
         "ratios": ratios,
         "undetermined": {},
         "covariance": covariance.tolist(),
         "unknowns": list(ratios),
-        "absolute": absolute_values(values, np.diag(np.diag(covariance)), source, scale.inertia, kind),
+        "absolute": absolute_values(values, np.diag(np.diag(covariance)), ArmScale.of(scale), scale.inertia, kind),
         "scale_sentence": scale.sentence,
     }

@@ -11,7 +11,8 @@ import pytest
 from dpr_lab.dynamics.arm import ArmParameters, mounted
 from dpr_lab.dynamics.moving_arm.followed import FOLLOW
 from dpr_lab.errors import ConfigError, RunError
-from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.estimate import SCALE, Estimate, alone_share
+from dpr_lab.gap.bare_model import nominal_ratios
 from dpr_lab.identification.moving_arm.fit import ARM_FIT, covariance_of, fit_moving_arm, fit_segments, merged
 from dpr_lab.identification.moving_arm.identify import (
     compare_moving_arm,
@@ -28,9 +29,11 @@ from dpr_lab.identification.moving_arm.scale import (
     stated_scale,
 )
 from dpr_lab.identification.moving_arm.search import searched_start
+from dpr_lab.identification.moving_arm.unknowns import rod_inertias
 from dpr_lab.identification.preprocess import preprocess
+from dpr_lab.identification.prior_update import posterior_of
 from dpr_lab.report.data_frame import to_dataframe
-from dpr_lab.rig import Rig, load_rig
+from dpr_lab.rig import NO_ENCODER, Rig, load_rig
 from dpr_lab.run import Run
 from tests.thinned import FULL
 from tests.three_hinges import L0, three_hinges
@@ -101,7 +104,8 @@ def test_a_voltage_drive_of_a_furuta_pendulum_shows_lumped_constants_only():
     rng = np.random.default_rng(2)
     nominal = {"lower": 1e-3, "upper": 10.0}
     motor = {name: {"nominal": value, **nominal} for name, value in (("kt", 0.5), ("R", 2.0), ("ke", 0.1))}
-    rig = rig_with("driven", "voltage", "inner", **motor)
+    table = rig_with("driven", "voltage", "inner", **motor).model_dump(exclude_none=True)
+    rig = Rig.model_validate(table | {"parameters": table["parameters"] | {"mb": NO_ENCODER}})
     Z, arm, start = drawn(rng, rig)
     Z[[3, 4]] = 1e-9  # no outer rod and no encoder of joint 2
     Z[[6, 8]] = 0.0, 1e-12
@@ -124,9 +128,10 @@ def test_a_voltage_drive_of_a_furuta_pendulum_shows_lumped_constants_only():
         assert abs(model.ratios[name].value / true - 1) < 0.02, name
     assert model.scale == "a"
     assert model.absolute["kt gear/R"].fixed_by == "bound"
-    l1, m1, J1 = rng.uniform(*rig.bounds[:, [0, 2, 7]], (20_000, 3)).T
-    assumed = model.absolute["a"]
-    assert assumed.std / assumed.value == pytest.approx(np.std(J1 + m1 * l1**2) / a, rel=0.25)
+    l1, m1, J1 = rng.uniform(*rig.bounds[:, [0, 2, 7]], (400_000, 3)).T
+    inertia, assumed = J1 + m1 * l1**2, model.absolute["a"]
+    same_ratio = np.abs(m1 * l1 * rig.g / inertia / truth["e1/a"] - 1) < 0.01  # the recording determines e1/a
+    assert assumed.std / assumed.value == pytest.approx(np.std(inertia[same_ratio]) / a, rel=0.25)
     assert 0 < assumed.interval90[0] < a < assumed.interval90[1]
     assert any("separates kt from R" in note for note in model.notes)
 
@@ -137,6 +142,21 @@ def test_values_at_an_assumed_scale_name_this_assumption():
     fit: Any = SimpleNamespace(problem=SimpleNamespace(unknowns=unknowns), value=lambda name: 38.7)
     notes = motor_notes(fit, scale_of_arm(fit, np.array([[1.0]]), rig), rig, ["gain", "c0"])
     assert sum("with the assumed a" in note for note in notes) == 2
+
+
+def test_the_scale_of_one_rod_is_that_of_a_diagnosis_with_equal_ratios():
+    table = load_rig("furuta").model_dump(exclude_none=True)
+    table["parameters"]["mb"] = {"nominal": 0.01, "lower": 0.005, "upper": 0.02}  # an encoder at the end of the rod
+    rig = Rig.model_validate(table)
+    a, _, _, e1, c1, _ = rod_inertias(rig.nominal, rig)
+    assert a == pytest.approx(3.3e-5 + 0.024 * 0.0645**2 + 0.01 * 0.129**2)
+    unknowns = SimpleNamespace(scale="a", free=("e1", "c1"))
+    fit: Any = SimpleNamespace(problem=SimpleNamespace(unknowns=unknowns), value={"e1": e1 / a, "c1": c1 / a}.get)
+    scale = scale_of_arm(fit, np.zeros((2, 2)), rig)
+    unknown = nominal_ratios(rig)
+    diagnosed = posterior_of(unknown, rig, alone=True).scale(unknown[SCALE]).as_inertia("a", alone_share(unknown))
+    identified = stated_scale(absolute_values({}, np.zeros((0, 0)), scale, "a", "")["a"], "a", scale.fixed_by)
+    assert identified.sentence == diagnosed.sentence
 
 
 def test_the_bounds_of_a_nominal_kt_give_the_uncertainty_of_the_scale():

@@ -3,8 +3,8 @@
 The common engine can simulate all effects.
 
 The unknowns of the engine are the ratios to b of a rig with both rods, b itself, and p/b. If only the inner rod is
-mounted, its motion depends only on a - p, e1 - p g/L1 and c1 (`dpr_lab.dynamics.base`). p is the inertia of the masses
-at the elbow. The other parameters then have the values of the rig file.
+mounted, its motion depends only on a - p, e1 - p g/L1 and c1 (`dpr_lab.dynamics.base`). p = m2 L1^2 is the inertia of
+the outer rod's mass at the elbow. The other parameters then have the values of the rig file.
 """
 
 from collections.abc import Mapping
@@ -39,8 +39,7 @@ def engine_values(model: MovingArmModel, rig: Rig) -> tuple[Array, Array]:
     if model.input and (assumed := drive_gain(rig).value):
         effects[DRIVE_GAIN.name] = {"excess": sizes["gain"] / assumed - 1.0}
     base = base_parameters(rig.nominal, rig.L1, rig.g)
-    m2, mb = (float(rig.nominal[PARAMETERS.index(name)]) for name in ("m2", "mb"))
-    elbow = (m2 + mb) * rig.L1**2
+    elbow = float(rig.nominal[PARAMETERS.index("m2")]) * rig.L1**2
     if model.mounted == "both":
         base = np.array([sizes[name] for name in BASE])
     else:

@@ -190,7 +190,7 @@ def _physical(rig: Rig, unknowns: Unknowns) -> tuple[dict[str, float], Array]:
     small motor whose back-EMF is as large as the friction.
     """
     both_rods, motor = rig.rods.mounted == "both", rig.motor
-    of_rods = PARAMETERS if both_rods else of_inner_rod(0.0)
+    of_rods = PARAMETERS if both_rods else of_inner_rod(rig.nominal[PARAMETERS.index("mb")])
     sizes = {name: float(rig.nominal[PARAMETERS.index(name)]) for name in of_rods}
     scale = rod_inertias(rig.nominal, rig)[1]
     start = dict(zip(SWING_PARAMETERS, (unknowns.start * scale).tolist(), strict=True))

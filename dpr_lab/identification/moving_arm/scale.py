@@ -10,14 +10,15 @@ from typing import Literal
 import numpy as np
 
 from dpr_lab.arrays import Array
+from dpr_lab.dynamics.base import RATIOS, whole_parameters
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.fitting.prior import parameter_std
+from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, alone_share, unknown_ratios
 from dpr_lab.identification.model import EstimatedValue
 from dpr_lab.identification.moving_arm.fit import ArmFit
-from dpr_lab.identification.moving_arm.setup import rods_measured
-from dpr_lab.identification.moving_arm.unknowns import best, rod_inertias, scale_parameters
+from dpr_lab.identification.moving_arm.unknowns import best
+from dpr_lab.identification.prior_update import posterior_of
 from dpr_lab.identification.scaling.scale import Scale, lognormal90
-from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.rig import Rig
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,15 @@ class ArmScale:
     errors of the ratios."""
     known: bool
     """Whether recordings or measured values determine the scale."""
+    interval90: tuple[float, float] | None = None
+    """90 % interval of the inertia; None: it follows from the standard deviations."""
+
+    @classmethod
+    def of(cls, scale: Scale) -> "ArmScale":
+        """Return a scale that does not follow from the gain of the drive."""
+        low, high = scale.interval90
+        relative_std = float(np.arcsinh((high - low) / (2 * scale.b))) / NORMAL_Q90  # exact for a lognormal interval
+        return cls(scale.b, relative_std, by_gain=False, known=scale.known, interval90=scale.interval90)
 
     @property
     def fixed_by(self) -> Literal["data", "measured", "bound"]:
@@ -59,8 +69,22 @@ def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
             kt = best(motor.kt, 0.0)
             std = motor.kt.std or ((motor.kt.upper or kt) - (motor.kt.lower or kt)) / np.sqrt(12)
             return ArmScale(kt * motor.gear / gain, float(std / kt), by_gain=True, known=motor.kt.std is not None)
-    value = float(rod_inertias(rig.nominal, rig)[1])
-    return ArmScale(value, _relative_std(rig), by_gain=False, known=rods_measured(rig))
+    return ArmScale.of(_of_rig(fit, covariance, rig))
+
+
+def _of_rig(fit: ArmFit, covariance: Array, rig: Rig) -> Scale:
+    """Return the scale of the rig file, with its interval given the fitted ratios, as in a diagnosis."""
+    free, alone = fit.problem.unknowns.free, rig.rods.mounted == "inner"
+    fitted = [name for name in RATIOS if name.partition("/")[0] in free]
+    places = [free.index(name.partition("/")[0]) for name in fitted]
+    unknown = unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))
+    share, visible = alone_share(unknown) if alone else 1.0, [RATIOS.index(name) for name in fitted]
+    unknown[visible] = [share * fit.value(free[place]) for place in places]
+    if alone:
+        unknown[RATIOS.index("e1/b")] += unknown[ON_ELBOW] * rig.g / rig.L1
+    errors = share**2 * covariance[np.ix_(places, places)]
+    scale = posterior_of(unknown, rig, visible, errors, alone=alone).scale(float(unknown[SCALE]))
+    return scale.as_inertia("a", share) if alone else scale
 
 
 def stated_scale(
@@ -73,16 +97,6 @@ def stated_scale(
     value, (low, high) = inertia.value, inertia.interval90
     interval = max(low, 1e-3 * value), high
     return Scale(b=value, interval90=interval, fixed_by=fixed_by, inertia=name, constants_std=constants_std)
-
-
-def _relative_std(rig: Rig) -> float:
-    """Compute the relative standard deviation of the scale from the measured values and bounds of the rig file."""
-    value, std, shifts = rod_inertias(rig.nominal, rig)[1], parameter_std(rig), list[float]()
-    for name in scale_parameters(rig):
-        larger, place = rig.nominal, PARAMETERS.index(name)
-        larger[place] += std[place]
-        shifts.append(rod_inertias(larger, rig)[1] / value - 1.0)
-    return float(np.linalg.norm(shifts))
 
 
 def absolute_values(
@@ -108,6 +122,8 @@ def absolute_values(
     for name, (ratio, row) in rows.items():
         std = np.sqrt(max(row @ covariance @ row, 0.0) + (ratio * scale.relative_std) ** 2)
         absolute[name] = estimated(ratio * scale.value, float(scale.value * std), "data" if scale.known else "bound")
+    if scale.interval90 is not None:
+        absolute[inertia] = absolute[inertia].model_copy(update={"interval90": scale.interval90})
     return absolute
 
 

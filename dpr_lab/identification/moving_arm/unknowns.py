@@ -1,9 +1,9 @@
 """Unknowns of moving-arm recordings: ratios to an inertia, and the gain of the input.
 
 For both rods, ratios are divided by the inertia b. For the inner rod alone (a Furuta pendulum), they are divided by a =
-J1 + m1 l1^2. A torque input u enters the equation as u/b, so that its gain is 1/b. The gain of a current is kt gear/b,
-and that of a voltage is kt gear/(R b). The back-EMF of a voltage drive adds ke kt gear^2/R to the viscous coefficient
-c0 of the arm. No recording separates these two terms.
+J1 + m1 l1^2 + mb L1^2. A torque input u enters the equation as u/b, so that its gain is 1/b. The gain of a current is
+kt gear/b, and that of a voltage is kt gear/(R b). The back-EMF of a voltage drive adds ke kt gear^2/R to the viscous
+coefficient c0 of the arm. No recording separates these two terms.
 """
 
 from collections.abc import Sequence
@@ -110,23 +110,22 @@ def best(parameter: Parameter | None, otherwise: float) -> float:
 def rod_inertias(Z: Array, rig: Rig) -> Array:
     """Compute a, b, d, e1, c1, c2 (6,) of the rods on the arm, SI.
 
-    For the inner rod alone, b = a, and d and c2 are zero.
+    For the inner rod alone, with the parts at joint 2, b = a, and d and c2 are zero.
     """
     if rig.rods.mounted == "both":
         return base_parameters(Z, rig.L1, rig.g)
-    l1, m1, c1, J1 = (Z[PARAMETERS.index(name)] for name in ("l1", "m1", "c1", "J1"))
-    a = J1 + m1 * l1**2
-    return np.array([a, a, 0.0, m1 * l1 * rig.g, c1, 0.0])
+    a, _, _, e1, c1, _ = base_parameters(np.where(np.array(PARAMETERS) == "m2", 0.0, Z), rig.L1, rig.g)
+    return np.array([a, a, 0.0, e1, c1, 0.0])
 
 
 def scale_parameters(rig: Rig) -> tuple[str, ...]:
     """Return the names of the parameters that determine the inertia by which ratios are divided."""
-    return ("l2", "m2", "J2") if rig.rods.mounted == "both" else ("l1", "m1", "J1")
+    return ("l2", "m2", "J2") if rig.rods.mounted == "both" else ("l1", "m1", "mb", "J1")
 
 
 def arm_start(rig: Rig) -> tuple[float, float]:
     """Return the initial total inertia of the arm, kg m^2, and its initial viscous friction, N m s/rad."""
-    masses = MASSES if rig.rods.mounted == "both" else ("m1",)
+    masses = MASSES if rig.rods.mounted == "both" else ("m1", "mb")
     carried = sum(rig.nominal[PARAMETERS.index(name)] for name in masses) * rig.L0**2
     total = best(rig.arm.A, 2.0 * carried)
     return total, best(rig.arm.c0, total)
