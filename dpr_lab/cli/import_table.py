@@ -19,7 +19,9 @@ from dpr_lab.storage.tables.options import ImportOptions, TypedOption, parse_rec
 if TYPE_CHECKING:
     from dpr_lab.storage.tables.understood import Understood
 
-app = command_group("Import recordings of other loggers.")
+app = command_group(
+    "Import recordings of other loggers.\n\nExample: dpr-lab import table swing.csv --rig paper --pose X1 --dry-run"
+)
 
 
 @app.callback()

@@ -12,7 +12,10 @@ from dpr_lab.cli.listing import command_group
 from dpr_lab.cli.new_rig import new
 from dpr_lab.shown import in_command
 
-app = command_group("List, show, create and check rig files. docs/rig-file.md documents every key.")
+app = command_group(
+    "List, show, create and check rig files. docs/rig-file.md documents every key.\n\n"
+    "Example: dpr-lab rig check my_rig.toml"
+)
 
 RigFile = Annotated[str, typer.Argument(help="Rig file, or name of a built-in rig.", autocompletion=complete_rig)]
 

@@ -12,7 +12,7 @@ from dpr_lab.cli.console import emit, line, say, table
 from dpr_lab.cli.listing import command_group
 from dpr_lab.errors import RunError
 
-app = command_group("Inspect, check, repair and export run files.")
+app = command_group("Inspect, check, repair and export run files.\n\nExample: dpr-lab run info runs/*.mcap")
 
 
 VIEWER_NAMES = Choices("viewer", "dpr_lab.storage.viewers:VIEWERS")
