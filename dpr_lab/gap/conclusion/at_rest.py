@@ -31,7 +31,9 @@ def held_angles(
 ) -> dict[int, float]:
     """Return the largest angle from equilibrium, rad, at which named dry friction holds each rod, by rod.
 
-    It is the arc sine of the largest friction torque at rest over the gravity torque of the rod, at most pi / 2.
+    It is the arc sine of the largest friction torque at rest over the gravity torque of the rod, at most pi / 2. The
+    friction of a free joint 2 also acts on the inner rod, as a reaction.
+
     `names` are those of the probable effects, `whole` (7,) the base parameters of the rig.
     """
     friction = [0.0, 0.0]
@@ -42,12 +44,14 @@ def held_angles(
     held: dict[int, float] = {}
     for setup in set(setups):
         base = dict(zip(BASE, base_of_run(whole, setup, rig.L1, rig.g).tolist(), strict=True))
-        torques = [base["e1"], base["d"] * rig.g / rig.L1]
+        torques, at_joints = [base["e1"], base["d"] * rig.g / rig.L1], friction
+        if setup.mounting == "both":
+            at_joints = [sum(friction), friction[1]]
         if setup.mounting == "clamped":  # both rods are one body
             torques = [abs(torques[0] + cmath.rect(torques[1], setup.elbow))]
         for rod, gravity in enumerate(torques):
-            if friction[rod] > 0.0 and gravity > 0.0:
-                held[rod] = max(held.get(rod, 0.0), math.asin(min(friction[rod] / gravity, 1.0)))
+            if at_joints[rod] > 0.0 and gravity > 0.0:
+                held[rod] = max(held.get(rod, 0.0), math.asin(min(at_joints[rod] / gravity, 1.0)))
     return held
 
 
@@ -58,6 +62,6 @@ def at_rest(effect: str, held: Mapping[int, float], *, fitted: bool = False) -> 
         return ""
     instead = ", or use the fitted value" if fitted else ""
     return (
-        f" Friction of joint {rod + 1} holds the rod at rest up to {1e3 * held[rod]:.2g} mrad from"
+        f" Friction holds the {('inner', 'outer')[rod]} rod at rest up to {1e3 * held[rod]:.2g} mrad from"
         f" equilibrium: let it come to rest from both sides and take the mean{instead}."
     )
