@@ -274,7 +274,10 @@ def corrected_arm_model(
     driven = any(run.arm_mode == "driven" for run in runs)
     mounted: Literal["both", "inner"] = "both" if rig.rods.mounted == "both" else "inner"
     swing, inertia = swing_of(unknown, effect_params(effects), mounted, driven, rig)
-    assumed = diagnosis.scale or posterior_of(unknown, rig).scale(float(unknown[SCALE]))
+    setups, assumed = [run.setup for run in runs], diagnosis.scale
+    if assumed is None:  # a diagnosis of an earlier version
+        of_rig = posterior_of(unknown, rig, alone=only_inner(setups), clamped=clamped_cosine(setups))
+        assumed = of_rig.scale(float(unknown[SCALE]))
     scale = assumed.as_inertia("b" if mounted == "both" else "a", inertia / assumed.b)
     kind = rig.input if driven else ""
     std = np.sqrt(np.mean([reading_std(run, rig) ** 2 for run in runs], axis=0)).tolist()

@@ -35,9 +35,9 @@ def diagnosed(rig: Rig) -> Diagnosis:
     gap = Gap.model_construct(floor_rad={name: 1e-4 for name in AFTER}, after_rad=AFTER)
     five = {name: Interval(value=v, interval90=(v, v)) for name, v in zip(RATIOS, unknown.tolist(), strict=False)}
     return Diagnosis.model_construct(
-        ratios=five, fitted=[], determined=five, gap=gap, scale_b=float(unknown[5]), p_over_b=None, scale=None,
-        ratio_covariance=np.zeros((5, 5)).tolist(), determined_covariance=np.zeros((5, 5)).tolist(), segments=1,
-        chi2_per_dof=1.0, verdict="no_gap", seconds=0.0, posterior=[], effects=[], model_effects={},
+        ratios=five, fitted=[], determined=five, gap=gap, scale_b=float(unknown[5]), p_over_b=float(unknown[6]),
+        scale=None, ratio_covariance=np.zeros((5, 5)).tolist(), determined_covariance=np.zeros((5, 5)).tolist(),
+        segments=1, chi2_per_dof=1.0, verdict="no_gap", seconds=0.0, posterior=[], effects=[], model_effects={},
     )  # fmt: skip
 
 
@@ -72,3 +72,15 @@ def test_absolute_values_of_a_clamped_arm_have_the_inertia_that_the_recordings_d
         assert value.fixed_by == "data", name
         assert value.interval90 == pytest.approx((0.999 * value.value, 1.001 * value.value), rel=1e-5)
     assert {name for name, value in model.parameters.items() if value.fixed_by == "data"} == {"c1", "c2"}
+
+
+def test_a_weighed_outer_rod_does_not_determine_the_scale_of_the_inner_rod_alone() -> None:
+    """A diagnosis of an older version does not state the scale."""
+    table = load_rig("furuta").with_rods("both").model_dump(exclude_none=True)
+    for name in ("l2", "m2", "J2"):
+        nominal = table["parameters"][name]["nominal"]
+        table["parameters"][name] = {"nominal": nominal, "measured": nominal, "std": 0.01 * nominal}
+    rig = Rig.model_validate(table).with_rods("inner")
+    diagnosis = diagnosed(rig).model_copy(update={"determined": {}, "determined_covariance": []})
+    model = corrected_arm_model(diagnosis, diagnosis.unknowns, {}, [recorded(rig, "free")], rig)
+    assert model.scale_sentence.startswith("Only the ratios of masses, inertias and torques to a")
