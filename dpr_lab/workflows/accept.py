@@ -115,32 +115,37 @@ def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
     that the planned releases would not decide it, or, if no release separates its possible causes, the bench check of
     the plan. The second is not stated if the interval covers all shapes of an effect, because the forecast refers to
     one shape.
+    A limit that only the uncertain scale leaves open needs a release with an added mass, which determines the scale.
     """
     from dpr_lab.acceptance.judge import RECORD_MORE, WITHIN
     from dpr_lab.acceptance.scale import ONLY_SCALE
 
     forecasts = {forecast.quantity: forecast for forecast in planned.limits}
+    determines_scale = any(release.added_mass is not None for release in planned.releases)
+    decidable = (WITHIN, ONLY_SCALE) if determines_scale else (WITHIN,)
     hopeless = f", and {counted(len(planned.releases), 'further release')} would probably not decide it"
 
     def advised(limit: "JudgedLimit") -> "JudgedLimit":
         forecast = forecasts.get(limit.quantity)
         if not limit.reason.startswith((WITHIN, ONLY_SCALE)):
             return _with_bench_check(limit, planned)
-        if not limit.reason.startswith(WITHIN) or forecast is None:
+        if not limit.reason.startswith(decidable) or forecast is None:
             return limit
-        cause = limit.reason.removesuffix(RECORD_MORE)
+        cause, of_scale = limit.reason.removesuffix(RECORD_MORE), limit.reason.startswith(ONLY_SCALE)
         if forecast.decides and forecast.release is not None:
-            return replace(limit, reason=f"{cause}: release {forecast.release} alone is expected to decide it")
-        return limit if forecast.decides or forecast.all_shapes else replace(limit, reason=f"{cause}{hopeless}")
+            mark = ";" if of_scale else ":"
+            return replace(limit, reason=f"{cause}{mark} release {forecast.release} alone is expected to decide it")
+        kept = forecast.decides or forecast.all_shapes or of_scale
+        return limit if kept else replace(limit, reason=f"{cause}{hopeless}")
 
     limits = tuple(map(advised, acceptance.limits))
     open_ones = [
         limit.quantity
         for before, limit in zip(acceptance.limits, limits, strict=True)
         if limit.answer == "not decidable"
-        and not limit.reason.startswith(ONLY_SCALE)
+        and (determines_scale or not limit.reason.startswith(ONLY_SCALE))
         and "indistinguishable" not in limit.reason
-        and (limit.reason.startswith(WITHIN) or limit.reason == before.reason)
+        and (limit.reason.startswith(decidable) or limit.reason == before.reason)
     ]
     decided = tuple(quantity for quantity in open_ones if quantity in forecasts and forecasts[quantity].decides)
     texts = tuple(release.text for release in planned.releases) if decided else ()

@@ -19,6 +19,7 @@ from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import Inseparable
 from dpr_lab.planning.worth.objective import limit_forecasts
 from dpr_lab.rig import Rig
+from dpr_lab.rig_tables import AddedMass
 from dpr_lab.workflows.accept import with_recordings
 from tests.a_diagnosis import made
 
@@ -80,14 +81,18 @@ def test_speeds_with_an_accurate_torque_are_not_called_inaccurate() -> None:
     assert even.reason == "the limit lies within the interval: record more releases"
 
 
-def would_decide(limit: JudgedLimit) -> tuple[str, ...]:
-    """Return the limits that a plan decides whose forecast is that one release decides this limit."""
+def release(text: str, mass: AddedMass | None = None) -> SimpleNamespace:
+    return SimpleNamespace(text=text, added_mass=mass)
+
+
+def planned(limit: JudgedLimit, mass: AddedMass | None = None) -> Acceptance:
+    """Return the result with a plan whose forecast is that one release decides this limit."""
     plan: Any = SimpleNamespace(
         limits=[SimpleNamespace(quantity=limit.quantity, decides=True, all_shapes=False, release=1)],
-        releases=[SimpleNamespace(text="P1")],
+        releases=[release("P1", mass)],
         inseparable=[],
     )
-    return with_recordings(Acceptance("not decidable", "", (limit,)), plan).would_decide
+    return with_recordings(Acceptance("not decidable", "", (limit,)), plan)
 
 
 def test_a_limit_that_only_the_scale_leaves_open_asks_for_accurate_masses_or_a_known_mass_or_torque() -> None:
@@ -97,7 +102,10 @@ def test_a_limit_that_only_the_scale_leaves_open_asks_for_accurate_masses_or_a_k
         "only the uncertainty of b (0.5 to 3 kg m^2) leaves this open: state more accurate m"
     )
     assert limit.reason.endswith("in the rig file, or record a release with an added mass or a known torque")
-    assert would_decide(limit) == ()
+    assert planned(limit).would_decide == ()
+    with_mass = planned(limit, AddedMass(rod="outer", mass=0.1, position=0.2))
+    assert with_mass.would_decide == (limit.quantity,)
+    assert with_mass.limits[0].reason == f"{limit.reason}; release 1 alone is expected to decide it"
 
 
 def test_a_limit_that_only_motor_constants_leave_open_asks_for_accurate_constants() -> None:
@@ -113,7 +121,7 @@ def test_a_limit_that_a_narrower_fit_decides_is_not_attributed_to_the_scale() ->
     wide = with_friction([1e-3] * 2, (0.9, 1.12))
     (limit,) = judge(wide, friction(3.7e-3)).limits
     assert limit.reason == "the limit lies within the interval: record more releases"
-    assert would_decide(limit) == (limit.quantity,)
+    assert planned(limit).would_decide == (limit.quantity,)
 
 
 @pytest.mark.parametrize(("value", "reason"), [(1.0e-3, "the limit lies within"), (1.2e-3, "only the uncertainty of")])
@@ -142,7 +150,7 @@ def test_a_limit_that_no_planned_release_decides_states_it_instead_of_advising_m
         SimpleNamespace(quantity="near", decides=True, all_shapes=False, release=2),
         SimpleNamespace(quantity="shapes", decides=False, all_shapes=True, release=None),
     ]
-    texts = [SimpleNamespace(text="P1"), SimpleNamespace(text="P2")]
+    texts = [release("P1"), release("P2")]
     plan: Any = SimpleNamespace(limits=forecasts, releases=texts, inseparable=[])
     acceptance = with_recordings(Acceptance("not decidable", "", tuple(limits)), plan)
     far, near, shapes = acceptance.limits
@@ -167,7 +175,7 @@ def test_a_limit_with_an_uncertain_cause_asks_for_the_bench_check_and_not_for_re
     pair = Inseparable(causes=("encoder_offset_joint2", "com_offset_link2"), check="Turn the rod.")
     plan: Any = SimpleNamespace(
         limits=[SimpleNamespace(quantity=quantity, decides=True, all_shapes=False, release=1)],
-        releases=[SimpleNamespace(text="P1")],
+        releases=[release("P1")],
         inseparable=[pair],
     )
     acceptance = with_recordings(Acceptance("not decidable", "", (limit,)), plan)
