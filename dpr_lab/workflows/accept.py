@@ -100,12 +100,14 @@ def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig:
         RunError: a run belongs to another rig.
     """
     from dpr_lab.acceptance.free_run import free_run_errors
+    from dpr_lab.acceptance.gain import with_gain
     from dpr_lab.acceptance.judge import judge
     from dpr_lab.estimation.usable_runs import refuse_other_rigs
 
     refuse_other_rigs(runs, rig)
     horizon = limits.free_run.horizon_s if limits.free_run else None
-    return judge(diagnosis, limits, free_run_errors(runs, rig, diagnosis, horizon) if horizon else {})
+    errors = free_run_errors(runs, rig, diagnosis, horizon) if horizon else {}
+    return judge(with_gain(diagnosis, runs, rig), limits, errors)
 
 
 def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":

@@ -21,6 +21,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.estimate import SCALE, alone_share
 from dpr_lab.gap.hypothesis.detectable import SEEN
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY
 from dpr_lab.gap.mounted_ratios import ratio_of
@@ -61,7 +62,8 @@ def wider_models(state: Transferred) -> list[WiderModel]:
 def _intervals(state: Transferred, added: Sequence[int], stds: Sequence[float] = ()) -> dict[str, tuple[float, float]]:
     """Return the 90 % interval of each ratio and amplitude of the fit, with further columns of the score test.
 
-    The result is empty if the fitted values absorb a further amplitude.
+    It also contains that of b, or of a for the inner rod alone, if this inertia was fitted. The result is empty if the
+    fitted values absorb a further amplitude.
 
     Args:
         state: the result of the selection
@@ -85,6 +87,9 @@ def _intervals(state: Transferred, added: Sequence[int], stds: Sequence[float] =
     for place, change, half_width in zip(inside, step.tolist(), half_widths.tolist(), strict=False):
         parameter = fit.free[place]
         ratio = ratio_of(parameter, fit.estimate, rig, alone=alone)
+        if parameter.block == "ratios" and parameter.place == SCALE:
+            share = alone_share(fit.estimate.ratios) if alone else 1.0
+            ratio = "a" if alone else "b", share * parameter.read(fit.estimate), 1.0 / share
         if ratio is None and not parameter.amplitude:
             continue
         name, value, per = ratio or (f"{parameter.effect}.{parameter.name}", parameter.read(fit.estimate), 1.0)

@@ -138,8 +138,8 @@ class WiderModel(Saved):
     probability: float | None = None
     """Posterior probability of the further effect; None for all common effects together."""
     intervals90: dict[str, tuple[float, float]]
-    """90 % interval of each ratio and of each fitted amplitude, such as `c1/b` or `coulomb_joint2.torque_Nm`; empty if
-    the further effects are indistinguishable from the fitted values."""
+    """90 % interval of each ratio, of a fitted b and of each fitted amplitude, such as `c1/b` or
+    `coulomb_joint2.torque_Nm`; empty if the further effects are indistinguishable from the fitted values."""
 
 
 class JointFriction(Saved):

@@ -1,0 +1,43 @@
+"""Gain of a drive with known constants, from the inertia that the recordings determine."""
+
+from collections.abc import Sequence
+
+from dpr_lab.dynamics.base import GAINS
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.saved import Interval
+from dpr_lab.identification.moving_arm.setup import drive_gain
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+
+def with_gain(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Diagnosis:
+    """Add the ratio of the gain to b, such as kt/b, if the drive determines b.
+
+    A drive of known gain K determines the ratio K/b. The fit contains K, and states b with the uncertainty of K. The
+    interval of K/b follows from that of b, so it is at least as wide as that of the recordings alone.
+    """
+    scale, motor = diagnosis.scale, rig.motor
+    if scale is None or scale.fixed_by != "data" or motor is None or motor.input not in GAINS:
+        return diagnosis
+    gain, name = drive_gain(rig), GAINS[motor.input].format(scale.inertia)
+    driven = any(run.arm_mode == "driven" for run in runs)
+    if not driven or not gain.known or name in diagnosis.stated_ratios:
+        return diagnosis
+
+    def ratio(interval: tuple[float, float]) -> tuple[float, float]:
+        low, high = interval
+        return gain.value / max(high, scale.b), gain.value / max(min(low, scale.b), 1e-3 * scale.b)
+
+    own = Interval(value=gain.value / scale.b, interval90=ratio(scale.interval90))
+    evidence = diagnosis.evidence
+    if evidence is not None:
+        wider = [
+            model.model_copy(
+                update={"intervals90": {**model.intervals90, name: ratio(model.intervals90[scale.inertia])}}
+            )
+            if scale.inertia in model.intervals90
+            else model
+            for model in evidence.wider_models
+        ]
+        evidence = evidence.model_copy(update={"wider_models": wider})
+    return diagnosis.model_copy(update={"determined": {**diagnosis.stated_ratios, name: own}, "evidence": evidence})
