@@ -102,3 +102,29 @@ def test_small_swings_of_two_rods_in_radians_are_doubted(tmp_path: Path) -> None
     assert (
         "amplitude of the swing is only 0.55 degrees: if the table is in rad, import it with --scale" in doubt.sentence
     )
+
+
+HELD = 24.3 + 1.2 * np.sin(0.9 * T) + 0.3 * np.sin(2.1 * T)
+"""A rod that a controller holds at an angle, degrees."""
+
+
+@pytest.mark.parametrize(
+    ("column", "readings", "reason"),
+    [
+        ("theta1", np.round(HELD / (360 / 4096)) * 360 / 4096, "has steps of 0.088 rad, only 71 per turn"),
+        (
+            "theta1",
+            HELD,
+            f"makes no turn, but stays at least {HELD.min() / (2 * np.pi):.3g} turns from the zero",
+        ),
+        ("theta1_rad", HELD, ""),
+        ("theta1", np.linspace(0.0, 80.0, len(T)), ""),  # a rod that turns fast
+        ("theta1", np.round(np.radians(HELD) / 0.02) * 0.02, ""),
+    ],
+)
+def test_degrees_without_a_stated_unit_are_noticed_although_a_drive_holds_the_rod(
+    tmp_path: Path, one: Rig, column: str, readings: np.ndarray, reason: str
+) -> None:
+    read = understand(table(tmp_path, f"t,{column}", T, readings), one, ImportOptions(keep_rest=True))
+    sentences = [question.sentence for question in read.questions if question.sentence.startswith("as an angle in rad")]
+    assert sentences == ([f"as an angle in rad, theta1 {reason}: is it in degrees (--unit deg)?"] if reason else [])

@@ -1,6 +1,7 @@
 """Warn if a column is probably not an angle, or an angle in another unit.
 
-The evidence is how the period of a single rod depends on the amplitude, or the torque balance of two rods.
+The evidence is how the period of a single rod depends on the amplitude, the torque balance of two rods, or the
+resolution of the readings.
 """
 
 from dataclasses import dataclass, replace
@@ -11,7 +12,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.identification.misread.torque_balance import torque_balance
 from dpr_lab.shown import percent
-from dpr_lab.storage.tables.columns import TO_RADIANS
+from dpr_lab.storage.tables.columns import AXES, TO_RADIANS
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.readings import READ, unit_words
 
@@ -40,6 +41,14 @@ class PeriodSettings:
     significant: float = 25.0
     """Minimum difference between the sums of squares at the scale 1 and at the best scale, in units of the variance of
     a period. 25 corresponds to 5 standard deviations."""
+    coarse_rad: float = 0.05
+    """Smallest step of readings in rad for a warning. It is 126 per turn, fewer than encoders, potentiometers and films
+    resolve; as degrees, it is 7200 per turn."""
+    distinct: int = 10
+    """Minimum number of different readings for this warning. Half of them must occur repeatedly, because a fast rod
+    also makes large steps from row to row."""
+    far_turns: float = 1.5
+    """Minimum distance of all readings of a rod that makes no turn from the zero, in turns, for a warning."""
     means: int = 5
     """Number of steps of the arithmetic-geometric mean. Each step doubles the number of correct digits."""
 
@@ -134,6 +143,25 @@ def small_questions(table: InterpretedTable) -> list[TableQuestion]:
     else:
         return []
     return [doubt]
+
+
+def degree_questions(table: InterpretedTable) -> list[TableQuestion]:
+    """Warn about readings without a stated unit that are too coarse, or too far from the zero, for radians."""
+    if table.options.unit != "rad" or (words := unit_words(table))[0] != "--unit":
+        return []
+    for axis in AXES[1 : 1 + table.rig.rods.number]:
+        readings, times = np.unique(np.round(table.values[axis], 6), return_counts=True)
+        if len(readings) < SETTINGS.distinct or np.array_equal(readings, np.round(readings)):
+            continue  # `odd_notes` warns of whole numbers
+        step, nearest = float(np.diff(readings).min()), float(np.abs(readings).min()) / (2 * np.pi)
+        reason = ""
+        if step > SETTINGS.coarse_rad and np.mean(times > 1) >= 0.5:
+            reason = f"has steps of {step:.2g} rad, only {2 * np.pi / step:.0f} per turn"
+        elif nearest > SETTINGS.far_turns and np.ptp(readings) < 2 * np.pi:
+            reason = f"makes no turn, but stays at least {nearest:.3g} turns from the zero"
+        if reason:
+            return [TableQuestion(f"as an angle in rad, {axis} {reason}: is it in degrees ({' '.join(words)})?")]
+    return []
 
 
 def _residual_of_radians(table: InterpretedTable) -> float:

@@ -14,7 +14,7 @@ from dpr_lab.storage.tables.questions.energy import energy_questions
 from dpr_lab.storage.tables.questions.hand import hand_questions
 from dpr_lab.storage.tables.questions.joined import gap_questions, joined_questions, rise_questions, section_questions
 from dpr_lab.storage.tables.questions.lost_frames import lost_frame_questions
-from dpr_lab.storage.tables.questions.period import period_questions, small_questions
+from dpr_lab.storage.tables.questions.period import degree_questions, period_questions, small_questions
 from dpr_lab.storage.tables.questions.pose import apart, pose_questions
 from dpr_lab.storage.tables.questions.torques import torque_questions
 
@@ -40,7 +40,8 @@ def questions(table: InterpretedTable) -> list[TableQuestion]:
     if separate := section_questions(table) or gap_questions(table):  # the parts are tested when each is imported
         return separate
     sure = other or any(doubt.mend for doubt in doubts)
-    if not sure and (separate := rise_questions(table)):
+    in_degrees = [] if any("--unit deg" in doubt.sentence for doubt in doubts) else degree_questions(table)
+    if not sure and (separate := in_degrees or rise_questions(table)):
         return [*separate, *arm, *few_rows]
     posed = [] if other else pose_questions(table)
     certain = other or posed or arm or any(doubt.mend for doubt in doubts)
