@@ -103,9 +103,10 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
     source: Literal["rest", "differences"]
     joints = rig.encoders.joint_angles
     if len(run.rest) >= NOISE.rest_samples:
-        counts = np.abs(rig.radians_per_count[1:]) * (run.counts is not None)
-        source, std = "rest", _rest_std(run.t[run.t < 0], joints.of_rods(run.rest[:, 1:]), counts)
-        std = _in_motion(run, joints.of_rods(run.swing.theta[:, 1:]), std, rig.radians_per_count[1:])
+        readings = joints.of_rods(run.swing.theta[:, 1:])
+        steps = _steps_of(run, readings, rig.radians_per_count[1:])
+        source, std = "rest", _rest_std(run.t[run.t < 0], joints.of_rods(run.rest[:, 1:]), steps)
+        std = _in_motion(run, readings, std, steps)
     else:
         source, std = "differences", difference_std(run.t, joints.of_rods(run.theta[:, 1:]))
     floor = _rounding(run, joints.of_rods(run.swing.theta[:, 1:]), rig.radians_per_count[1:], std, still)
@@ -136,26 +137,28 @@ def arm_noise(run: Run, rig: Rig, *, still: bool = True) -> float:
     rest, swing = run.rest[:, 0], run.swing
     quiet = len(rest) >= NOISE.rest_samples
     if quiet:
-        std = _in_motion(run, swing.theta[:, :1], np.std(rest, keepdims=True), rig.radians_per_count[:1])
+        steps = _steps_of(run, swing.theta[:, :1], rig.radians_per_count[:1])
+        std = _in_motion(run, swing.theta[:, :1], np.std(rest, keepdims=True), steps)
     else:
         std = difference_std(swing.t, swing.theta[:, :1])
     return float(np.maximum(std, _rounding(run, swing.theta[:, :1], rig.radians_per_count[:1], std, still))[0])
 
 
-def _in_motion(run: Run, readings: Array, at_rest: Array, counts: Array) -> Array:
+def _in_motion(run: Run, readings: Array, at_rest: Array, steps: Array) -> Array:
     """Return the (m,) standard deviations of moving readings (n, m), rad.
 
-    Noise below half a count hardly changes the rounded readings of a rod at rest, and at the edge between two counts
-    even little noise changes them by a whole count. In motion the variance of the rounding is added to that of the
-    noise. The differences of the swing show the sum.
+    The readings are multiples of `steps` (m,); a step is 0 if they are not rounded. Noise below half a step hardly
+    changes the rounded readings of a rod at rest, and at the edge between two steps even little noise changes them by a
+    whole step. In motion the variance of the rounding is added to that of the noise. The differences of the swing show
+    the sum.
     """
-    hidden = (at_rest > NOISE.rounding_rad) & (at_rest < NOISE.rounded * np.abs(counts))
-    if run.counts is None or len(readings) <= ORDER or not hidden.any():
+    hidden = (at_rest > NOISE.rounding_rad) & (at_rest < NOISE.rounded * steps)
+    if len(readings) <= ORDER or not hidden.any():
         return at_rest
-    most = np.sqrt(at_rest**2 + counts**2 / 12)
+    most = np.sqrt(at_rest**2 + steps**2 / 12)
     # of integers, the median difference would be a coarse measure
     moving = np.quantile(np.abs(_differences(run.swing.t, readings)), 0.9, axis=0) / NORMAL_Q90
-    return np.where(hidden, np.clip(moving, np.abs(counts) / math.sqrt(12), most), at_rest)
+    return np.where(hidden, np.clip(moving, steps / math.sqrt(12), most), at_rest)
 
 
 def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Array]:
@@ -173,7 +176,7 @@ def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Arra
         (n, m) mask of the readings that stay within one step, and (n, m) length of the sequence of equal readings to
         which such a reading belongs; the length is 1 for other readings
     """
-    steps = np.abs(counts) if run.counts is not None else _steps(readings, np.abs(counts))
+    steps = _steps_of(run, readings, counts)
     window = _still_window(run)
     still, shared = np.zeros(readings.shape, dtype=np.bool_), np.ones(readings.shape)
     if len(readings) < window:
@@ -217,6 +220,11 @@ def _rounding(run: Run, readings: Array, counts: Array, std: Array, still: bool)
     if run.counts is None:
         steps = np.maximum(_steps(readings, counts), np.where(std > NOISE.rounding_rad, 0.0, counts))
     return rounding_std(readings, steps, _still_window(run)) if still else steps / math.sqrt(12)
+
+
+def _steps_of(run: Run, readings: Array, counts: Array) -> Array:
+    """Return the (m,) rounding step of the readings: a count of a device, or the step that a table shows."""
+    return np.abs(counts) if run.counts is not None else _steps(readings, np.abs(counts))
 
 
 def _steps(readings: Array, counts: Array) -> Array:

@@ -43,15 +43,16 @@ def test_rest_gives_the_noise_of_each_encoder_and_its_covariance():
 
 @pytest.mark.parametrize("counts", [0.1, 0.3])
 @pytest.mark.parametrize("place", [0.0, 0.25, 0.5])
-def test_noise_below_half_a_count_is_that_of_moving_readings(place, counts):
-    """The rods rest at this place between two counts.
+@pytest.mark.parametrize("table", [False, True])
+def test_noise_below_half_a_count_is_that_of_moving_readings(place, counts, table):
+    """The rods rest at this place between two counts of a device, or between two steps of a table.
 
     At the centre of a count, rounding hides this noise. At the edge, the readings change by a whole count.
     """
     t = np.arange(-1000, 3000) / 1000
     angles = np.column_stack([np.sin(7 * t), np.pi + 0.8 * np.sin(6 * t), np.pi + np.sin(9 * t)])
     theta = np.where(t[:, None] < 0, [0.0, np.pi, np.pi], angles) + place * COUNT * np.array([1, 1, 2])
-    run = recorded(t, theta, counts)
+    run = recorded(t, theta, counts, keep_counts=not table)
     std = np.array([arm_noise(run, RIG), *noise_floor(run, RIG).std_joint]) / COUNT
     np.testing.assert_allclose(std, math.hypot(counts, 12**-0.5), rtol=0.1)
 
