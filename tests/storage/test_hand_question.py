@@ -137,6 +137,17 @@ def test_a_push_during_a_swing_is_noticed(tmp_path: Path, one: Rig) -> None:
     assert "another swing begins, a hand or a drive acts" in doubt
 
 
+def test_strong_air_drag_is_not_attributed_to_a_hand_or_a_drive(tmp_path: Path, one: Rig) -> None:
+    """A sail brakes large swings most: neither viscous nor dry friction explains the energy."""
+
+    def rates(_: float, state: np.ndarray) -> list[float]:
+        return [state[1], -9.81 / 0.3 * math.sin(state[0]) - 0.7 * abs(state[1]) * state[1]]
+
+    angles = solve_ivp(rates, (0, T[-1]), [1.2, 0.0], t_eval=T, rtol=1e-8, atol=1e-8).y[0]
+    file = table(tmp_path, "t,theta1", T, angles + np.random.default_rng(4).normal(0, 1e-3, len(T)))
+    assert understand(file, one, HANGING).questions == ()
+
+
 @pytest.mark.parametrize("noise", [2e-3, 0.02])
 def test_noise_is_no_second_swing(noise: float, tmp_path: Path, one: Rig) -> None:
     assert doubts(tmp_path, one, swing(0.4, noise=noise)) == []

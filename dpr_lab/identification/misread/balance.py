@@ -8,6 +8,8 @@ where th is an absolute angle and w = dth/dt. Viscous friction (c1, c2) and Coul
 
     dE = -(c1 w1^2 + c2 (w2 - w1)^2 + f1 |w1| + f2 |w2 - w1|) dt.
 
+Air drag, whose power is proportional to |w|^3, may replace viscous friction (`residual_near`).
+
 Known torques add the power tau1 w1 + tau2 (w2 - w1). Coulomb friction is included, because otherwise an error of the
 zeros would compensate for its energy loss. All coefficients enter linearly and are fitted by least squares within
 bounds around the values of the rig file. The residual is small if angles and times are interpreted correctly, and large
@@ -20,6 +22,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import product
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -82,6 +85,9 @@ class EnergySettings:
 
 
 ENERGY = EnergySettings()
+
+Law = Literal["viscous", "drag"]
+"""Law of the friction that rises with the speed: in proportion to the speed, or to its square."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,19 +166,28 @@ def energy_zeros(t: Array, rods: Array, rig: Rig, *, nearest: bool = False) -> t
 
 
 def residual_near(
-    t: Array, rods: Array, torques: Array | None, rig: Rig, zero_error_rad: float = ENERGY.zero_error_rad
+    t: Array,
+    rods: Array,
+    torques: Array | None,
+    rig: Rig,
+    zero_error_rad: float = ENERGY.zero_error_rad,
 ) -> float:
     """Compute the residual of `energy_fit` after a small correction of the zeros.
 
     The result is infinite if the motion is too small. An error delta of a zero changes the potential energy of a small
     swing of amplitude A by the fraction delta / A. Both zeros are therefore moved towards the zeros with the smallest
     residual, by at most `zero_error_rad`. The residual is computed with short and with long windows. The smaller
-    residual is returned, so that the noise of the readings has little influence.
+    residual is returned, so that the noise of the readings has little influence. If it is evidence of another force,
+    air drag is tried in place of viscous friction.
     """
     least = math.inf
-    for covariance in _balances(t, rods, torques, rig):
-        added = best_zeros(partial(_residual, covariance), rig, nearest=True)
-        least = min(least, _residual(covariance, np.clip(added, -zero_error_rad, zero_error_rad)))
+    for law in get_args(Law):
+        for covariance in _balances(t, rods, torques, rig, law):
+            residual = partial(_residual, covariance)
+            added = best_zeros(residual, rig, nearest=True)
+            least = min(least, residual(np.clip(added, -zero_error_rad, zero_error_rad)))
+        if least <= ENERGY.unexplained[torques is not None]:
+            break
     return least
 
 
@@ -230,24 +245,29 @@ def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = 
     return inner, outer
 
 
-def _balances(t: Array, rods: Array, torques: Array | None, rig: Rig) -> list[Array]:
+def _balances(t: Array, rods: Array, torques: Array | None, rig: Rig, law: Law = "viscous") -> list[Array]:
     """Return the (m, m) covariance of the terms of the balance, with short and with long windows.
 
     A motion that is too small is omitted.
     """
-    balances = (_terms_of_table(t, rods, torques, rig, motion) for motion in (ENERGY.motion, ENERGY.smooth))
+    balances = (_terms_of_table(t, rods, torques, rig, motion, law) for motion in (ENERGY.motion, ENERGY.smooth))
     return [np.cov(terms, bias=True) for terms in balances if terms is not None]
 
 
 def _terms_of_table(
-    t: Array, rods: Array, torques: Array | None, rig: Rig, motion: LocalMotionSettings | None = None
+    t: Array,
+    rods: Array,
+    torques: Array | None,
+    rig: Rig,
+    motion: LocalMotionSettings | None = None,
+    law: Law = "viscous",
 ) -> Array | None:
     """Return the (m, k) balance terms of a table, or None without enough motion."""
     moving = local_motion(t, rods, periods(rig)[1], motion or ENERGY.motion)
-    return None if moving is None else balance_terms(moving, torques, rig)
+    return None if moving is None else balance_terms(moving, torques, rig, law)
 
 
-def balance_terms(moving: LocalMotion, torques: Array | None, rig: Rig) -> Array:
+def balance_terms(moving: LocalMotion, torques: Array | None, rig: Rig, law: Law = "viscous") -> Array:
     """Return the terms (m, k) of the balance, J.
 
     They are computed with the values of the rig file. The terms are, in this order:
@@ -262,7 +282,10 @@ def balance_terms(moving: LocalMotion, torques: Array | None, rig: Rig) -> Array
     a, b, d, e1, c1, c2 = mounted_base(rig, rig.nominal).tolist()
     e2, mixed = d * rig.g / rig.L1, d * w1 * w2
     weight = e1 + e2
-    losses = (c1 * w1**2, c2 * (w2 - w1) ** 2, weight * np.abs(w1), weight * np.abs(w2 - w1))
+    speeds, natural = np.abs([w1, w2 - w1]), 2 * np.pi / periods(rig)[0]
+    losses = [c1 * speeds[0] ** 2, c2 * speeds[1] ** 2, *(weight * speeds)]
+    if law == "drag":  # at most the gravity torque at the speed of a small swing with an amplitude of 1 rad
+        losses[:2] = weight / (ENERGY.friction * natural**2) * speeds**3
     work = [] if torques is None else [-(torques[moving.near] * np.column_stack([w1, w2 - w1])).sum(axis=1)]
     return np.array(
         [
