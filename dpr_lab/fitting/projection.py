@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dpr_lab.arrays import Array, Integers
-from dpr_lab.fitting.uncompiled import FORMS, RIDGE, advance, bounded, bounded_solution, clip, solve_free
+from dpr_lab.fitting.uncompiled import RIDGE, advance, bounded, bounded_solution, clip, solve_free
 from dpr_lab.kernels import njit, subroutine
 
 Indices = Sequence[int] | slice | Integers
@@ -24,7 +24,8 @@ TINY = 1e-140
 
 for _part in (clip, advance, solve_free):  # `bounded` calls these, so that its compiled form contains them
     subroutine(_part)
-FORMS.append(njit(bounded))
+COMPILED = njit(bounded)
+"""Compiled form of `bounded`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +97,7 @@ class ColumnSpace:
         H = _ridged(self.H, RIDGE + damping)
         if bounds is None:
             return np.asarray(np.linalg.solve(H, self.gradient), dtype=np.float64) * self.scale
-        return bounded_solution(H, self.gradient, *bounds / self.scale) * self.scale
+        return bounded_solution(H, self.gradient, *bounds / self.scale, COMPILED) * self.scale
 
     def reduction(self, x: Array) -> float:
         """Return the reduction of the squared residual |e|^2 by the coefficients x (k,)."""

@@ -1,7 +1,7 @@
 """Numbers and functions of a fit that other packages use without Numba.
 
-`fitting.projection` compiles the bounded least squares. Until it is imported, the same loops run in plain Python, so
-that the import of a table starts without a compiler.
+The bounded least squares runs in plain Python, so that the import of a table starts without a compiler.
+`fitting.projection` compiles the same loops, which give the same bits.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,11 @@ MOST_STEPS = 100
 """Maximum number of steps of an active-set method per coordinate."""
 
 
-def bounded_solution(H: Array, gradient: Array, lower: Array, upper: Array) -> Array:
+Loops = Callable[[Array, Array, Array, Array, Array], bool]
+"""Form of `bounded`: plain Python, or compiled."""
+
+
+def bounded_solution(H: Array, gradient: Array, lower: Array, upper: Array, loops: Loops | None = None) -> Array:
     """Minimise x^T H x / 2 - gradient^T x within bounds by an active-set method.
 
     Coordinates that would cross a bound are fixed at this bound. Then the fixed coordinate with the largest reduction
@@ -36,13 +40,14 @@ def bounded_solution(H: Array, gradient: Array, lower: Array, upper: Array) -> A
         gradient: (k,) right-hand side
         lower: (k,) lower bounds; -inf: no bound
         upper: (k,) upper bounds; inf: no bound
+        loops: compiled form of `bounded`; None: plain Python
 
     Raises:
         numpy.linalg.LinAlgError: the matrix is singular.
     """
     x = np.empty(len(gradient))
     H, gradient, lower, upper = map(np.ascontiguousarray, (H, gradient, lower, upper))
-    if not FORMS[-1](H, gradient, lower, upper, x):
+    if not (loops or bounded)(H, gradient, lower, upper, x):
         raise np.linalg.LinAlgError("singular matrix")
     return x
 
@@ -138,7 +143,3 @@ def solve_free(H: Array, gradient: Array, free: Flags, x: Array) -> bool:
         A[i, n] /= A[i, i]
         x[inside[i]] = A[i, n]
     return True
-
-
-FORMS: list[Callable[..., bool]] = [bounded]
-"""Forms of `bounded`, which give the same bits; `fitting.projection` appends the compiled one."""

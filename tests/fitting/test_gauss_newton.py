@@ -11,9 +11,9 @@ from dpr_lab.fitting import gauss_newton
 from dpr_lab.fitting.estimate import effect_parameters
 from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, StopReason, fit
 from dpr_lab.fitting.linearise import linearise
-from dpr_lab.fitting.projection import ColumnSpace
+from dpr_lab.fitting.projection import COMPILED, ColumnSpace
 from dpr_lab.fitting.robust import refit_lost, relative_chi2
-from dpr_lab.fitting.uncompiled import FORMS, bounded, bounded_solution
+from dpr_lab.fitting.uncompiled import bounded_solution
 from dpr_lab.gap.hypothesis.cross_validation import folds, left_out_chi2, predictive_loss
 from dpr_lab.gap.hypothesis.hypothesis import free_parameters
 from dpr_lab.gap.hypothesis.residuals import residual_statistics
@@ -55,7 +55,6 @@ def test_bounded_solution_agrees_with_an_independent_solver(rng):
 
 def test_a_bounded_solution_is_optimal_where_the_sets_of_fixed_coordinates_recur():
     """They recur in the problems 631 and 991, which have nearly collinear columns. Both forms have the same bits."""
-    assert FORMS[-1] is not bounded
     rng = np.random.default_rng(0)
     for number in range(992):
         k = rng.integers(1, 10)
@@ -69,13 +68,11 @@ def test_a_bounded_solution_is_optimal_where_the_sets_of_fixed_coordinates_recur
             H, gradient = A.T @ A + 1e-14 * np.sum(A**2) * np.eye(k), A.T @ b
             root = np.linalg.cholesky(H)
             reference = lsq_linear(root.T, np.linalg.solve(root, gradient), (lower, upper), method="bvls", tol=1e-14).x
-            result = bounded_solution(H, gradient, lower, upper)
+            result = bounded_solution(H, gradient, lower, upper, COMPILED)
             assert result == pytest.approx(reference, rel=1e-5, abs=1e-7), number
             best = reference @ H @ reference / 2 - gradient @ reference
             assert result @ H @ result / 2 - gradient @ result <= best + 1e-8 * abs(best)
-            uncompiled = np.empty(k)
-            assert bounded(H, gradient, lower, upper, uncompiled)
-            assert (uncompiled == result).all()
+            assert (bounded_solution(H, gradient, lower, upper) == result).all()
 
 
 def test_a_bounded_solution_with_a_singular_matrix_is_refused():

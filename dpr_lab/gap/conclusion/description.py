@@ -20,6 +20,7 @@ from dpr_lab.effects.hard_stop import HARD_STOP_JOINT0
 from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.problem import Problem
+from dpr_lab.fitting.projection import COMPILED
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.screen.record import Record
@@ -104,7 +105,7 @@ def unexplained_energy(runs: Sequence[Run], rig: Rig) -> Description:
     energy.
     """
     for run in (run.swing for run in runs if run.inner is None and run.arm is None):
-        residual = residual_near(run.t, run.theta[:, 1:], run.torques, rig, zero_error_rad=np.inf)
+        residual = residual_near(run.t, run.theta[:, 1:], run.torques, rig, np.inf, COMPILED)
         if ENERGY.unexplained[run.torques is not None] < residual < np.inf:
             change = f"{percent(residual)} of" if residual < 1 else "more than"
             return Description(

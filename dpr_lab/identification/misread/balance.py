@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 
 from dpr_lab.arrays import Array, without_turns
 from dpr_lab.dynamics.base import base_of_run, whole_parameters
-from dpr_lab.fitting.uncompiled import RIDGE, bounded_solution
+from dpr_lab.fitting.uncompiled import RIDGE, Loops, bounded_solution
 from dpr_lab.identification.misread.local_motion import LocalMotion, LocalMotionSettings, local_motion, shows_a_period
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Setup
@@ -171,6 +171,7 @@ def residual_near(
     torques: Array | None,
     rig: Rig,
     zero_error_rad: float = ENERGY.zero_error_rad,
+    loops: Loops | None = None,
 ) -> float:
     """Compute the residual of `energy_fit` after a small correction of the zeros.
 
@@ -179,11 +180,13 @@ def residual_near(
     residual, by at most `zero_error_rad`. The residual is computed with short and with long windows. The smaller
     residual is returned, so that the noise of the readings has little influence. If it is evidence of another force,
     air drag is tried in place of viscous friction.
+
+    `loops` is the compiled form of the bounded least squares; None: plain Python.
     """
     least = math.inf
     for law in get_args(Law):
         for covariance in _balances(t, rods, torques, rig, law):
-            residual = partial(_residual, covariance)
+            residual = partial(_residual, covariance, loops=loops)
             added = best_zeros(residual, rig, nearest=True)
             least = min(least, residual(np.clip(added, -zero_error_rad, zero_error_rad)))
         if least <= ENERGY.unexplained[torques is not None]:
@@ -299,12 +302,12 @@ def balance_terms(moving: LocalMotion, torques: Array | None, rig: Rig, law: Law
     )
 
 
-def _residual(covariance: Array, added: Array) -> float:
+def _residual(covariance: Array, added: Array, loops: Loops | None = None) -> float:
     """Compute the rms error of the balance; see `fit_balance`."""
-    return fit_balance(covariance, added)[0]
+    return fit_balance(covariance, added, loops)[0]
 
 
-def fit_balance(covariance: Array, added: Array) -> tuple[float, Array]:
+def fit_balance(covariance: Array, added: Array, loops: Loops | None = None) -> tuple[float, Array]:
     """Fit the coefficients within bounds; return the rms error of the balance and the coefficients (7 or 8,).
 
     The error is relative to the potential energy. It is infinite if the potential energy does not change. If an
@@ -314,6 +317,7 @@ def fit_balance(covariance: Array, added: Array) -> tuple[float, Array]:
     Args:
         covariance: (m, m) covariance of `balance_terms`
         added: (2,) angles added to both rods, rad
+        loops: compiled form of the bounded least squares; None: plain Python
     """
     inner, outer = added.tolist()
     driven = len(covariance) - 12
@@ -328,7 +332,7 @@ def fit_balance(covariance: Array, added: Array) -> tuple[float, Array]:
     if not size > 0:
         return np.inf, np.ones(7 + driven)
     H, gradient = (columns.T @ covariance @ x / size for x in (columns, target))
-    x = coefficients(H, gradient, *coefficient_bounds(ENERGY.dry, driven))
+    x = coefficients(H, gradient, *coefficient_bounds(ENERGY.dry, driven), loops)
     square = float(target @ covariance @ target) / size + x @ H @ x - 2 * x @ gradient
     return math.sqrt(max(square, 0.0)), x
 
@@ -347,9 +351,9 @@ def coefficient_bounds(dry: float, driven: int) -> tuple[Array, Array]:
     return np.array(least), np.array(most)
 
 
-def coefficients(H: Array, gradient: Array, least: Array, most: Array) -> Array:
+def coefficients(H: Array, gradient: Array, least: Array, most: Array, loops: Loops | None = None) -> Array:
     """Fit coefficients (n,) within bounds; a weak ridge keeps the normal equations regular."""
-    return bounded_solution(H + RIDGE * np.trace(H) * np.eye(len(H)), gradient, least, most)
+    return bounded_solution(H + RIDGE * np.trace(H) * np.eye(len(H)), gradient, least, most, loops)
 
 
 def _integral(t: Array, power: Array) -> Array:
