@@ -28,7 +28,7 @@ def with_gain(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Diagnosis:
         low, high = interval
         return gain.value / max(high, scale.b), gain.value / max(min(low, scale.b), 1e-3 * scale.b)
 
-    own = Interval(value=gain.value / scale.b, interval90=ratio(scale.interval90))
+    ratio_of_gain = Interval(value=gain.value / scale.b, interval90=ratio(scale.interval90))
     evidence = diagnosis.evidence
     if evidence is not None:
         wider = [
@@ -40,4 +40,6 @@ def with_gain(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Diagnosis:
             for model in evidence.wider_models
         ]
         evidence = evidence.model_copy(update={"wider_models": wider})
-    return diagnosis.model_copy(update={"determined": {**diagnosis.stated_ratios, name: own}, "evidence": evidence})
+    return diagnosis.model_copy(
+        update={"determined": {**diagnosis.stated_ratios, name: ratio_of_gain}, "evidence": evidence}
+    )

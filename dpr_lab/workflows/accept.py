@@ -137,8 +137,8 @@ def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
         if forecast.decides and forecast.release is not None:
             mark = ";" if of_scale else ":"
             return replace(limit, reason=f"{cause}{mark} release {forecast.release} alone is expected to decide it")
-        kept = forecast.decides or forecast.all_shapes or of_scale
-        return limit if kept else replace(limit, reason=f"{cause}{hopeless}")
+        unchanged = forecast.decides or forecast.all_shapes or of_scale
+        return limit if unchanged else replace(limit, reason=f"{cause}{hopeless}")
 
     limits = tuple(map(advised, acceptance.limits))
     open_ones = [
