@@ -32,3 +32,31 @@ def test_near_the_noise_only_a_candidate_that_may_win_by_its_penalty_is_fitted(m
 
     assert tried(9.0) == {"coulomb_joint1", "spring_joint1"}
     assert tried(36.0) == {"coulomb_joint1", "spring_joint1", "air_drag_outer"}
+
+
+@pytest.mark.parametrize("noise", [None, "of torques"])
+def test_a_last_set_that_still_refutes_the_noise_of_torques_is_not_fitted(
+    monkeypatch: pytest.MonkeyPatch, noise: str | None
+) -> None:
+    """At 20 per degree of freedom the excess is 190; twice the gains leave 180 and 220."""
+    monkeypatch.setattr("dpr_lab.gap.which.forward.promising_gain", lambda model: 0.0)
+    monkeypatch.setattr("dpr_lab.gap.which.forward.most_excess", lambda *models: 900.0)
+    monkeypatch.setattr("dpr_lab.gap.which.forward._doubts", lambda *_: (False, False))
+    scores = [
+        SimpleNamespace(effect=EFFECTS[name], gain=gain, columns=(0,))
+        for name, gain in (("coulomb_joint1", 410.0), ("spring_joint1", 390.0))
+    ]
+
+    def fitted(*effects: str) -> Any:
+        residuals = SimpleNamespace(level=1.0, dof=10, uncertainty=1.0)
+        state = {"far_from_noise": True, "at_noise_floor": False, "residuals": residuals}
+        return SimpleNamespace(key=frozenset(effects), bounded_excess=1000.0, cost=1000.0, **state)
+
+    sets: Any = SimpleNamespace(
+        test=lambda _: SimpleNamespace(ranking=scores),
+        with_one=lambda model, score: fitted(score.effect.name),
+        problem=SimpleNamespace(disturbance=noise),
+        bare=fitted(),
+    )
+    level = _with_one_more(sets, fitted(), fitted(), {}, last=True)
+    assert {name for key in level for name in key} == {score.effect.name for score in scores[: 1 if noise else 2]}

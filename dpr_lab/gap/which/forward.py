@@ -168,7 +168,8 @@ def _deciding_excess(
 ) -> float:
     """Return the largest excess at which a further extension of `model` could be extended or accepted.
 
-    Near the noise, an extension with fewer parameters than a fitted set may have a larger excess at the same cost.
+    Near the noise, an extension with fewer parameters than a fitted set may have a larger excess at the same cost. A
+    last set that still refutes the noise of known torques would be discarded (`no_effects_reach_noise`).
     """
 
     def excess(other: Hypothesis) -> float:
@@ -179,7 +180,10 @@ def _deciding_excess(
     ahead = [*sound[:1], *_runners_up(sets, sound[0], sound[1:])] if sound else []
     if last:
         noise = THRESHOLDS.noise_floor * model.residuals.uncertainty
-        return max(noise, min([most_excess(sets.bare, best), *map(excess, ahead[:1])]))
+        limits = [most_excess(sets.bare, best), *map(excess, ahead[:1])]
+        if refutes_torque_noise(sets.problem, best):
+            limits.append((THRESHOLDS.far - model.residuals.level) * model.residuals.dof)
+        return max(noise, min(limits))
     if len(ahead) == BEAM.sets:
         return excess(ahead[-1])
     return BEAM.worse * min(map(excess, ahead), default=np.inf)
