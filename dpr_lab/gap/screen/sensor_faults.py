@@ -11,6 +11,7 @@ A swing is smooth over a few milliseconds, so an encoder fault is visible in nei
     noise_level                 noise that differs from the rig file
     undithered_quantisation     constant counts at rest: rounding does not average out
     stamp_jitter                time stamps with jitter, but readings at even times: time stamps are replaced
+    rounded_frames              even time stamps, but unevenly spaced frames of a film: time stamps are replaced
     periodic_delay              every n-th reading is taken later than its stamp, or before it: excluded
     queued_rows                 rows that wait in the queue of a saturated link, with a varying delay: excluded
 """
@@ -30,6 +31,7 @@ from dpr_lab.gap.screen.instants import even_instants, periodic_delay
 from dpr_lab.gap.screen.local_faults import local_faults
 from dpr_lab.gap.screen.quantisation import changing, count_size, has_dither, is_on_grid
 from dpr_lab.gap.screen.queued_rows import queued_rows
+from dpr_lab.gap.screen.rounded_frames import rounded_frames
 from dpr_lab.identification.misread.balance import periods
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -202,7 +204,15 @@ def _timed(run: Run, rig: Rig) -> tuple[Run, Flags, list[SensorFinding]]:
 
 
 def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[SensorFinding]]:
-    """Replace jittering stamps by even times; return the run and the finding."""
+    """Replace jittering stamps by even times, and even ones by those of the frames; return the run and the finding."""
+    if (film := rounded_frames(run.t, _read_joints(run, rig))) is not None:
+        instants = film.instants - min(film.instants[run.t >= 0.0].min(), 0.0)
+        fewest, most = film.frames
+        evidence = (
+            f"the time stamps are even, but the readings fit rows that are {fewest} or {most} frames apart in a film"
+            f" of {film.film_hz:g} frames per second better; these instants are used"
+        )
+        return replace(run, t=instants), [SensorFinding("rounded_frames", run.name, None, None, evidence)]
     if (even := even_instants(run.t, _read_joints(run, rig))) is None:
         return run, []
     even -= min(even[run.t >= 0.0].min(), 0.0)  # no reading of the swing may come before the release
