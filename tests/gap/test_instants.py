@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from dpr_lab.gap.screen import sensor_faults
 from dpr_lab.gap.screen.differences import noise_by_speed
-from dpr_lab.gap.screen.instants import even_instants, periodic_delay
+from dpr_lab.gap.screen.stamps.instants import even_instants, periodic_delay
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from tests.faulty_loggers import log

@@ -90,3 +90,13 @@ def test_drag_is_named_behind_a_moving_camera(tmp_path: Path) -> None:
     diagnosis = diagnose(replace(run, name="film"), rig)
     assert [effect.name for effect in diagnosis.effects] == ["air_drag_both"]
     assert "moving_camera" in {finding.name for finding in diagnosis.sensor_findings}
+
+
+def test_readings_on_the_counts_of_the_encoder_are_no_film(tmp_path: Path) -> None:
+    rig, run = filmed(tmp_path, 0.02)
+    count = 2 * np.pi / rig.encoders.counts_per_rev[1]
+    table = replace(run, film_noise=None)
+    counted = replace(table, theta=0.3 + count * np.round((run.theta - 0.3) / count))
+    for readings, film in ((table, True), (counted, False)):
+        turning = Recordings((record(readings, rig),), rig).with_camera(0.02)
+        assert turning.camera_rad == (0.02 if film else 0.0)

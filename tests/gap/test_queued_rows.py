@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.screen.queued_rows import queued_rows
 from dpr_lab.gap.screen.sensor_faults import screen
+from dpr_lab.gap.screen.stamps.queued_rows import queued_rows
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.run import Run
 from dpr_lab.workflows.rig_file import RigMeasures, draft_rig

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from dpr_lab.gap.screen import sensor_faults
-from dpr_lab.gap.screen.rounded_frames import rounded_frames
+from dpr_lab.gap.screen.stamps.rounded_frames import rounded_frames
 from dpr_lab.rig import load_rig
 from dpr_lab.run import Run
 from tests.gap.test_instants import readings

@@ -113,7 +113,7 @@ class Record:
         They are then angles of an undriven swing, without the steps of an encoder.
         """
         run = self.run
-        encoder = run.counts is not None or run.rate_hz >= SCREEN.colour_hz or self._rounded
+        encoder = run.counts is not None or run.rate_hz >= SCREEN.colour_hz or self._rounded or self._counted
         return self.setup.free and not self.setup.arm_moves and (run.film_noise is not None or not encoder)
 
     @property
@@ -126,6 +126,11 @@ class Record:
         """Whether differences of neighbouring readings take few values, as for a coarse encoder."""
         changes = np.round(np.diff(self.screened.joints[:, np.isfinite(self.screened.noise)], axis=0), 7)
         return any(len(np.unique(joint)) < THINNING.distinct * len(joint) for joint in changes.T)
+
+    @property
+    def _counted(self) -> bool:
+        """Whether the readings of all rods differ by whole counts of the encoders in the rig file."""
+        return bool(self.screened.on_grid[:2][np.isfinite(self.screened.noise[:2])].all())
 
     def with_shutter(self, shutter: RollingShutter, constants: RigConstants) -> "Record":
         """Correct the record for a rolling shutter.

@@ -27,11 +27,11 @@ from dpr_lab.estimation.noise import arm_noise, noise_floor, rest_correlation, s
 from dpr_lab.gap.result.finding import SensorFinding
 from dpr_lab.gap.screen.differences import noise_by_speed, stride_ratio
 from dpr_lab.gap.screen.implausible import repeated, too_fast
-from dpr_lab.gap.screen.instants import even_instants, periodic_delay
 from dpr_lab.gap.screen.local_faults import local_faults
 from dpr_lab.gap.screen.quantisation import changing, count_size, has_dither, is_on_grid
-from dpr_lab.gap.screen.queued_rows import queued_rows
-from dpr_lab.gap.screen.rounded_frames import rounded_frames
+from dpr_lab.gap.screen.stamps.instants import even_instants, periodic_delay
+from dpr_lab.gap.screen.stamps.queued_rows import queued_rows
+from dpr_lab.gap.screen.stamps.rounded_frames import rounded_frames
 from dpr_lab.identification.misread.balance import periods
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -204,7 +204,11 @@ def _timed(run: Run, rig: Rig) -> tuple[Run, Flags, list[SensorFinding]]:
 
 
 def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[SensorFinding]]:
-    """Replace jittering stamps by even times, and even ones by those of the frames; return the run and the finding."""
+    """Replace jittering stamps by even times, and even stamps of uneven frames by their times.
+
+    Returns:
+        the run and the finding
+    """
     if (film := rounded_frames(run.t, _read_joints(run, rig))) is not None:
         instants = film.instants - min(film.instants[run.t >= 0.0].min(), 0.0)
         fewest, most = film.frames

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dpr_lab.arrays import Array
 from dpr_lab.estimation.held_rods import FreePart
-from dpr_lab.gap.screen.instants import even_instants
+from dpr_lab.gap.screen.stamps.instants import even_instants
 from dpr_lab.rig import Rig
 from dpr_lab.storage.tables.angles import Values, angles
 from dpr_lab.storage.tables.options import ImportOptions

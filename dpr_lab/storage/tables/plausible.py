@@ -60,6 +60,10 @@ class Plausible:
     falls: float = -0.5
     """Maximum correlation of squared speed and height of a rod that falls from the upright pose. It is near -1 for a
     free rod whose zero is correct, and near 1 if hanging and upright are exchanged."""
+    turns: tuple[tuple[float, str], ...] = ((1.0, "turns"), (2.0, "half turns"))
+    """Periods at which angles in turns and in half turns wrap, and their units."""
+    wrapped: tuple[float, float, int] = (0.4, 0.8, 3)
+    """Maximum step of a rod and minimum step of a wrap, in periods, and minimum number of wraps."""
     whole: float = 1e-6
     """Maximum difference from integers for which the steps of an angle count as integers."""
     typical_rows: int = 20_000
@@ -170,6 +174,26 @@ def turn_of_hanging(angle: Array) -> float:
 def wrap_notes(angles: Mapping[str, Array]) -> list[str]:
     """Return notes about the axes whose angles (n,), rad, the logger has wrapped."""
     return [f"{axis}: wrapped by the logger, unwrapped" for axis, x in angles.items() if unwrapped(x) is not x]
+
+
+def turn_notes(angles: Mapping[str, Array]) -> list[str]:
+    """Return a note if angles (n,) in radians wrap like turns from 0 to 1, or half turns from -1 to 1."""
+    step, leap, fewest = PLAUSIBLE.wrapped
+    for axis, x in angles.items():
+        steps = np.abs(np.diff(x))
+        for period, unit in PLAUSIBLE.turns:
+            leaps = steps >= leap * period
+            if (
+                leap * period < np.ptp(x) <= period
+                and leaps.sum() >= fewest
+                and (leaps | (steps <= step * period)).all()
+            ):
+                factor = 2 * np.pi / period
+                return [
+                    f"{axis} jumps {leaps.sum()} times by almost {period:g} rad, as angles in {unit} do that a logger"
+                    f" wraps: if the angles are in {unit}, import with --wrap {period:g} --scale {factor:.6g}"
+                ]
+    return []
 
 
 def outliers(angles: Array) -> Flags:

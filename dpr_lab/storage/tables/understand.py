@@ -40,6 +40,7 @@ from dpr_lab.storage.tables.plausible import (
     recorded_by_stamps,
     refuse_converter,
     refuse_missing,
+    turn_notes,
     turn_of_hanging,
     without_wraps,
     wrap_notes,
@@ -185,7 +186,8 @@ def _understood(
     if options.arm in ("free", "driven"):
         refuse_still_arm(theta[:, 0], options.arm, path)
     wraps = [] if counts is not None or options.wrap else wrap_notes(in_radians(read.values, options))
-    notes += wraps + gap_notes(time)
+    of_turns = turn_notes(read.values) if options.unit == "rad" and not options.wrap else []
+    notes += wraps + of_turns + gap_notes(time)
     origin = float(read.t[np.isfinite(read.t)][0])
     driven = next(iter(read.torques.values()), None)
     mounted = as_mounted(theta, rig.rods.mounting, str(path))

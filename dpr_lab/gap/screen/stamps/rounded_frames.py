@@ -13,7 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from dpr_lab.arrays import Array
 from dpr_lab.estimation.noise import ORDER, difference_weights
-from dpr_lab.gap.screen.instants import INSTANTS
+from dpr_lab.gap.screen.stamps.instants import INSTANTS
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,1 @@
+"""Faults of the time stamps of a recording."""
