@@ -13,7 +13,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from dpr_lab.arrays import Array
 from dpr_lab.estimation.noise import ORDER, difference_weights
-from dpr_lab.gap.screen.stamps.instants import INSTANTS
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +21,10 @@ class RoundedFrameSettings:
 
     films: tuple[float, ...] = (24.0, 25.0, 30.0, 50.0, 60.0)
     """Usual frame rates of films, Hz."""
+    fewest: int = 48
+    """Minimum number of readings."""
+    fast: float = 0.4
+    """Fraction of the windows that are compared: those with the fastest motion."""
     even: float = 0.05
     """Maximum deviation of a time stamp from an even clock, in periods."""
     whole: float = 0.02
@@ -57,7 +60,7 @@ def rounded_frames(t: Array, joints: Array) -> RoundedFrames | None:
         t: (n,) time stamps, s
         joints: (n, m) angles, rad
     """
-    if len(t) < INSTANTS.fewest:
+    if len(t) < ROUNDED.fewest:
         return None
     index = np.arange(len(t))
     period, start = np.polyfit(index, t, 1)
@@ -65,7 +68,7 @@ def rounded_frames(t: Array, joints: Array) -> RoundedFrames | None:
         return None
     angles = sliding_window_view(joints, ORDER + 1, axis=0)
     moved = np.abs(joints[ORDER:] - joints[:-ORDER])
-    fast = (moved > 0.0) & (moved >= np.quantile(moved, 1 - INSTANTS.fast, axis=0))
+    fast = (moved > 0.0) & (moved >= np.quantile(moved, 1 - ROUNDED.fast, axis=0))
 
     def rms(instants: Array) -> Array:
         weights = difference_weights(sliding_window_view(instants, ORDER + 1), period)
