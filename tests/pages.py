@@ -167,6 +167,11 @@ class StandIn:
     why: str
 
 
+PORT = 28786
+CONNECT = f"import socket; socket.create_connection(('127.0.0.1', {PORT}))"
+END = '[ -z "$scheduler" ] || { kill $worker $scheduler; wait; }; '
+LISTENS = f'until python -c "{CONNECT}" 2> refused.txt; do sleep 1; done'
+
 STAND_INS = (
     StandIn(r"^(dpr-lab capture (?!.*--yes).*'serial:.*)$", r"\1 --yes", "nobody presses Enter in a test"),
     StandIn(r"'serial:///dev/(?:ttyACM0|pts/3)\?baud=921600'", '"$SERIAL"', "a simulated device on a pseudo terminal"),
@@ -183,6 +188,14 @@ STAND_INS = (
     StandIn(r"trials campaign( --n \d+)?", "trials campaign --n 1", "one trial of many"),
     StandIn(r"(--pose \$name)", r"\1" if FULL else r"\1 --duration-s 3", "three of eight seconds: a third of the time"),
     StandIn(r"--trust 40", "--trust 1", "one trial of forty"),
+    StandIn(r"SCHEDULER:8786|127.0.0.1:8786", f"127.0.0.1:{PORT}", "a port that nobody else has"),
+    StandIn(r"127.0.0.1:8787", "127.0.0.1:0", "a port that nobody else has"),
+    StandIn(
+        r"^(dask scheduler .*)$",
+        rf"{END}\1 --port {PORT} & scheduler=$!; {LISTENS}",
+        "in the background of the following commands",
+    ),
+    StandIn(r"^(dask worker .*)$", r"\1 & worker=$!", "in the background of the following commands"),
 )
 """In this order."""
 

@@ -23,6 +23,7 @@ def test_the_lock_file_covers_the_project() -> None:
         *extras["hdf5"],
         *extras["netcdf"],
         *extras["ros2"],
+        *extras["cluster"],
         *extras["signing"],
         *extras["dev"],
     ]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dpr_lab.cli.checks import OBJECTIVE_NAMES, SEARCHES, AnyClock, Json, RigName, Seed, TorqueKind
-from dpr_lab.cli.console import emit, line, report_table, say
+from dpr_lab.cli.console import emit, line, report_table, say, table
 from dpr_lab.errors import IdentificationError
 
 if TYPE_CHECKING:
@@ -29,7 +29,10 @@ def identify(
     search: Annotated[
         str,
         typer.Option(
-            help="Search algorithm: improved genetic algorithm [iga] or plain genetic algorithm [plain_ga].",
+            help=(
+                "Search algorithm: improved genetic algorithm [iga], plain genetic algorithm [plain_ga] or covariance"
+                " matrix adaptation [cma_es]."
+            ),
             callback=SEARCHES.check,
             autocompletion=SEARCHES.complete,
         ),
@@ -38,6 +41,9 @@ def identify(
         str | None, typer.Option(help="Search settings: a TOML file, or the name of a built-in one.")
     ] = None,
     seed: Seed = 0,
+    profile: Annotated[
+        bool, typer.Option("--profile", help="Also compute profile likelihood intervals of the ratios.")
+    ] = False,
     out: Annotated[Path, typer.Option(help="File for the model.")] = Path("model.json"),
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
@@ -52,7 +58,7 @@ def identify(
     from dpr_lab.workflows.identify import IdentifyRequest
     from dpr_lab.workflows.identify import identify as identify_runs
 
-    request = IdentifyRequest(tuple(runs), rig, out, objective, search, settings, seed, any_clock, torque)
+    request = IdentifyRequest(tuple(runs), rig, out, objective, search, settings, seed, profile, any_clock, torque)
     with Listener() as listener:
         identified = identify_runs(request, listener)
     model = identified.model
@@ -96,6 +102,10 @@ def show(model: "Model") -> None:
     report_table(tables.ratio_title(model), tables.ratio_table(model), tables.ratio_note(model))
     if absolute := tables.base_table(model):
         report_table("Base parameters, because these runs also determine the scale", absolute)
+    profiled = [(name, e.profile90) for name, e in model.ratios.items() if e.profile90 is not None]
+    if profiled:
+        rows = [(name, *("none" if end is None else f"{end:.7g}" for end in ends)) for name, ends in profiled]
+        table("90 % intervals by profile likelihood", ("ratio", "from", "to"), rows)
     nine = tables.parameter_table(model)
     count = "Parameters" if model.fitted else "Nine parameters"
     report_table(f"{count} and what determines them", nine, tables.parameter_note(model))

@@ -242,6 +242,10 @@ def campaign(
     jobs: Annotated[
         int, typer.Option(min=0, help="Number of trials run in parallel on this machine; 0: one per core.")
     ] = 0,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Run the trials on the workers of this dask scheduler, e.g. tcp://127.0.0.1:8786."),
+    ] = None,
     plan: Annotated[
         bool,
         typer.Option(
@@ -264,13 +268,16 @@ def campaign(
     from dpr_lab.report.trials.tables import kind_table, score_table
     from dpr_lab.trials.campaign import Campaign
     from dpr_lab.trials.next_release import STRATEGIES
+    from dpr_lab.trials.workers import exposure
     from dpr_lab.workflows.campaign import run_campaign
 
+    if scheduler is not None and (warning := exposure(scheduler)):
+        say(warning)
     kinds = tuple(kind or (DRAWN if arm is None else ON_ARM))
     strategies = tuple(STRATEGIES) if plan else ()
     tried_on = Campaign(kinds, level, seed, *_centres(rig, plant, arm), arm, strategies)
     with Listener() as listener:
-        done = run_campaign(tried_on, n, out, jobs or os.cpu_count() or 1, listener)
+        done = run_campaign(tried_on, n, out, jobs or os.cpu_count() or 1, scheduler, listener)
     if as_json:
         emit(done.summary | {"failures": [failure.error for failure in done.failures], "files": done.files})
     else:

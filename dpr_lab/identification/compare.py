@@ -13,7 +13,7 @@ from dpr_lab.dynamics.schedule import MAX_STEP
 from dpr_lab.dynamics.segments import STEP, segments
 from dpr_lab.effects import effect_params
 from dpr_lab.errors import RunError
-from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.estimate import UNKNOWN_RATIOS, Estimate
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
@@ -168,7 +168,7 @@ def follow_preprocessed(preprocessed: PreprocessedRun, rig: Rig, model: Model, s
     See `follow` for the result. Several models can use the same preprocessed run.
     """
     problem, initial = segmented([preprocessed], rig, segment_s)
-    bare = fit_ratios(problem, rods_estimate(model.unknowns, initial), held=True)
+    bare = fit_ratios(problem, rods_estimate(model.unknowns, initial), held=range(len(UNKNOWN_RATIOS)))
     fitted = _with_effects(bare, initial, rig, model) if model.effects else bare
     return Followed(preprocessed, bare, fitted, held_out=not model.used(preprocessed.run.sha256))
 

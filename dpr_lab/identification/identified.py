@@ -25,6 +25,7 @@ from dpr_lab.identification.model import (
 )
 from dpr_lab.identification.preprocess import PreprocessedRun, rms_noise
 from dpr_lab.identification.prior_update import Posterior, clamped_cosine, posterior_of, prior_ratio_std
+from dpr_lab.identification.profile import profile90
 from dpr_lab.identification.ratio_fit import RatioFit, predictable_until
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.identification.uncertainty import RatioUncertainty, uncertainty
@@ -63,7 +64,9 @@ SETTINGS = IdentifySettings()
 FRICTION_NAMES = tuple(RATIOS[i] for i in FRICTION)
 
 
-def identified_model(ratio_fit: RatioFit, runs: Sequence[PreprocessedRun], rig: Rig, search: SearchRecord) -> Model:
+def identified_model(
+    ratio_fit: RatioFit, runs: Sequence[PreprocessedRun], rig: Rig, search: SearchRecord, profile: bool
+) -> Model:
     """Build the model of a rig from a fit of its ratios.
 
     Args:
@@ -71,6 +74,7 @@ def identified_model(ratio_fit: RatioFit, runs: Sequence[PreprocessedRun], rig: 
         runs: the fitted runs
         rig: bounds and measured values, for the parameters that free swings do not determine
         search: record of the global search
+        profile: whether to compute the interval of each ratio by profile likelihood as well
 
     Raises:
         IdentificationError: the runs do not determine the ratios.
@@ -79,7 +83,7 @@ def identified_model(ratio_fit: RatioFit, runs: Sequence[PreprocessedRun], rig: 
     noise = rms_noise(prepared.noise for prepared in runs)
     measured = np.concatenate([prepared.run.theta[:, 1:] for prepared in runs])
     rms = np.sqrt(np.mean((measured - ratio_fit.predicted) ** 2, axis=0))
-    ratios = {name: _ratio(ratio_fit, ratio_uncertainty, rig, name) for name in RATIOS}
+    ratios = {name: _ratio(ratio_fit, ratio_uncertainty, rig, name, profile) for name in RATIOS}
     setups, unknown = [prepared.run.setup for prepared in runs], ratio_fit.fit.estimate.ratios
     alone, clamped = only_inner(setups), clamped_cosine(setups)
     posterior = posterior_of(unknown, rig, ratio_fit.visible, ratio_uncertainty.of_runs, alone=alone, clamped=clamped)
@@ -91,7 +95,7 @@ def identified_model(ratio_fit: RatioFit, runs: Sequence[PreprocessedRun], rig: 
     mounted_alone = (
         replace(ratio_uncertainty, assumed=0.0) if alone else ratio_uncertainty
     )  # parts that are not mounted have no influence on ratios to a
-    shown = {name: _ratio(ratio_fit, mounted_alone, rig, name) for name in RATIOS} if alone else ratios
+    shown = {name: _ratio(ratio_fit, mounted_alone, rig, name, profile) for name in RATIOS} if alone else ratios
     return Model(
         rig=RigFacts.of(rig),
         ratios=ratios_alone([*shown.values()], p_over_b, rig.g / rig.L1) if alone else ratios,
@@ -137,7 +141,9 @@ def _of_ratios(names: Sequence[str], values: Array) -> dict[str, float]:
     return {name: value for name, value in zip(names, values.tolist(), strict=True) if name in RATIOS}
 
 
-def _ratio(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, name: str) -> EstimatedValue:
+def _ratio(
+    ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, name: str, profile: bool
+) -> EstimatedValue:
     value = float(ratio_fit.ratios[RATIOS.index(name)])
     if name not in ratio_uncertainty.names:
         std = prior_ratio_std(rig)[RATIOS.index(name)]
@@ -149,6 +155,7 @@ def _ratio(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, n
         value=value,
         std=float(ratio_uncertainty.std[i]),
         interval90=ratio_uncertainty.interval90(i),
+        profile90=_profile(ratio_fit, ratio_uncertainty, i) if profile else None,
         fixed_by="bound"
         if ratio_uncertainty.of_prior[i] > SETTINGS.of_prior or name in ratio_uncertainty.at_zero
         else "data",
@@ -166,6 +173,11 @@ def _scale(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, posterior: 
     b = posterior.b
     low, high = ratio_uncertainty.interval90(list(ratio_fit.visible).index(SCALE))
     return Scale(b=b, interval90=(max(min(low, b), 1e-3 * b), max(high, b)), fixed_by="data")
+
+
+def _profile(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: int) -> tuple[float | None, float | None]:
+    low, high = profile90(ratio_fit, ratio_uncertainty, index)
+    return low if np.isfinite(low) else None, high if np.isfinite(high) else None
 
 
 def _identifiable(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, posterior: Posterior) -> Identifiable:

@@ -44,6 +44,7 @@ def identify(
     search: str = "iga",
     settings: SearchSettings | None = None,
     seed: int = 0,
+    profile: bool = False,
     on_generation: Callable[[Generation, int], None] | None = None,
     stop: Callable[[], bool] | None = None,
     on_polish: Callable[[], None] | None = None,
@@ -65,6 +66,7 @@ def identify(
         search: a name of `ALGORITHMS`
         settings: settings of the search; default: those of the objective
         seed: seed of all random numbers; the same seed gives the same result for any number of threads
+        profile: whether to compute the interval of each ratio by profile likelihood as well, which takes some seconds
         on_generation: function that is called with each generation and the maximum number of generations
         stop: function that is called after each generation; if it returns true the search ends, and the local fit
             starts from the best individual
@@ -132,7 +134,7 @@ def identify(
     )
     if on_polish:
         on_polish()
-    return identified_model(polish(history[-1].best, prepared_runs, rig), prepared_runs, rig, record)
+    return identified_model(polish(history[-1].best, prepared_runs, rig), prepared_runs, rig, record, profile)
 
 
 def has_arm_model(runs: Sequence[Run], rig: Rig) -> bool:

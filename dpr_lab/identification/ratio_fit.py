@@ -5,7 +5,7 @@ determines the scale. Segments contain encoder readings, each weighted by its ow
 is equivalent to absolute angles with correlated noise.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -183,7 +183,7 @@ def fit_ratios(
     problem: Problem,
     start: Estimate,
     *,
-    held: bool = False,
+    held: Collection[int] = (),
     iterations: int = 40,
     settings: GaussNewton = TO_THE_MINIMUM,
 ) -> RatioFit:
@@ -194,12 +194,13 @@ def fit_ratios(
     Args:
         problem: measured readings, weights and model
         start: initial values
-        held: whether the unknowns stay fixed, as for a held-out run
+        held: indices of the unknowns that stay fixed: all for a held-out run, one for a profile likelihood
         iterations: maximum number of iterations; `converged` is false if it is reached
         settings: tolerances and step control
     """
-    free = [] if held else ratio_parameters(start, visible_of(problem.segments))
-    return RatioFit(problem, fit(problem, start, free, iterations=iterations, settings=settings))
+    free = ratio_parameters(start, visible_of(problem.segments))
+    chosen = [parameter for parameter in free if parameter.place not in held]
+    return RatioFit(problem, fit(problem, start, chosen, iterations=iterations, settings=settings))
 
 
 def short_fit(

@@ -1,4 +1,4 @@
-"""Estimate the uncertainty of fitted ratios under correlated residuals (docs/theory.md, equations 22 and 23)."""
+"""Estimate the uncertainty of fitted ratios under correlated residuals (docs/theory.md, equation 22)."""
 
 from dataclasses import dataclass
 

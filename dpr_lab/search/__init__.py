@@ -9,6 +9,7 @@ from dpr_lab.configs import find_config, read_config
 from dpr_lab.errors import ConfigError, unknown_name
 from dpr_lab.plugins.rows import plugin_rows
 from dpr_lab.search.algorithm import Algorithm
+from dpr_lab.search.cma_es import CmaEsSettings, cma_es
 from dpr_lab.search.iga import iga
 from dpr_lab.search.plain_ga import PlainGaSettings, plain_ga
 from dpr_lab.search.settings import IgaSettings, SearchSettings
@@ -16,6 +17,7 @@ from dpr_lab.search.settings import IgaSettings, SearchSettings
 ALGORITHMS: dict[str, Algorithm[Any]] = {
     "iga": Algorithm(IgaSettings, iga, "improved genetic algorithm"),
     "plain_ga": Algorithm(PlainGaSettings, plain_ga, "plain genetic algorithm"),
+    "cma_es": Algorithm(CmaEsSettings, cma_es, "covariance matrix adaptation"),
 }
 ALGORITHMS |= plugin_rows("searches", Algorithm, ALGORITHMS)
 """All search algorithms, by the value of `algorithm` in a search file.

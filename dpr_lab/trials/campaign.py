@@ -27,7 +27,7 @@ from dpr_lab.trials.protocol import read_json
 from dpr_lab.trials.score import TrialOutcome, read_outcome
 from dpr_lab.trials.sealing import Kind, Level, TrialArm
 from dpr_lab.trials.sequential import run_sequential_case
-from dpr_lab.trials.workers import Case, Done, on_this_machine
+from dpr_lab.trials.workers import Case, Done, on_cluster, on_this_machine
 from dpr_lab.version import __version__
 
 SETTINGS, TRIALS, LOCK = "campaign.json", "trials.jsonl", ".lock"
@@ -102,6 +102,7 @@ def run_campaign(
     folder: Path,
     *,
     jobs: int = 1,
+    scheduler: str | None = None,
     on_trial: Callable[[int, TrialOutcome | Failure | None], None] = lambda done, last: None,
 ) -> CampaignTrials:
     """Run the first `n` trials of a campaign that are not in the folder yet.
@@ -111,12 +112,13 @@ def run_campaign(
         n: total number of trials
         folder: folder of the campaign, which is created or continued
         jobs: number of processes on this machine
+        scheduler: address of a dask scheduler that is used instead of these processes
         on_trial: function that is called at the start and after each trial; its arguments are the number of finished
             trials and the last result
 
     Raises:
         RunError: the folder contains another campaign, or a campaign that is running.
-        DprError: a file cannot be written, or a process was killed; the results of finished trials are kept.
+        DprError: a file cannot be written, or the workers are lost; the results of finished trials are kept.
     """
     with _alone(folder):
         _claim(folder, campaign)
@@ -124,7 +126,7 @@ def run_campaign(
         failures: list[Failure] = []
         on_trial(len(finished), None)
         cases = campaign.cases([number for number in range(n) if number not in finished])
-        for case, result in _done(cases, jobs):
+        for case, result in _done(cases, jobs, scheduler):
             if "error" in result:
                 last = Failure(case["number"], result["error"])
                 failures.append(last)
@@ -154,11 +156,11 @@ def _alone(folder: Path) -> Iterator[None]:
         lock.release()
 
 
-def _done(cases: list[Case], jobs: int) -> Iterator[Done]:
+def _done(cases: list[Case], jobs: int, scheduler: str | None) -> Iterator[Done]:
     if not cases:
         return iter(())
     run = run_sequential_case if cases[0].get("strategies") else run_case
-    return on_this_machine(run, cases, jobs)
+    return on_this_machine(run, cases, jobs) if scheduler is None else on_cluster(run, cases, scheduler)
 
 
 def _claim(folder: Path, campaign: Campaign) -> None:

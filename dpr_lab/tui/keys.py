@@ -35,7 +35,7 @@ Keymap = dict[str, str]
 MENTION = re.compile(r"\{([a-z]+\.[a-z_0-9]+)\}")
 """Pattern of a placeholder for the key of an action in a text: `press {capture.start}`."""
 
-REMOVED = re.compile(r"slider\.[a-z]+|[a-z]+\.pause|compare\.(earlier|later|second|edit)|chart\.cursor[a-z_]*")
+REMOVED = re.compile(r"slider\.[a-z]+|[a-z]+\.pause|compare\.(earlier|later)")
 """Pattern of the actions of version 0.2 that no longer exist. Their keys in the operator's file are ignored."""
 
 

@@ -24,6 +24,8 @@ ACTIONS = frozenset(
         "browse",
         "choose",
         "choose_all",
+        "cursor",
+        "cursors",
         "cycle",
         "filter",
         "go",

@@ -26,6 +26,7 @@ def run_campaign(
     n: int,
     out: Path,
     jobs: int,
+    scheduler: str | None = None,
     on_event: OnEvent = ignore,
 ) -> CampaignResult:
     """Run a campaign, score it, and write summary, figures and page.
@@ -35,12 +36,13 @@ def run_campaign(
         n: number of trials
         out: folder for the results. An interrupted campaign in this folder is continued.
         jobs: number of trials that run in parallel on this machine
+        scheduler: address of a dask scheduler that runs the trials; None: the trials run on this machine
         on_event: receives `TrialDone`, at the start and after each trial
 
     Raises:
         ConfigError: a kind is not available for a moving arm.
         RunError: the folder contains another campaign, or a running campaign.
-        DprError: a file cannot be written, or a process was killed; finished trials are kept.
+        DprError: a file cannot be written, or the workers are lost; finished trials are kept.
     """
     from dpr_lab.trials.campaign import run_campaign as run_trials
 
@@ -51,6 +53,7 @@ def run_campaign(
         n,
         out,
         jobs=jobs,
+        scheduler=scheduler,
         on_trial=lambda done, last: on_event(TrialDone(done, n, last)),
     )
     summary, files = _saved(trials, campaign, n, out)

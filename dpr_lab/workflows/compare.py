@@ -24,8 +24,8 @@ class CompareRequest:
     runs: tuple[Path, ...]
     model: Path
     """Identified model."""
-    out: Path
-    """Folder of figures and report."""
+    out: Path | None
+    """Folder of figures and report; None: only the numbers are computed."""
     leave_out: bool = False
     """Whether runs that cannot be compared are skipped."""
     record: Path | None = None
@@ -55,8 +55,8 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
 
     Raises:
         ConfigError: a file with the name of the folder exists.
-        RunError: the model cannot be read, two runs contain the same recording, or a run cannot be compared; with
-            `leave_out`, no run can be compared.
+        RunError: the model cannot be read, or is a model of a moving arm and no folder is given; two runs contain the
+            same recording; a run cannot be compared or, with `leave_out`, no run can be compared.
     """
     from dpr_lab.estimation.usable_runs import refuse_repeated
     from dpr_lab.identification.compare import compare_run
@@ -64,8 +64,11 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
     from dpr_lab.report.saving import save_comparison, write_json
     from dpr_lab.workflows.compare_run import compare_arm_run
 
-    check_folder_writable(request.out)
+    if request.out is not None:
+        check_folder_writable(request.out)
     model = load_model(request.model)
+    if request.out is None and isinstance(model, MovingArmModel):
+        raise RunError(f"{request.model}: is a model of a moving arm, but a second curve needs one of a clamped arm")
     recorded: list[tuple[Path, Run, Rig]] = []
     comparisons: list[AnyComparison] = []
     left_out: list[Path] = []
@@ -83,7 +86,7 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
     if not comparisons:
         without = f"skipped: {', '.join(file.stem for file in left_out)}"
         raise RunError(f"no run can be compared ({without}): choose other runs")
-    saved = save_comparison(model, comparisons, request.out)
+    saved = save_comparison(model, comparisons, request.out) if request.out is not None else {}
     if request.record is not None:
         write_json(saved, request.record)
     return CompareResult(tuple(comparisons), tuple(left_out), saved)

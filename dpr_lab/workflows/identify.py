@@ -30,6 +30,8 @@ class IdentifyRequest:
     the objective."""
     seed: int = 0
     """Seed of all random numbers; the same seed gives the same result."""
+    profile: bool = False
+    """Whether profile likelihood intervals of the ratios are also computed."""
     any_clock: bool = False
     """Whether to accept runs of a device whose clock rate error is larger than that of a crystal."""
     torque: str | None = None
@@ -77,6 +79,7 @@ def identify(request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proc
         search=settings.algorithm if settings else request.search,
         settings=settings,
         seed=request.seed,
+        profile=request.profile,
         on_generation=lambda done, at_most: on_event(
             GenerationDone(
                 done.number, at_most, done.evaluations, done.best_cost, done.best_fitness, done.population_fitness

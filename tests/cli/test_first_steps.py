@@ -45,7 +45,7 @@ def test_a_rate_that_cannot_be_is_refused_before_anyone_moves(cli, tmp_path: Pat
 @pytest.mark.parametrize(
     ("words", "known"),
     [
-        (("identify", "x", "--rig", "paper", "--search", "luck"), "plain genetic algorithm [plain_ga]"),
+        (("identify", "x", "--rig", "paper", "--search", "luck"), "covariance matrix adaptation [cma_es]"),
         (("identify", "x", "--rig", "paper", "--objective", "luck"), "short segments, insensitive to chaos [segments]"),
         (("diagnose", "x", "--rig", "paper", "--library", "luck,coulom"), "nearest of"),
         (("diagnose", "x", "--rig", "paper", "--without", "luck of coulomb"), "friction, joint 1 [coulomb_joint1]"),
@@ -73,7 +73,7 @@ def test_effects_are_named_by_identifier_or_words_and_the_nearest_are_listed() -
 
 
 def test_choices_are_completed() -> None:
-    assert SEARCHES.complete("p") == [("plain_ga", "plain genetic algorithm")]
+    assert SEARCHES.complete("c") == [("cma_es", "covariance matrix adaptation")]
     assert [name for name, _ in OBJECTIVE_NAMES.complete("")] == ["segments", "paper"]
     assert EFFECT_NAMES.complete("backlash_joint2,coul") == [
         (f"backlash_joint2,{name}", EFFECTS[name].words) for name in EFFECTS if name.startswith("coul")

@@ -160,6 +160,8 @@ def test_wrong_arguments_are_refused(tmp_path: Path, cli) -> None:
             3,
             "kind form: not available for plants whose arm moves",
         ),
+        (("campaign", "--n", "1", "--scheduler", "localhost", "--out", "t"), 4, "tcp://127.0.0.1:8786"),
+        (("campaign", "--n", "1", "--scheduler", "tcp://0.0.0.0:1", "--out", "t"), 4, "can run any code"),
     ],
 )
 def test_bad_input_is_answered_with_a_sentence(tmp_path: Path, cli, words, code: int, message: str) -> None:

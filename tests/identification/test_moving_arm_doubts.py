@@ -286,7 +286,7 @@ def test_a_prescribed_run_of_one_rod_on_a_rig_with_a_motor_is_identified(tmp_pat
     table, run = tmp_path / "swing.csv", tmp_path / "swing.mcap"
     np.savetxt(table, np.column_stack([t, swing]), delimiter=",", header="t,theta0,theta1", comments="", fmt="%.7f")
     import_csv(table, rig, ImportOptions(arm="prescribed", keep_rest=True), out=run)
-    request = IdentifyRequest((run,), "furuta", tmp_path / "model.json", search="plain_ga")
+    request = IdentifyRequest((run,), "furuta", tmp_path / "model.json", search="cma_es")
     done = identify(request)
     assert isinstance(done.model, Model)
     a = J1 + m1 * l1**2
@@ -318,6 +318,8 @@ def test_a_clamped_run_of_one_rod_on_a_rig_with_a_motor_gives_its_own_ratios_onl
     missing = tmp_path / "missing.mcap"
     result = compare(CompareRequest((missing, run), done.file, tmp_path / "report", leave_out=True))
     assert result.left_out == (missing,)
+    with pytest.raises(RunError, match="is a model of a moving arm, but a second curve needs one of a clamped arm"):
+        compare(CompareRequest((run,), done.file, None))
     with pytest.raises(RunError, match="give each run once"):
         compare(CompareRequest((run, run), done.file, tmp_path / "report", leave_out=True))
     compared = result.saved

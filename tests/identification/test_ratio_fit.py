@@ -14,6 +14,7 @@ from dpr_lab.estimation.noise import NoiseFloor
 from dpr_lab.fitting.cut import MIN_SAMPLES, partition
 from dpr_lab.identification.merging import merge_segments
 from dpr_lab.identification.preprocess import PreprocessedRun
+from dpr_lab.identification.profile import profile90
 from dpr_lab.identification.ratio_fit import RatioFit, fit_ratios, rods_estimate, segmented
 from dpr_lab.identification.uncertainty import uncertainty
 from dpr_lab.joint_angles import JointAngles
@@ -158,7 +159,7 @@ def test_friction_is_never_negative_and_its_limit_is_reported(paper: Rig, rng: n
 def test_held_ratios_stay_and_initial_states_move(paper: Rig, rng: np.random.Generator) -> None:
     true = ratios(base_parameters(TRUE, paper.rig.L1, paper.rig.g))
     runs, states = record(paper, rng, duration=1.0)
-    fit = fitted(paper, true, runs, states, 0.5, held=True)
+    fit = fitted(paper, true, runs, states, 0.5, held=range(5))
     assert np.array_equal(fit.ratios, true)
     assert fit.chi2_per_dof == pytest.approx(1.0, abs=0.2)
 
@@ -182,6 +183,19 @@ def test_errors_over_their_standard_deviation_have_unit_variance(paper: Rig) -> 
     assert 0.8 < rms < 1.25
 
 
+def test_the_profile_likelihood_agrees_with_the_covariance_where_the_problem_is_nearly_linear(
+    paper: Rig, rng: np.random.Generator
+) -> None:
+    true = ratios(base_parameters(TRUE, paper.rig.L1, paper.rig.g))
+    runs, states = record(paper, rng, duration=2.0)
+    fit = fitted(paper, true, runs, states, 0.5)
+    for index in (0, 4):
+        low, high = profile90(fit, uncertainty(fit), index)
+        reach = 1.645 * uncertainty(fit).cramer_rao_std[index]
+        assert fit.ratios[index] - low == pytest.approx(reach, rel=0.1)
+        assert high - fit.ratios[index] == pytest.approx(reach, rel=0.1)
+
+
 def test_a_drift_along_whole_runs_widens_the_interval(paper: Rig, rng: np.random.Generator) -> None:
     early = base_parameters(TRUE, paper.rig.L1, paper.rig.g)
     late = early * [1.0, 1.0, 1.0, 1.0, 1.0, 1.01]
@@ -198,6 +212,15 @@ def test_a_drift_along_whole_runs_widens_the_interval(paper: Rig, rng: np.random
     assert high - low >= (late[5] - early[5]) / early[1]
 
 
+def test_the_profile_of_friction_ends_at_zero(paper: Rig, rng: np.random.Generator) -> None:
+    base = base_parameters(TRUE, paper.rig.L1, paper.rig.g)
+    base[4] *= 1e-3
+    runs, states = record(paper, rng, base=base, duration=1.0)
+    fit = fitted(paper, ratios(base), runs, states, 0.5)
+    low, _ = profile90(fit, uncertainty(fit), 3)
+    assert low == pytest.approx(0.0, abs=1e-15)
+
+
 def test_friction_at_zero_has_a_one_sided_interval(paper: Rig) -> None:
     base = base_parameters(TRUE, paper.rig.L1, paper.rig.g)
     base[4] = -0.005 * base[4]
@@ -205,8 +228,9 @@ def test_friction_at_zero_has_a_one_sided_interval(paper: Rig) -> None:
     fit = fitted(paper, ratios(base_parameters(TRUE, paper.rig.L1, paper.rig.g)), runs, states, 0.5)
     spread = uncertainty(fit)
     assert spread.at_zero == ("c1/b",)
-    low, high = spread.interval90(3)
+    (low, high), (profile_low, profile_high) = spread.interval90(3), profile90(fit, spread, 3)
+    assert low == profile_low == 0.0 < profile_high
+    assert profile_high / 2 < high < 5 * profile_high
     assert spread.unconstrained is not None
     estimate, std = spread.unconstrained[3]
-    assert low == 0.0 < high < 2 * std
     assert estimate == pytest.approx(base[4] / base[1], abs=4 * std)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.search import ALGORITHMS
+from dpr_lab.search.cma_es import LARGEST_GROWTH
 
 BOX = np.array([[0.5, -1.0, 2.0, 0.0, -4.0], [1.5, 1.0, 3.0, 0.1, 4.0]])
 WIDTH = BOX[1] - BOX[0]
@@ -21,6 +22,26 @@ def until(name, objective, evaluations, *, box=BOX, seed=0, **changed):
     settings = algorithm.settings(generations=100_000, **changed)
     generations = algorithm.run(objective, box, settings, np.random.default_rng(seed))
     return next(g for g in generations if g.evaluations >= evaluations)
+
+
+@pytest.mark.slow
+def test_cma_es_follows_a_curved_valley_to_its_end():
+    assert until("cma_es", rosenbrock, 10_000).best_cost < 1e-6
+
+
+@pytest.mark.slow
+def test_cma_es_reaches_an_optimum_in_a_corner():
+    corner = np.where(np.arange(5) % 2, BOX[1], BOX[0])
+    last = until("cma_es", lambda z: 1 + (np.abs(z - corner) / WIDTH).sum(axis=1, keepdims=True), 6_000)
+    assert np.allclose((last.best - corner) / WIDTH, 0, atol=1e-3)
+
+
+@pytest.mark.slow
+def test_cma_es_restarts_with_more_candidates_when_it_is_stuck():
+    settings = ALGORITHMS["cma_es"].settings(population=6, restart_growth=2)
+    flat = ALGORITHMS["cma_es"].run(lambda z: np.ones((len(z), 1)), BOX, settings, np.random.default_rng(0))
+    sizes = {len(g.population) - 1 for g in islice(flat, 1, 60)}  # the best so far comes on top
+    assert sizes == {12, 24, 48, 96, 192, 6 * LARGEST_GROWTH}
 
 
 def test_plain_ga_keeps_its_elite():

@@ -89,7 +89,7 @@ def test_built_in_segments_file_stops_on_stagnation():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('algorithm = "multistart"', "algorithm = 'multistart': unknown; available: iga, plain_ga"),
+        ('algorithm = "multistart"', "algorithm = 'multistart': unknown; available: iga, plain_ga, cma_es"),
         ('algorithm = "simplex"', r"bad\.toml: algorithm = 'simplex': unknown; available: .*iga"),
         ("population = 10", r"bad\.toml: algorithm: is missing"),
         ('algorithm = "iga"\npopulation = 1', r"bad\.toml: population = 1: .*greater than or equal to 2"),

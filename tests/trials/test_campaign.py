@@ -1,24 +1,28 @@
-"""Campaigns: continued after an interruption, with one page at the end."""
+"""Campaigns: continued after an interruption, identical on one machine and on a cluster, with one page at the end."""
 
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 
-from dpr_lab.errors import DprError, RunError
+from dpr_lab.errors import DprError, LinkError, RunError
 from dpr_lab.report.trials.figures import save_trial_figures
 from dpr_lab.report.trials.html import sentence, write_trials_report
 from dpr_lab.trials.campaign import Campaign, read_trials, run_campaign
 from dpr_lab.trials.score import Cause, Claim, SizeError, TrialOutcome
 from dpr_lab.trials.sealing import Kind
 from dpr_lab.trials.summary import summary
-from dpr_lab.trials.workers import on_this_machine
+from dpr_lab.trials.workers import on_cluster, on_this_machine
 
 CLEAN = Campaign((Kind.CLEAN,), seed=11)
 
@@ -131,6 +135,39 @@ def _die(case: dict[str, object]) -> dict[str, object]:
     os._exit(9)
 
 
+@pytest.mark.slow
+def test_without_a_scheduler_the_operator_reads_what_to_start() -> None:
+    pytest.importorskip("distributed", reason="dask.distributed is not installed")
+    with pytest.raises(LinkError, match="is not an address of a scheduler"):
+        list(on_cluster(dict, [{}], "somewhere"))
+    with pytest.raises(LinkError, match="no scheduler answers"):
+        list(on_cluster(dict, [{}], "tcp://127.0.0.1:1", connect_s=1))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "answer", [b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\xff" * 64, b""], ids=["web", "noise", "mute"]
+)
+def test_a_peer_that_is_not_a_scheduler_is_reported_in_a_sentence(answer: bytes) -> None:
+    pytest.importorskip("distributed", reason="dask.distributed is not installed")
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        peer = threading.Thread(target=_answer_all, args=(server, answer), daemon=True)
+        peer.start()
+        with pytest.raises(LinkError, match="no scheduler answers: check host and port"):
+            list(on_cluster(dict, [{}], f"tcp://127.0.0.1:{server.getsockname()[1]}", connect_s=2))
+        server.shutdown(socket.SHUT_RDWR)
+        peer.join()
+
+
+def _answer_all(server: socket.socket, answer: bytes) -> None:
+    with suppress(OSError):  # the test is over
+        while True:
+            peer, _ = server.accept()
+            with peer, suppress(OSError):
+                peer.recv(100)
+                peer.sendall(answer)
+
+
 VOID = {"meta", "link", "img", "br", "hr"}
 
 
@@ -241,3 +278,63 @@ def test_a_killed_campaign_leaves_no_process_and_can_be_continued(tmp_path: Path
     assert result["trials"] == 4
     assert result["false_alarms"] == 0.0
     assert Path(result["files"]["page"]).is_file()
+
+
+@contextmanager
+def dask(*words: str) -> Iterator[subprocess.Popen[str]]:
+    command = [sys.executable, "-m", "distributed.cli." + words[0], *words[1:], "--no-dashboard"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.terminate()
+            try:
+                process.wait(60)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_two_workers_of_a_scheduler_do_what_one_machine_does(tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="dask.distributed is not installed")
+    where = tmp_path / "scheduler.json"
+    with dask("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(where)):
+        wait_until(where.exists, 60)
+        address = json.loads(where.read_text())["address"]
+        assert address.startswith("tcp://127.0.0.1:")
+        worker = ("dask_worker", address, "--host", "127.0.0.1", "--nthreads", "1", "--no-nanny")
+        with dask(*worker, "--local-directory", str(tmp_path)), dask(*worker, "--local-directory", str(tmp_path)):
+            told_by(tmp_path / "cluster", 2, "--scheduler", address)
+    told_by(tmp_path / "here", 2, "--jobs", 1)
+    assert comparable(tmp_path / "cluster") == comparable(tmp_path / "here")
+
+
+LOCAL = """
+import sys
+from distributed import LocalCluster
+if __name__ == "__main__":
+    with LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None) as cluster:
+        sys.argv[1:] = [*sys.argv[1:], "--scheduler", cluster.scheduler_address]
+        from dpr_lab.cli import main
+        main()
+"""
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_a_local_cluster_does_it_too(tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="dask.distributed is not installed")
+    script = tmp_path / "local.py"
+    script.write_text(LOCAL)
+    words = campaign_words(tmp_path / "out", 2)[3:]
+    done = subprocess.run([sys.executable, str(script), *words], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["trials"] == 2
+
+
+def comparable(folder: Path) -> list[dict]:
+    """Trials in order, without fields that differ between runs."""
+    kept = (json.loads(line) for line in (folder / "trials.jsonl").read_text().splitlines())
+    ordered = sorted(kept, key=lambda line: line["number"])
+    return [line["outcome"] | {"seconds": None, "seal": None} for line in ordered]

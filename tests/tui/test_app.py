@@ -332,7 +332,7 @@ async def look():
     here = pathlib.Path(sys.argv[1])
     async with DprApp(Workspace(out=here), here).run_test() as pilot:
         await pilot.press("6")
-    print({"scipy", "numba", "filterpy", "matplotlib"} & sys.modules.keys() or "light")
+    print({"scipy", "numba", "filterpy", "cma", "matplotlib"} & sys.modules.keys() or "light")
 
 asyncio.run(look())
 """

@@ -67,8 +67,7 @@ def test_two_actions_may_swap_their_keys(tmp_path: Path) -> None:
 
 
 def test_keys_of_removed_actions_are_ignored(tmp_path: Path) -> None:
-    text = "[slider]\nless = 'n'\n[identify]\npause = 'w'\nstart = 'f6'\n[compare]\nearlier = 'f7'\nlater = 'f8'\n"
-    text += "second = 'O'\nedit = 'i'\n[chart]\ncursors = 'M'\ncursor_back = 'f9'"
+    text = "[slider]\nless = 'n'\n[identify]\npause = 'w'\nstart = 'f6'\n[compare]\nearlier = 'f7'\nlater = 'f8'"
     assert keymap(tmp_path, text) == {"identify.start": "f6"}
 
 

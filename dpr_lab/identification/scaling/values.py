@@ -20,7 +20,7 @@ class EstimatedValue(ModelPart):
     interval90: tuple[float, float]
     """90 % interval, in the unit of the value."""
     profile90: tuple[float | None, float | None] | None = None
-    """90 % interval by profile likelihood in models of earlier versions; it is no longer computed."""
+    """90 % interval by profile likelihood, if requested; an end without a bound is None."""
     fixed_by: Literal["data", "bound"] = "data"
     """Source: `data`, or `bound` if the value depends mainly on nominal values and bounds of the rig file."""
 
@@ -65,8 +65,9 @@ def ratios_alone(five: Sequence[EstimatedValue], p_over_b: float, gravity_rate: 
 
     def over_a(ratio: EstimatedValue, offset: float) -> EstimatedValue:
         low, high = ((end - offset) / share for end in ratio.interval90)
+        ends = tuple(end if end is None else (end - offset) / share for end in ratio.profile90 or ())
         scaled = {"value": (ratio.value - offset) / share, "std": ratio.std / share, "interval90": (low, high)}
-        return ratio.model_copy(update=scaled)
+        return ratio.model_copy(update=scaled | {"profile90": ends or None})
 
     return {"e1/a": over_a(ratios["e1/b"], p_over_b * gravity_rate), "c1/a": over_a(ratios["c1/b"], 0.0)}
 

@@ -21,6 +21,7 @@ from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps import arm_results
 from dpr_lab.tui.steps.compare_charts import AXES, SETTINGS, VIEWS, ComparedRun
 from dpr_lab.tui.steps.job_step import JobStep
+from dpr_lab.tui.steps.second_curve import SecondCurve
 from dpr_lab.tui.texts import following
 from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.workflows.compare import CompareRequest
@@ -45,7 +46,13 @@ moves is compared by segment only.
 The **segment residual** is the residual of half-second segments with fitted initial states. A residual inside the band
 (±{SETTINGS.noise_sigmas}σ of the noise floor) and without a pattern is noise.
 
+`{{compare.second}}` draws a second curve in the same chart: another run, or the same run simulated with another model.
+Enter the file of that model in the field (`{{compare.edit}}`), for example the corrected `diagnosis/model.json`.
+
 Keys in the chart: + and - zoom, the arrows pan, shift with up or down scales the vertical axis, 0 resets the view.
+`{{chart.cursors}}` sets two cursors that show values and differences. Pressing it again selects the other cursor;
+pressing it a third time removes both. `{{chart.cursor_back}}` and `{{chart.cursor_on}}` move the selected cursor,
+`{{chart.cursor_far_back}}` and `{{chart.cursor_far_on}}` move it by larger steps.
 
 Figures, report and numbers are written to `report/` in the folder of the workspace, as by `dpr-lab compare`.
 """
@@ -61,6 +68,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         super().__init__(services)
         self._compared_subject: tuple[Path, float, tuple[Path, ...], str | None] | None = None
         self._compared: Sequence[AnyComparison] = ()
+        self._arm_moves = False
         self._joints, self._views = [0, 1], VIEWS
         self._left_out = 0
 
@@ -70,6 +78,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
             yield Select[int]([], prompt="no run yet", id="run", compact=True)
             yield Select(list(zip(AXES, (0, 1), strict=True)), value=1, allow_blank=False, id="axis", compact=True)
             yield Select([(view, view) for view in VIEWS], value=VIEWS[0], allow_blank=False, id="view", compact=True)
+        yield SecondCurve(self.services)
         yield Chart(id="angle")
         yield Chart(id="error")
         yield Static(id="figures", markup=False)
@@ -117,6 +126,13 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
             return ""
         return self.worded("STALE, model, runs or torques changed; {compare.start}: run again")
 
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Return whether an action is available.
+
+        If the arm moves, there is no second curve.
+        """
+        return not (action == "second_curve" and self._arm_moves) and super().check_action(action, parameters)
+
     def start_work(self) -> None:
         """Compare the selected runs with the model."""
         model = self.workspace.model
@@ -157,14 +173,30 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
             picker.value = following(options, picker.value)
         next(chart for chart in self.query(Chart) if chart.display).focus()
 
+    def action_edit(self) -> None:
+        """Focus the field for the file of the second model."""
+        self.query_one(SecondCurve).edit()
+
+    def action_second_curve(self) -> None:
+        """Show the next run or model as second curve."""
+        self.query_one(SecondCurve).cycle()
+
+    @on(SecondCurve.Offered)
+    def _draw_second(self, event: SecondCurve.Offered) -> None:
+        self._draw(event.news)
+
     def show(self, comparisons: "Sequence[AnyComparison]") -> None:
         """Offer compared runs; draw the selected one."""
-        self._compared = comparisons
+        from dpr_lab.identification.compare import Comparison
+
+        self._compared, self._arm_moves = comparisons, not isinstance(comparisons[0], Comparison)
         self._offer_runs()
 
     @on(Select.Changed)
     def _picked(self, event: Select.Changed) -> None:
         event.stop()
+        if event.select.id == "run" and not self._arm_moves:
+            self._offer_second()
         self._draw()
 
     def on_resize(self, event: Resize) -> None:
@@ -198,6 +230,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         picker.set_options([(Content(name), i) for i, name in enumerate(names)])
         picker.value = min(current, len(names) - 1)
         self._offer_joints()
+        self._offer_second()
 
     def _offer_joints(self) -> None:
         """Offer the joints and views of the compared model.
@@ -206,6 +239,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         """
         from dpr_lab.identification.moving_arm.identify import ArmComparison
 
+        self.query_one(SecondCurve).display = not self._arm_moves
         names, joints, views = AXES, [0, 1], VIEWS
         if isinstance(first := self._compared[0], ArmComparison):
             names, joints, views = arm_results.JOINT_NAMES, arm_results.joints_of(first), arm_results.VIEWS
@@ -216,6 +250,13 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         axis.set_options([(names[joint], joint) for joint in joints])
         view.set_options([(name, name) for name in views])
         axis.value, view.value = joints[-1], views[0]
+
+    def _offer_second(self) -> None:
+        from dpr_lab.identification.compare import Comparison
+
+        number = self.query_one("#run", Select).value
+        runs = [run for run in self._compared if isinstance(run, Comparison)]
+        self.query_one(SecondCurve).offer(runs, self._names[: len(runs)], number if isinstance(number, int) else 0)
 
     def _arrange(self) -> None:
         view = self.query_one("#view", Select).value
@@ -231,8 +272,9 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         from dpr_lab.identification.compare import Comparison
 
         if isinstance(shown, Comparison):
+            second = self.query_one(SecondCurve).chosen
             freely = self.query_one("#view", Select).value == VIEWS[1]
-            compared = ComparedRun(shown, joint, unit, freely)
+            compared = ComparedRun(shown, second, joint, unit, freely)
         else:
             compared = arm_results.ComparedArmRun(shown, joint, unit)
         compared.draw_angle(self.query_one("#angle", Chart))

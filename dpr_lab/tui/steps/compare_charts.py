@@ -1,4 +1,7 @@
-"""Charts of one comparison in the step Compare: angle, error and figures."""
+"""Charts of one comparison in the step Compare: angle, error and figures.
+
+A second curve can be added.
+"""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -31,9 +34,10 @@ SETTINGS = CompareSettings()
 
 @dataclass(frozen=True, slots=True)
 class ComparedRun:
-    """Content of the charts: one joint of a comparison."""
+    """Content of the charts: one joint of one or two comparisons."""
 
     comparison: "Comparison"
+    second: "Comparison | None"
     axis: int
     """0: inner rod, 1: outer rod."""
     unit: AngleUnit
@@ -52,8 +56,12 @@ class ComparedRun:
         scale, axis, shown = self.unit.per_rad, self.axis, self.comparison
         measured = Series("measured", shown.t, scale * shown.measured[:, axis], on_top=True)
         simulated = Series("free run", shown.t, scale * shown.free_run[:, axis], "secondary")
+        lines = [measured, simulated]
+        if (second := self.second) is not None:
+            theta = second.free_run if second.run == shown.run else second.measured
+            lines.append(Series(self._second_name(second), second.t, scale * theta[:, axis], "accent"))
         chart.show(
-            [measured, simulated],
+            lines,
             x_label="time (s)",
             y_label=f"{AXES[axis]} ({self.unit.symbol.strip()})",
             marks=self.horizon,
@@ -68,8 +76,13 @@ class ComparedRun:
         if self.freely:
             near = t <= shown.horizon_s
             t, error = t[near], shown.free_run_error[near, axis]
+        lines = [Series("residual", t, scale * error)]
+        if (second := self.second) is not None:
+            near = second.t <= (second.horizon_s if self.freely else second.t[-1])
+            error = (second.free_run_error if self.freely else second.segment_residual)[near, axis]
+            lines.append(Series(self._second_name(second), second.t[near], scale * error, "accent"))
         chart.show(
-            [Series("residual", t, scale * error)],
+            lines,
             x_label="time (s)",
             y_label=f"{AXES[axis]} ({self.unit.small})",
             marks=self.horizon if self.freely else [],
@@ -78,20 +91,29 @@ class ComparedRun:
         )
 
     def figures(self, news: str) -> str:
-        """Return one sentence with the residuals and free-run errors of both rods, followed by `news`.
+        """Return the figures of the comparison and `news`, then those of a second comparison."""
+        second = "" if self.second is None else f"\nsecond: {_figures(self.second, self.unit)}"
+        return _figures(self.comparison, self.unit) + (f"  {news}" if news else "") + second
 
-        `dpr-lab compare` tabulates the same figures.
-        """
-        from dpr_lab.report.tables import comparison_table, to_the_end
+    def _second_name(self, second: "Comparison") -> str:
+        return "2nd model" if second.run == self.comparison.run else "other run"
 
-        made = comparison_table([self.comparison], self.unit)
-        row = dict(zip(made.columns, made.rows[0], strict=True))
-        until = "to the end of the record" if to_the_end(self.comparison) else f"up to {row['horizon (s)']} s"
-        return (
-            f"{row['role']}, {row['segments']} segments, θ1, θ2: rms residual {row['rms (mrad)']} {self.unit.small}"
-            f" ({row['rms / noise']} times the noise); free-run error from the release"
-            f" {row['free run (mrad)']} {self.unit.small} {until}" + (f"  {news}" if news else "")
-        )
+
+def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
+    """Return one sentence with the residuals and free-run errors of both rods.
+
+    `dpr-lab compare` tabulates the same figures.
+    """
+    from dpr_lab.report.tables import comparison_table, to_the_end
+
+    made = comparison_table([comparison], unit)
+    row = dict(zip(made.columns, made.rows[0], strict=True))
+    until = "to the end of the record" if to_the_end(comparison) else f"up to {row['horizon (s)']} s"
+    return (
+        f"{row['role']}, {row['segments']} segments, θ1, θ2: rms residual {row['rms (mrad)']} {unit.small}"
+        f" ({row['rms / noise']} times the noise); free-run error from the release"
+        f" {row['free run (mrad)']} {unit.small} {until}"
+    )
 
 
 def _range_of(angle: Array) -> tuple[float, float]:

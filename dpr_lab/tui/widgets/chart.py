@@ -25,6 +25,7 @@ from dpr_lab.tui import FRAMES_PER_S
 from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.widgets.canvas import PlainCanvas
 from dpr_lab.tui.widgets.chart_scale import Range, even_ticks, moved, pieces, range_of, visible, zoomed
+from dpr_lab.tui.widgets.cursors import Cursors, first_cursors, readings
 
 Tone = Literal["primary", "secondary", "accent", "foreground", "success", "warning", "error"]
 
@@ -133,6 +134,7 @@ class Chart(Vertical, can_focus=True):
     DEFAULT_CSS = """
     Chart { height: 1fr; min-height: 6; }
     Chart > Static { height: 1; padding: 0 1; text-wrap: nowrap; text-overflow: ellipsis; }
+    Chart > .readings { height: auto; display: none; }
     Chart:focus > Static { text-style: bold underline; }
     Chart > PlotWidget { height: 1fr; }
     Chart > PlotWidget > .plot--axis { color: $foreground 60%; }
@@ -144,6 +146,8 @@ class Chart(Vertical, can_focus=True):
     def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
         super().__init__(id=id, classes=classes)
         self._head = Static()
+        self._readings = Static(classes="readings")
+        self._cursors: Cursors | None = None
         self._plot = _Plot()
         self._content = _Content()
         self._x_view: Range | None = None
@@ -187,6 +191,7 @@ class Chart(Vertical, can_focus=True):
     def compose(self) -> ComposeResult:
         """Build the legend and, below it, the chart."""
         yield self._head
+        yield self._readings
         yield self._plot
 
     def on_mount(self) -> None:
@@ -223,6 +228,21 @@ class Chart(Vertical, can_focus=True):
         self._x_view = self._y_view = None
         self._draw_soon()
 
+    def action_cursors(self) -> None:
+        """Switch to the next state of the cursors: first cursor active, second cursor active, hidden."""
+        cursors = self._cursors
+        self._cursors = (
+            first_cursors(self.view[0]) if cursors is None else cursors.second() if cursors.moving == 0 else None
+        )
+        self._draw_soon()
+
+    def action_cursor(self, columns: int) -> None:
+        """Move the active cursor by a number of columns."""
+        if self._cursors is not None:
+            low, high = self.view[0]
+            self._cursors = self._cursors.moved(columns * (high - low) / self._columns)
+            self._draw_soon()
+
     @on(PlotWidget.ScaleChanged)
     def _follow_mouse(self, event: PlotWidget.ScaleChanged) -> None:
         event.stop()
@@ -258,6 +278,7 @@ class Chart(Vertical, can_focus=True):
         for mark in self._content.marks:
             if x_view[0] < mark.x < x_view[1]:
                 self._plot.add_v_line(mark.x, self._colour(mark.tone))
+        self._draw_cursors(x_view)
         drawn = any(len(series.x) for series in self._content.series)
         self._plot.set_xticks(even_ticks(*x_view, columns // SETTINGS.tick_columns) if drawn else [])
         self._plot.set_yticks(even_ticks(*y_view, int(rows / SETTINGS.tick_rows)) if drawn else [])
@@ -299,6 +320,17 @@ class Chart(Vertical, can_focus=True):
         for edge in (band.low, band.high):
             style, y = self._colour(band.tone), np.full(len(x), edge)
             self._plot.scatter(x, y, marker_style=style, hires_mode=HiResMode.BRAILLE)
+
+    def _draw_cursors(self, x_view: Range) -> None:
+        self._readings.display = self._cursors is not None
+        if self._cursors is None:
+            return
+        tones = [self._colour(tone) for tone in ("accent", "success")]
+        for x, tone in zip(self._cursors.at, tones, strict=True):
+            if x_view[0] < x < x_view[1]:
+                self._plot.add_v_line(x, tone)
+        lines = [(series.label, series.x, series.y) for series in self._content.series if series.label]
+        self._readings.update(readings(self._cursors, self._content.x_label, lines, tones))
 
     def _legend(self) -> Text:
         content = self._content

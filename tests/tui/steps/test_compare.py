@@ -13,6 +13,7 @@ from dpr_lab.identification.compare import Comparison
 from dpr_lab.identification.model import load_model
 from dpr_lab.tui.jobs.kept_comparison import KeptComparison
 from dpr_lab.tui.steps.compare import CompareStep
+from dpr_lab.tui.steps.second_curve import SecondCurve
 from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.tui.widgets.stepper import Stepper
 
@@ -184,6 +185,59 @@ async def test_its_snapshot_is_unchanged(lab, snapshot) -> None:
 
 
 @pytest.mark.slow
+async def test_two_runs_stand_in_one_plot(lab) -> None:
+    async with lab(CompareStep) as pilot:
+        first, second = swing("first", 3.2), swing("second", 9.0, held_out=True)
+        step(pilot.app).show([first, second])
+        await pilot.pause()
+        assert set(series(pilot.app, "#angle")) == {"measured", "free run"}
+        await pilot.press("O")
+        await pilot.pause()
+        drawn = series(pilot.app, "#angle")
+        assert np.allclose(drawn["other run"], np.degrees(second.measured[:, 1]))
+        assert "second: held out" in figures(pilot.app)
+        await pilot.press("v")
+        await pilot.pause()
+        assert set(series(pilot.app, "#error")) == {"residual", "other run"}
+        await pilot.press("O")
+        await pilot.pause()
+        assert set(series(pilot.app, "#error")) == {"residual"}
+        assert "second:" not in figures(pilot.app)
+
+
+@pytest.mark.slow
+async def test_the_same_run_by_two_models_stands_in_one_plot(lab) -> None:
+    async with lab(CompareStep) as pilot:
+        shown, by_other = swing("first", 3.2), swing("first", 4.0)
+        step(pilot.app).show([shown])
+        await pilot.pause()
+        second = pilot.app.query_one(SecondCurve)
+        second._model = {"first": by_other}
+        step(pilot.app)._offer_second()
+        await pilot.press("O")
+        await pilot.pause()
+        assert np.allclose(series(pilot.app, "#angle")["2nd model"], np.degrees(by_other.free_run[:, 1]))
+
+
+@pytest.mark.long
+async def test_another_models_file_is_simulated_as_second_curve(
+    lab, until, recorded: list[Path], modelled: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / "other.json"
+    other.write_text(modelled.read_text())
+    async with lab(CompareStep, runs=recorded[:1], model=modelled) as pilot:
+        await until(pilot, lambda: "saved in" in figures(pilot.app))
+        before = (pilot.app.workspace.out / "report" / "report.html").stat().st_mtime_ns
+        await pilot.press("i", *str(other), "enter")
+        await until(pilot, lambda: "2nd model" in series(pilot.app, "#angle"))
+        drawn = series(pilot.app, "#angle")
+        assert np.allclose(drawn["2nd model"], drawn["free run"])
+        assert (pilot.app.workspace.out / "report" / "report.html").stat().st_mtime_ns == before
+        await pilot.press("escape", "i", *["backspace"] * len(str(other)), *"gone.json", "enter")
+        await until(pilot, lambda: any("gone.json" in notice.message for notice in pilot.app.notices))
+
+
+@pytest.mark.slow
 async def test_what_was_compared_before_is_shown_without_simulating(lab, fixed_model: Path, tmp_path: Path) -> None:
     run = tmp_path / "first.mcap"
     run.write_bytes(b"")
@@ -203,3 +257,30 @@ async def test_what_was_compared_before_is_shown_without_simulating(lab, fixed_m
         assert not KeptComparison(folder / "compared.npz", "another model").load()
         (folder / "compared.npz").write_bytes(b"PK something else")
         assert not step(pilot.app)._kept.load()
+
+
+@pytest.mark.slow
+async def test_two_cursors_read_off_values_and_differences(lab, settled) -> None:
+    async with lab(CompareStep, size=(120, 40)) as pilot:
+        shown = swing("first", 3.2)
+        step(pilot.app).show([shown])
+        await pilot.press("j", "j")
+        chart = pilot.app.query_one("#angle", Chart)
+        chart.focus()
+        await pilot.press("M")
+        await settled(pilot)
+        a, b = chart._cursors.at
+        await pilot.press("full_stop", "full_stop", "M", "less_than_sign")
+        await settled(pilot)
+        moved_a, moved_b = chart._cursors.at
+        assert moved_a > a
+        assert moved_b < b
+        result = str(chart.query_one(".readings", Static).render())
+        expected = np.interp([moved_a, moved_b], shown.t, np.degrees(shown.measured[:, 1]))
+        assert f"measured: A {expected[0]:.4g}  B {expected[1]:.4g}  B−A {expected[1] - expected[0]:+.4g}" in result
+        assert f"B−A {moved_b - moved_a:+.4g}   time (s)" in result
+        assert "free run − measured: A " in result
+        await pilot.press("M")
+        await settled(pilot)
+        assert chart._cursors is None
+        assert not chart.query_one(".readings").display

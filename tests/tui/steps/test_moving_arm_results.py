@@ -11,6 +11,7 @@ from dpr_lab.identification.moving_arm.model import MovingArmModel, load_model
 from dpr_lab.tui.steps.arm_results import start_of_diagnosis
 from dpr_lab.tui.steps.compare import CompareStep
 from dpr_lab.tui.steps.identify import IdentifyStep
+from dpr_lab.tui.steps.second_curve import SecondCurve
 from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.workflows.capture import capture
 from tests.tui.steps.test_identify import text
@@ -49,6 +50,7 @@ async def test_a_driven_arm_is_identified_and_compared_on_the_screen(lab, until,
         await until(pilot, lambda: compare.job is None and compare.outcome())
         axis, view = pilot.app.query_one("#axis", Select), pilot.app.query_one("#view", Select)
         assert (axis.value, view.value) == (1, "angle")
+        assert not pilot.app.query_one(SecondCurve).display
         series = pilot.app.query_one("#angle", Chart)._content.series
         assert [each.label for each in series] == ["measured", "simulated"]
         assert np.abs(series[0].y - series[1].y).max() < 1.0  # degrees
