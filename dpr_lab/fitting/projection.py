@@ -81,9 +81,8 @@ class ColumnSpace:
             within: (sets, n, n) inner products within each set
             gradient: (sets, n) inner products with the residual
         """
-        norm = np.sqrt(
-            np.maximum(np.diagonal(within, axis1=1, axis2=2), 0.0)
-        )  # rounding errors may make this difference too small
+        squares = np.diagonal(within, axis1=1, axis2=2)
+        norm = np.sqrt(np.maximum(squares, 0.0))  # rounding errors may make this difference too small
         scale = 1 / np.maximum(norm, TINY)
         across = across * self.scale[:, None, None] * scale
         flat = across.reshape(len(self), scale.size)
@@ -97,7 +96,8 @@ class ColumnSpace:
         H = _ridged(self.H, RIDGE + damping)
         if bounds is None:
             return np.asarray(np.linalg.solve(H, self.gradient), dtype=np.float64) * self.scale
-        return bounded_solution(H, self.gradient, *bounds / self.scale, COMPILED) * self.scale
+        lower, upper = bounds / self.scale
+        return bounded_solution(H, self.gradient, lower, upper, COMPILED) * self.scale
 
     def reduction(self, x: Array) -> float:
         """Return the reduction of the squared residual |e|^2 by the coefficients x (k,)."""
