@@ -4,6 +4,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from glob import escape, glob
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Annotated, Literal
@@ -111,11 +112,20 @@ def names_in(text: str | None) -> tuple[str, ...] | None:
 
 
 def complete_rig(incomplete: str) -> list[str]:
-    """Return the completions of a rig option: built-in rigs and rig files. If there is none, shells complete paths."""
+    """Return the completions of a rig option: built-in rigs, rig files and folders.
+
+    Shells end a single completion with a blank, so a single folder is completed together with its content.
+    """
     from dpr_lab.configs import built_in
 
-    files = [str(path) for path in Path().glob(f"{incomplete}*.toml")]
-    return [name for name in built_in("rigs") if name.startswith(incomplete)] + files
+    paths = sorted(glob(f"{escape(incomplete)}*"))
+    folders = [f"{path}/" for path in paths if Path(path).is_dir()]
+    files = [path for path in paths if path.endswith(".toml")]
+    matching = [*(name for name in built_in("rigs") if name.startswith(incomplete)), *files, *folders]
+    if len(matching) > 1 or not folders:
+        return matching
+    inner = complete_rig(folders[0])
+    return [*folders, *inner] if inner else []
 
 
 SEARCHES = Choices("search", "dpr_lab.search:ALGORITHMS", "dpr_lab.search:search_words")

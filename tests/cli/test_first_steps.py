@@ -83,12 +83,17 @@ def test_choices_are_completed() -> None:
     assert complete_rig("pap") == ["paper"]
 
 
-def test_a_folder_is_left_to_the_completion_of_paths(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rig_files_and_folders_are_completed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rigs").mkdir()
-    assert complete_rig("ri") == []  # a completed word would end with a blank instead of a slash
+    assert complete_rig("ri") == []  # a single completion would end with a blank, so the shell completes the path
     (tmp_path / "rigs" / "bench.toml").touch()
+    assert complete_rig("ri") == ["rigs/", "rigs/bench.toml"]
     assert complete_rig("rigs/be") == ["rigs/bench.toml"]
+    (tmp_path / "rig_a.toml").touch()
+    assert complete_rig("ri") == ["rig_a.toml", "rigs/"]
+    assert complete_rig("") == [*built_in("rigs"), "rig_a.toml", "rigs/"]
+    assert complete_rig(f"{tmp_path}/rigs/b") == [f"{tmp_path}/rigs/bench.toml"]
 
 
 def test_help_names_every_search(cli) -> None:

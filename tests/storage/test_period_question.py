@@ -1,6 +1,7 @@
 """A column whose motion shows that it is not the angle of the rod, or that its unit is another one."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -108,23 +109,35 @@ HELD = 24.3 + 1.2 * np.sin(0.9 * T) + 0.3 * np.sin(2.1 * T)
 """A rod that a controller holds at an angle, degrees."""
 
 
+def asked_for_degrees(folder: Path, rig: Rig, readings: np.ndarray, options: ImportOptions, name: str) -> list[str]:
+    read = understand(table(folder, f"t,{name}", T, readings), rig, replace(options, keep_rest=True))
+    return [question.sentence for question in read.questions if question.sentence.startswith("as an angle in rad")]
+
+
+@pytest.mark.parametrize("readings", [HELD, 24 + 4 * np.sin(0.9 * T), 24 + 8 * np.sin(7 * T) * np.exp(-T / 8)])
+def test_degrees_without_a_stated_unit_are_noticed_although_a_drive_moves_the_rod(
+    tmp_path: Path, one: Rig, readings: np.ndarray
+) -> None:
+    (sentence,) = asked_for_degrees(tmp_path, one, readings, ImportOptions(), "theta1")
+    turns = readings.min() / (2 * np.pi)
+    assert f"theta1 stays at least {turns:.3g} turns from the zero" in sentence
+    assert "is it in degrees (--unit deg)?" in sentence
+
+
 @pytest.mark.parametrize(
-    ("column", "readings", "reason"),
+    ("readings", "options", "name"),
     [
-        ("theta1", np.round(HELD / (360 / 4096)) * 360 / 4096, "has steps of 0.088 rad, only 71 per turn"),
-        (
-            "theta1",
-            HELD,
-            f"makes no turn, but stays at least {HELD.min() / (2 * np.pi):.3g} turns from the zero",
-        ),
-        ("theta1_rad", HELD, ""),
-        ("theta1", np.linspace(0.0, 80.0, len(T)), ""),  # a rod that turns fast
-        ("theta1", np.round(np.radians(HELD) / 0.02) * 0.02, ""),
+        (HELD, ImportOptions(), "theta1_rad"),
+        (HELD, ImportOptions(unit="rad"), "theta1"),
+        (HELD, ImportOptions(scale={"theta1": -1.0}), "theta1"),
+        (np.round(np.radians(HELD) / 0.02) * 0.02, ImportOptions(), "theta1"),
+        (np.linspace(0.0, 80.0, len(T)), ImportOptions(), "theta1"),  # a rod that turns fast
+        (np.round(swing(1.0), 1), ImportOptions(zero="hanging"), "theta1"),
+        (swing(0.8) + 4 * np.pi, ImportOptions(zero="hanging"), "theta1"),  # an encoder of several turns
+        (np.round(swing(0.8) + 5 * np.pi, 1), ImportOptions(), "theta1"),
     ],
 )
-def test_degrees_without_a_stated_unit_are_noticed_although_a_drive_holds_the_rod(
-    tmp_path: Path, one: Rig, column: str, readings: np.ndarray, reason: str
+def test_radians_are_not_taken_for_degrees(
+    tmp_path: Path, one: Rig, readings: np.ndarray, options: ImportOptions, name: str
 ) -> None:
-    read = understand(table(tmp_path, f"t,{column}", T, readings), one, ImportOptions(keep_rest=True))
-    sentences = [question.sentence for question in read.questions if question.sentence.startswith("as an angle in rad")]
-    assert sentences == ([f"as an angle in rad, theta1 {reason}: is it in degrees (--unit deg)?"] if reason else [])
+    assert not asked_for_degrees(tmp_path, one, readings, options, name)

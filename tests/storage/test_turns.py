@@ -35,3 +35,9 @@ def test_wrapped_turns_are_reported_with_their_options(tmp_path: Path, period: f
 @pytest.mark.parametrize("swing", [np.sin(6.0 * T), 0.99 * np.sign(np.sin(T)), wrapped(2 * np.pi)])
 def test_angles_in_radians_get_no_note(swing: np.ndarray) -> None:
     assert turn_notes({"theta1": swing}) == []
+
+
+@pytest.mark.parametrize("period", [1.0, 2.0])
+def test_wraps_of_a_fast_rod_are_reported(period: float) -> None:
+    turns = 0.31 * np.arange(40) + 0.05 * np.sin(np.arange(40))
+    assert turn_notes({"theta1": (turns * period) % period - period / 2})

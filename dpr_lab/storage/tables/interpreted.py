@@ -122,6 +122,8 @@ class InterpretedTable:
     """Times at which the header is repeated, in a table whose times follow from the rate, s."""
     every: int = 1
     """Number of frames per row, if a column of such a table counts the frames."""
+    unit_stated: bool = False
+    """Whether the options state the unit or a scale of the angles."""
 
     @property
     def arm_moves(self) -> bool:

@@ -62,8 +62,8 @@ class Plausible:
     free rod whose zero is correct, and near 1 if hanging and upright are exchanged."""
     turns: tuple[tuple[float, str], ...] = ((1.0, "turns"), (2.0, "half turns"))
     """Periods at which angles in turns and in half turns wrap, and their units."""
-    wrapped: tuple[float, float, int] = (0.4, 0.8, 3)
-    """Maximum step of a rod and minimum step of a wrap, in periods, and minimum number of wraps."""
+    wrapped: tuple[float, int] = (0.4, 3)
+    """Maximum step of a rod, in periods, and minimum number of wraps. A wrap shortens the period by such a step."""
     whole: float = 1e-6
     """Maximum difference from integers for which the steps of an angle count as integers."""
     typical_rows: int = 20_000
@@ -178,7 +178,8 @@ def wrap_notes(angles: Mapping[str, Array]) -> list[str]:
 
 def turn_notes(angles: Mapping[str, Array]) -> list[str]:
     """Return a note if angles (n,) in radians wrap like turns from 0 to 1, or half turns from -1 to 1."""
-    step, leap, fewest = PLAUSIBLE.wrapped
+    step, fewest = PLAUSIBLE.wrapped
+    leap = 1 - step
     for axis, x in angles.items():
         steps = np.abs(np.diff(x))
         for period, unit in PLAUSIBLE.turns:

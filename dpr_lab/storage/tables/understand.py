@@ -70,6 +70,7 @@ def understand(
     columns = find_columns(table, stated, options)
     recorded = [name for name, column in table.named if name != NO_ROD and not np.isnan(column).all()]
     table = rows_of_angles(table, [name for axis, name in columns.names.items() if axis != "t" and name != NO_ROD])
+    unit_stated = options.unit is not None or not options.scale.keys().isdisjoint(AXES)
     options = replace(options, unit=columns.unit, time_unit=columns.time_unit)
     options = stated_arm(rig, options, path, columns.names, recorded)
     _refuse_conventions(table, options)
@@ -105,7 +106,8 @@ def understand(
     cart = None if cart is None or not np.isfinite(cart[rows]).all() else cart[rows]
     recorded_at, note = table.recorded_at, "".join(of_cart)
     read = _Rows(path, rows, t, values, torques, named, options, ignored, drive, midnight, recorded_at, cart, note)
-    read = replace(read, sections=sections, frames=("", 1) if timed else counted_frames(table))
+    frames = ("", 1) if timed else counted_frames(table)
+    read = replace(read, sections=sections, frames=frames, unit_stated=unit_stated)
     understood = replace(_understood(read, notes, rig, table.kind, inputs.pairs), film_noise=table.film_noise)
     return _at_edges(understood, rig)
 
@@ -158,6 +160,8 @@ class _Rows:
     """Times at which the header is repeated, in a table without times, s."""
     frames: tuple[str, int] = ("", 1)
     """Column that counts the frames of a table without times, and its step from row to row."""
+    unit_stated: bool = False
+    """Whether the options state the unit or a scale of the angles."""
 
 
 def _ignored(
@@ -200,7 +204,7 @@ def _understood(
         path, rig, options, read.columns, time, mounted, read.values, part, driven, pair, read.ignored, read.drive
     )
     name, every = read.frames
-    table = replace(table, sections=read.sections, every=every)
+    table = replace(table, sections=read.sections, every=every, unit_stated=read.unit_stated)
     doubts = questions(table)
     if options.rate_hz and every > 1 and not any(_RATE.search(doubt.sentence) for doubt in doubts):
         notes.append(frame_step_note(name, every, options.rate_hz))

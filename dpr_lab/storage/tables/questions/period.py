@@ -1,7 +1,7 @@
 """Warn if a column is probably not an angle, or an angle in another unit.
 
 The evidence is how the period of a single rod depends on the amplitude, the torque balance of two rods, or the
-resolution of the readings.
+distance of a driven rod from its zero.
 """
 
 from dataclasses import dataclass, replace
@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from dpr_lab.arrays import Array
+from dpr_lab.identification.misread.balance import energy_fit, energy_zeros
 from dpr_lab.identification.misread.torque_balance import torque_balance
 from dpr_lab.shown import percent
 from dpr_lab.storage.tables.columns import AXES, TO_RADIANS
@@ -41,14 +42,11 @@ class PeriodSettings:
     significant: float = 25.0
     """Minimum difference between the sums of squares at the scale 1 and at the best scale, in units of the variance of
     a period. 25 corresponds to 5 standard deviations."""
-    coarse_rad: float = 0.05
-    """Smallest step of readings in rad for a warning. It is 126 per turn, fewer than encoders, potentiometers and films
-    resolve; as degrees, it is 7200 per turn."""
-    distinct: int = 10
-    """Minimum number of different readings for this warning. Half of them must occur repeatedly, because a fast rod
-    also makes large steps from row to row."""
     far_turns: float = 1.5
-    """Minimum distance of all readings of a rod that makes no turn from the zero, in turns, for a warning."""
+    """Minimum distance of all readings of a rod from the zero, in turns, for a warning."""
+    driven: float = 0.7
+    """Minimum energy residual with the best zeros for this warning. It is at most 0.5 for simulated free swings with
+    readings rounded to 0.1 rad, and at least 0.8 for degrees of a driven rod that are read as radians."""
     means: int = 5
     """Number of steps of the arithmetic-geometric mean. Each step doubles the number of correct digits."""
 
@@ -146,22 +144,31 @@ def small_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def degree_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about readings without a stated unit that are too coarse, or too far from the zero, for radians."""
-    if table.options.unit != "rad" or (words := unit_words(table))[0] != "--unit":
+    """Warn about driven rods whose readings without a stated unit are too far from the zero for radians."""
+    if (
+        table.options.unit != "rad"
+        or table.unit_stated
+        or table.prescribed
+        or (words := unit_words(table))[0] != "--unit"
+    ):
         return []
     for axis in AXES[1 : 1 + table.rig.rods.number]:
-        readings, times = np.unique(np.round(table.values[axis], 6), return_counts=True)
-        if len(readings) < SETTINGS.distinct or np.array_equal(readings, np.round(readings)):
-            continue  # `odd_notes` warns of whole numbers
-        step, nearest = float(np.diff(readings).min()), float(np.abs(readings).min()) / (2 * np.pi)
-        reason = ""
-        if step > SETTINGS.coarse_rad and np.mean(times > 1) >= 0.5:
-            reason = f"has steps of {step:.2g} rad, only {2 * np.pi / step:.0f} per turn"
-        elif nearest > SETTINGS.far_turns and np.ptp(readings) < 2 * np.pi:
-            reason = f"makes no turn, but stays at least {nearest:.3g} turns from the zero"
-        if reason:
-            return [TableQuestion(f"as an angle in rad, {axis} {reason}: is it in degrees ({' '.join(words)})?")]
+        x = table.values[axis]
+        nearest = float(np.abs(x).min()) / (2 * np.pi)
+        whole = np.array_equal(x, np.round(x))  # `odd_notes` warns of whole numbers
+        if nearest > SETTINGS.far_turns and np.ptp(x) < abs(x.mean()) and not whole and _is_driven(table):
+            sentence = f"as an angle in rad, {axis} stays at least {nearest:.3g} turns from the zero, and gravity does"
+            return [TableQuestion(f"{sentence} not explain its motion: is it in degrees ({' '.join(words)})?")]
     return []
+
+
+def _is_driven(table: InterpretedTable) -> bool:
+    """Check whether gravity, friction and known torques explain little of the energy, even with other zeros."""
+    read = table.beginning()
+    rods = read.theta[:, 1:]
+    zeros = energy_zeros(read.t, rods, read.rig) or (0.0, 0.0)
+    fit = energy_fit(read.t, rods + zeros, read.torques, read.rig)
+    return fit is None or fit.residual > SETTINGS.driven
 
 
 def _residual_of_radians(table: InterpretedTable) -> float:
