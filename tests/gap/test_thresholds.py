@@ -166,7 +166,8 @@ def test_a_curve_follows_a_small_remainder_unless_it_is_significant(excess: floa
     simple = fitted(excess, cost=2_000.0)
     curved = replace(fitted(0.0, (CURVE,), cost=2_000.0 - gain), curves={CURVE: 0.05})
     assert curve_follows_remainder(BARE, curved, simple) is follows
-    assert not curve_follows_remainder(BARE, replace(curved, priors={CURVE: 1.6}), simple)  # more probable
+    assert not curve_follows_remainder(BARE, replace(curved, priors={CURVE: 5.1}), simple)  # much more probable
+    assert curve_follows_remainder(BARE, replace(curved, priors={CURVE: 4.9}), simple) is follows
     assert not curve_follows_remainder(BARE, curved, fitted(excess, (), cost=2_000.0))
     assert not curve_follows_remainder(BARE, curved, replace(simple, effects=(CURVE,)))
     assert not curve_follows_remainder(BARE, curved, fitted(10_001.0, cost=2_000.0))  # larger than the noise

@@ -17,12 +17,12 @@ def curve_follows_remainder(bare: Hypothesis, with_curve: Hypothesis, simple: Hy
     """Return whether a curve only fits the small remainder of unknown causes.
 
     This is so under three conditions: the simpler set explains nearly as much, its remainder is below the noise, and
-    the curve is not significant if this remainder counts as noise. A set with larger prior odds is exempt.
+    the curve is not significant if this remainder counts as noise. A set with far larger prior odds is exempt.
     """
     curves = set(with_curve.curves) - simple.key
     if not curves or not simple.effects or simple.residuals.noise_ratio > 1.0:
         return False
-    if log_prior_ratio(with_curve, simple) > math.log(THRESHOLDS.tie):
+    if log_prior_ratio(with_curve, simple) > math.log(THRESHOLDS.likelier):
         return False
     insignificant = simple.cost - with_curve.cost_at(simple.inflation) < simple.chance
     return insignificant and explained(bare, simple) >= THRESHOLDS.simpler_share * explained(bare, with_curve)
