@@ -19,7 +19,7 @@ from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
 from dpr_lab.gap.which.replacements import LARGER_PRIOR, SEVERAL_CAUSES
 from dpr_lab.gap.which.restarts import escaped
-from dpr_lab.gap.which.search import Proposal, SearchState, apply_move
+from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply_move
 from tests.background_rigs import law, recordings
 
 SCALE, COGGING, LENGTH, FRICTION = "encoder_scale_joint1", "detent_joint1", "wrong_length_L1", "coulomb_joint1"
@@ -271,3 +271,29 @@ def test_a_revision_that_ends_with_more_parameters_must_reduce_the_criterion(
     monkeypatch.setattr(select, "indifference", lambda *_: 30.0)
     monkeypatch.setattr("dpr_lab.gap.which.search._caveat", lambda _: "")
     assert (select._revised(state).current is after) is kept
+
+
+def test_after_the_last_revision_the_more_probable_form_is_named_and_its_fit_converges(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The revision itself returns to the richer form, because its criterion is lower."""
+    richer, simple, converged = (
+        replace(stated(cost, parameters, name), priors={name: 1.0})
+        for cost, parameters, name in ((400.0, 4, HYSTERESIS), (430.0, 3, FRICTION), (420.0, 3, FRICTION))
+    )
+
+    def to(*models: Hypothesis) -> Move:
+        return Move("", "", lambda *_: [Proposal(model) for model in models], lambda *_: Decision(True, ""))
+
+    stand_ins = {"REFINE": (), "REVISIONS": ((to(simple), (to(richer),)),), "HELD_OUT": to()}
+    stand_ins |= {"LARGER_PRIOR": to(simple), "CONVERGE": to(converged), "_selection": lambda state, _: state}
+    for name, stand_in in stand_ins.items():
+        monkeypatch.setattr(select, name, stand_in)
+    monkeypatch.setattr(select, "_better_bare_model", lambda *_: None)
+    monkeypatch.setattr("dpr_lab.gap.which.search._caveat", lambda _: "")
+    sets = SimpleNamespace(
+        bare=stated(1e6, 2), problem=None, copied=lambda: sets, unexpected=lambda model: model.effects
+    )
+    state: Any = select.refined(SearchState(richer, cast("FittedSets", sets), 4))
+    assert [step.tried for step in state.trace] == [[FRICTION], [HYSTERESIS], [FRICTION], [FRICTION]]
+    assert state.current is converged
