@@ -67,8 +67,7 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
     for remaining in range(max_effects - len(sets.unexpected(start)), 0, -1):
         if not (to_floor and front == [start]) and no_effects_reach_noise(sets, best):
             return
-        last = remaining == 1
-        ranked = _next_level(sets, best, front, max_effects, decisive=last_rejected or last, last=last)
+        ranked = _next_level(sets, best, front, max_effects, last=last_rejected or remaining == 1)
         if not ranked:
             return
         largest = ranked[0]
@@ -85,12 +84,12 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
 
 
 def _next_level(
-    sets: FittedSets, best: Hypothesis, front: Sequence[Hypothesis], max_effects: int, *, decisive: bool, last: bool
+    sets: FittedSets, best: Hypothesis, front: Sequence[Hypothesis], max_effects: int, *, last: bool
 ) -> list[Hypothesis]:
     """Extend each set of `front` by one effect or two losses; return the larger sets, best first."""
     level: dict[frozenset[str], Hypothesis] = {}
     for model in front:
-        level = _with_one_more(sets, best, model, level, decisive=decisive, last=last)
+        level = _with_one_more(sets, best, model, level, last=last)
         if len(sets.unexpected(model)) + 2 <= max_effects and (pair := _with_two_losses(sets, model)):
             level[pair.key] = pair
     ranked = _ranked(sets, best, level.values())
@@ -115,7 +114,6 @@ def _with_one_more(
     model: Hypothesis,
     level: Mapping[frozenset[str], Hypothesis],
     *,
-    decisive: bool,
     last: bool,
 ) -> dict[frozenset[str], Hypothesis]:
     """Extend a set by one promising effect at a time; return the extended level.
@@ -128,15 +126,14 @@ def _with_one_more(
         best: best smaller set
         model: set that is extended
         level: sets of the next larger size so far
-        decisive: whether the search ends after this level unless it accepts a set
-        last: whether the search ends after this level in any case
+        last: whether the search ends after this level unless it accepts a set
     """
     extended, least = dict(level), 0.0
     for score in _candidates(model, sets.test(model)):
         if score.gain <= least:
             continue
         reached = model.bounded_excess - BEAM.exceeded * score.gain
-        if reached > _deciding_excess(sets, best, model, list(extended.values()), decisive, last):
+        if reached > _deciding_excess(sets, best, model, list(extended.values()), last):
             continue
         larger = sets.with_one(model, score)
         if larger.at_noise_floor:
@@ -167,12 +164,11 @@ def _nearly_equal(score: Score, other: Score) -> bool:
 
 
 def _deciding_excess(
-    sets: FittedSets, best: Hypothesis, model: Hypothesis, level: Sequence[Hypothesis], decisive: bool, last: bool
+    sets: FittedSets, best: Hypothesis, model: Hypothesis, level: Sequence[Hypothesis], last: bool
 ) -> float:
     """Return the largest excess at which a further extension of `model` could be extended or accepted.
 
-    Near the noise, an extension with fewer parameters than a fitted set may have a larger excess at the same cost. A
-    set of the last level that still refutes the noise of known torques would be discarded (`no_effects_reach_noise`).
+    Near the noise, an extension with fewer parameters than a fitted set may have a larger excess at the same cost.
     """
 
     def excess(other: Hypothesis) -> float:
@@ -181,12 +177,9 @@ def _deciding_excess(
 
     sound = sorted((m for m in level if not any(_doubts(sets, best, level, m))), key=lambda model: model.cost)
     ahead = [*sound[:1], *_runners_up(sets, sound[0], sound[1:])] if sound else []
-    if decisive:
+    if last:
         noise = THRESHOLDS.noise_floor * model.residuals.uncertainty
-        limits = [most_excess(sets.bare, best), *map(excess, ahead[:1])]
-        if last and refutes_torque_noise(sets.problem, best):
-            limits.append((THRESHOLDS.far - model.residuals.level) * model.residuals.dof)
-        return max(noise, min(limits))
+        return max(noise, min([most_excess(sets.bare, best), *map(excess, ahead[:1])]))
     if len(ahead) == BEAM.sets:
         return excess(ahead[-1])
     return BEAM.worse * min(map(excess, ahead), default=np.inf)
