@@ -148,6 +148,22 @@ def test_strong_air_drag_is_not_attributed_to_a_hand_or_a_drive(tmp_path: Path, 
     assert understand(file, one, HANGING).questions == ()
 
 
+def test_the_part_without_a_drive_is_named_despite_strong_air_drag(tmp_path: Path, one: Rig) -> None:
+    """With viscous friction alone, the part after the drive has a residual between both limits of the question."""
+
+    def rates(t: float, state: np.ndarray) -> list[float]:
+        drive = 2.0 * state[1] if t < 3.0 else 0.0
+        return [state[1], -9.81 / 0.3 * math.sin(state[0]) - 0.7 * abs(state[1]) * state[1] + drive]
+
+    t = np.arange(0, 10, 1 / RATE_HZ)
+    angles = solve_ivp(rates, (0, t[-1]), [1.0, 0.0], t_eval=t, rtol=1e-6, max_step=0.02).y[0]
+    file = table(tmp_path, "t,theta1", t, angles + np.random.default_rng(4).normal(0, 1e-3, len(t)))
+    (question,) = understand(file, one, HANGING).questions
+    begins = re.match(r"use only the swing from ([\d.]+) s on", question.sentence)
+    assert begins
+    assert 3.0 < float(begins[1]) < 3.5
+
+
 @pytest.mark.parametrize("noise", [2e-3, 0.02])
 def test_noise_is_no_second_swing(noise: float, tmp_path: Path, one: Rig) -> None:
     assert doubts(tmp_path, one, swing(0.4, noise=noise)) == []

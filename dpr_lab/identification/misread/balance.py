@@ -172,24 +172,26 @@ def residual_near(
     rig: Rig,
     zero_error_rad: float = ENERGY.zero_error_rad,
     loops: Loops | None = None,
+    *,
+    limit: float | None = None,
 ) -> float:
     """Compute the residual of `energy_fit` after a small correction of the zeros.
 
     The result is infinite if the motion is too small. An error delta of a zero changes the potential energy of a small
     swing of amplitude A by the fraction delta / A. Both zeros are therefore moved towards the zeros with the smallest
     residual, by at most `zero_error_rad`. The residual is computed with short and with long windows. The smaller
-    residual is returned, so that the noise of the readings has little influence. If it is evidence of another force,
-    air drag is tried in place of viscous friction.
+    residual is returned, so that the noise of the readings has little influence. If it exceeds `limit`, air drag is
+    tried in place of viscous friction; None: the limit for evidence of another force.
 
     `loops` is the compiled form of the bounded least squares; None: plain Python.
     """
-    least = math.inf
+    least, limit = math.inf, ENERGY.unexplained[torques is not None] if limit is None else limit
     for law in get_args(Law):
         for covariance in _balances(t, rods, torques, rig, law):
             residual = partial(_residual, covariance, loops=loops)
             added = best_zeros(residual, rig, nearest=True)
             least = min(least, residual(np.clip(added, -zero_error_rad, zero_error_rad)))
-        if least <= ENERGY.unexplained[torques is not None]:
+        if least <= limit:
             break
     return least
 

@@ -126,18 +126,18 @@ def _explained_part(table: InterpretedTable) -> str:
     t, rods = table.t[rows], table.theta[rows, 1:]
     duration_s, period = t[-1] - t[0], periods(table.rig)[0]
 
-    def residual(cut: float, later: bool) -> float:
+    def residual(cut: float, later: bool, limit: float = 0.0) -> float:
         samples = t >= t[0] + cut if later else t <= t[-1] - cut
-        return residual_near(t[samples], rods[samples], None, table.rig)
+        return residual_near(t[samples], rods[samples], None, table.rig, limit=limit)
 
     cuts = np.linspace(0, 0.5, 9) * duration_s
     parts = pairwise(cuts[cuts <= duration_s - period][1:]) if table.free else ()
     for (cut, longest), later in product(parts, (True, False)):
-        if residual(cut, later) > READ.sure:
+        if residual(cut, later, READ.sure) > READ.sure:
             continue
         limit = READ.alike * residual(longest, later)  # a remainder of the drive exceeds it
         finer = np.linspace(cut - cuts[1], longest, 33)
-        clear = finer[bisect_left(finer, True, hi=32, key=lambda shorter: residual(shorter, later) <= limit)]
+        clear = finer[bisect_left(finer, True, hi=32, key=lambda shorter: residual(shorter, later, limit) <= limit)]
         safe = min(clear + period / 2, longest)
         if later:
             begins = f"{round(t[np.searchsorted(t, t[0] + safe)] + before, 2):g}"
