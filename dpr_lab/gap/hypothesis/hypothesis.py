@@ -14,7 +14,7 @@ from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import folds, predictive_loss
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics, residual_statistics
-from dpr_lab.gap.hypothesis.size_prior import fitted_prior
+from dpr_lab.gap.hypothesis.size_prior import fitted_prior, gravity_torques
 from dpr_lab.gap.hypothesis.swing_lines import on_swing_line, one_decay
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 
@@ -127,7 +127,8 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
     harmonic_vibrations = frozenset(name for name in names if on_swing_line(problem, name, fitted.estimate))
     drifts = frozenset(names) & {effect.name for effect in FRICTION_DRIFT} if one_decay(problem) else frozenset[str]()
     cost = {"inflation": residuals.inflation, "penalty": PENALTY.parameter}
-    priors = {name: fitted_prior(fitted, name, limits, problem.model.constants, **cost) for name in names}
+    gravity, constants = gravity_torques(problem, fitted.estimate), problem.model.constants
+    priors = {name: fitted_prior(fitted, name, gravity, constants, **cost) for name in names}
     return Hypothesis(names, fitted, residuals, loss, sizes, harmonic_vibrations, drifts, priors)
 
 

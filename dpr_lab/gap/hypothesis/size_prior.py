@@ -10,18 +10,22 @@ Most springs are linear. A spring therefore has the weight of its simplest form 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain, combinations
 
 import numpy as np
 
 from dpr_lab.arrays import Array
+from dpr_lab.dynamics.base import base_of_run
 from dpr_lab.effects import EFFECTS, param_index, plausibility
 from dpr_lab.effects.encoder_scale import ENCODER_SCALE, usual_counts
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.effects.spring import SPRING
 from dpr_lab.fitting.covariance import considered
+from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 
 
@@ -29,13 +33,11 @@ from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 class SizePrior:
     """Prior of the sizes of springs and scale errors."""
 
-    spring: float = 7e-4
-    """Scale of an amplitude of a weak spring, as a fraction of its limit.
-
-    On one rod, this spring imitates a scale error of the size `tolerance`.
-    """
     tolerance: float = 5e-3
-    """Largest relative error of a scale that counts as a tolerance."""
+    """Largest relative error of a scale that counts as a tolerance.
+
+    On one rod, a spring of twice this fraction of the gravity torque imitates it. This is the scale of weak springs.
+    """
     other_encoder: float = 0.5
     """Prior weight of the scale of another common encoder, relative to a tolerance."""
     arbitrary: float = 0.03
@@ -48,29 +50,38 @@ SCALES, SPRINGS = (tuple(effect.name for effect in pair) for pair in (ENCODER_SC
 """Names of the scale errors and of the springs of joints 1 and 2."""
 
 
-def size_prior(params: Array, effect: str, limits: Array | None, constants: RigConstants) -> float:
+def gravity_torques(problem: Problem, estimate: Estimate) -> tuple[float, float]:
+    """Return the largest gravity torques of the mounted rods about joints 1 and 2, N m."""
+    constants = problem.model.constants
+    setups = set(problem.segments.setups)
+    bases = np.abs([base_of_run(estimate.whole, setup, constants.L1, constants.g) for setup in setups])
+    _, _, d, e1, _, _ = bases.T
+    e2 = d * constants.g / constants.L1
+    return float(np.max(e1 + e2)), float(np.max(e2))
+
+
+def size_prior(params: Array, effect: str, gravity: Sequence[float], constants: RigConstants) -> float:
     """Return the prior weight of an effect with its fitted size on one rig.
 
     Args:
         params: (SIZE,) parameters of all effects
         effect: name of the effect
-        limits: (SIZE,) maximum sizes on the rig; None: no limits
+        gravity: gravity torques about joints 1 and 2, N m
         constants: encoders of the rig
     """
     if effect in SCALES:
         counts = (constants.counts_per_rev1, constants.counts_per_rev2)[SCALES.index(effect)]
         return EFFECTS[effect].prior_odds * _scale(float(params[param_index(effect, "excess")]), counts)
-    if effect in SPRINGS and limits is not None:
-        params = params.copy()
+    if effect in SPRINGS:
+        params, weak = params.copy(), 2.0 * SIZE_PRIOR.tolerance * gravity[SPRINGS.index(effect)]
         for amplitude in EFFECTS[effect].amplitudes:
-            place = param_index(effect, amplitude.name)
-            params[place] *= min(amplitude.prior_scale / (SIZE_PRIOR.spring * limits[place]), 1.0)
+            params[param_index(effect, amplitude.name)] /= max(1.0, weak / amplitude.prior_scale)
         return max(plausibility(params, effect), EFFECTS[effect].prior_odds * SIZE_PRIOR.arbitrary)
     return plausibility(params, effect)
 
 
 def fitted_prior(
-    fit: Fit, effect: str, limits: Array | None, constants: RigConstants, *, inflation: float, penalty: float
+    fit: Fit, effect: str, gravity: Sequence[float], constants: RigConstants, *, inflation: float, penalty: float
 ) -> float:
     """Return the prior weight of a fitted effect; a spring has that of its best form without needless amplitudes.
 
@@ -80,13 +91,13 @@ def fitted_prior(
     Args:
         fit: fit of the set with the effect
         effect: name of the effect
-        limits: (SIZE,) maximum sizes on the rig; None: no limits
+        gravity: gravity torques about joints 1 and 2, N m
         constants: encoders of the rig
         inflation: variance inflation of the fit
         penalty: penalty of an amplitude, in chi2 of independent readings
     """
     params = fit.estimate.params
-    weight = size_prior(params, effect, limits, constants)
+    weight = size_prior(params, effect, gravity, constants)
     free = {parameter.name: i for i, parameter in enumerate(fit.free) if parameter.effect == effect}
     if effect not in SPRINGS or (stiffness := EFFECTS[effect].adds) not in free:
         return weight
@@ -99,8 +110,8 @@ def fitted_prior(
         simpler[param_index(effect, stiffness)] -= covariance[k, rows] @ moved
         at_bound = any(covariance[row, row] == 0.0 != values[row] for row in rows)
         if simpler[param_index(effect, stiffness)] > 0.0 and not at_bound:
-            saved = (penalty * len(rows) - values[rows] @ moved) / CALIBRATION.unit(1.0)
-            weight = max(weight, size_prior(simpler, effect, limits, constants) * math.exp(saved))
+            saved = (penalty * len(rows) - max(values[rows] @ moved, 0.0)) / CALIBRATION.unit(1.0)
+            weight = max(weight, size_prior(simpler, effect, gravity, constants) * math.exp(saved))
     return weight
 
 
