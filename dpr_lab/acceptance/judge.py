@@ -35,7 +35,9 @@ from dpr_lab.acceptance.friction import inaccurate_speeds, largest_estimate, lar
 from dpr_lab.acceptance.limits import Limits, free_run_quantity, friction_quantity
 from dpr_lab.acceptance.median_error import median90, what_decides
 from dpr_lab.acceptance.scale import open_by_scale, with_scale
+from dpr_lab.dynamics.base import GAINS
 from dpr_lab.effects import EFFECTS
+from dpr_lab.effects.torque_scale import TORQUE_SCALE_JOINT0
 from dpr_lab.gap.evidence.joint_friction import laws_of
 from dpr_lab.gap.result.causes import UNTESTED, NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -336,10 +338,17 @@ def _confused(diagnosis: Diagnosis, effect: str) -> str:
 def _undetermined(diagnosis: Diagnosis, ratio: str) -> str:
     """Return the reason why the recordings do not determine a ratio; empty for a determined ratio.
 
-    For example, recordings of one rod alone determine only some ratios.
+    For example, recordings of one rod alone determine only some ratios. A gain is not fitted if rods and drive were
+    measured; the error of the torques is tested instead.
     """
-    stated = diagnosis.stated_ratios
-    return "" if ratio in stated else f"these recordings determine {listed(list(stated))}, not {ratio}"
+    stated, error = diagnosis.stated_ratios, TORQUE_SCALE_JOINT0.name
+    if ratio in stated:
+        return ""
+    tested = {named.name for named in diagnosis.effects}
+    tested |= {row.effect for row in (diagnosis.evidence.exclusions if diagnosis.evidence else ())}
+    fixed = any(ratio == gain.format(letter) for gain in GAINS.values() for letter in "ab") and error in tested
+    instead = f"; the rig file contains measured values of rods and drive: limit {error} instead" if fixed else ""
+    return f"these recordings determine {listed(list(stated))}, not {ratio}{instead}"
 
 
 def _doubted(named: NamedEffect) -> str:

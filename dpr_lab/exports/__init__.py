@@ -16,7 +16,7 @@ from dpr_lab.exports.bodies import in_words, left_out
 from dpr_lab.exports.fmu import fmu
 from dpr_lab.exports.programs import Program, in_fmu, in_mujoco, in_python, in_sdf, in_urdf
 from dpr_lab.exports.python_module import python_module
-from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
+from dpr_lab.identification.moving_arm.model import AnyModel
 from dpr_lab.plugins.rows import plugin_rows
 from dpr_lab.rig import Rig
 
@@ -51,8 +51,7 @@ class ExportFormat:
     ) -> dict[str, str | bytes]:
         """Generate the files of the export; the result maps file names to contents.
 
-        If effects are lost, a JSON file contains the reasons. Negative friction of a moving-arm model is written as
-        zero.
+        If effects are lost, a JSON file contains the reasons.
 
         Args:
             model: the model to write
@@ -61,7 +60,6 @@ class ExportFormat:
             check: loss of accuracy, for the JSON file
         """
         lost = self.lost(model, rig) if lost is None else lost
-        model = model.without_negative_friction() if isinstance(model, MovingArmModel) else model
         document = {"lost": dict(lost), "check": check}
         losses = {f"{self.main}.lost.json": json.dumps(document, ensure_ascii=False, indent=1) + "\n"} if lost else {}
         return dict(self.files(model, rig, lost)) | losses

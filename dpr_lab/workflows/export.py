@@ -85,12 +85,7 @@ def export(
     refuse_unknown(formats, FORMATS, "format")
     check_folder_writable(out)
     rig = load_rig(rig_name)
-    model = model_to_export(model_path, rig)
-    if isinstance(model, MovingArmModel):
-        for name in model.negative_friction:
-            on_event(
-                Warned(f"{name}: the estimate is negative; the files contain zero, because it would supply energy")
-            )
+    model = model_to_write(model_path, rig, on_event)
     runs = read_runs(check, rig, on_event, torque=torque, moving=isinstance(model, MovingArmModel))
     warn_of_one_rod(model, rig, on_event)
     for run in runs:
@@ -155,7 +150,22 @@ def model_to_export(file: Path, rig: "Rig") -> "AnyModel":
         return model.scaled_ratios()
     if (model.rig.name, model.rig.L1, model.mounted) != (rig.name, rig.L1, rig.rods.mounted):
         raise RunError(f"{file}: is a model of rig {model.rig.name} with other rods or lengths than {rig.name}")
-    return model.with_arm_effects()
+    return model
+
+
+def model_to_write(file: Path, rig: "Rig", on_event: OnEvent) -> "AnyModel":
+    """Read a model as `model_to_export` does, with the friction and the spring of its arm as effects.
+
+    Negative friction is set to zero with a warning, because some programs refuse it.
+    """
+    from dpr_lab.identification.moving_arm.model import MovingArmModel
+
+    model = model_to_export(file, rig)
+    if not isinstance(model, MovingArmModel):
+        return model
+    for name in model.negative_friction:
+        on_event(Warned(f"{name}: the estimate is negative; the files contain zero, because it would supply energy"))
+    return model.without_negative_friction().with_arm_effects()
 
 
 def _checked(

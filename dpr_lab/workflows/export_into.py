@@ -57,7 +57,7 @@ def export_into(
         joints: joints of inner rod, outer rod and optionally the arm; empty: detected
         check: runs that are replayed with the numbers of both files
         torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured
-        on_event: called with each run that was read
+        on_event: receives `RunRead` and `Warned`
 
     Raises:
         ConfigError: the rig, the file or the folder cannot be used.
@@ -69,11 +69,11 @@ def export_into(
     from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.rig import load_rig
     from dpr_lab.whole_file import write_text
-    from dpr_lab.workflows.export import model_to_export
+    from dpr_lab.workflows.export import model_to_write
 
     refuse_own_folder(out, into)
     loaded_rig = load_rig(rig)
-    loaded = model_to_export(model, loaded_rig)
+    loaded = model_to_write(model, loaded_rig, on_event)
     patched = into_file(loaded, loaded_rig, into, joints)
     file, module = patched.write(out, into.name)
     diff_file, diff = out / f"{into.name}.diff", patched.diff(into, str(file))

@@ -8,7 +8,7 @@ import pytest
 from dpr_lab.acceptance.gain import with_gain
 from dpr_lab.acceptance.judge import judge
 from dpr_lab.acceptance.limits import Limits
-from dpr_lab.gap.result.evidence import Evidence, WiderModel
+from dpr_lab.gap.result.evidence import Evidence, Exclusion, WiderModel
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
@@ -47,3 +47,14 @@ def test_a_limit_of_a_known_gain_follows_from_the_interval_of_b(
     if answer == "pass":
         assert limit.interval90 == pytest.approx((gain / 1.1, gain / 0.9))
     assert judge(with_gain(diagnosis, [replace(run, arm_mode="free")], rig), limits).answer == "not decidable"
+
+
+def test_an_undecided_gain_of_measured_rods_and_drive_names_the_effect_to_limit() -> None:
+    limits = Limits.model_validate({"ratios": {"kt/b": {"max": 1.0, "unit": "1/(s^2 A)"}}})
+    tested = Exclusion(effect="torque_scale_joint0", parameter="excess", size=0.1, estimate=0.0, confidence=0.99)
+    for exclusions, advice in (([tested], True), ([], False)):
+        evidence = Evidence.model_construct(exclusions=exclusions, friction={}, wider_models=[])
+        diagnosis = made(effects=[], verdict="no_gap").model_copy(update={"evidence": evidence})
+        (limit,) = judge(diagnosis, limits).limits
+        assert limit.answer == "not decidable"
+        assert limit.reason.endswith("limit torque_scale_joint0 instead") == advice

@@ -32,6 +32,7 @@ from dpr_lab.identification.moving_arm.unknowns import GAINS
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import load_rig
 from dpr_lab.setup import Setup, Torques
+from dpr_lab.workflows.export import model_to_export, model_to_write
 from tests.exports.test_fmu import simulate
 from tests.identification.test_moving_arm_fit import rig_with
 from tests.thinned import covered, thinned
@@ -84,11 +85,37 @@ def test_an_exported_model_with_a_moving_arm_agrees_with_dpr_lab(name, near, rod
     assert np.abs(replayed(name, rig, model, tmp_path, start) - lab(rig, model, start)).max() < near
 
 
-def test_negative_friction_is_written_as_zero():
-    rig, model = model_of(c1=-1e-3, k0=0.0)
-    assert model.negative_friction == ("c1",)
-    for name in ("urdf", "mjcf", "sdf", "python"):
-        assert FORMATS[name].written(model, rig) == FORMATS[name].written(model_of(c1=0.0, k0=0.0)[1], rig), name
+@pytest.fixture
+def in_file(monkeypatch):
+    """Return a function that makes a model the content of each model file."""
+
+    def put(rig, model):
+        facts = RigFacts.model_construct(name=rig.name, sha256="", L1=rig.L1, g=rig.g)
+        model = model.model_copy(update={"rig": facts, "effects": {}})
+        monkeypatch.setattr("dpr_lab.identification.moving_arm.model.load_model", lambda file: model)
+
+    return put
+
+
+@pytest.mark.parametrize("negative", ["c1", "f0"])
+def test_negative_friction_is_written_as_zero(in_file, negative):
+    (rig, model), events, zero = model_of(**{negative: -1e-3}), [], model_of(**{negative: 0.0})[1]
+    in_file(rig, zero)
+    expected = model_to_write(Path("model.json"), rig, events.append)
+    assert (list(expected.effects), events) == (["spring_joint0"], [])
+    in_file(rig, model)
+    assert model_to_write(Path("model.json"), rig, events.append) == expected
+    assert [event.sentence.partition(":")[0] for event in events] == [negative]
+
+
+def test_an_ensemble_is_drawn_around_the_spring_and_the_friction_of_the_arm(in_file):
+    rig, model = model_of(f0=0.05)
+    names = {"k0/b": "spring_joint0", "f0/b": "coulomb_joint0"}
+    changed = {"unknowns": list(names), "covariance": np.diag([1e-4, 1e-6]).tolist()}
+    in_file(rig, model.model_copy(update=changed))
+    drawn = sampled_arm_models(model_to_export(Path("model.json"), rig), [], rig, 10, 1)
+    sizes = [[next(iter(one.effects[effect].values())) for effect in names.values()] for one in drawn]
+    np.testing.assert_allclose(sizes, [[0.3, 0.05]] * 10, rtol=0.02)
 
 
 def test_urdf_without_a_spring_agrees_with_dpr_lab(tmp_path):
