@@ -101,7 +101,7 @@ class Acceptance:
     """Releases that are expected to decide further limits, in the recommended order."""
     would_decide: tuple[str, ...] = ()
     """Quantities for which these releases are expected to decide whether the limit is met. Each quantity is assumed to
-    be at half its limit, or at the centre of its range."""
+    be at half its limit, or at the centre of its range; the error of free runs at the median of the recordings."""
 
 
 def judge(diagnosis: Diagnosis, limits: Limits, free_run_rad: Mapping[str, float] | None = None) -> Acceptance:

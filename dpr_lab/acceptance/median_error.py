@@ -28,6 +28,8 @@ class MedianError:
     """Confidence of each end of the interval."""
     further: int = 20
     """Maximum number of further releases of a forecast."""
+    least: float = 1e-12
+    """Smallest error that the logarithm distinguishes from zero, rad."""
 
 
 MEDIAN = MedianError()
@@ -42,9 +44,20 @@ def median90(errors: Sequence[float], further: int = 0) -> Interval90:
     """
     from scipy.special import stdtrit  # slow to import, and every diagnosis imports this module
 
-    logs, count = np.log(np.maximum(errors, np.finfo(float).tiny)), len(errors) + further
+    logs, count = np.log(np.maximum(errors, MEDIAN.least)), len(errors) + further
     reach = float(stdtrit(count - 1, MEDIAN.confidence) * logs.std(ddof=1) / np.sqrt(count))
     return float(np.exp(logs.mean() - reach)), float(np.exp(logs.mean() + reach))
+
+
+def undecided(errors: Sequence[float], limit: float, further: int = 0) -> tuple[float, bool]:
+    """Return the undecided range of the median, rad, and whether the interval contains the limit.
+
+    The range is the distance from the median to the end of its interval on the side of the limit. The arguments are
+    those of `median90`.
+    """
+    low, high = median90(errors, further)
+    median = float(np.sqrt(low) * np.sqrt(high))
+    return abs((high if limit > median else low) - median), low <= limit <= high
 
 
 def further_releases(errors: Sequence[float], limit: float) -> int | None:
@@ -52,8 +65,7 @@ def further_releases(errors: Sequence[float], limit: float) -> int | None:
 
     The result is 0 if these errors decide it, and None if `MEDIAN.further` releases do not.
     """
-    intervals = ((number, median90(errors, number)) for number in range(MEDIAN.further + 1))
-    return next((number for number, (low, high) in intervals if not low <= limit <= high), None)
+    return next((number for number in range(MEDIAN.further + 1) if not undecided(errors, limit, number)[1]), None)
 
 
 def what_decides(diagnosis: Diagnosis, limit: FreeRunLimit, errors: Sequence[float]) -> str:
@@ -69,5 +81,7 @@ def what_decides(diagnosis: Diagnosis, limit: FreeRunLimit, errors: Sequence[flo
         cause = f"; small initial errors dominate them after {min(horizons):.2g} s: choose a shorter horizon_s"
     elif diagnosis.gap.remainder_Nm:
         cause = "; the unexplained remainder contributes to them, and a release does not reduce it"
-    spread = f"the errors of the releases differ by up to a factor of {max(errors) / min(errors):.2g}"
+    spread = (
+        f"the errors of the releases differ by up to a factor of {max(errors) / max(min(errors), MEDIAN.least):.2g}"
+    )
     return f", and {MEDIAN.further} further releases would probably not decide it: {spread}{cause}"

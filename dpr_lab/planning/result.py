@@ -127,13 +127,18 @@ class LimitForecast(_Record):
     """SI unit of the quantity."""
     reach: float | None
     """Distance from the limit within which a value remains undecided after the plan; None if the quantity is not
-    detectable."""
+    detectable, or not known yet."""
     reached_rad_per_s: float | None = None
     """Speed that the joint reaches, rad/s, if it is below the speed of a friction limit; otherwise None."""
     all_shapes: bool = False
     """Whether the interval of `accept` covers all shapes of an effect; `reach` applies to one shape."""
     decides: bool
-    """Whether a quantity at half its limit, or in the middle of its range, would pass after the plan."""
+    """Whether a quantity at half its limit, or in the middle of its range, would pass after the plan.
+
+    For free runs: whether the limit is outside the expected interval of the median error.
+    """
+    unknown: str = ""
+    """Reason why there is no forecast; otherwise empty."""
     release: int | None = None
     """Number of the release that decides this alone and most accurately; None if no single release decides it."""
 

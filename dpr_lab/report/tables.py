@@ -140,7 +140,7 @@ def limit_forecast_table(made: "Plan") -> Rows:
             limit.quantity,
             "" if limit.reach is None else f"{limit.reach:.2g}",
             limit.unit,
-            "yes" if limit.decides else "no" + _obstacle(limit),
+            "yes" if limit.decides else limit.unknown or f"no{_obstacle(limit)}",
         )
         for limit in made.limits
     ]

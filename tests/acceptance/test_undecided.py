@@ -16,8 +16,9 @@ from dpr_lab.gap.result.evidence import Budget, Evidence, JointFriction, RunBudg
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.planning.knowledge import known_before
 from dpr_lab.planning.release import CandidateRelease
-from dpr_lab.planning.result import Inseparable
+from dpr_lab.planning.result import Inseparable, LimitForecast, Plan
 from dpr_lab.planning.worth.objective import limit_forecasts
+from dpr_lab.report.tables import limit_forecast_table
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.workflows.accept import with_recordings
@@ -230,11 +231,42 @@ def test_a_free_run_that_no_number_of_releases_decides_states_the_obstacle(
     assert limit.reason.endswith(cause)
 
 
-def test_a_plan_forecasts_a_free_run_by_the_interval_of_the_test(paper: Rig) -> None:
-    """Half the limit passes if the half width of ln(median) is below ln 2 = 0.69: with n = 8 it is 0.67."""
-    limits = Limits.model_validate({"free_run": {"max": 1e-3, "horizon_s": 1.0, "unit": "rad"}})
-    known = replace(known_before(paper), free_run_rad=(np.e * 1e-3, 1e-3, 1e-3 / np.e))
-    release = CandidateRelease(2.0, 2.0, 0.5)
-    decides = [limit_forecasts(known, known.prior, limits, [release] * more)[0].decides for more in (4, 5)]
-    assert decides == [False, True]
-    assert limit_forecasts(known_before(paper), known.prior, limits, [release])[0].reach is None
+def test_a_free_run_without_any_error_states_the_obstacle() -> None:
+    """The geometric mean of 1e-12, the smallest error, 1e-3 and 1e-2 is 2.2e-6."""
+    assert free_run(2.2e-6, [0.0, 1e-3, 1e-2]).reason.endswith("factor of 1e+10")
+
+
+def forecast(rig: Rig, errors: Sequence[float], largest: float, durations_s: Sequence[float]) -> LimitForecast:
+    """Return the forecast of a limit for free runs of 1 s after releases of the given durations."""
+    limits = Limits.model_validate({"free_run": {"max": largest, "horizon_s": 1.0, "unit": "rad"}})
+    known = replace(known_before(rig), free_run_rad=tuple(errors))
+    return limit_forecasts(known, known.prior, limits, [CandidateRelease(2.0, 2.0, s) for s in durations_s])[0]
+
+
+def test_a_plan_forecasts_a_free_run_from_the_median_of_the_recordings(paper: Rig) -> None:
+    """The number of releases that decide is that of `accept`: 2 for a limit of e times the median."""
+    errors = [np.e * 1e-3, 1e-3, 1e-3 / np.e]
+    one, two = (forecast(paper, errors, np.e * 1e-3, [1.0] * count) for count in (1, 2))
+    assert (one.decides, two.decides) == (False, True)
+    assert two.reach == pytest.approx(1e-3 * (np.exp(2.1318 / np.sqrt(5)) - 1), rel=1e-3)
+    assert not forecast(paper, [0.97e-3, 1.00e-3, 1.04e-3], 1e-3, [1.0] * 20).decides
+    assert forecast(paper, [1e-5, 1e-4, 1e-3], 1.0, []).decides
+
+
+def test_a_release_shorter_than_the_horizon_does_not_decide_a_free_run(paper: Rig) -> None:
+    errors = [np.e * 1e-3, 1e-3, 1e-3 / np.e]
+    assert not forecast(paper, errors, np.e * 1e-3, [1.0] + [0.99] * 5).decides
+
+
+@pytest.mark.parametrize(
+    ("errors", "reason"),
+    [
+        ([], "unknown before two recordings of 1 s"),
+        ([1e-3], "unknown before two recordings of 1 s"),
+        ([1e-3, np.inf], "unknown: the simulation of a recording fails before 1 s"),
+    ],
+)
+def test_a_plan_states_why_it_does_not_forecast_a_free_run(paper: Rig, errors: list[float], reason: str) -> None:
+    limit = forecast(paper, errors, 1e-3, [1.0] * 3)
+    assert limit.reach is None
+    assert limit_forecast_table(Plan.model_construct(limits=[limit])).rows[0][-1] == reason

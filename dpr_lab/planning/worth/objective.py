@@ -4,7 +4,7 @@ A limit of the rig (`dpr-lab accept`) is a goal of the plan. A goal states wheth
 fail. The test of a limit uses a 90 % interval, 1.645 standard deviations on either side. Consider a quantity at half
 its limit, or in the middle of its range. On average the quantity passes if the half width of the interval is smaller
 than the distance from the limit. A friction limit also requires a recording in which the joint reaches the speed of the
-limit in both directions.
+limit in both directions. A limit for free runs is compared with the median of the recorded errors.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dpr_lab.acceptance.limits import Limits, free_run_quantity, friction_quantity
-from dpr_lab.acceptance.median_error import median90
+from dpr_lab.acceptance.median_error import undecided
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
@@ -150,7 +150,7 @@ def limit_forecasts(
             them or in an earlier recording
     """
     slow = _too_slow(known, limits, releases)
-    return [
+    of_goals = [
         LimitForecast(
             quantity=goal.quantity,
             unit=goal.unit,
@@ -159,8 +159,9 @@ def limit_forecasts(
             all_shapes=not goal.single,
             decides=goal.quantity not in slow and goal.single and goal.reach is not None and goal.reach < goal.room,
         )
-        for goal in (*goals(known, F, limits), *_of_free_run(known, limits, len(releases)))
+        for goal in goals(known, F, limits)
     ]
+    return [*of_goals, *_of_free_run(known.free_run_rad, limits, releases)]
 
 
 def _too_slow(known: Knowledge, limits: Limits, releases: Sequence[CandidateRelease]) -> dict[str, float]:
@@ -246,14 +247,29 @@ def _of_ratios(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
         yield Goal(name, limit.unit, reach, max(float(room), 1e-300))
 
 
-def _of_free_run(known: Knowledge, limits: Limits, further: int) -> Iterator[Goal]:
-    """Yield the goal of the median free-run error, which depends only on the number of releases."""
-    if limits.free_run is not None:
-        reach, largest = None, limits.free_run.max
-        if len(known.free_run_rad) > 1 and np.isfinite(known.free_run_rad).all():
-            low, high = median90(known.free_run_rad, further)
-            reach = largest * (1 - np.sqrt(low / high))
-        yield Goal(free_run_quantity(limits.free_run), limits.free_run.unit, reach, largest / 2)
+def _of_free_run(
+    errors: Sequence[float], limits: Limits, releases: Sequence[CandidateRelease]
+) -> Iterator[LimitForecast]:
+    """Yield the forecast of the median free-run error, which depends only on the number of sufficiently long releases.
+
+    Args:
+        errors: errors of the recorded runs, rad
+        limits: limits that the rig must satisfy
+        releases: the releases
+    """
+    if (limit := limits.free_run) is None:
+        return
+    reach, contained, unknown = None, True, ""
+    if len(errors) < 2:
+        unknown = f"unknown before two recordings of {limit.horizon_s:g} s"
+    elif not np.isfinite(errors).all():
+        unknown = f"unknown: the simulation of a recording fails before {limit.horizon_s:g} s"
+    else:
+        further = sum(release.duration_s >= limit.horizon_s for release in releases)
+        reach, contained = undecided(errors, limit.max, further)
+    yield LimitForecast(
+        quantity=free_run_quantity(limit), unit=limit.unit, reach=reach, decides=not contained, unknown=unknown
+    )
 
 
 def _with_common_effects(known: Knowledge, F: Array) -> tuple[Knowledge, Array]:

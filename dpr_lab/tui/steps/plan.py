@@ -94,9 +94,10 @@ diagnosed first.
         """State of the plan in a few words."""
         if self.result is None:
             return ""
-        made = self.result.plan
-        optional = ", 1 optional" * (made.state == "enough" and len(made.releases) == 1)
-        return made.state + optional if made.state in ("enough", "bench check") else f"{len(made.releases)} to record"
+        made, count = self.result.plan, len(self.result.plan.releases)
+        if made.state in ("enough", "bench check"):
+            return f"{made.state}, {count} optional" if count else made.state
+        return f"{count} to record"
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Return whether an action is available; choosing a release needs a plan with releases."""

@@ -3,6 +3,8 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from rich.console import Console
@@ -141,6 +143,21 @@ async def test_wrong_limits_and_budgets_are_refused_in_words(lab, until, notices
             assert words in notices_text(pilot.app)
             pilot.app.clear_notifications()
         assert step(pilot.app).outcome() == ""
+
+
+@pytest.mark.parametrize(
+    ("state", "count", "outcome"),
+    [
+        ("enough", 0, "enough"),
+        ("enough", 1, "enough, 1 optional"),
+        ("bench check", 1, "bench check, 1 optional"),
+        ("record", 3, "3 to record"),
+    ],
+)
+def test_the_outcome_of_a_plan_names_optional_releases(state: str, count: int, outcome: str) -> None:
+    result: Any = SimpleNamespace(plan=SimpleNamespace(state=state, releases=[None] * count))
+    page: Any = SimpleNamespace(result=result)
+    assert PlanStep.outcome(page) == outcome
 
 
 def test_new_poses_leave_results_valid_and_another_rod_does_not(tmp_path: Path) -> None:
