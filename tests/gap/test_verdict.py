@@ -155,6 +155,14 @@ def test_the_sentence_of_an_inconclusive_release_lists_the_leading_candidates_an
     assert f"The leading candidates are {candidates}. Record three releases" in words
 
 
+def test_a_member_of_negligible_probability_is_not_named() -> None:
+    members = ("spring_joint1", "encoder_scale_joint1")
+    shares = {"spring_joint1": (1.0, 5e-10), "spring_joint1 or encoder_scale_joint1": (0.99, 0.01)}
+    for words, odds in shares.items():
+        state = of_causes(replace(cause(*members, probability=0.98, untested=False), odds=odds))
+        assert f"explained by {words} (probability 98 %)" in sentence("named", state, (10, 10), PREDICTED)
+
+
 WHY = "because one release hardly tests its form"
 
 

@@ -137,7 +137,7 @@ def test_a_zero_offset_and_dry_friction_of_one_rod_are_not_called_cogging(tmp_pa
     of_gravity = named["coulomb_joint1"].parameters["torque_Nm"].value / gravity_torque(rig, diagnosis)
     assert of_gravity == pytest.approx(rod.dry, rel=0.3)
     assert diagnosis.absorbed["rotor_inertia_joint1"] == {"inertia_kgm2": "e1/b"}
-    assert "rotor_inertia_joint1 is indistinguishable from e1/b" in " ".join(diagnosis.assumptions)
+    assert "rotor_inertia_joint1 is indistinguishable from e1/a" in " ".join(diagnosis.assumptions)
 
 
 @pytest.mark.long

@@ -40,7 +40,7 @@ def assumptions(state: Transferred, least: DetectableSizes, scale: Scale) -> Ite
     yield from _zeros(state)
     yield from _geared(state)
     yield from _misleading(state)
-    yield from _unseen(least, state.selection.absorbed)
+    yield from _unseen(least, state.selection.absorbed, scale.inertia)
 
 
 def _length(state: Transferred) -> str:
@@ -68,7 +68,9 @@ def _scale(state: Transferred, assumed: Scale) -> str:
         return "The known added mass fixes the scale of all torques."
     if ("", "b") in state.intervals:
         return "Load-dependent friction fixes the scale of all torques, because the masses were weighed."
-    return assumed.sentence if assumed.known else f"{assumed.sentence} A release with a known added mass fixes b."
+    if assumed.known:
+        return assumed.sentence
+    return f"{assumed.sentence} A release with a known added mass fixes {assumed.inertia}."
 
 
 def _arm(state: Transferred) -> Iterator[str]:
@@ -160,14 +162,16 @@ def _misleading(state: Transferred) -> Iterator[str]:
         )
 
 
-def _unseen(least: DetectableSizes, absorbed: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
-    """State which effects are undetectable, and which of them the base parameters absorb."""
+def _unseen(least: DetectableSizes, absorbed: Mapping[str, Mapping[str, str]], inertia: str) -> Iterator[str]:
+    """State which effects are undetectable, and which of them the ratios to an inertia absorb."""
     blind = {name: absorbed.get(name, {}) for name, sizes in least.items() if sizes and not any(sizes.values())}
     twins = {
         name: listed(sorted(set(ratios_by_name.values()) & {*RATIOS, "p/b", "b"}))
         for name, ratios_by_name in blind.items()
     }
-    if alike := [f"{name} is indistinguishable from {twin}" for name, twin in twins.items() if twin]:
+    if alike := [
+        f"{name} is indistinguishable from {twin.replace('/b', f'/{inertia}')}" for name, twin in twins.items() if twin
+    ]:
         yield f"In these recordings {listed(alike)}. Effects that a base parameter absorbs are not fitted."
     if hidden := [name for name, twin in twins.items() if not twin]:
         yield f"Undetectable at any size in these recordings: {', '.join(hidden)}."

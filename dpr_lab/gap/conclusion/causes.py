@@ -149,9 +149,17 @@ def remedies(
 
 def to_simulator(named: Iterable[NamedEffect]) -> list[str]:
     """Return the sentence on the probable effects without a repair; empty if there are none."""
-    simulated = [e.name for e in named if EFFECTS[e.name].remedy is None and e.probability >= VERDICT.rather]
-    folder = "model.json in the folder of this diagnosis, and the models for other programs, contain the fitted sizes."
-    return [f"Add {listed(simulated)} to the simulator: {folder}"] if simulated else []
+    simulated = [e for e in named if EFFECTS[e.name].remedy is None and e.probability >= VERDICT.rather]
+    if not simulated:
+        return []
+    contained = "the fitted sizes."
+    if any(effect.insignificant for effect in simulated):
+        contained = (
+            "the sizes and ratios fitted without the amplitudes that are not distinguishable from zero. These values"
+            " differ from those stated here."
+        )
+    models = "model.json in the folder of this diagnosis, and the models for other programs, contain"
+    return [f"Add {listed([effect.name for effect in simulated])} to the simulator: {models} {contained}"]
 
 
 def to_rule_out(effect: NamedEffect) -> str:

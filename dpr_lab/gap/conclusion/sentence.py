@@ -19,7 +19,7 @@ from dpr_lab.gap.conclusion.verdict import (
 )
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
-from dpr_lab.gap.result.causes import PROBABLE, UNTESTED
+from dpr_lab.gap.result.causes import PROBABLE, UNTESTED, nameable
 from dpr_lab.gap.result.diagnosis import ONLY_FREE_RUN, UNCERTAIN
 from dpr_lab.gap.result.evidence import FREE_RUN_TEST, Budget
 from dpr_lab.gap.screen.pieces import are_pieces
@@ -240,13 +240,14 @@ def _classes(causes: Sequence[EffectPosterior], below: float = -np.inf) -> str:
 
 
 def _class(posterior: EffectPosterior) -> str:
-    """Return the members of a class in words.
+    """Return the members of a class in words, without members of negligible probability.
 
     A class of three or more members is stated by its first member and the number of other members.
     """
-    if len(posterior.members) > 2:
-        return f"{posterior.name} or one of {len(posterior.members) - 1} effects indistinguishable from it"
-    return " or ".join(posterior.members)
+    members = nameable(posterior.members, dict(zip(posterior.members, posterior.odds, strict=False)))
+    if len(members) > 2:
+        return f"{posterior.name} or one of {len(members) - 1} effects indistinguishable from it"
+    return " or ".join(members)
 
 
 def _probability(cause: EffectPosterior, below: float) -> str:

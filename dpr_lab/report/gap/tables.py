@@ -8,7 +8,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.gap.result.causes import PROBABLE, NamedEffect, RivalEffect
+from dpr_lab.gap.result.causes import PROBABLE, NamedEffect, RivalEffect, nameable
 from dpr_lab.gap.result.checks import NONE_OF_THEM
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.gap_size import Gap, Where
@@ -101,7 +101,7 @@ def sentence(diagnosis: Diagnosis) -> str:
 def causes(diagnosis: Diagnosis) -> dict[str, NamedEffect]:
     """Return the probable named effects by the descriptions of their classes."""
     return {
-        " or ".join(map(named, effect.members)): effect
+        " or ".join(map(named, nameable(effect.members, effect.odds))): effect
         for effect in diagnosis.effects
         if effect.probability >= PROBABLE
     }
