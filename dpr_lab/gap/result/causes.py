@@ -10,16 +10,13 @@ from dpr_lab.gap.result.saved import Interval, Saved
 PROBABLE = 0.05
 """Minimum probability of an effect that is listed as a cause, and of an alternative that a check should exclude."""
 
-LEAST_SHARE = 1e-4
-"""Minimum share of a member in the probability of its class, if the verdict names this member."""
-
 UNTESTED = "because one release hardly tests its form"
 """Reason why the probability of an effect with several parameters is limited (decision 123)."""
 
 
-def nameable(members: Sequence[str], odds: Mapping[str, float]) -> list[str]:
-    """Return the first member of a class, and the others whose share in its probability is not negligible."""
-    return [name for name in members if name == members[0] or odds.get(name, 1.0) >= LEAST_SHARE]
+def nameable(members: Sequence[str], odds: Mapping[str, float], least: float = 1e-4) -> list[str]:
+    """Return the first member of a class, and the others whose share in its probability is at least `least`."""
+    return [name for name in members if name == members[0] or odds.get(name, 1.0) >= least]
 
 
 class EffectSize(Interval):
