@@ -7,6 +7,8 @@ from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.gap.conclusion.at_rest import at_rest, held_angles
 from dpr_lab.gap.conclusion.causes import remedies, to_simulator
 from dpr_lab.gap.result.causes import EffectSize, NamedEffect
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.report.gap.tables import causes
 from dpr_lab.rig import Rig
 from dpr_lab.setup import BOTH, Setup
 
@@ -38,6 +40,14 @@ def test_sizes_that_the_models_state_without_insignificant_amplitudes_are_announ
     spring = named("spring_joint1").model_copy(update={"parameters": sizes})
     (sentence,) = to_simulator([spring])
     assert "without the amplitudes that are not distinguishable from zero. These values differ" in sentence
+
+
+def test_the_table_of_causes_names_no_member_of_negligible_probability(named) -> None:
+    effect = named("spring_joint1", "encoder_scale_joint1")
+    rare = effect.model_copy(update={"odds": {"spring_joint1": 1.0, "encoder_scale_joint1": 5e-10}})
+    for of_class, words in ((effect, 2), (rare, 1)):
+        (stated,) = causes(Diagnosis.model_construct(effects=[of_class]))
+        assert len(stated.split(" or ")) == words
 
 
 @pytest.mark.parametrize(("excess", "usual"), [(-0.0242, True), (-0.05, False), (0.0012, False)])

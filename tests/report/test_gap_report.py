@@ -199,14 +199,6 @@ def test_the_short_output_lists_only_effects_with_a_probable_alternative(diagnos
     assert gap_tables.open_table(diagnosis(rivals=[])) is None
 
 
-def test_the_table_of_causes_names_no_member_of_negligible_probability(diagnosis):
-    (effect, *_) = diagnosis(verdict="named").effects
-    members = [effect.name, "stribeck_joint2"]
-    rare = effect.model_copy(update={"members": members, "odds": dict(zip(members, (1.0, 5e-10), strict=True))})
-    (words,) = gap_tables.causes(diagnosis().model_copy(update={"effects": [rare]}))
-    assert " or " not in words
-
-
 def test_next_steps_end_with_the_remainder(diagnosis):
     steps = next_steps(diagnosis())
 
