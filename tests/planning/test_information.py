@@ -69,6 +69,18 @@ def test_a_limit_of_a_cable_is_forecast_with_its_other_amplitudes_free(known: Kn
     assert (cable.all_shapes, detent.all_shapes) == (False, True)
 
 
+def test_amplitudes_without_information_are_not_forecast_despite_rounding(known: Knowledge) -> None:
+    """The information of an amplitude that fitted values replace is a rounding error of either sign."""
+    size = {"stiffness_Nm_per_rad": {"max": 1.0, "unit": "N m/rad"}}
+    limits, places = Limits.model_validate({"effects": {"spring_joint1": size}}), known.places["spring_joint1"]
+    F = np.diag(np.diag(known.prior) + 1.0)
+    F[np.ix_(places, places)] = 10.0
+    F[places, places] = known.prior[places, places] - 1e-9
+    (spring,) = limit_forecasts(known, F, limits)
+    assert spring.reach is None
+    assert not spring.decides
+
+
 def test_minimum_detectable_sizes_of_a_plan_hold_for_the_assumed_scale(known: Knowledge) -> None:
     """The uncertain b widens the size of a named effect, but does not hide it: the ratio of torque and b is known."""
     name, torque = "coulomb_joint1", "torque_Nm"

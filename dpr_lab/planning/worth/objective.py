@@ -196,12 +196,17 @@ def _fitted_together(known: Knowledge, F: Array, name: str) -> dict[str, float]:
 
     The result is empty if the amplitudes cannot be separated from each other.
     """
-    places = list(known.places.get(name, ()))
+    if not (places := list(known.places.get(name, ()))):
+        return {}
     amplitudes = given(F, [i for i in known.fitted if i not in places], places)
     of_recordings = amplitudes - known.prior[np.ix_(places, places)]
-    scale = 1 / np.sqrt(np.maximum(np.diag(of_recordings), np.finfo(float).tiny))
+    size = np.diag(of_recordings)
+    # rounding leaves a size of either sign, and entries beside it, for an amplitude that the fitted values replace
+    if np.any(size <= WORTH.seen * np.diag(F)[places]):
+        return {}
+    scale = 1 / np.sqrt(size)
     unit = of_recordings * scale[:, None] * scale
-    if not places or np.linalg.eigvalsh(unit)[0] < WORTH.seen:
+    if np.linalg.eigvalsh(unit)[0] < WORTH.seen:
         return {}
     stds = np.sqrt(np.diag(np.linalg.inv(unit))) * scale
     return {known.model.columns[i].name: float(NORMAL_Q90 * std) for i, std in zip(places, stds, strict=True)}
