@@ -5,7 +5,7 @@ import pytest
 
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.gap.conclusion.at_rest import at_rest, held_angles
-from dpr_lab.gap.conclusion.causes import remedies, to_simulator
+from dpr_lab.gap.conclusion.causes import of_camera, remedies, to_simulator
 from dpr_lab.gap.result.causes import EffectSize, NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.gap.tables import causes
@@ -48,6 +48,13 @@ def test_the_table_of_causes_names_no_member_of_negligible_probability(named) ->
     for of_class, words in ((effect, 2), (rare, 1)):
         (stated,) = causes(Diagnosis.model_construct(effects=[of_class]))
         assert len(stated.split(" or ")) == words
+
+
+def test_in_a_film_a_base_tilt_may_be_a_turned_camera(named):
+    (warning,), (check,) = of_camera([named("coulomb_joint1"), named("base_tilt", probability=0.98)])
+    assert "camera turned about its axis has the same signature as base_tilt" in warning
+    assert "plumb line" in check
+    assert of_camera([named("coulomb_joint1")]) == ([], [])
 
 
 @pytest.mark.parametrize(("excess", "usual"), [(-0.0242, True), (-0.05, False), (0.0012, False)])

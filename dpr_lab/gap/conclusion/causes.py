@@ -162,6 +162,18 @@ def to_simulator(named: Iterable[NamedEffect]) -> list[str]:
     return [f"Add {listed([effect.name for effect in simulated])} to the simulator: {models} {contained}"]
 
 
+def of_camera(named: Iterable[NamedEffect]) -> tuple[list[str], list[str]]:
+    """Return the warning and the check for a film whose camera may be turned instead of the base.
+
+    Both are empty if no base tilt is named.
+    """
+    if not any("base_tilt" in effect.members for effect in named):
+        return [], []
+    warning = "In a film, a camera turned about its axis has the same signature as base_tilt: check the camera first."
+    check = "Compare a filmed plumb line with the vertical of the picture: if they differ, the camera is turned."
+    return [warning], [check]
+
+
 def to_rule_out(effect: NamedEffect) -> str:
     """Return the end of a remedy that states the other members of a class; empty if there are none."""
     others = [name for name in effect.members if name != effect.name]

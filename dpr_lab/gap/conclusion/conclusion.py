@@ -9,7 +9,7 @@ from dpr_lab.gap.advice.expected import expected_size
 from dpr_lab.gap.classes.posterior import probabilities
 from dpr_lab.gap.conclusion.assumptions import assumptions
 from dpr_lab.gap.conclusion.at_rest import at_rest, held_angles
-from dpr_lab.gap.conclusion.causes import families, named_effect, remedies, rivals
+from dpr_lab.gap.conclusion.causes import families, named_effect, of_camera, remedies, rivals
 from dpr_lab.gap.conclusion.components import components
 from dpr_lab.gap.conclusion.notes import notes
 from dpr_lab.gap.conclusion.ratios import ratio_fields, scale
@@ -52,6 +52,7 @@ def conclude(state: Transferred, advised: Sequence[AdvisedCheck], evidence: Evid
     probable_names = [effect.name for effect in named if effect.probability >= VERDICT.rather]
     held = held_angles(probable_names, chosen.estimate.whole, sizes, state.fitted.problem.segments.setups, constants)
     checks = [] if withheld else _checks(state, advised, [effect.name for effect in named], assumed, held)
+    warning, plumb = of_camera(named if state.fitted.recordings.of_points else ())
     return Diagnosis(
         verdict="inconclusive" if kind == "too_short" else kind,
         sentence=sentence(kind, state, visible_counts, evidence.budget),
@@ -70,8 +71,8 @@ def conclude(state: Transferred, advised: Sequence[AdvisedCheck], evidence: Evid
         detectable={name: dict(least) for name, least in minimum_sizes.items()},
         absorbed=state.selection.absorbed,
         sensor_findings=_sensor_findings(state),
-        remedies=remedies(named, sizes, constants, held),
-        advice=[check.sentences for check in recommended(checks)],
+        remedies=[*remedies(named, sizes, constants, held), *warning],
+        advice=[*plumb, *(check.sentences for check in recommended(checks))],
         checks=checks,
         **ratio_fields(state),
         chi2_per_dof=residuals.chi2 / residuals.dof,
