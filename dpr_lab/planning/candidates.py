@@ -40,6 +40,8 @@ class Search:
     One rod or both are displaced, and the swing comes to rest.
     """
 
+    least_deg: float = 2.0
+    """Minimum deflection from hanging of a released rod, deg, unless the limits of the plan permit only less."""
     repeated: float = 0.5
     """Fraction by which the value of a release falls if it repeats another release, because a model error affects
     both releases."""
@@ -48,6 +50,15 @@ class Search:
 
 
 SEARCH = Search()
+
+
+def swinging(releases: Sequence[CandidateRelease]) -> list[CandidateRelease]:
+    """Return the releases whose rods swing, or all of them if none does.
+
+    At rest, the linear model of friction promises information, but static friction holds the rods.
+    """
+    least = np.radians(SEARCH.least_deg)
+    return [release for release in releases if release.deflection_rad >= least] or list(releases)
 
 
 def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Array:
@@ -81,7 +92,7 @@ def near(
         rng: source of randomness
     """
     theta = [release.theta1, release.theta2] + width * rng.standard_normal((4 * count, 2))
-    return release.moved(theta[limits.poses.reachable(theta)][:count] % (2 * np.pi))
+    return swinging(release.moved(theta[limits.poses.reachable(theta)] % (2 * np.pi)))[:count]
 
 
 def placements(release: CandidateRelease, std: float, count: int, rng: np.random.Generator) -> list[CandidateRelease]:

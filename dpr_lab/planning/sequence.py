@@ -20,6 +20,7 @@ from dpr_lab.planning.candidates import (
     novelty,
     placements,
     spread_poses,
+    swinging,
 )
 from dpr_lab.planning.information import Informed, informed
 from dpr_lab.planning.limits import PlanLimits
@@ -128,7 +129,7 @@ class Planner:
             stride = 1 if k == 0 else min(len(parts), SEARCH.best)
             swing = CandidateRelease(0.0, 0.0, duration, mounting, added, arm="held" if held else "free")
             releases += swing.moved(poses[k % stride :: stride])
-        return informed([*releases, *self.signals], known.model)
+        return informed([*swinging(releases), *self.signals], known.model)
 
     def _best(self, pool: list[Informed], now: SequenceSoFar) -> SequenceStep | None:
         """Return the best release of all candidates after refinement.
