@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from dpr_lab.effects import EFFECTS, named_params
+from dpr_lab.effects.base_tilt import BASE_TILT
 from dpr_lab.effects.effect import Effect, Params
 from dpr_lab.effects.families import FAMILIES
 from dpr_lab.effects.quantities import RigConstants
@@ -167,9 +168,10 @@ def of_camera(named: Iterable[NamedEffect]) -> tuple[list[str], list[str]]:
 
     Both are empty if no base tilt is named.
     """
-    if not any("base_tilt" in effect.members for effect in named):
+    if not any(BASE_TILT.name in effect.members for effect in named):
         return [], []
-    warning = "In a film, a camera turned about its axis has the same signature as base_tilt: check the camera first."
+    signature = f"has the same signature as {BASE_TILT.name}: check the camera first."
+    warning = f"In a film, a camera turned about its axis {signature}"
     check = "Compare a filmed plumb line with the vertical of the picture: if they differ, the camera is turned."
     return [warning], [check]
 
