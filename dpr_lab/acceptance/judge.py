@@ -284,7 +284,8 @@ def _widened(diagnosis: Diagnosis, quantity: str, interval: Range | None, bounds
     for model in diagnosis.evidence.wider_models if diagnosis.evidence else ():
         if fitted and not model.intervals90 and alone != "not decidable":
             words = "together are" if len(model.effects) > 1 else "is"
-            reason = reason or f"{listed(model.effects)} {words} indistinguishable from the fitted values"
+            absent = "the interval holds only without them, and these recordings do not exclude them"
+            reason = reason or f"{listed(model.effects)} {words} indistinguishable from the fitted values: {absent}"
         if interval is None or quantity not in model.intervals90:
             continue
         other = model.intervals90[quantity]

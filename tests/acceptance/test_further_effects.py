@@ -51,7 +51,11 @@ def test_a_limit_passes_only_if_effects_that_are_not_excluded_do_not_violate_it(
     ("limits", "effects", "reason"),
     [
         (CLOCK_LIMIT, ["air_drag_both", "base_tilt"], "air_drag_both and base_tilt together are indistinguishable"),
-        (RATIO_LIMIT, ["base_tilt"], "base_tilt is indistinguishable"),
+        (
+            RATIO_LIMIT,
+            ["base_tilt"],
+            "base_tilt is indistinguishable from the fitted values: the interval holds only without them",
+        ),
         (FRICTION_LIMIT, ["base_tilt"], ""),
     ],
 )
