@@ -32,8 +32,8 @@ class RoundedFrameSettings:
     phases: int = 32
     """Number of values of the phase that are compared."""
     ratio: float = 2.0
-    """Minimum ratio of the differences on even times to those on frames. No correct time stamps of 177 simulated
-    films exceed both limits (decision 131)."""
+    """Minimum ratio of the differences on even times to those on frames. Correct time stamps of one of 1265
+    simulated films exceed both limits (decision 131)."""
     quantile: float = 0.7
     """Quantile of the differences that is compared. In contrast to an rms, it is insensitive to a single outlier."""
     likelihood: float = 4.0
