@@ -72,7 +72,7 @@ def test_the_worked_example_states_the_claims_of_its_certificate() -> None:
         assert match[1] == value if isinstance(value, str) else float(match[1]) == pytest.approx(value, rel=1e-3)
     effects = {
         "Free-form friction curve, joint 2": "friction_curve_joint2",
-        "Free-form friction curve, joint 1": "friction_curve_joint1",
+        "Coulomb friction, joint 1": "coulomb_joint1",
         "Air drag": "air_drag_both",
         "Encoder eccentricity, joint 1": "encoder_eccentricity_joint1",
     }
