@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from dpr_lab.dynamics.base import GAINS
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.evidence import WiderModel
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import Rig
@@ -28,18 +29,15 @@ def with_gain(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Diagnosis:
         low, high = interval
         return gain.value / max(high, scale.b), gain.value / max(min(low, scale.b), 1e-3 * scale.b)
 
+    def widened(model: WiderModel) -> WiderModel:
+        if scale.inertia not in model.intervals90:
+            return model
+        of_gain = {name: ratio(model.intervals90[scale.inertia])}
+        return model.model_copy(update={"intervals90": {**model.intervals90, **of_gain}})
+
     ratio_of_gain = Interval(value=gain.value / scale.b, interval90=ratio(scale.interval90))
     evidence = diagnosis.evidence
     if evidence is not None:
-        wider = [
-            model.model_copy(
-                update={"intervals90": {**model.intervals90, name: ratio(model.intervals90[scale.inertia])}}
-            )
-            if scale.inertia in model.intervals90
-            else model
-            for model in evidence.wider_models
-        ]
-        evidence = evidence.model_copy(update={"wider_models": wider})
-    return diagnosis.model_copy(
-        update={"determined": {**diagnosis.stated_ratios, name: ratio_of_gain}, "evidence": evidence}
-    )
+        evidence = evidence.model_copy(update={"wider_models": [widened(model) for model in evidence.wider_models]})
+    determined = {**diagnosis.stated_ratios, name: ratio_of_gain}
+    return diagnosis.model_copy(update={"determined": determined, "evidence": evidence})

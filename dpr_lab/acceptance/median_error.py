@@ -81,7 +81,6 @@ def what_decides(diagnosis: Diagnosis, limit: FreeRunLimit, errors: Sequence[flo
         cause = f"; small initial errors dominate them after {min(horizons):.2g} s: choose a shorter horizon_s"
     elif diagnosis.gap.remainder_Nm:
         cause = "; the unexplained remainder contributes to them, and a release does not reduce it"
-    spread = (
-        f"the errors of the releases differ by up to a factor of {max(errors) / max(min(errors), MEDIAN.least):.2g}"
-    )
+    factor = max(errors) / max(min(errors), MEDIAN.least)
+    spread = f"the errors of the releases differ by up to a factor of {factor:.2g}"
     return f", and {MEDIAN.further} further releases would probably not decide it: {spread}{cause}"

@@ -201,7 +201,7 @@ def _fitted_together(known: Knowledge, F: Array, name: str) -> dict[str, float]:
     amplitudes = given(F, [i for i in known.fitted if i not in places], places)
     of_recordings = amplitudes - known.prior[np.ix_(places, places)]
     size = np.diag(of_recordings)
-    # rounding leaves a size of either sign, and entries beside it, for an amplitude that the fitted values replace
+    # rounding leaves a size of either sign, and entries next to it, for an amplitude that the fitted values replace
     if np.any(size <= WORTH.seen * np.diag(F)[places]):
         return {}
     scale = 1 / np.sqrt(size)
