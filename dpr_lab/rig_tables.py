@@ -1,7 +1,7 @@
 """Tables of a rig file, with the range and meaning of each key."""
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
@@ -302,7 +302,15 @@ class RigGeometry(RigTable):
     g: Annotated[float, Field(ge=0.1, le=100, strict=True)] = 9.81
     """Gravity, m/s^2; on earth 9.76 to 9.84."""
 
-    @staticmethod
-    def on_earth(g: float) -> bool:
+    EARTH: ClassVar[tuple[float, float]] = (9.76, 9.84)
+    """Range of gravity at the surface of the earth, m/s^2: from high mountains near the equator to the poles."""
+
+    @classmethod
+    def on_earth(cls, g: float) -> bool:
         """Return whether a gravitational acceleration, m/s^2, occurs at the surface of the earth."""
-        return 9.76 <= g <= 9.84
+        return cls.EARTH[0] <= g <= cls.EARTH[1]
+
+    @property
+    def compared_g(self) -> str:
+        """Text that compares gravity with its range on earth."""
+        return "{:g} m/s^2; on earth it is {:g} to {:g}".format(self.g, *self.EARTH)

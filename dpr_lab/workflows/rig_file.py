@@ -306,7 +306,7 @@ def _missing(rig: "Rig") -> Iterator[RigFinding]:
 
 def _odd_geometry(rig: "Rig") -> Iterator[RigFinding]:
     if not rig.rig.on_earth(rig.g):
-        yield RigFinding("odd", "rig.g", f"{rig.g:g} m/s^2; on earth g is 9.78 to 9.83")
+        yield RigFinding("odd", "rig.g", rig.rig.compared_g)
     yield from _outside("rig.L1", rig.L1, USUAL.length, "m: was it measured in another unit?")
     if rig.L2 is not None:
         yield from _outside("rig.L2", rig.L2, USUAL.length, "m: was it measured in another unit?")

@@ -258,6 +258,14 @@ def test_wrong_missing_and_implausible_entries_are_reported(
     assert not any(finding.text.startswith(finding.key or " ") for finding in result)
 
 
+def test_the_range_of_gravity_is_that_of_the_page(tmp_path: Path) -> None:
+    text = next(
+        finding.text for finding in check_rig(changed(tmp_path, "g = 9.81", "g = 9.7")) if finding.key == "rig.g"
+    )
+    assert text == "9.7 m/s^2; on earth it is 9.76 to 9.84"
+    assert "on earth 9.76 to 9.84" in (ROOT / "docs" / "rig-file.md").read_text(encoding="utf-8")
+
+
 def test_a_rig_that_cannot_be_used_ends_with_1(cli, tmp_path: Path) -> None:
     done = cli("rig", "check", changed(tmp_path, "L1 = 0.3 ", "L1 = -0.3 "))
     assert done.code == 1

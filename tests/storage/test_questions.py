@@ -397,4 +397,4 @@ def test_a_gravity_that_no_place_on_earth_has_is_questioned(tables, paper: Rig, 
     table = tables["free/none"]
     heavy = paper.model_copy(update={"rig": paper.rig.model_copy(update={"g": 9.0})})
     (question,) = understand(table.write(tmp_path), heavy, table.options).questions
-    assert question.sentence.startswith("g = 9 m/s^2 in the rig file")
+    assert question.sentence == "g = 9 m/s^2; on earth it is 9.76 to 9.84: correct g in the rig file"

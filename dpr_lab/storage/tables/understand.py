@@ -213,8 +213,7 @@ def _understood(
     if not options.keep_rest:
         refuse_push(table, origin, read.cart, read.of_cart)
     if not rig.rig.on_earth(rig.g):
-        sentence = f"g = {rig.g:g} m/s^2 in the rig file; on earth it is 9.78 to 9.83: correct g in the rig file"
-        doubts.append(TableQuestion(sentence))
+        doubts.append(TableQuestion(f"g = {rig.rig.compared_g}: correct g in the rig file"))
     if options.keep_rest and _seems_held(motion, whole):
         doubts.append(TableQuestion("the rods seem to be held in some rows: if this is so, remove --keep-rest"))
     fault = rest_fault(motion, part)
