@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import ArmMode, Elbow, InnerMode, Json, RigName, Rods, positive
+from dpr_lab.cli.checks import ArmMode, Elbow, InnerMode, Json, RigName, Rods, complete_pose, positive
 from dpr_lab.cli.console import emit, line, say
 
 if TYPE_CHECKING:
@@ -29,7 +29,11 @@ def capture(
         ),
     ] = None,
     pose: Annotated[
-        list[str] | None, typer.Option(help="Pose of the release; may be repeated. Default: all poses of the rig file.")
+        list[str] | None,
+        typer.Option(
+            help="Pose of the release; may be repeated. Default: all poses of the rig file.",
+            autocompletion=complete_pose,
+        ),
     ] = None,
     duration: Annotated[
         float, typer.Option(callback=positive, help="Duration of the recording after the release, s.")

@@ -128,6 +128,20 @@ def complete_rig(incomplete: str) -> list[str]:
     return [*folders, *inner] if inner else []
 
 
+def complete_pose(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the completions of a pose of the rig that precedes it on the command line.
+
+    Without a rig, those of the built-in rig `paper` are returned: `rig new` writes the same names.
+    """
+    from dpr_lab.errors import ConfigError
+    from dpr_lab.rig import load_rig
+
+    try:
+        return [name for name in load_rig(ctx.params.get("rig") or "paper").poses if name.startswith(incomplete)]
+    except ConfigError:
+        return []
+
+
 SEARCHES = Choices("search", "dpr_lab.search:ALGORITHMS", "dpr_lab.search:search_words")
 OBJECTIVE_NAMES = Choices(
     "objective", "dpr_lab.identification.objectives:OBJECTIVES", "dpr_lab.identification.objectives:objective_words"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dpr_lab.cli.checks import Elbow, Json, RigName, Rods
+from dpr_lab.cli.checks import Elbow, Json, RigName, Rods, complete_pose
 from dpr_lab.cli.console import emit, line, say, table
 from dpr_lab.cli.listing import command_group
 from dpr_lab.cli.plugin_listing import PluginListing
@@ -87,7 +87,8 @@ def _parameter(option: TypedOption) -> inspect.Parameter:
     if option.default is None:
         kind = kind | None
     flags = (f"--{option.name.replace('_', '-')}",)  # the name is stated, so that a switch gets no --no- form
-    annotation = Annotated[kind, typer.Option(*flags, help=option.typed.help, **limits)]
+    completion = complete_pose if option.name == "pose" else None
+    annotation = Annotated[kind, typer.Option(*flags, help=option.typed.help, autocompletion=completion, **limits)]
     return inspect.Parameter(
         option.name, inspect.Parameter.POSITIONAL_OR_KEYWORD, default=option.default, annotation=annotation
     )

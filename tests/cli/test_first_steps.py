@@ -1,6 +1,8 @@
 """Typical errors of new users: a rig without poses, an impossible rate, a wrong name, a narrow terminal."""
 
+import os
 import re
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -81,6 +83,19 @@ def test_choices_are_completed() -> None:
     others = [f"mjcf,{name}" for name in FORMATS if name != "mjcf"]
     assert [name for name, _ in EXPORT_NAMES.complete("mjcf,")] == others
     assert complete_rig("pap") == ["paper"]
+
+
+@pytest.mark.parametrize("command", ["capture", "import table swing.csv"])
+def test_poses_of_the_rig_are_completed(command: str, tmp_path: Path) -> None:
+    (tmp_path / "rig.toml").write_text(
+        (BUILTIN / "rigs" / "paper.toml").read_text() + "[poses.Xhigh]\ntheta1 = 0.1\ntheta2 = 0.1\n"
+    )
+    words = f"dpr-lab {command} --rig rig.toml --pose X"
+    environment = {**os.environ, "_DPR_LAB_COMPLETE": "complete_bash", "COMP_WORDS": words}
+    environment["COMP_CWORD"] = str(len(words.split()) - 1)
+    program = Path(sys.executable).with_name("dpr-lab")
+    done = subprocess.run([program], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=400)
+    assert done.stdout.split() == ["X1", "X2", "X3", "Xhigh"]
 
 
 def test_rig_files_and_folders_are_completed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
