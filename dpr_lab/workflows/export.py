@@ -156,16 +156,17 @@ def model_to_export(file: Path, rig: "Rig") -> "AnyModel":
 def model_to_write(file: Path, rig: "Rig", on_event: OnEvent) -> "AnyModel":
     """Read a model as `model_to_export` does, with the friction and the spring of its arm as effects.
 
-    Negative friction is set to zero with a warning, because some programs refuse it.
+    Negative friction and stiffness are set to zero with a warning: the joint would supply energy or be unstable.
     """
     from dpr_lab.identification.moving_arm.model import MovingArmModel
 
     model = model_to_export(file, rig)
     if not isinstance(model, MovingArmModel):
         return model
-    for name in model.negative_friction:
-        on_event(Warned(f"{name}: the estimate is negative; the files contain zero, because it would supply energy"))
-    return model.without_negative_friction().with_arm_effects()
+    for name in model.negative:
+        reason = "a spring cannot push the arm away" if name == "k0" else "it would supply energy"
+        on_event(Warned(f"{name}: the estimate is negative; the files contain zero, because {reason}"))
+    return model.without_negative().with_arm_effects()
 
 
 def _checked(

@@ -97,12 +97,12 @@ def in_file(monkeypatch):
     return put
 
 
-@pytest.mark.parametrize("negative", ["c1", "f0"])
-def test_negative_friction_is_written_as_zero(in_file, negative):
+@pytest.mark.parametrize(("negative", "effects"), [("c1", ["spring_joint0"]), ("f0", ["spring_joint0"]), ("k0", [])])
+def test_negative_friction_and_stiffness_are_written_as_zero(in_file, negative, effects):
     (rig, model), events, zero = model_of(**{negative: -1e-3}), [], model_of(**{negative: 0.0})[1]
     in_file(rig, zero)
     expected = model_to_write(Path("model.json"), rig, events.append)
-    assert (list(expected.effects), events) == (["spring_joint0"], [])
+    assert (list(expected.effects), events) == (effects, [])
     in_file(rig, model)
     assert model_to_write(Path("model.json"), rig, events.append) == expected
     assert [event.sentence.partition(":")[0] for event in events] == [negative]

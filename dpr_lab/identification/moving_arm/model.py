@@ -99,14 +99,14 @@ class MovingArmModel(FittedModel):
         return {name: value if name == "L0" else value * scale for name, value in values.items()}
 
     @property
-    def negative_friction(self) -> tuple[str, ...]:
-        """Friction coefficients with a negative estimate; their intervals usually contain zero."""
+    def negative(self) -> tuple[str, ...]:
+        """Friction and stiffness with an impossible negative estimate; their intervals usually contain zero."""
         values = dict(zip(SWING_PARAMETERS, self.swing, strict=True))
-        return tuple(name for name in ("c1", "c2", "c0", "f0") if values[name] < 0.0)
+        return tuple(name for name in ("c1", "c2", "c0", "f0", "k0") if values[name] < 0.0)
 
-    def without_negative_friction(self) -> "MovingArmModel":
-        """Set negative friction coefficients to zero, because they would supply energy."""
-        negative, values = self.negative_friction, zip(SWING_PARAMETERS, self.swing, strict=True)
+    def without_negative(self) -> "MovingArmModel":
+        """Set negative friction and stiffness to zero."""
+        negative, values = self.negative, zip(SWING_PARAMETERS, self.swing, strict=True)
         return self.model_copy(update={"swing": [0.0 if name in negative else value for name, value in values]})
 
     def with_swing(self, swing: Sequence[float], inertia: float) -> "MovingArmModel":
