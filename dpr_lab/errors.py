@@ -9,8 +9,10 @@
     +-- MismatchError      the device uses another protocol version or schema
     +-- DeviceFault        the device refused a command or reported a fault
     +-- SafetyStop         a check before the release did not pass, so the release was refused
+    +-- OutputError        a result cannot be written
     +-- RunError           a recording cannot be read or does not match the rig
     +-- IdentificationError  the identification ran but failed its own checks
+    +-- UnexpectedError    a plugin failed; the command reports a bug of its own with the same exit code
 
 Each class defines the exit code of `dpr-lab`. Other failures are reported in other ways. An invalid argument raises a
 `ValueError`, a candidate of a search that cannot be simulated has the cost `inf`, and a bug violates an `assert`.
@@ -171,6 +173,12 @@ class SafetyStop(DprError):
     """Raised if a check before the release failed; the rods remain held."""
 
 
+class OutputError(DprError):
+    """Raised if a result cannot be written."""
+
+    exit_code = 3
+
+
 class RunError(DprError):
     """Raised if a recording cannot be read, is damaged, or belongs to another rig."""
 
@@ -181,3 +189,12 @@ class IdentificationError(DprError):
     """Raised if an identification ran, but its result failed a check."""
 
     exit_code = 8
+
+
+class UnexpectedError(DprError):
+    """Raised if a plugin failed.
+
+    Its exit code is EX_SOFTWARE of sysexits.h, which also reports a bug of this program. A failed test has the code 1.
+    """
+
+    exit_code = 70

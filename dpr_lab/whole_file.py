@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from dpr_lab.errors import DprError
+from dpr_lab.errors import DprError, OutputError
 
 SPECIAL = {
     stat.S_IFIFO: "a named pipe",
@@ -72,7 +72,7 @@ def in_folder(path: Path, name: str) -> Path:
     return path / name if path.is_dir() else path
 
 
-def write_whole(path: Path, write: Callable[[Path], object], error: type[DprError] = DprError) -> None:
+def write_whole(path: Path, write: Callable[[Path], object], error: type[DprError] = OutputError) -> None:
     """Write a file atomically by renaming a temporary file that `write` fills.
 
     The folder is created if it does not exist.
@@ -97,7 +97,7 @@ def write_whole(path: Path, write: Callable[[Path], object], error: type[DprErro
             fresh.unlink(missing_ok=True)
 
 
-def write_text(path: Path, text: str, error: type[DprError] = DprError) -> None:
+def write_text(path: Path, text: str, error: type[DprError] = OutputError) -> None:
     """Write a text file atomically, encoded in UTF-8, with LF line ends.
 
     Raises:
@@ -143,7 +143,7 @@ def _writing_to(folder: Path, remedy: str = "choose another folder") -> Iterator
     try:
         yield
     except OSError as refused:
-        raise DprError(f"{folder}: cannot be written: {refused.strerror or refused}; {remedy}") from refused
+        raise OutputError(f"{folder}: cannot be written: {refused.strerror or refused}; {remedy}") from refused
 
 
 def _move_all(fresh: Path, out: Path, record: str) -> None:

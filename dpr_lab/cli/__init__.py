@@ -9,11 +9,12 @@ import os
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Callable
 from typing import Any, NoReturn
 
 from dpr_lab.cli.bytecode import keep_bytecode
-from dpr_lab.errors import DprError
+from dpr_lab.errors import DprError, OutputError, UnexpectedError
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C or SIGTERM: 128 plus the number of SIGINT, as in a shell."""
@@ -26,7 +27,7 @@ REFUSED = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, e
 def main() -> None:
     """Run `dpr-lab` and exit with the code documented in its help.
 
-    A `DprError` is printed as one message on stderr. Any other exception is a bug, and its traceback is printed.
+    A `DprError` is printed as one message on stderr. Any other exception is a bug: its traceback is printed too.
     """
     signal.signal(signal.SIGTERM, _interrupt)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -48,17 +49,19 @@ def main() -> None:
     except KeyboardInterrupt as stopped:
         Interrupt.heard = True
         _end(str(stopped) or "interrupted", INTERRUPTED)
-    except OSError as error:
-        if error.errno not in REFUSED:
-            raise
+    except Exception as error:
+        if not isinstance(error, OSError) or error.errno not in REFUSED:
+            traceback.print_exc()
+            _end(f"unexpected error, a bug of dpr-lab: {type(error).__name__}: {error}", UnexpectedError.exit_code)
         if error.filename is not None:
-            _end(f"{error.filename}: {error.strerror}: free some disk space, or choose another folder", 1)
+            message = f"{error.filename}: {error.strerror}: free some disk space, or choose another folder"
+            _end(message, OutputError.exit_code)
         _leave_stdout()
         if error.errno != errno.EPIPE:
             from dpr_lab.cli.console import say
 
             say(f"dpr-lab: the result cannot be written to the output: {error.strerror}")
-        sys.exit(1)
+        sys.exit(OutputError.exit_code)
 
 
 def _end(message: str, exit_code: int) -> NoReturn:
@@ -111,7 +114,7 @@ def _run(app: Callable[[], object]) -> None:
         from dpr_lab.plugins.rows import failure
 
         if sentence := failure(error):
-            raise DprError(sentence) from error
+            raise UnexpectedError(sentence) from error
         raise
     sys.stdout.flush()
     _ignore_interrupts()

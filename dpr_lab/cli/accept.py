@@ -42,8 +42,11 @@ def accept(
 ) -> None:
     """Test whether a rig meets the limits in a file.
 
-    The result is pass, fail or not decidable, by equivalence tests at 95 %. The exit code is 1 if a limit fails. It is
-    9 if no limit fails but at least one is not decidable with these recordings.
+    The result is pass, fail or not decidable, by equivalence tests at 95 %.
+
+    Exit code: 0 all limits pass; 1 a limit fails; 9 no limit fails, but at least one is not decidable with these
+    recordings. Without a result: 2 or 3 wrong options, input or output; 8 wrong description of the readings; 70 bug;
+    130 interrupted.
 
     Example: dpr-lab accept runs/*.mcap --rig paper --limits limits.toml --out out/acceptance
     """

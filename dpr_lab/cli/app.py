@@ -27,12 +27,12 @@ Example:
 
 \b
 Exit codes:
-  0 ok                        5 protocol mismatch
-  1 failed check or test      6 degraded capture (file kept)
-  2 usage                     7 device lost (partial file kept)
-  3 configuration or input    8 identification failed its own checks
-  4 device not found or busy  9 limits not decidable with these runs
-                              130 interrupted (file finalised)
+  0 ok                           6 degraded capture (file kept)
+  1 failed check or test         7 device lost (partial file kept)
+  2 usage                        8 identification failed its own checks
+  3 configuration, input, output 9 limits not decidable with these runs
+  4 device not found or busy    70 unexpected error (bug)
+  5 protocol mismatch          130 interrupted (file finalised)
 """
 
 COMMANDS = {

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from dpr_lab.cli.checks import complete_rig
-from dpr_lab.errors import DprError
+from dpr_lab.errors import DprError, UnexpectedError
 
 
 def tui(
@@ -98,4 +98,4 @@ def tui(
         forbid_writing()
     app.run()
     if app.return_code:
-        raise typer.Exit(app.return_code)
+        raise typer.Exit(UnexpectedError.exit_code if app.return_code == 1 else app.return_code)

@@ -19,7 +19,7 @@ from filelock import FileLock, Timeout
 from pydantic import ValidationError
 
 from dpr_lab.configs import first_fault
-from dpr_lab.errors import DprError, RunError
+from dpr_lab.errors import OutputError, RunError
 from dpr_lab.report.plain import write_json
 from dpr_lab.rig import load_rig
 from dpr_lab.trials.case import run_case
@@ -149,7 +149,7 @@ def _alone(folder: Path) -> Iterator[None]:
             f"{folder}: a campaign is running in this folder; wait for its end, or give another folder"
         ) from None
     except OSError as error:
-        raise DprError(f"{folder}: cannot be written: {error.strerror}") from error
+        raise OutputError(f"{folder}: cannot be written: {error.strerror}") from error
     try:
         yield
     finally:
@@ -214,4 +214,4 @@ def _append(file: Path, line: dict[str, Any]) -> None:
         with file.open("ab") as trials:
             trials.write(json.dumps(line).encode() + b"\n")
     except OSError as error:
-        raise DprError(f"{file}: cannot be written: {error.strerror}; run the command again to continue") from error
+        raise OutputError(f"{file}: cannot be written: {error.strerror}; run the command again to continue") from error

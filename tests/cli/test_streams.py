@@ -83,7 +83,7 @@ def test_an_output_of_another_coding_is_no_traceback(coding: str, tmp_path: Path
 def test_a_full_output_is_reported(words) -> None:
     with open("/dev/full", "wb") as full:
         done = run(*words, stdout=full, stderr=subprocess.PIPE)
-    assert done.returncode == 1
+    assert done.returncode == 3
     assert done.stderr.decode().splitlines()[-1] == (
         "dpr-lab: the result cannot be written to the output: No space left on device"
     )
@@ -179,6 +179,27 @@ for way in (wrapped, lost, replaced, dropped):
     *answers, rest = done.stdout.split("exit code 130\n")
     assert list(map(json.loads, answers)) == [{"error": "interrupted", "exit_code": 130}] * 4
     assert rest == ""
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [("ZeroDivisionError('a bug')", 70), ("OSError(2, 'no such file')", 70), ("OutputError('no space')", 3)],
+)
+def test_a_bug_does_not_look_like_a_failed_test(error: str, code: int) -> None:
+    program = f"""
+from dpr_lab import cli
+from dpr_lab.errors import OutputError
+import dpr_lab.cli.app
+def command(**_):
+    raise {error}
+dpr_lab.cli.app.app = command
+cli.main()
+"""
+    done = subprocess.run([sys.executable, "-c", program, "--json"], capture_output=True, text=True, timeout=400)
+    printed = json.loads(done.stdout)
+    assert (done.returncode, printed["exit_code"]) == (code, code)
+    assert printed["error"].endswith(error.split("'")[-2])
+    assert ("Traceback" in done.stderr) == (code == 70)
 
 
 def test_an_interrupt_after_the_command_changes_nothing() -> None:
