@@ -261,6 +261,17 @@ class Rig(Shown, RigTable):
         return self._sha256
 
     @property
+    def values_sha256(self) -> str:
+        """Hash of the values on which a diagnosis depends.
+
+        Poses and link describe future recordings. The other excluded values are taken from each recording.
+        """
+        of_recordings = {"poses", "link", "rods", "added_mass"}
+        nested = {"arm": {"mode"}, "joints": {"inner"}, "encoders": {"zero_counts"}}
+        values = self.model_dump_json(exclude=dict.fromkeys(of_recordings, True) | nested)
+        return hashlib.sha256(values.encode()).hexdigest()
+
+    @property
     def nominal(self) -> Array:
         """(9,) best known parameters, SI: the measured value, otherwise the nominal value."""
         return np.array([p.measured or p.nominal for p in self._ordered()])

@@ -6,7 +6,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.errors import ConfigError
 from dpr_lab.shown import counted
 from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.diagnose import ACCEPTANCE, DiagnoseRequest, diagnose, diagnosis_folder, save_results
@@ -69,28 +68,13 @@ def accept(
     if diagnosis_file is None:
         diagnosis = diagnose(replace(request, out=None), on_event).diagnosis
     else:
-        diagnosis = read_diagnosis(diagnosis_file, runs)
-        refuse_other_rig_file(diagnosis_file, diagnosis, rig)
+        diagnosis = read_diagnosis(diagnosis_file, runs, rig)
     acceptance = judged(diagnosis, requirements, runs, rig)
     if acceptance.answer == "not decidable":
         of_plan = requirements.model_copy(update={"free_run": None})  # the test itself forecasts free runs
         acceptance = with_recordings(acceptance, plan(rig, runs, diagnosis, limits=of_plan))
     files = _save(acceptance, diagnosis, runs, rig, request.out, on_event) if request.out else {}
     return AcceptResult(acceptance, files)
-
-
-def refuse_other_rig_file(file: Path, diagnosis: "Diagnosis", rig: "Rig") -> None:
-    """Refuse a diagnosis that was made with a different rig file.
-
-    Its intervals are not valid for the given rig.
-    """
-    evidence = diagnosis.evidence
-    if evidence and evidence.rig_sha256 == rig.sha256:
-        return
-    fault = f"the diagnosis was made with another file of rig {rig.name}"
-    if not (evidence and evidence.rig_sha256):
-        fault = "the diagnosis does not state its rig file (key evidence.rig_sha256)"
-    raise ConfigError(f"{file}: {fault}: diagnose the runs again, or omit --diagnosis")
 
 
 def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig: "Rig") -> "Acceptance":

@@ -69,7 +69,7 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
 
     Raises:
         ConfigError: the rig, the limits or the budget is not valid, or does not permit a recording; or a diagnosis is
-            given without its runs.
+            given without its runs, or was made with another rig file.
         RunError: a run or the diagnosis cannot be used; the diagnosis belongs to other runs.
         IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.
@@ -89,7 +89,7 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
     if request.runs:
         if request.diagnosis:
             runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque)
-            diagnosis = read_diagnosis(request.diagnosis, runs)
+            diagnosis = read_diagnosis(request.diagnosis, runs, rig)
         else:
             diagnosis_request = DiagnoseRequest(
                 request.runs, request.rig, any_clock=request.any_clock, torque=request.torque

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dpr_lab.errors import RunError
+from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.shown import listed
 from dpr_lab.workflows.events import OnEvent, RunRead
 
@@ -64,18 +64,40 @@ def read_runs(
     return runs
 
 
-def read_diagnosis(file: Path, runs: "Sequence[Run]") -> "Diagnosis":
-    """Read the diagnosis of the given runs from its JSON file or folder.
+def read_diagnosis(file: Path, runs: "Sequence[Run]", rig: "Rig") -> "Diagnosis":
+    """Read the diagnosis of the given runs and rig from its JSON file or folder.
 
     Raises:
-        ConfigError: the file is not a diagnosis.
+        ConfigError: the file is not a diagnosis, or was made with another rig file.
         RunError: the diagnosis belongs to other runs.
     """
     from dpr_lab.gap.result.diagnosis import load_diagnosis
 
     diagnosis = load_diagnosis(file)
     refuse_other_runs(file, diagnosis, runs)
+    refuse_other_rig_file(file, diagnosis, rig)
     return diagnosis
+
+
+def refuse_other_rig_file(file: Path, diagnosis: "Diagnosis", rig: "Rig") -> None:
+    """Refuse a diagnosis that was made with another description of the rig.
+
+    Its sizes and intervals are not valid for the given rig. Another file with the same values is accepted: a plan adds
+    poses to the rig file.
+
+    Raises:
+        ConfigError: the values of the rig differ, or the diagnosis does not state its rig file.
+    """
+    evidence = diagnosis.evidence
+    if not (evidence and evidence.rig_sha256):
+        fault, instead = "does not state its rig file (key evidence.rig_sha256)", ""
+    elif rig.sha256 == evidence.rig_sha256 or rig.values_sha256 == evidence.rig_values_sha256:
+        return
+    else:
+        first, second = f"(SHA-256 {evidence.rig_sha256[:8]}...)", f"(SHA-256 {rig.sha256[:8]}...)"
+        fault = f"was made with another file of rig {evidence.rig} {first} than {rig.path or rig.name} {second}"
+        instead = "give the rig file of the diagnosis, or "
+    raise ConfigError(f"{file}: the diagnosis {fault}: {instead}omit --diagnosis to diagnose the runs again")
 
 
 def refuse_other_runs(file: Path, diagnosis: "Diagnosis", runs: "Sequence[Run]") -> None:

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -16,11 +17,11 @@ from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.identification.model import load_model
 from dpr_lab.rig import load_rig
 from dpr_lab.workflows import events
-from dpr_lab.workflows.accept import refuse_other_rig_file
 from dpr_lab.workflows.capture import CaptureResult, capture
 from dpr_lab.workflows.compare import CompareRequest, compare
 from dpr_lab.workflows.diagnose import DiagnoseRequest, chosen_library, diagnose
 from dpr_lab.workflows.identify import IdentifyRequest, identify
+from dpr_lab.workflows.plan import PlanRequest, plan
 from tests.a_diagnosis import made
 
 SEARCH = Path(__file__).parents[2] / "configs" / "search" / "segments.toml"
@@ -195,15 +196,31 @@ def test_the_same_recording_is_refused_twice(recorded, tmp_path: Path) -> None:
         diagnose(DiagnoseRequest((file,), "paper", held_out=(file,)))
 
 
-def test_the_message_on_a_diagnosis_of_another_rig_file_states_one_reason() -> None:
-    paper = load_rig("paper")
-    without, file = made(), Path("diagnosis.json")
-    other, same = (
-        without.model_copy(update={"evidence": SimpleNamespace(rig_sha256=sha256)})
-        for sha256 in ("0" * 64, paper.sha256)
-    )
-    refuse_other_rig_file(file, same, paper)
-    with pytest.raises(ConfigError, match=r"json: the diagnosis was made with another file of rig paper: diagnose"):
-        refuse_other_rig_file(file, other, paper)
-    with pytest.raises(ConfigError, match=r"does not state its rig file \(key evidence.rig_sha256\): diagnose"):
-        refuse_other_rig_file(file, without, paper)
+def test_a_plan_refuses_a_diagnosis_of_another_rig_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = load_rig("paper").path.read_text()
+    files = {
+        "paper": text,
+        "posed": f"{text}\n[poses.P1]\ntheta1 = 1.0\ntheta2 = 1.0\n",
+        "moon": re.sub(r"(?m)^g = .*", "g = 1.6", text),
+    }
+    for name, content in files.items():
+        (tmp_path / f"{name}.toml").write_text(content)
+    paper = load_rig(tmp_path / "paper.toml")
+    stated = SimpleNamespace(rig="paper", rig_sha256=paper.sha256, rig_values_sha256=paper.values_sha256, recordings=[])
+    plain = made()
+    gap = plain.gap.model_copy(update={"closed_held_out": plain.gap.closed_held_out.model_copy(update={"per_run": {}})})
+    diagnosis = plain.model_copy(update={"gap": gap, "evidence": stated})
+    monkeypatch.setattr("dpr_lab.gap.result.diagnosis.load_diagnosis", lambda file: diagnosis)
+    monkeypatch.setattr("dpr_lab.workflows.plan.read_runs", Mock(return_value=[]))
+    monkeypatch.setattr("dpr_lab.planning.plan.plan", Mock(return_value="planned"))
+
+    def planned(rig: str) -> object:
+        return plan(PlanRequest(str(tmp_path / rig), (Path("X1.mcap"),), Path("d.json"))).plan
+
+    assert (planned("paper.toml"), planned("posed.toml")) == ("planned", "planned")
+    both = rf"another file of rig paper \(SHA-256 {paper.sha256[:8]}...\) than .*moon.toml \(SHA-256"
+    with pytest.raises(ConfigError, match=rf"^d.json: the diagnosis was made with {both}.*: give the rig file of the"):
+        planned("moon.toml")
+    diagnosis = plain.model_copy(update={"gap": gap})
+    with pytest.raises(ConfigError, match=r"does not state its rig file \(key evidence.rig_sha256\): omit --diagnosis"):
+        planned("paper.toml")

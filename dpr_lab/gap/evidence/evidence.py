@@ -24,6 +24,7 @@ def evidence(state: Transferred) -> Evidence:
         made_utc=datetime.now(UTC).isoformat(timespec="seconds"),
         rig=rig.name,
         rig_sha256=rig.sha256,
+        rig_values_sha256=rig.values_sha256,
         recordings=[*_used(recordings, held_out=False), *_used(state.fitted.held_out, held_out=True)],
         coverage=coverage(recordings, state.fitted.held_out),
         closing=list(state.transfer.closing),

@@ -271,6 +271,9 @@ class Evidence(Saved):
     made_utc: str
     rig: str
     rig_sha256: str
+    rig_values_sha256: str = ""
+    """Hash of the values in the rig file without poses, link and the state of one recording; empty in a file of an
+    older version."""
     recordings: list[RecordingUsed]
     coverage: dict[str, Occupancy]
     """Time that a rod spent in each range of angle and speed, by rod."""
