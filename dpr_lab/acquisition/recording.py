@@ -44,7 +44,8 @@ class Recording:
         limits: QualityLimits = QUALITY_LIMITS,
     ) -> None:
         self.release_tick: int | None = None
-        self.samples = Spool(writer.path.parent)
+        with writer.disk():
+            self.samples = Spool(writer.path.parent)
         self._writer = writer
         self.rig, self.rate_hz = writer.metadata.rig, writer.metadata.rate_hz
         self._hanging, self._limits = hanging, limits
@@ -106,7 +107,8 @@ class Recording:
                 unit = int(extra.get("torque_unit_uNm", extra.get("input_unit_micro", 0)))
                 torques = torques_of(rows, unit)
                 self._writer.samples(ticks, counts, torques)
-                self.samples.extend(ticks, counts)
+                with self._writer.disk():
+                    self.samples.extend(ticks, counts)
                 if torques is not None and "input_unit_micro" in extra:
                     self._inputs.append(torques[0, :, 0])
                 if self.rig.arm.mode == "free" and "torque_unit_uNm" not in extra:

@@ -25,18 +25,14 @@ class Spool:
         folder: folder of the temporary file, which takes 32 bytes per sample
 
     Raises:
-        RunError: the disk is full. `extend` raises this error too.
+        OSError: the disk is full. `extend` raises this error too.
     """
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder
         self._used = 0
         self.first_tick = self.last_tick = -1
         """Ticks of the first and the newest sample; -1 if there are no samples."""
-        try:
-            self._file = TemporaryFile(dir=folder, buffering=0)
-        except OSError as error:
-            raise self._full(error) from error
+        self._file = TemporaryFile(dir=folder, buffering=0)
 
     def close(self) -> None:
         """Delete the file."""
@@ -53,12 +49,9 @@ class Spool:
     def extend(self, ticks: Integers, counts: Integers) -> None:
         """Append newer samples: ticks (n,) and position counts (n, 3)."""
         rows = np.column_stack([ticks, counts]).astype(np.int64, copy=False).tobytes()
-        try:
-            self._file.seek(self._used * _ROW.itemsize)
-            if self._file.write(rows) != len(rows):
-                raise OSError(28, "No space left on device")
-        except OSError as error:
-            raise self._full(error) from error
+        self._file.seek(self._used * _ROW.itemsize)
+        if self._file.write(rows) != len(rows):
+            raise OSError(28, "No space left on device")
         if not self._used:
             self.first_tick = int(ticks[0])
         self.last_tick = int(ticks[-1])
@@ -83,9 +76,6 @@ class Spool:
         rows = np.frombuffer(self._file.read((stop - start) * _ROW.itemsize), dtype=np.int64).reshape(-1, 1 + JOINTS)
         return rows[:, 0], rows[:, 1:]
 
-    def _full(self, error: OSError) -> RunError:
-        return RunError(f"{self._folder}: cannot be written: {error.strerror}; the file is kept: free some disk space")
-
 
 def check_room(folder: Path, samples: float, bytes_a_sample: int = 128) -> None:
     """Check that a recording of a given number of samples fits on the disk.
@@ -103,9 +93,6 @@ def check_room(folder: Path, samples: float, bytes_a_sample: int = 128) -> None:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunError(f"{folder}: this folder cannot be created: {error.strerror}") from error
-    try:
         with TemporaryFile(dir=folder):
             free, needed = shutil.disk_usage(folder).free, samples * bytes_a_sample
     except OSError as error:

@@ -113,7 +113,7 @@ class RunWriter:
         self._failure: RunError | None = None
         self._file = _create(part or self.path)
         self._mcap = Writer(self._file, LIMITS.chunk_bytes, CompressionType.ZSTD, enable_data_crcs=True)
-        with self._disk():
+        with self.disk():
             self._indices = keep_on_disk(self._mcap, self.path.parent)
             self._channels = self._write_preamble()
             self._sync()
@@ -193,7 +193,7 @@ class RunWriter:
 
     def copy(self, messages: Iterable[Stored]) -> None:
         """Append the messages of a run file that has the same metadata."""
-        with self._disk():
+        with self.disk():
             for topic, log_time, publish_time, payload in messages:
                 self._mcap.add_message(self._channels[topic], log_time, payload, publish_time)
                 self.samples_written += topic == SAMPLES
@@ -202,7 +202,7 @@ class RunWriter:
     def flush(self) -> None:
         """Pass all appended messages to the operating system."""
         self._kept.clear()
-        with self._disk():
+        with self.disk():
             self._mcap.flush()
             self._flushed = self._now()
             if self._flushed - self._synced >= SETTINGS.sync_s:
@@ -276,7 +276,7 @@ class RunWriter:
         if not (np.isfinite(theta).all() and np.isfinite(t).all() and t.min() >= 0):
             raise ValueError("times must be finite and not negative, angles finite")
         for start in range(0, n, SETTINGS.block_rows):
-            with self._disk():
+            with self.disk():
                 self._add_rows(samples.rows(slice(start, start + SETTINGS.block_rows)))
             if start:
                 self.flush()
@@ -302,7 +302,7 @@ class RunWriter:
         self._flush_when_due()
 
     def _add(self, topic: str, log_time: int, payload: bytes, publish_time: int) -> None:
-        with self._disk():
+        with self.disk():
             self._mcap.add_message(self._channels[topic], log_time, payload, publish_time)
 
     def _since_start(self, host_time_ns: int) -> int:
@@ -320,7 +320,7 @@ class RunWriter:
         self._flushed = self._synced = self._now()
 
     def _close(self, end: dict[str, str]) -> None:
-        with self._disk():
+        with self.disk():
             self._mcap.flush()
             self._mcap.add_metadata(END, sealed(end))
             self._mcap.finish()
@@ -332,7 +332,12 @@ class RunWriter:
                 write_sidecar(self.path)
 
     @contextmanager
-    def _disk(self) -> Iterator[None]:
+    def disk(self) -> Iterator[None]:
+        """Report a failed write of this recording, to this or to another file, and leave the run file cut off.
+
+        Raises:
+            RunError: the disk is full. The message names the run file and the command that recovers it.
+        """
         if self._failure is not None:
             raise self._failure
         if not self._open:

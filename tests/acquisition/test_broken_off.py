@@ -1,5 +1,6 @@
 """An interrupted capture keeps the recorded data and stops the device if possible."""
 
+import errno
 import os
 import signal
 import threading
@@ -14,13 +15,17 @@ from dpr_lab.acquisition.batch import Batch
 from dpr_lab.acquisition.capture import CaptureOptions, Progress, Released, capture
 from dpr_lab.acquisition.holding import raise_faults
 from dpr_lab.acquisition.interrupts import unbroken
+from dpr_lab.acquisition.recording import Recording
 from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, RunError
 from dpr_lab.rig import Rig
 from dpr_lab.storage.inspect import recover, verify
 from dpr_lab.storage.layout import LIMITS
+from dpr_lab.storage.metadata import RunMetadata
 from dpr_lab.storage.reader import load_run
+from dpr_lab.storage.spool import Spool, check_room
 from dpr_lab.storage.writer import RunWriter
 from firmware_protocol.messages import Event, EventKind, Fault, Message, State, Status
+from firmware_protocol.stream import Row
 from tests.full_disk import full_disk
 
 SHORT = CaptureOptions(duration=1.0, pose_timeout=60.0, rest_timeout=60.0)
@@ -122,6 +127,28 @@ def test_full_disk_is_a_run_error_and_stops_the_device(
             capture(device, paper, "X1", CaptureOptions(duration=200), tmp_path, fill_disk, agree)
         assert settled(device).state is State.IDLE
     assert len(load_run(sorted(tmp_path.glob("*.mcap"))[0]).t) > 500
+
+
+def test_a_full_disk_of_the_temporary_file_names_the_run_file_and_its_recovery(
+    paper: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Spool, "extend", full)
+    batch = Batch(0.0, b"", tuple(Row(tick, (0, 0, 0)) for tick in range(3)), ())
+    with (
+        RunWriter(tmp_path / "a.mcap", RunMetadata(paper, "X1", 1000)) as writer,
+        Recording(writer, {}, 1.0) as recording,
+        pytest.raises(RunError, match=r"a\.mcap: cannot be written: No space.* 3 samples .*run recover .*a\.mcap"),
+    ):
+        recording.add([batch])
+
+
+def test_a_folder_for_runs_that_cannot_be_made_is_reported_with_its_remedy(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(RunError, match=r"file.runs: cannot be written: Not a directory: choose another folder"):
+        check_room(tmp_path / "file" / "runs", 10)
 
 
 @pytest.mark.slow
