@@ -130,6 +130,12 @@ def _plugins() -> Iterator[SystemCheck]:
 
 
 def _disk() -> SystemCheck:
+    from dpr_lab.workflows.checks import check_folder_writable
+
+    try:
+        check_folder_writable(Path.cwd())
+    except DprError as error:
+        return SystemCheck("disk", "wrong", str(error))
     free = shutil.disk_usage(Path.cwd()).free / 1e9
     hours = free / (0.1 * 3.6)  # a run at 1 kHz writes less than 100 kB/s
     return SystemCheck(

@@ -92,6 +92,14 @@ def test_doctor_compares_the_device_with_the_rig_file(tmp_path: Path, cli) -> No
     assert "4096, 4096, 4096" in {finding["what"]: finding for finding in done.json["findings"]}["device"]["said"]
 
 
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs a folder that takes no file")
+def test_doctor_reports_a_folder_that_cannot_be_written(cli) -> None:
+    done = cli("doctor", "--json", cwd=Path("/proc"))
+    disk = next(finding for finding in done.json["findings"] if finding["what"] == "disk")
+    assert (done.code, disk["state"]) == (1, "wrong")
+    assert "/proc: cannot be written" in disk["said"]
+
+
 def test_doctor_reports_the_fault_of_a_link(cli) -> None:
     done = cli("doctor", "--link", "serial:///dev/nonesuch0", "--json")
     assert done.code == 4
