@@ -16,6 +16,7 @@ from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.classes.posterior import effect_posterior
 from dpr_lab.gap.conclusion.conclusion import conclude
 from dpr_lab.gap.conclusion.description import description
+from dpr_lab.gap.conclusion.own_scale import at_own_scale
 from dpr_lab.gap.conclusion.uncertainty import whole_covariance
 from dpr_lab.gap.corrections import ForwardSelected, corrected, with_other_noise
 from dpr_lab.gap.damage.disturbances import without_disturbances
@@ -180,7 +181,9 @@ def _selected(preliminary: ForwardSelected) -> Selected:
     refuse_impossible_scale(chosen.estimate.ratios, fitted.request.runs, fitted.request.rig, chosen.effects)
     _begin(fitted.request, "classes")
     if bare is not fitted.bare:
-        fitted = replace(fitted, bare=bare, residual_maps=locate(fitted.problem, bare))
+        fitted = replace(fitted, residual_maps=locate(fitted.problem, bare))
+    selection = at_own_scale(selection, fitted.problem, fitted.request.rig)
+    fitted = replace(fitted, bare=selection.bare)
     return Selected(
         fitted=fitted,
         selection=selection,

@@ -16,7 +16,7 @@ from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Transferred
 from dpr_lab.identification.moving_arm.setup import drive_gain
-from dpr_lab.identification.prior_update import clamped_cosine, posterior_of
+from dpr_lab.identification.prior_update import Posterior, clamped_cosine, posterior_of
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig
 from dpr_lab.setup import only_inner
@@ -112,16 +112,23 @@ def scale(state: Transferred) -> Scale:
     If only the inner rod is mounted, the value of a is stated instead.
     """
     problem, fit, rig = state.fitted.problem, state.selection.chosen.fit, state.fitted.recordings.rig
-    unknown, setups = fit.estimate.ratios, problem.segments.setups
-    alone, clamped = only_inner(setups), clamped_cosine(setups)
+    unknown, alone = fit.estimate.ratios, only_inner(problem.segments.setups)
     of_b = fitted_scale(problem, fit, state.covariance, rig)
     if of_b is None:
-        visible = sorted(parameter.place for parameter in fit.free if parameter.block == "ratios")
-        # an effect such as a spring may make a ratio uncertain
-        errors = unknown_covariance(fit, state.covariance)[np.ix_(visible, visible)]
-        posterior = posterior_of(unknown, rig, visible, errors, alone=alone, clamped=clamped)
-        of_b = posterior.scale(float(unknown[SCALE]))
+        of_b = rig_posterior(problem, fit, state.covariance, rig).scale(float(unknown[SCALE]))
     return of_b.as_inertia("a", alone_share(unknown)) if alone else of_b
+
+
+def rig_posterior(problem: Problem, fit: Fit, covariance: Array, rig: Rig) -> Posterior:
+    """Return the distribution of the rig parameters, given the fitted ratios and their errors.
+
+    An effect such as a spring may make a ratio uncertain. The arguments are those of `ratios`.
+    """
+    setups = problem.segments.setups
+    visible = sorted(parameter.place for parameter in fit.free if parameter.block == "ratios")
+    errors = unknown_covariance(fit, covariance)[np.ix_(visible, visible)]
+    alone, clamped = only_inner(setups), clamped_cosine(setups)
+    return posterior_of(fit.estimate.ratios, rig, visible, errors, alone=alone, clamped=clamped)
 
 
 def fitted_scale(problem: Problem, fit: Fit, covariance: Array, rig: Rig) -> Scale | None:
