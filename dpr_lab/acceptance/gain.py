@@ -6,7 +6,7 @@ from dpr_lab.dynamics.base import GAINS
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import WiderModel
 from dpr_lab.gap.result.saved import Interval
-from dpr_lab.identification.moving_arm.setup import drive_gain
+from dpr_lab.identification.moving_arm.setup import drive_gain, rods_measured
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -16,13 +16,16 @@ def with_gain(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Diagnosis:
 
     A drive of known gain K determines the ratio K/b. The fit contains K, and states b with the uncertainty of K. The
     interval of K/b follows from that of b, so it is at least as wide as that of the recordings alone.
+
+    If the rods were measured too, the gain may contain an error, which the diagnosis tests as an effect. The ratio is
+    then not added, because a known mass determines b without the drive.
     """
     scale, motor = diagnosis.scale, rig.motor
     if scale is None or scale.fixed_by != "data" or motor is None or motor.input not in GAINS:
         return diagnosis
     gain, name = drive_gain(rig), GAINS[motor.input].format(scale.inertia)
     driven = any(run.arm_mode == "driven" for run in runs)
-    if not driven or not gain.known or name in diagnosis.stated_ratios:
+    if not driven or not gain.known or rods_measured(rig) or name in diagnosis.stated_ratios:
         return diagnosis
 
     def ratio(interval: tuple[float, float]) -> tuple[float, float]:

@@ -49,6 +49,21 @@ def test_a_limit_of_a_known_gain_follows_from_the_interval_of_b(
     assert judge(with_gain(diagnosis, [replace(run, arm_mode="free")], rig), limits).answer == "not decidable"
 
 
+def test_a_gain_that_may_contain_an_error_is_not_computed_from_its_constants() -> None:
+    """With measured rods, `torque_scale_joint0` is an effect, and a known mass determines b."""
+    table = rig_with(input="current", kt=KT).model_dump(exclude_none=True)
+    for name in ("m2", "l2", "J2"):
+        nominal = table["parameters"][name]["nominal"]
+        table["parameters"][name] = {"nominal": nominal, "measured": nominal, "std": 1e-3 * nominal}
+    rig, t = Rig.model_validate(table), np.arange(3.0)
+    run = replace(Run("a", t, np.zeros((3, 3)), None, None, rig.name, rig.sha256, 1.0), arm_mode="driven")
+    scale = Scale(b=1.0, interval90=(0.99, 1.01), fixed_by="data")
+    diagnosis = made(effects=[], verdict="named").model_copy(
+        update={"scale": scale, "model_effects": {"torque_scale_joint0": {"excess": 0.2}}}
+    )
+    assert with_gain(diagnosis, [run], rig) is diagnosis
+
+
 def test_an_undecided_gain_of_measured_rods_and_drive_names_the_effect_to_limit() -> None:
     limits = Limits.model_validate({"ratios": {"kt/b": {"max": 1.0, "unit": "1/(s^2 A)"}}})
     tested = Exclusion(effect="torque_scale_joint0", parameter="excess", size=0.1, estimate=0.0, confidence=0.99)
