@@ -18,7 +18,7 @@ def with_scale(scale: Scale | None, interval: Interval90, power: int) -> Interva
 
 def open_by_scale(scale: Scale) -> str:
     """Return the reason of a limit that only the uncertain scale leaves open, with the remedy."""
-    low, high = scale.interval90
+    low, high = scale.interval90_of_sizes
     uncertain = f"{scale.inertia} ({low:.3g} to {high:.3g} kg m^2)"
     remedy = "masses, lengths and inertias in the rig file, or record a release with an added mass or a known torque"
     if scale.constants_std:

@@ -65,6 +65,7 @@ The limit is far above rounding errors.
 """
 
 _INNER, _COUPLING, _GRAVITY = (RATIOS.index(name) for name in ("a/b", "d/b", "e1/b"))
+_B = BASE.index("b")
 _OF_FRICTION = [PARAMETERS.index(RATIOS[i].partition("/")[0]) for i in FRICTION]
 
 
@@ -115,14 +116,17 @@ class Posterior:
     def scale(self, b: float | None = None) -> Scale:
         """Return the scale of absolute sizes for a value of b; default: the most probable b.
 
-        The interval is extended to this value. For a single body, it is that of its inertia, converted to b by the
-        ratios of the fit: torques and effects are known relative to this inertia.
+        The interval is extended to this value. For an elbow that is clamped in all runs, sizes have the interval of the
+        inertia of the whole body, because they are known relative to it.
         """
         b, share = b or self.b, self.share
         lower, upper = (self._inertia(edge)[0] for edge in _edges(self.rig)) if self.clamped is None else (0.0, np.inf)
         low, high = _interval(*self.inertia(), lower, upper, share * b)
         loose = self._loose(self._inertia(self.median)[1][None])[0]
-        return Scale(b=b, interval90=(low / share, high / share), fixed_by="bound" if loose else "measured")
+        of_body = low / share, high / share
+        of_b = of_body if self.clamped is None else self._of_base(_B, b)
+        sizes90 = None if self.clamped is None else of_body
+        return Scale(b=b, interval90=of_b, fixed_by="bound" if loose else "measured", sizes90=sizes90)
 
     def parameters(
         self, scale: Scale, ratios: Mapping[str, EstimatedValue]
@@ -137,7 +141,7 @@ class Posterior:
             ratios: the five ratios with their intervals
         """
         Z, loose90 = self.values(scale.b), self.intervals(scale.b)
-        _, slopes = _base(Z, self.rig, alone=False)
+        _, slopes = _base(Z, self.rig)
         base = scale.b * base_from_ratios(self.unknown[: len(RATIOS)])  # an exported model must follow the fit
         absolute = {}
         for i, name in enumerate(BASE):
@@ -150,7 +154,7 @@ class Posterior:
                 low, high = ratios[f"{name}/b"].interval90
                 wide = scale.absolute90(value, (scale.b * low, scale.b * high))
             else:
-                low, high = loose90.get(name) or self._of_base(i, value, alone=False)
+                low, high = loose90.get(name) or self._of_base(i, value)
                 wide = (min(low, value), max(high, value))  # the ratio that the fit assumed may be outside
             absolute[name] = self._value(value, slopes[i], wide)
         nine = {
@@ -230,14 +234,12 @@ class Posterior:
         value, slopes = observed(Z, self.rig, [SCALE], self.alone, self.clamped)
         return float(value[0]), slopes[0]
 
-    def _moments(self, place: int, *, alone: bool) -> tuple[float, float]:
-        value, slopes = _base(self.median, self.rig, alone)
-        return float(value[place]), float(np.sqrt(max(slopes[place] @ self.covariance @ slopes[place], 0.0)))
-
-    def _of_base(self, place: int, value: float, *, alone: bool) -> Interval90:
+    def _of_base(self, place: int, value: float) -> Interval90:
         """Return the 90 % interval of a base parameter, extended to include the value in use."""
-        lower, upper = (_base(edge, self.rig, alone)[0][place] for edge in _edges(self.rig))
-        return _interval(*self._moments(place, alone=alone), lower, upper, value)
+        lower, upper = (_base(edge, self.rig)[0][place] for edge in _edges(self.rig))
+        medians, slopes = _base(self.median, self.rig)
+        std = float(np.sqrt(max(slopes[place] @ self.covariance @ slopes[place], 0.0)))
+        return _interval(float(medians[place]), std, lower, upper, value)
 
 
 def posterior_of(
@@ -383,14 +385,10 @@ def _edges(rig: Rig) -> Array:
     return rig.bounds + np.outer([-1.0, 1.0], reach)
 
 
-def _base(Z: Array, rig: Rig, alone: bool) -> tuple[Array, Array]:
-    """Return the base parameters (6,) and the derivatives (6, 9) of their logarithms with respect to those of Z.
-
-    Those of the inner rod alone do not contain the mass of the outer rod.
-    """
-    mounted = np.where(np.array(PARAMETERS) == "m2", 0.0, Z) if alone else Z
-    base = base_parameters(mounted, rig.L1, rig.g)
-    return base, base_jacobian(mounted, rig.L1, rig.g) * mounted / np.maximum(base, 1e-30)[:, None]
+def _base(Z: Array, rig: Rig) -> tuple[Array, Array]:
+    """Return the base parameters (6,) and the derivatives (6, 9) of their logarithms with respect to those of Z."""
+    base = base_parameters(Z, rig.L1, rig.g)
+    return base, base_jacobian(Z, rig.L1, rig.g) * Z / np.maximum(base, 1e-30)[:, None]
 
 
 def prior_ratio_std(rig: Rig) -> list[float]:

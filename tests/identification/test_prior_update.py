@@ -193,7 +193,7 @@ CLAMPED = {"straight": [0.0], "folded": [3.1], "bent": [0.7], "several": [0.0, 1
 
 
 @pytest.mark.parametrize("angles", CLAMPED.values(), ids=CLAMPED)
-def test_intervals_of_base_parameters_and_of_the_body_contain_the_truth_with_a_clamped_elbow(
+def test_intervals_of_base_parameters_scale_and_body_contain_the_truth_with_a_clamped_elbow(
     paper: Rig, angles: list[float]
 ) -> None:
     setups = [Setup("clamped", elbow=angle) for angle in angles]
@@ -212,10 +212,10 @@ def test_intervals_of_base_parameters_and_of_the_body_contain_the_truth_with_a_c
         _, base = posterior.parameters(scale, exact)
         intervals = [value.interval90 or (np.nan, np.nan) for value in base.values()]
         body = as_observed(true, paper, False, clamped)[0][SCALE] / posterior.share
-        truths = [*whole[: len(base)].tolist(), body]
-        inside.append(
-            [low <= value <= high for (low, high), value in zip([*intervals, scale.interval90], truths, strict=True)]
-        )
+        assert scale.sizes90 is not None
+        intervals += [scale.interval90, scale.sizes90]
+        truths = [*whole[: len(base)].tolist(), true[SCALE], body]
+        inside.append([low <= value <= high for (low, high), value in zip(intervals, truths, strict=True)])
     assert np.mean(inside, axis=0).min() >= 0.8
 
 

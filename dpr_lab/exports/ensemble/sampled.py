@@ -207,8 +207,8 @@ def _with_values(
     model: Model, component: PosteriorComponent, values: Mapping[str, float], rng: np.random.Generator
 ) -> Model:
     b, scale = model.base["b"].value, model.scale
-    interval = (scale.interval90[0] / scale.b, scale.interval90[1] / scale.b) if scale else (1.0, 1.0)
-    factor, effects = scaled_effects(component, values, interval, rng)
+    low, high = (end / scale.b for end in scale.interval90_of_sizes) if scale else (1.0, 1.0)
+    factor, effects = scaled_effects(component, values, (low, high), rng)
     base = b * factor * base_from_ratios(np.array([values[name] for name in RATIOS]))
     sampled = model.with_ratios([values[name] for name in RATIOS]).with_base(base.tolist())
     return sampled.model_copy(update={"effects": effects})

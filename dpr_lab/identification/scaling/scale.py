@@ -41,6 +41,12 @@ class Scale(ModelPart):
     """Name of the inertia: `b` of the outer rod about joint 2, or `a` of the inner rod about joint 1 if it is alone."""
     constants_std: NonNegativeFloat = 0.0
     """Relative standard deviation of b due to motor constants of the rig file; 0 if b does not depend on them."""
+    sizes90: tuple[PositiveFloat, PositiveFloat] | None = None
+    """90 % interval of the scale of sizes, if it differs from that of b, kg m^2.
+
+    With a clamped elbow, sizes are known relative to the inertia of the whole body. This is its interval, converted to
+    b by the ratios a/b and d/b in use, which the recordings do not determine.
+    """
 
     @property
     def known(self) -> bool:
@@ -48,9 +54,14 @@ class Scale(ModelPart):
         return self.fixed_by != "bound"
 
     @property
+    def interval90_of_sizes(self) -> Interval90:
+        """Interval of b that applies to sizes proportional to b."""
+        return self.sizes90 or self.interval90
+
+    @property
     def log_std(self) -> float:
-        """Standard deviation of the logarithm of b that corresponds to the interval."""
-        low, high = self.interval90
+        """Standard deviation of the logarithm of b that corresponds to the interval of sizes."""
+        low, high = self.interval90_of_sizes
         return log(high / low) / (2 * NORMAL_Q90)
 
     @property
@@ -80,10 +91,9 @@ class Scale(ModelPart):
 
     def as_inertia(self, inertia: Literal["a", "b"], factor: float) -> "Scale":
         """Express the scale by a different inertia, which is `factor` times the current inertia."""
-        low, high = self.interval90
-        return self.model_copy(
-            update={"b": self.b * factor, "interval90": (low * factor, high * factor), "inertia": inertia}
-        )
+        intervals = {"interval90": self.interval90} | ({"sizes90": self.sizes90} if self.sizes90 else {})
+        scaled = {name: (low * factor, high * factor) for name, (low, high) in intervals.items()}
+        return self.model_copy(update={"b": self.b * factor, "inertia": inertia} | scaled)
 
     def ratio(self, value: float, power: int = 1) -> float:
         """Divide a size by b^power.
@@ -103,7 +113,9 @@ class Scale(ModelPart):
         contains errors of b. Only errors of constants that are not fitted then remain.
         """
         reach = NORMAL_Q90 * self.constants_std
-        low, high = (1 - reach, 1 + reach) if self.fixed_by == "data" else [end / self.b for end in self.interval90]
+        low, high = (
+            (1 - reach, 1 + reach) if self.fixed_by == "data" else [end / self.b for end in self.interval90_of_sizes]
+        )
         ends = [max(low, 1e-3) ** power, high**power]
         return min(ends), max(ends)
 
