@@ -42,9 +42,14 @@ class Search:
 
     least_deg: float = 2.0
     """Minimum deflection from hanging of a released rod, deg, unless the limits of the plan permit only less."""
+    upright_deg: float = 10.0
+    """Minimum distance of a start pose from an unstable equilibrium, deg, unless the limits permit only less. Nearer to
+    it, placement error and static friction determine when and to which side the rods fall."""
     repeated: float = 0.5
     """Fraction by which the value of a release falls if it repeats another release, because a model error affects
     both releases."""
+    least_bits: float = 1e-9
+    """Value of a release without measurable information, bits, so that a new pose precedes a repeated one."""
     alike_rad: float = 0.5
     """Distance between two start poses, rad, at which the reduction by `repeated` has mostly disappeared."""
 
@@ -52,13 +57,31 @@ class Search:
 SEARCH = Search()
 
 
-def swinging(releases: Sequence[CandidateRelease]) -> list[CandidateRelease]:
-    """Return the releases whose rods swing, or all of them if none does.
+def swinging(releases: Sequence[CandidateRelease], e: Sequence[float] = (1.0, 1.0)) -> list[CandidateRelease]:
+    """Return the releases whose rods swing at once, or all of them if none does.
 
-    At rest, the linear model of friction promises information, but static friction holds the rods.
+    Near an equilibrium, the linear model of friction promises information, but static friction holds the rods.
+
+    Args:
+        releases: the releases
+        e: gravity torques e1 and e2 of the rods, N m; only their ratio is used
     """
-    least = np.radians(SEARCH.least_deg)
-    return [release for release in releases if release.deflection_rad >= least] or list(releases)
+    least, upright = np.radians([SEARCH.least_deg, SEARCH.upright_deg])
+    falling = [release for release in releases if upright_rad(release, e) >= upright] or releases
+    return [release for release in falling if release.deflection_rad >= least] or list(releases)
+
+
+def upright_rad(release: CandidateRelease, e: Sequence[float]) -> float:
+    """Return the distance of a start pose from the nearest unstable equilibrium, rad.
+
+    Both rods have three such equilibria. A single rod or a clamped elbow has one, with its centre of mass above the
+    joint; e are the gravity torques of both rods, N m.
+    """
+    theta = release.start[:2]
+    if release.mounting != "both":
+        return float(np.abs(np.angle(e @ np.exp(1j * theta))))
+    unstable = np.array([(0.0, 0.0), (0.0, np.pi), (np.pi, 0.0)])
+    return float(np.abs(without_turns(theta - unstable)).max(axis=1).min())
 
 
 def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Array:
@@ -80,7 +103,12 @@ def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Ar
 
 
 def near(
-    release: CandidateRelease, limits: PlanLimits, width: float, count: int, rng: np.random.Generator
+    release: CandidateRelease,
+    limits: PlanLimits,
+    width: float,
+    count: int,
+    rng: np.random.Generator,
+    e: Sequence[float] = (1.0, 1.0),
 ) -> list[CandidateRelease]:
     """Draw releases with random reachable start poses near the start pose of a given release.
 
@@ -90,9 +118,10 @@ def near(
         width: standard deviation of each angle, rad
         count: maximum number of releases
         rng: source of randomness
+        e: gravity torques of the rods, as for `swinging`
     """
     theta = [release.theta1, release.theta2] + width * rng.standard_normal((4 * count, 2))
-    return swinging(release.moved(theta[limits.poses.reachable(theta)] % (2 * np.pi)))[:count]
+    return swinging(release.moved(theta[limits.poses.reachable(theta)] % (2 * np.pi)), e)[:count]
 
 
 def placements(release: CandidateRelease, std: float, count: int, rng: np.random.Generator) -> list[CandidateRelease]:
@@ -112,10 +141,34 @@ def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> floa
 
     The fraction is 1 if no release in `made` is similar.
     """
-    same = [other for other in made if _kind(other) == _kind(release)]
-    turns = [without_turns(release.start - other.start)[:2] for other in same]
-    apart = min((float(np.hypot(*turn)) for turn in turns), default=np.inf)
+    apart = min((apart_rad(release, other) for other in made), default=np.inf)
     return 1.0 - SEARCH.repeated * float(np.exp(-0.5 * (apart / SEARCH.alike_rad) ** 2))
+
+
+def value(bits: float, release: CandidateRelease, made: Sequence[CandidateRelease]) -> float:
+    """Return the value of the bits that a release adds after the releases `made`, which it may repeat."""
+    return novelty(release, made) * max(bits, SEARCH.least_bits)
+
+
+def apart_rad(release: CandidateRelease, other: CandidateRelease) -> float:
+    """Return the distance between two start poses, rad; infinite for other mountings, arm states or signals."""
+    same_kind = _kind(other) == _kind(release)
+    return float(np.hypot(*without_turns(release.start[:2] - other.start[:2]))) if same_kind else np.inf
+
+
+def repetition(
+    release: CandidateRelease,
+    planned: Sequence[CandidateRelease],
+    recorded: Sequence[CandidateRelease],
+    placement_rad: float,
+) -> str:
+    """Return the beginning of the text of a release that repeats another one; empty for a new start pose.
+
+    Poses nearer to each other than the standard deviation of their placement, rad, are the same pose.
+    """
+    made = [(f"release {number}", other) for number, other in enumerate(planned, 1)]
+    made += [("a recorded release", other) for other in recorded]
+    return next((f"repeat {name}: " for name, other in made if apart_rad(release, other) < placement_rad), "")
 
 
 def _kind(release: CandidateRelease) -> tuple[MountedParts, str, str]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dpr_lab.arrays import Array
+from dpr_lab.dynamics.base import WHOLE
 from dpr_lab.planning.candidates import (
     SEARCH,
     cheapest_minutes,
@@ -17,10 +18,10 @@ from dpr_lab.planning.candidates import (
     mounted_now,
     mountings,
     near,
-    novelty,
     placements,
     spread_poses,
     swinging,
+    value,
 )
 from dpr_lab.planning.information import Informed, informed
 from dpr_lab.planning.limits import PlanLimits
@@ -117,6 +118,13 @@ class Planner:
                 left -= added_min
         return extended
 
+    @property
+    def _e(self) -> tuple[float, float]:
+        """Gravity torques e1 and e2 of the rods in the current model, N m."""
+        known = self.objective.known
+        of_rig = dict(zip(WHOLE, known.model.estimate.whole.tolist(), strict=True))
+        return of_rig["e1"], of_rig["d"] * known.rig.g / known.rig.L1
+
     def _pool(self, budget_min: float) -> list[Informed]:
         known, times = self.objective.known, self.limits.recording
         duration = min(max(SEARCH.screened_s, times.shortest_s), times.longest_s)
@@ -129,7 +137,7 @@ class Planner:
             stride = 1 if k == 0 else min(len(parts), SEARCH.best)
             swing = CandidateRelease(0.0, 0.0, duration, mounting, added, arm="held" if held else "free")
             releases += swing.moved(poses[k % stride :: stride])
-        return informed([*swinging(releases), *self.signals], known.model)
+        return informed([*swinging(releases, self._e), *self.signals], known.model)
 
     def _best(self, pool: list[Informed], now: SequenceSoFar) -> SequenceStep | None:
         """Return the best release of all candidates after refinement.
@@ -144,7 +152,7 @@ class Planner:
                 other
                 for step in ranked[: SEARCH.best]
                 if step.release.torques is None
-                for other in near(step.release, self.limits, width, SEARCH.neighbours, self.rng)
+                for other in near(step.release, self.limits, width, SEARCH.neighbours, self.rng, self._e)
             ]
             refined = informed(neighbours, self.objective.known.model)
             pool += refined
@@ -168,7 +176,7 @@ class Planner:
                 candidate.release,
                 information,
                 cost,
-                novelty(candidate.release, now.made) * bits / max(cost - free * candidate.release.duration_s, 1 / 60),
+                value(bits, candidate.release, now.made) / max(cost - free * candidate.release.duration_s, 1 / 60),
             )
             for (candidate, cost), information, bits in zip(affordable, F, worth.tolist(), strict=True)
         )

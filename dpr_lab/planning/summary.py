@@ -15,7 +15,7 @@ from dpr_lab.arrays import Array, Flags
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.planning.candidates import placements
+from dpr_lab.planning.candidates import placements, repetition
 from dpr_lab.planning.forecast import FORECAST, decision_probability, settled_probabilities
 from dpr_lab.planning.information import horizon_s, informed
 from dpr_lab.planning.knowledge import Knowledge
@@ -70,7 +70,7 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     state = _state(known, _names(stuck[0]))
     forecast = _forecast(objective, steps, gained[1:], alike[1:]) if state == "record" else [None] * len(steps)
     releases = [
-        _planned(k, step, after[k], objective, text, d2, decided)
+        _planned(k, step, steps[: k - 1], after[k], objective, text, d2, decided)
         for k, (step, text, d2, decided) in enumerate(zip(steps, texts, gained[1:], forecast, strict=True), 1)
     ]
     return Plan(
@@ -108,6 +108,7 @@ def _limits(known: Knowledge, steps: Sequence[SequenceStep], limits: PlanLimits)
 def _planned(
     number: int,
     step: SequenceStep,
+    earlier: Sequence[SequenceStep],
     F: Array,
     objective: Objective,
     reason: str,
@@ -115,9 +116,10 @@ def _planned(
     decided: float | None,
 ) -> PlannedRelease:
     release, known = step.release, objective.known
+    repeats = repetition(release, [step.release for step in earlier], known.made, known.model.placement_rad)
     planned = PlannedRelease(
         number=number,
-        text=release.words + ", arm clamped" * (release.arm == "held" and known.rig.arm.mode != "clamped"),
+        text=repeats + release.words + ", arm clamped" * (release.arm == "held" and known.rig.arm.mode != "clamped"),
         reason=reason,
         theta1_rad=release.theta1,
         theta2_rad=float(release.start[1]),

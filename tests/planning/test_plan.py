@@ -9,7 +9,7 @@ import pytest
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import ConfigError
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.planning.candidates import longest_s, mountings, novelty, spread_poses, swinging
+from dpr_lab.planning.candidates import longest_s, mountings, novelty
 from dpr_lab.planning.forecast import FORECAST, decision_probability
 from dpr_lab.planning.information import informed, simulated_states
 from dpr_lab.planning.knowledge import Acting, known_after, known_before
@@ -383,13 +383,3 @@ def test_limits_that_the_rig_must_keep_are_forecast(paper: Rig) -> None:
     first, second = plan(paper, limits=kept, count=1).limits
     assert first.decides
     assert not second.decides
-
-
-def test_a_single_rod_is_not_released_at_rest() -> None:
-    """A pose with only the outer rod deflected leaves the inner rod alone hanging."""
-    poses = spread_poses(PlanLimits(), 1, np.random.default_rng(0))
-    releases = CandidateRelease(0.0, 0.0, 10.0, "inner").moved(poses)
-    still = [release for release in releases if release.deflection_rad < 1e-6]
-    assert still
-    assert swinging(releases) == [release for release in releases if release not in still]
-    assert swinging(still) == still
