@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 
 from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS
@@ -197,9 +198,8 @@ def _transferred(selected: Selected) -> Transferred:
     rig, recordings, problem, chosen = fitted.request.rig, fitted.recordings, fitted.problem, selection.chosen
     _begin(fitted.request, "transfer")
     everything = recordings.only([*recordings.records, *fitted.held_out.records])
-    simulated = {
-        name: free_runs(everything, model.estimate, free=model.fit.free) for name, model in selection.models.items()
-    }
+    of_model = cache(lambda model: free_runs(everything, model.estimate, free=model.fit.free))
+    simulated = {name: of_model(model) for name, model in selection.models.items()}
     outcome = transfer(selected, simulated)
     described = description(recordings.records, rig, problem, selection, outcome)
     if not described.withholds:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
+from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.evidence import exclusions as of_exclusions
 from dpr_lab.gap.evidence.coverage import coverage
 from dpr_lab.gap.evidence.exclusions import AllShapes, exclusions
@@ -16,6 +17,7 @@ from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.hypothesis.refits import refit_with
 from dpr_lab.gap.hypothesis.score_test import score_test
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.transfer import gap_size
 from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.report.gap.figures import save_gap_figures
 from dpr_lab.report.gap.html import write_gap_report
@@ -63,6 +65,16 @@ def test_a_spring_with_a_constant_torque_does_not_hide_the_friction(recorded: An
 
 
 @pytest.mark.slow
+def test_a_model_without_effects_is_computed_once(looked_at: Any, monkeypatch: pytest.MonkeyPatch):
+    recordings, problem, model = looked_at({})
+    fits: list[Any] = []
+    monkeypatch.setattr(gap_size, "fit", lambda *given, **settings: fits.append(given) or fit(*given, **settings))
+    by_length = gap_size.by_horizon(recordings, problem, {"before": model, "after": model})
+    assert len(fits) == sum(float(length) != recordings.working_length for length in by_length)
+    assert all(gaps["before"] == gaps["after"] for gaps in by_length.values())
+
+
+@pytest.mark.slow
 def test_residuals_of_a_clean_rig_are_white_and_effects_excluded(looked_at: Any):
     recordings, problem, model = looked_at({})
     look = residual_analysis(problem, {"before": model, "after": model})
@@ -105,6 +117,21 @@ def test_the_interval_over_all_shapes_contains_an_effect_in_its_own_shape(looked
     assert intervals is not None
     for parameter, (low, high) in zip(EFFECTS[name].amplitudes, intervals, strict=True):
         assert low <= sizes.get(parameter.name, 0.0) <= high
+
+
+@pytest.mark.slow
+def test_interpolated_frequencies_have_the_intervals_of_computed_ones(
+    recorded: Any, bare: Any, monkeypatch: pytest.MonkeyPatch
+):
+    problem, model = bare(recorded({}, duration=8.0)[:1])
+    monkeypatch.setattr(of_exclusions, "SHAPES", of_exclusions.ShapeSettings())
+    interpolated = AllShapes(problem, model).intervals(EFFECTS["base_vibration"])
+    monkeypatch.setattr(of_exclusions, "SHAPES", replace(of_exclusions.SHAPES, nodes=(1e3, 0)))  # too many
+    computed = AllShapes(problem, model).intervals(EFFECTS["base_vibration"])
+    assert interpolated is not None
+    assert computed is not None
+    assert interpolated != computed
+    np.testing.assert_allclose(interpolated, computed, rtol=1e-6)
 
 
 @pytest.mark.slow

@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebpts1, chebvander
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
@@ -89,6 +90,8 @@ class ShapeSettings:
     """Length of the beginning of each recording in which a frequency is tested, s."""
     most: int = 800
     """Maximum number of shapes, which allows frequencies up to 40 Hz in 10 s. A test of more shapes is too slow."""
+    nodes: tuple[float, int] = (1.2, 20)
+    """Number of nodes between which frequencies are interpolated: factor on the phase range, and a constant."""
 
 
 SHAPES = ShapeSettings()
@@ -116,7 +119,8 @@ class AllShapes:
         if not 0 < len(values) <= SHAPES.most:
             return None
         blocks: list[Array] = []
-        for sets in swings.sets(effect, values):
+        of_frequencies = swings.at_frequencies(effect, values) if _is_frequency(effect) else None
+        for sets in swings.sets(effect, values) if of_frequencies is None else (of_frequencies,):
             of_block = _union(sets, self.model.inflation)
             if of_block is None:
                 return None
@@ -133,6 +137,8 @@ class AllShapes:
     def _beginnings(self) -> "_Swings":
         """Swings at the beginning of the recordings, in which frequencies are tested."""
         problem, estimate = _beginning(self.problem, self.model.estimate)
+        if len(problem.segments) == len(self.problem.segments):
+            return self._whole
         return _Swings.of(problem, estimate, linearise(problem, estimate, self.model.fit.free))
 
 
@@ -213,10 +219,51 @@ class _Swings:
 
         The model is projected out of the columns.
         """
+        count = len(effect.amplitudes)
+        for columns in self._columns(effect, values, self.reference):
+            yield self.fitted.sets(columns, count)
+
+    def at_frequencies(self, effect: Effect, values: Array) -> SmallSets | None:
+        """Return the columns of a cosine and a sine, for evenly spaced frequencies.
+
+        The model is projected out. If the middle of each segment is the origin of time, the inner products are
+        band-limited functions of the frequency, and Chebyshev polynomials interpolate them. With more nodes than half
+        the phase range, the error is negligible. The result is None if that takes more than half as many nodes as
+        frequencies.
+        """
+        t, offsets = self.problem.t, self.problem.segments.offsets
+        middle = (t[offsets[:-1]] + t[offsets[1:] - 1]) / 2
+        since = self.reference.motion.t - np.repeat(middle, np.diff(self.reference.edges))
+        factor, constant = SHAPES.nodes
+        half_range = (values[-1] - values[0]) / 2
+        count = int(factor * 4 * np.pi * half_range * np.abs(since).max()) + constant
+        if 2 * count > len(values):
+            return None
+        x = chebpts1(count)
+        to_series = chebvander(x, count - 1).T * np.where(np.arange(count) > 0, 2, 1)[:, None] / count
+        onto_values = chebvander((values - values[0]) / half_range - 1, count - 1) @ to_series
+        centred = replace(self.reference, motion=self.reference.motion._replace(t=since))
+        blocks = [
+            self.fitted.products(columns, 2)
+            for columns in self._columns(effect, values[0] + half_range * (1 + x), centred)
+        ]
+        products = np.concatenate([block for block, _ in blocks], axis=2).reshape(len(middle), -1, count, 2)
+        within = np.concatenate([block for _, block in blocks], axis=1)
+        turn = np.exp(2j * np.pi * middle[:, None] * values)
+        real, imaginary = np.moveaxis(np.tensordot(products, onto_values, axes=(2, 1)), 2, 0)
+        total = np.einsum("skf,sf->kf", real + 1j * imaginary, turn)
+        (cc, cs), (_, ss) = np.tensordot(within, onto_values, axes=(1, 1)).transpose(1, 2, 0, 3)
+        same, turned = np.sum(cc + ss, axis=0), np.sum((cc - ss + 2j * cs) * turn**2, axis=0)
+        squares = np.array([[same + turned.real, turned.imag], [turned.imag, same - turned.real]]) / 2
+        pairs = np.stack([total.real, total.imag], axis=2).reshape(len(total), -1)
+        return self.fitted.of_products(pairs, squares.transpose(2, 0, 1), 2)
+
+    def _columns(self, effect: Effect, values: Array, reference: Trajectory) -> Iterator[Array]:
+        """Yield the columns of the amplitudes for blocks of several shapes, along a trajectory."""
         count, place = len(effect.amplitudes), param_index(effect.name, effect.shapes[0].name)
         at_once = max(1, SCAN.block // count)
         for first in range(0, len(values), at_once):
             shapes = [((place, value),) for value in values[first : first + at_once].tolist()]
             params = one_amplitude(effect, [1.0] * count, shapes)
-            torques = self.reference.torques(effect.stage, self.problem.model.constants, params)
-            yield self.fitted.sets(self.reference.response(self.problem, torques), count)
+            torques = reference.torques(effect.stage, self.problem.model.constants, params)
+            yield reference.response(self.problem, torques)

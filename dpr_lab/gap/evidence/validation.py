@@ -13,6 +13,7 @@ challenge problem, Computer Methods in Applied Mechanics and Engineering 197, 24
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,8 @@ def validation(
     ends = [horizon(pair["after"]) for pair in pairs]
     untils = [FREE_RUN.length_s if end is None else end for end in ends]
     samples = [_compared(pair, until_s) for pair, until_s in zip(pairs, untils, strict=True)]
-    parts = {name: list(sources(problem, model, recordings, simulated[name])) for name, model in models.items()}
+    of_model = cache(lambda model, runs: list(sources(problem, model, recordings, runs)))
+    parts = {name: of_model(model, simulated[name]) for name, model in models.items()}
     variances = {name: mean_squares(parts[name], samples) for name in models}
     errors = {name: _mean_errors(simulated[name], samples) for name in models}
     counts = np.array([of_run.sum() for of_run in samples], dtype=np.float64)

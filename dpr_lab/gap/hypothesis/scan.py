@@ -81,12 +81,26 @@ class FittedColumns:
             columns: (segments, m, sets * count) whitened columns
             count: number of columns of each set
         """
-        states, sets = self.onto_initial.shape[2], columns.shape[2] // count
+        products, within = self.products(columns, count)
+        return self.of_products(products.sum(axis=0), within.sum(axis=0), count)
+
+    def products(self, columns: Array, count: int) -> tuple[Array, Array]:
+        """Return the inner products of columns without the part that the initial states reproduce.
+
+        Returns:
+            (segments, k + 1, sets * count) products with A and e, and (segments, sets, count, count) products within
+            each set
+        """
+        states = self.onto_initial.shape[2]
         products = self.rows @ columns
         initial = products[:, -states:].copy()
         products -= self.onto_initial @ initial  # equivalent to projecting the columns, without one more pass over them
-        across = products[:, :-states].sum(axis=0).reshape(-1, sets, count)
         within = _within(columns, columns, count) - _within(initial, initial + products[:, -states:], count)
+        return products[:, :-states], within
+
+    def of_products(self, products: Array, within: Array, count: int) -> SmallSets:
+        """Project the fitted columns out of sets of columns, whose `products` are summed over all segments."""
+        across = products.reshape(len(products), -1, count)
         return self.space.given_sets(across[:-1], within, across[-1])
 
 
@@ -203,14 +217,16 @@ def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
 
 
 def _within(columns: Array, others: Array, count: int) -> Array:
-    """Return the (sets, n, n) inner products between the columns of each set.
+    """Return the (segments, sets, n, n) inner products between the columns of each set.
 
     `columns` and `others` have the shape (segments, rows, sets * n).
     """
-    diagonals = [np.einsum("smk,smk->k", columns[:, :, : columns.shape[2] - i], others[:, :, i:]) for i in range(count)]
-    blocks = np.empty((columns.shape[2] // count, count, count))
+    diagonals = [
+        np.einsum("smk,smk->sk", columns[:, :, : columns.shape[2] - i], others[:, :, i:]) for i in range(count)
+    ]
+    blocks = np.empty((len(columns), columns.shape[2] // count, count, count))
     for i, j in product(range(count), repeat=2):
-        blocks[:, i, j] = diagonals[abs(i - j)][min(i, j) :: count]
+        blocks[:, :, i, j] = diagonals[abs(i - j)][:, min(i, j) :: count]
     return blocks
 
 

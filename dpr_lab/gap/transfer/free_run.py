@@ -128,7 +128,7 @@ def _inverse(normal: Array) -> Array:
     return scale[:, None] * np.linalg.pinv(normal * np.outer(scale, scale), hermitian=True) * scale
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FreeRuns:
     """Free runs of one model along a set of recordings."""
 

@@ -1,6 +1,7 @@
 """Gap above the noise before and after correction: by joint, by effect, and by segment length."""
 
 from collections.abc import Mapping
+from functools import cache, partial
 
 import numpy as np
 
@@ -103,18 +104,18 @@ def by_horizon(
     gaps: dict[str, dict[str, float]] = {}
     for length in HORIZONS_S:
         problem, initial = (working, None) if length == recordings.working_length else recordings.cut(length)
-        gaps[f"{length:g}"] = {
-            name: _per_reading(
-                gap_rad(problem, model) if initial is None else _at_other_length(problem, initial, working, model),
-                problem,
-            )
-            for name, model in models.items()
-        }
+        of_model = cache(partial(_at_length, problem, initial, working))
+        gaps[f"{length:g}"] = {name: _per_reading(of_model(model), problem) for name, model in models.items()}
     return gaps
 
 
-def _at_other_length(problem: Problem, initial: Array, working: Problem, model: Hypothesis) -> dict[str, float]:
-    """Return the rms residual above the noise, rad, by axis, for segments of a different length."""
+def _at_length(problem: Problem, initial: Array | None, working: Problem, model: Hypothesis) -> dict[str, float]:
+    """Return the rms residual above the noise, rad, by axis, for the segments of `problem`.
+
+    `initial` contains their initial states; None for the segments of the fit.
+    """
+    if initial is None:
+        return gap_rad(problem, model)
     states = carried(working.segments, model.estimate.initial, problem.segments, initial)
     fitted = fit(problem, model.estimate.changed(initial=states), (), settings=TWO_DIGITS)
     return _above_noise(problem, fitted, residual_statistics(problem, fitted).level)
