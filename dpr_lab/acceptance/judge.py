@@ -34,10 +34,9 @@ import numpy as np
 from dpr_lab.acceptance.friction import inaccurate_speeds, largest_estimate, largest_friction
 from dpr_lab.acceptance.limits import Limits, free_run_quantity, friction_quantity
 from dpr_lab.acceptance.median_error import median90, what_decides
+from dpr_lab.acceptance.ratios import undetermined
 from dpr_lab.acceptance.scale import open_by_scale, with_scale
-from dpr_lab.dynamics.base import GAINS
 from dpr_lab.effects import EFFECTS
-from dpr_lab.effects.torque_scale import TORQUE_SCALE_JOINT0
 from dpr_lab.gap.evidence.joint_friction import laws_of
 from dpr_lab.gap.result.causes import UNTESTED, NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -62,6 +61,9 @@ WITHIN = "the limit lies within the interval"
 
 RECORD_MORE = ": record more releases"
 """End of this reason, before the releases are known."""
+
+FIND_CAUSE = ": no release decides the limit before the diagnosis explains the gap; do its checks first"
+"""End of the reason of a limit without a valid interval."""
 
 SECOND_RELEASE = ": record a second release"
 """End of the reason of a limit of an effect whose form one release does not test."""
@@ -138,16 +140,21 @@ def _effects(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 def _frictions(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
     for joint, limit in limits.friction.items():
-        interval, reason, bounds = None, f"{joint} does not move in these recordings", (None, limit.max)
+        interval, reason, bounds = (
+            None,
+            f"{joint} does not move in these recordings: record releases in which it moves",
+            (None, limit.max),
+        )
         curve = diagnosis.evidence.friction.get(joint) if diagnosis.evidence else None
         if curve is not None:
             reached = curve.speed_rad_per_s[-1]
-            reason = f"{joint} reaches only {reached:.3g} rad/s" if limit.speed_rad_s > reached else ""
+            slow = f"{joint} reaches only {reached:.3g} rad/s: record a faster swing, or lower speed_rad_s"
+            reason = slow if limit.speed_rad_s > reached else ""
             interval = None if reason else with_scale(diagnosis.scale, largest_friction(curve, limit, SURE), 1)
         reason = _untrusted(diagnosis) or reason or _other_friction(diagnosis, int(joint[-1]))
         answer = _answer(interval, *bounds)
         if curve is not None and curve.back_emf and answer != "pass":
-            reason = reason or "the torque contains the back-EMF of the voltage drive"
+            reason = reason or "the torque contains the back-EMF of the voltage drive: record releases with a free arm"
         if curve is not None and answer == "not decidable" and not reason:
             known, best = largest_friction(curve, limit, SURE), largest_estimate(curve, limit)
             reason = _only_scale(diagnosis.scale, bounds, known, best, 1)
@@ -208,7 +215,7 @@ def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
     for name, limit in limits.ratios.items():
         stated = diagnosis.stated_ratios.get(name)
         interval, further = _widened(diagnosis, name, stated.interval90 if stated else None, limit.bounds)
-        reason = _untrusted(diagnosis) or _undetermined(diagnosis, name)
+        reason = _untrusted(diagnosis) or undetermined(diagnosis, name)
         reason = reason or next(filter(None, map(_doubted, diagnosis.effects)), "")
         answer = _answer(interval, *limit.bounds)
         yield _judged(name, limit.unit, limit.bounds, interval, answer, reason or further)
@@ -222,9 +229,14 @@ def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float])
     interval = None
     failed = [name for name, error in errors.items() if not np.isfinite(error)]
     if failed:
-        reason = reason or f"the simulation of {listed(failed)} fails before {limit.horizon_s:g} s"
+        reason = (
+            reason
+            or f"the simulation of {listed(failed)} fails before {limit.horizon_s:g} s: choose a shorter horizon_s"
+        )
     elif len(errors) < 2:
-        reason = reason or f"fewer than two recordings contain an undisturbed swing of {limit.horizon_s:g} s"
+        reason = (
+            reason or f"fewer than two recordings contain an undisturbed swing of {limit.horizon_s:g} s: record them"
+        )
     else:
         interval = median90([*errors.values()])
     answer = _answer(interval, None, limit.max)
@@ -312,9 +324,9 @@ def _untrusted(diagnosis: Diagnosis) -> str:
     if diagnosis.only_uncertain and (untested := [named for named in diagnosis.effects if named.untested]):
         return f"the cause is uncertain{_because(untested[0])}"
     reasons = {
-        "inconclusive": "the recordings cannot show a gap, or cannot decide its cause",
-        "unexplained": "no effect explains the gap, so the intervals are not valid",
-        "partly_explained": "part of the gap is unexplained, so the intervals are not valid",
+        "inconclusive": "the recordings cannot show a gap, or cannot decide its cause: record longer releases",
+        "unexplained": f"no effect explains the gap, so the intervals are not valid{FIND_CAUSE}",
+        "partly_explained": f"part of the gap is unexplained, so the intervals are not valid{FIND_CAUSE}",
     }
     return reasons.get(diagnosis.verdict, "")
 
@@ -333,23 +345,7 @@ def _confused(diagnosis: Diagnosis, effect: str) -> str:
         if effect in (rival.name, *rival.members) and rival.probability > 1 - SURE:
             instead = rival.instead_of or "none"
             return f"the probability that this effect is the cause instead of {instead} is {percent(rival.probability)}"
-    return "named, but not confirmed on other recordings" if effect in diagnosis.withdrawn else ""
-
-
-def _undetermined(diagnosis: Diagnosis, ratio: str) -> str:
-    """Return the reason why the recordings do not determine a ratio; empty for a determined ratio.
-
-    For example, recordings of one rod alone determine only some ratios. A gain is not fitted if rods and drive were
-    measured; the error of the torques is tested instead.
-    """
-    stated, error = diagnosis.stated_ratios, TORQUE_SCALE_JOINT0.name
-    if ratio in stated:
-        return ""
-    tested = {named.name for named in diagnosis.effects}
-    tested |= {row.effect for row in (diagnosis.evidence.exclusions if diagnosis.evidence else ())}
-    fixed = any(ratio == gain.format(letter) for gain in GAINS.values() for letter in "ab") and error in tested
-    instead = f"; the rig file contains measured values of rods and drive: limit {error} instead" if fixed else ""
-    return f"these recordings determine {listed(list(stated))}, not {ratio}{instead}"
+    return "named, but not confirmed on other recordings: record more releases" if effect in diagnosis.withdrawn else ""
 
 
 def _doubted(named: NamedEffect) -> str:

@@ -70,7 +70,7 @@ def accept(
     else:
         diagnosis = read_diagnosis(diagnosis_file, runs, rig)
     acceptance = judged(diagnosis, requirements, runs, rig)
-    if acceptance.answer == "not decidable":
+    if any(limit.answer == "not decidable" for limit in acceptance.limits):
         of_plan = requirements.model_copy(update={"free_run": None})  # the test itself forecasts free runs
         acceptance = with_recordings(acceptance, plan(rig, runs, diagnosis, limits=of_plan))
     files = _save(acceptance, diagnosis, runs, rig, request.out, on_event) if request.out else {}
@@ -100,7 +100,7 @@ def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
     The reason of an undecided limit then states one of three things: the release that is expected to decide it alone,
     that the planned releases would not decide it, or, if no release separates its possible causes, the bench check of
     the plan. The second is not stated if the interval covers all shapes of an effect, because the forecast refers to
-    one shape.
+    one shape. Any other reason without a remedy gets one by `with_remedy`.
     A limit that only the uncertain scale leaves open needs a release with an added mass, which determines the scale.
     """
     from dpr_lab.acceptance.judge import RECORD_MORE, WITHIN
@@ -135,7 +135,33 @@ def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
     ]
     decided = tuple(quantity for quantity in open_ones if quantity in forecasts and forecasts[quantity].decides)
     texts = tuple(release.text for release in planned.releases) if decided else ()
+    limits = tuple(limit if limit.quantity in decided else with_remedy(limit, planned) for limit in limits)
     return replace(acceptance, limits=limits, recordings=texts, would_decide=decided)
+
+
+def with_remedy(limit: "JudgedLimit", planned: "Plan") -> "JudgedLimit":
+    """Add what decides an undecided limit whose reason does not state it, or that no planned release does."""
+    from dpr_lab.effects import EFFECTS
+
+    stated = (
+        ": record",
+        ": state",
+        ": choose",
+        ": limit",
+        ": no release",
+        ". No release",
+        "further release",
+        "probably wrong",
+    )
+    if limit.answer != "not decidable" or any(words in limit.reason for words in stated):
+        return limit
+    if "probability" in limit.reason and planned.releases:
+        remedy = f": record {planned.releases[0].text}, which tests the causes, and diagnose again"
+    else:
+        names = re.findall(r"\w+", f"{limit.quantity} {limit.reason}")
+        check = next((EFFECTS[name].bench_check for name in names if name in EFFECTS), "Measure the quantity directly")
+        remedy = f". No planned release decides it. {check}".removesuffix(".")
+    return replace(limit, reason=f"{limit.reason}{remedy}")
 
 
 def _with_bench_check(limit: "JudgedLimit", planned: "Plan") -> "JudgedLimit":

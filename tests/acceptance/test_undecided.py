@@ -10,9 +10,12 @@ import pytest
 
 from dpr_lab.acceptance.judge import Acceptance, JudgedLimit, judge
 from dpr_lab.acceptance.limits import Limits
+from dpr_lab.dynamics.base import RATIO_UNITS
+from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.result.causes import EffectSize
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Budget, Evidence, JointFriction, RunBudget
+from dpr_lab.gap.result.saved import Interval
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.planning.knowledge import known_before
 from dpr_lab.planning.release import CandidateRelease
@@ -186,6 +189,58 @@ def test_a_limit_with_an_uncertain_cause_asks_for_the_bench_check_and_not_for_re
     plan.inseparable = []
     separable = with_recordings(Acceptance("not decidable", "", (limit,)), plan)
     assert (separable.limits, separable.recordings) == ((limit,), ("P1",))
+
+
+@pytest.mark.parametrize(
+    ("stated", "ratio", "remedy"),
+    [
+        (
+            ["a/b", "c1/b"],
+            "c1/a",
+            "record releases of the inner rod alone, and test them without the others, or limit c1/b",
+        ),
+        (["e1/a", "c1/a"], "c2/b", "record releases of both rods"),
+        (["a/b"], "A/b", "record releases with a free or driven arm"),
+        (["e1/a", "A/a"], "A/b", "record releases with a free or driven arm, or limit A/a"),
+        (["a/b"], "kt/b", "record releases with an arm that is driven by this input"),
+    ],
+)
+def test_a_ratio_that_the_recordings_do_not_determine_states_those_that_do(
+    stated: list[str], ratio: str, remedy: str
+) -> None:
+    determined = {name: Interval(value=1.0, interval90=(0.9, 1.1)) for name in stated}
+    diagnosis = with_friction([1e-5] * 2).model_copy(update={"determined": determined})
+    limits = Limits.model_validate({"ratios": {ratio: {"max": 9.0, "unit": RATIO_UNITS[ratio]}}})
+    (limit,) = judge(diagnosis, limits).limits
+    assert limit.answer == "not decidable"
+    assert limit.reason.endswith(f", not {ratio}: {remedy}")
+
+
+@pytest.mark.parametrize(
+    ("quantity", "reason", "remedy"),
+    [
+        (
+            "c1/b",
+            "the ratios depend on the cause, and base_tilt has a probability of only 80 %",
+            ": record P1, which tests",
+        ),
+        ("air_drag_both.torque", "indistinguishable from base_tilt", ". No planned release decides it. "),
+        (
+            "c1/b",
+            "base_tilt is indistinguishable from the fitted values: not excluded",
+            EFFECTS["base_tilt"].bench_check[:20],
+        ),
+    ],
+)
+def test_every_undecided_limit_states_a_recording_or_that_none_decides_it(
+    quantity: str, reason: str, remedy: str
+) -> None:
+    limit = JudgedLimit(quantity, "", -1.0, 1.0, (0.0, 2.0), "not decidable", reason)
+    plan: Any = SimpleNamespace(limits=[], releases=[release("P1")], inseparable=[])
+    acceptance = with_recordings(Acceptance("not decidable", "", (limit, replace(limit, answer="pass"))), plan)
+    assert acceptance.limits[0].reason.startswith(reason)
+    assert remedy in acceptance.limits[0].reason
+    assert acceptance.limits[1].reason == reason
 
 
 def test_a_limit_that_a_second_release_tests_asks_for_no_bench_check() -> None:
