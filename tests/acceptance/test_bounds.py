@@ -69,7 +69,10 @@ def test_a_ratio_that_depends_on_an_untested_form_needs_a_second_release() -> No
     limits = Limits.model_validate({"ratios": {"c2/b": {"min": 0.0, "unit": "1/s"}}})
     (judged,) = judge(result.model_copy(update={"effects": [limited]}), limits).limits
     assert judged.answer == "not decidable"
-    assert judged.reason.endswith("64 %, because one release hardly tests its form: record a second release")
+    assert judged.reason.endswith("64 %, because one release is a weak test of its form: record a second release")
     uncertain = result.model_copy(update={"effects": [limited], "verdict": "partly_explained", "sentence": UNCERTAIN})
     (judged,) = judge(uncertain, limits).limits
-    assert judged.reason == "the cause is uncertain, because one release hardly tests its form: record a second release"
+    assert (
+        judged.reason
+        == "the cause is uncertain, because one release is a weak test of its form: record a second release"
+    )

@@ -72,7 +72,8 @@ def test_a_diagnosis_of_one_release_states_that_it_was_not_validated_on_another(
 
 
 def test_a_single_recording_that_stays_unexplained_names_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, value in (("_classes", "an effect"), ("fitted_only", True), ("reduction_sentence", "Not closed.")):
+    replaced = {"_classes": "an effect", "fitted_only": True, "reduction_sentence": "Not closed."}
+    for name, value in replaced.items():
         monkeypatch.setattr(sentence, name, lambda *_, value=value: value)
     chosen = Mock(effects=("coulomb_joint1",), residuals=Mock(noise_ratio=3.0))
     selection = Mock(share_explained=0.96, expected=frozenset(), chosen=chosen)
@@ -155,7 +156,7 @@ def test_the_sentence_states_a_probable_but_small_effect_next_to_a_large_one() -
     causes = [EffectPosterior(name, (name,), (), 0.98) for name in "ab"]
     state = Mock(selection=selection, posteriors=causes, transfer=Mock(withdrawn=(), tested=False))
     assert [cause.name for cause in verdict.causes_named(state)] == ["a"]
-    assert "by a (probability 98 %); b explains less than 1 % of the gap." in sentence._sentence("named", state, Mock())
+    assert "by a (probability 98 %). b explains less than 1 % of the gap." in sentence._sentence("named", state, Mock())
     assert list(_small_effects(state, "named")) == []
     state.posteriors[1] = replace(causes[1], probability=0.3)
     assert "by a (probability 98 %). " in sentence._sentence("named", state, Mock())

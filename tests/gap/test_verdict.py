@@ -150,8 +150,8 @@ def test_the_sentence_of_an_inconclusive_release_lists_the_leading_candidates_an
         transfer=transfer(basis="one release", too_short=True),
     )
     words = sentence("too_short", state, (10, 10), PREDICTED)
-    assert words.startswith("Inconclusive: this release of 1.6 s is too short to decide the cause of the gap.")
-    candidates = "base_tilt or encoder_offset_joint1 (49 %), encoder_drift_joint1 (30 %) and coulomb_joint1 (12 %)"
+    assert words.startswith("Inconclusive: this release of 1.6 s is too short to determine the cause of the gap.")
+    candidates = "base_tilt or encoder_offset_joint1 (49 %); encoder_drift_joint1 (30 %); and coulomb_joint1 (12 %)"
     assert f"The leading candidates are {candidates}. Record three releases" in words
 
 
@@ -163,7 +163,9 @@ def test_a_member_of_negligible_probability_is_not_named() -> None:
         assert f"explained by {words} (probability 98 %)" in sentence("named", state, (10, 10), PREDICTED)
 
 
-WHY = "because one release hardly tests its form"
+def limited(names: str) -> str:
+    """Sentence on causes that one release does not test."""
+    return f" One release is a weak test of the form of {names}, which limits the probability"
 
 
 def cause(*members: str, probability: float = 0.64, untested: bool = True) -> EffectPosterior:
@@ -193,27 +195,32 @@ COULOMB = cause("coulomb_joint1", probability=0.61, untested=False)
 @pytest.mark.parametrize(
     ("state", "words"),
     [
-        (of_causes(cause("spring_joint1")), f"by spring_joint1 (probability 64 %, {WHY})"),
+        (of_causes(cause("spring_joint1")), f"by spring_joint1 (probability 64 %).{limited('spring_joint1')}"),
         (
             of_causes(cause("spring_joint1"), COULOMB),
-            f"by spring_joint1 (probability 64 %, {WHY}) and coulomb_joint1 (probability 61 %)",
+            f"by spring_joint1 (probability 64 %) and coulomb_joint1 (probability 61 %).{limited('spring_joint1')}",
         ),
         (
             of_causes(cause("spring_joint1", "cogging_joint1"), COULOMB),
-            f"by (spring_joint1 or cogging_joint1) (probability 64 %, {WHY}) and coulomb_joint1 (probability 61 %)",
+            "by spring_joint1 (class probability 64 %) and coulomb_joint1 (probability 61 %). These recordings do not"
+            f" distinguish spring_joint1 from cogging_joint1.{limited('spring_joint1')}",
         ),
         (
             of_causes(
                 COULOMB, cause("spring_joint1"), cause("detent_joint1", "stop_joint1", probability=0.55), large=1
             ),
-            f"by coulomb_joint1 (probability 61 %); spring_joint1 (probability 64 %, {WHY}) and (detent_joint1 or"
-            f" stop_joint1) (probability 55 %, {WHY}) together explain less than 1 % of the gap",
+            "by coulomb_joint1 (probability 61 %). spring_joint1 (probability 64 %) and detent_joint1 (class"
+            " probability 55 %) together explain less than 1 % of the gap. These recordings do not distinguish"
+            f" detent_joint1 from stop_joint1.{limited('spring_joint1 and detent_joint1')}",
         ),
         (
             of_causes(COULOMB, cause("base_tilt", probability=0.55, untested=False), large=1),
-            "(probability 61 %); base_tilt (probability 55 %) explains less than 1 % of the gap",
+            "(probability 61 %). base_tilt (probability 55 %) explains less than 1 % of the gap",
         ),
-        (of_causes(COULOMB, cause("base_tilt", untested=False)), "coulomb_joint1 and base_tilt (probability 61 %)"),
+        (
+            of_causes(COULOMB, cause("base_tilt", untested=False)),
+            "coulomb_joint1 and base_tilt (probability at least 61 %)",
+        ),
     ],
     ids=["one", "two", "a class", "small", "small and tested", "tested"],
 )
@@ -221,11 +228,26 @@ def test_the_sentence_states_why_a_cause_that_one_release_does_not_test_is_uncer
     assert f"{words}." in sentence("named", state, (10, 10), PREDICTED)
 
 
+def test_alternatives_of_several_causes_have_their_own_sentence() -> None:
+    classes = [("a", "b"), ("c",), ("d", "e", "f")]
+    state = of_causes(*(cause(*members, probability=0.98, untested=False) for members in classes))
+    words = sentence("named", state, (10, 10), PREDICTED)
+    assert words.startswith(
+        "The gap is explained by a; c; and d (class probability at least 98 %). These recordings do not distinguish"
+        " a from b; or d from 2 other effects. "
+    )
+    state.posteriors = state.posteriors[:1]
+    words = sentence("named", state, (10, 10), PREDICTED)
+    assert words.startswith("The gap is explained by a or b (probability 98 %). The quarters of the only release")
+
+
 def test_uncertain_verdicts_state_why_a_cause_is_uncertain() -> None:
     state = of_causes(cause("spring_joint1", probability=0.4), replace(COULOMB, probability=0.3))
-    words = f"spring_joint1 (probability only 40 %, {WHY}) and coulomb_joint1 (probability only 30 %)."
+    words = (
+        f"spring_joint1 (probability only 40 %) and coulomb_joint1 (probability only 30 %).{limited('spring_joint1')}"
+    )
     assert words in sentence("partly_explained", state, (10, 10), PREDICTED)
-    candidates = f"are spring_joint1 (40 %, {WHY}) and coulomb_joint1 (30 %)."
+    candidates = f"are spring_joint1 (40 %) and coulomb_joint1 (30 %).{limited('spring_joint1')}. Record"
     assert candidates in sentence("too_short", state, (10, 10), PREDICTED)
 
 

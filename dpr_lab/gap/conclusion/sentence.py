@@ -1,4 +1,4 @@
-"""Verdict in up to three sentences: causes, reduction of the gap, and remainder."""
+"""Verdict in short sentences: causes and their alternatives, reduction of the gap on held-out data, and remainder."""
 
 from collections.abc import Sequence
 
@@ -19,13 +19,13 @@ from dpr_lab.gap.conclusion.verdict import (
 )
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
-from dpr_lab.gap.result.causes import PROBABLE, UNTESTED, nameable
+from dpr_lab.gap.result.causes import PROBABLE, nameable
 from dpr_lab.gap.result.diagnosis import ONLY_FREE_RUN, UNCERTAIN
 from dpr_lab.gap.result.evidence import FREE_RUN_TEST, Budget
 from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.gap.state import Transferred
 from dpr_lab.gap.transfer.outcome import Transfer
-from dpr_lab.shown import listed, percent
+from dpr_lab.shown import percent
 
 
 def sentence(kind: DetailedVerdict, state: Transferred, visible_counts: tuple[int, int], budget: Budget) -> str:
@@ -56,13 +56,13 @@ def _too_short(state: Transferred) -> str:
         if other.probability >= PROBABLE:
             probable[other.name] = max(probable.get(other.name, 0.0), other.probability)
     leading = sorted(probable.items(), key=lambda candidate: -candidate[1])[: VERDICT.candidates]
-    why = {_class(cause): _because(cause) for cause in causes}
-    candidates = listed([f"{words} ({percent(probability)}{why.get(words, '')})" for words, probability in leading])
+    untested = _untested([cause for cause in causes if _class(cause) in dict(leading)])
+    candidates = _series([f"{words} ({percent(probability)})" for words, probability in leading])
     are = "candidates are" if len(leading) > 1 else "candidate is"
     return (
-        f"Inconclusive: this release of {np.ptp(t):.2g} s is too short to decide the cause of the gap. The leading"
-        f" {are} {candidates}. Record three releases from different angles, each for at least {VERDICT.enough_s:g} s or"
-        " until the rods rest."
+        f"Inconclusive: this release of {np.ptp(t):.2g} s is too short to determine the cause of the gap. The leading"
+        f" {are} {candidates}.{untested} Record three releases from different angles, each for at least"
+        f" {VERDICT.enough_s:g} s or until the rods rest."
     )
 
 
@@ -75,27 +75,33 @@ def _sentence(kind: DetailedVerdict, state: Transferred, budget: Budget) -> str:
         return _unexplained(state, budget)
     causes, reduction = causes_named(state), reduction_sentence(state.transfer)
     if kind == "named":
-        explained = f"The gap is explained by {_certain(causes)}{_small(state)}."
-        return f"{explained} {reduction} Nothing above the noise floor remains."
+        explained = f"The gap is explained by {_certain(causes)}."
+        return f"{explained}{_qualified(state, causes)} {reduction} Nothing above the noise floor remains."
     causes = listed_causes(causes) or listed_causes(state.posteriors)
     remains = _remainder(state.selection.chosen, state.transfer)
-    explained = f"{_classes(causes, VERDICT.rather)}{_small(state)}"
-    return f"The gap is partly explained by {explained}. {reduction} {remains}"
+    explained = f"The gap is partly explained by {_classes(causes, VERDICT.rather)}."
+    return f"{explained}{_qualified(state, causes)} {reduction} {remains}"
 
 
 def _certain(causes: Sequence[EffectPosterior]) -> str:
-    """Return the named causes, with their least probability or, if one is untested, the probability of each."""
+    """Return the named causes with their lowest probability or, if one is untested, the probability of each."""
     if any(cause.untested for cause in causes):
         return _classes(causes, np.inf)
-    return f"{_classes(causes)} (probability {percent(min(cause.probability for cause in causes))})"
+    least = percent(min(cause.probability for cause in causes))
+    if len(causes) == 1:
+        return f"{_classes(causes)} (probability {least})"
+    of_class = "class " * any(len(_members(cause)) > 1 for cause in causes)
+    return f"{_classes(causes)} ({of_class}probability at least {least})"
 
 
-def _small(state: Transferred) -> str:
-    """Return a clause on the probable causes of a small part of the gap, otherwise an empty text."""
-    if not (causes := small_causes(state)):
-        return ""
-    explain = "explains" if len(causes) == 1 else "together explain"
-    return f"; {_classes(causes, VERDICT.sure)} {explain} less than {percent(THRESHOLDS.small)} of the gap"
+def _qualified(state: Transferred, causes: Sequence[EffectPosterior]) -> str:
+    """Return sentences on indistinguishable effects, on probabilities that a test limits, and on small causes."""
+    small, sentences = small_causes(state), _indistinguishable(causes) + _untested(causes)
+    if small:
+        explain = "explains" if len(small) == 1 else "together explain"
+        share = f"{explain} less than {percent(THRESHOLDS.small)} of the gap"
+        sentences += f" {_classes(small, VERDICT.sure)} {share}.{_indistinguishable(small)}{_untested(small)}"
+    return sentences
 
 
 def _unexplained(state: Transferred, budget: Budget) -> str:
@@ -133,10 +139,11 @@ def _unexplained(state: Transferred, budget: Budget) -> str:
             doubt = f"a remainder of {remainder} makes a cause outside the library more probable"
         return (
             f"Unexplained: {closest} {verb} {percent(share)} of the excess chi-square in the fitted"
-            f" recordings, but {doubt}. {reduction_sentence(transfer)}"
+            f" recordings, but {doubt}.{_indistinguishable(posteriors)} {reduction_sentence(transfer)}"
         )
     candidate = "candidates" if several else "candidate"
-    return f"Unexplained: the closest {candidate}, {closest}, {verb} only {percent(share)} of the excess chi-square."
+    explained = f"{verb} only {percent(share)} of the excess chi-square"
+    return f"Unexplained: the closest {candidate}, {closest}, {explained}.{_indistinguishable(posteriors)}"
 
 
 def _in_noise(ratio: float) -> str:
@@ -230,31 +237,51 @@ _BASIS = {
 def _classes(causes: Sequence[EffectPosterior], below: float = -np.inf) -> str:
     """List the classes in words; a probability is stated if it is less than `below` or limited by a test.
 
-    If there are several classes, each class of two members is put in parentheses. The reason of a limited probability
-    is stated.
+    Of several classes, only the first members are listed; `_indistinguishable` states the other members.
     """
-    words = [_class(cause) for cause in causes]
-    if len(words) > 1:
-        words = [f"({text})" if " or " in text else text for text in words]
-    return listed([text + _probability(cause, below) for text, cause in zip(words, causes, strict=True)])
+    if len(causes) == 1:
+        return _class(causes[0]) + _probability(causes[0], below)
+    nouns = ["class probability" if len(_members(cause)) > 1 else "probability" for cause in causes]
+    return _series([cause.name + _probability(cause, below, noun) for cause, noun in zip(causes, nouns, strict=True)])
+
+
+def _indistinguishable(causes: Sequence[EffectPosterior]) -> str:
+    """Return a sentence on the members of several classes that `_classes` omits."""
+    if len(causes) == 1:
+        return ""
+    others = [
+        f"{cause.name} from {members[1] if len(members) == 2 else f'{len(members) - 1} other effects'}"
+        for cause in causes
+        if len(members := _members(cause)) > 1
+    ]
+    return f" These recordings do not distinguish {'; or '.join(others)}." if others else ""
+
+
+def _untested(causes: Sequence[EffectPosterior]) -> str:
+    """Return a sentence on the causes whose probability is limited because of a single release."""
+    if not (names := [cause.name for cause in causes if cause.untested]):
+        return ""
+    return f" One release is a weak test of the form of {_series(names)}, which limits the probability."
+
+
+def _series(items: Sequence[str]) -> str:
+    """Join effects with semicolons, because a name such as `Coulomb friction, joint 1` contains a comma."""
+    return " and ".join(items) if len(items) < 3 else f"{'; '.join(items[:-1])}; and {items[-1]}"
+
+
+def _members(posterior: EffectPosterior) -> list[str]:
+    """Return the members of a class without those of negligible probability."""
+    return nameable(posterior.members, dict(zip(posterior.members, posterior.odds, strict=False)))
 
 
 def _class(posterior: EffectPosterior) -> str:
-    """Return the members of a class in words, without members of negligible probability.
-
-    A class of three or more members is stated by its first member and the number of other members.
-    """
-    members = nameable(posterior.members, dict(zip(posterior.members, posterior.odds, strict=False)))
+    """Return the members of a class in words; of three or more members, only the first is named."""
+    members = _members(posterior)
     if len(members) > 2:
         return f"{posterior.name} or one of {len(members) - 1} effects indistinguishable from it"
     return " or ".join(members)
 
 
-def _probability(cause: EffectPosterior, below: float) -> str:
+def _probability(cause: EffectPosterior, below: float, noun: str = "probability") -> str:
     only = "" if cause.probability >= VERDICT.rather else "only "
-    stated = f" (probability {only}{percent(cause.probability)}{_because(cause)})"
-    return stated if cause.probability < below or cause.untested else ""
-
-
-def _because(cause: EffectPosterior) -> str:
-    return f", {UNTESTED}" if cause.untested else ""
+    return f" ({noun} {only}{percent(cause.probability)})" if cause.probability < below or cause.untested else ""

@@ -10,7 +10,7 @@ from dpr_lab.gap.result.saved import Interval, Saved
 PROBABLE = 0.05
 """Minimum probability of an effect that is listed as a cause, and of an alternative that a check should exclude."""
 
-UNTESTED = "because one release hardly tests its form"
+UNTESTED = "because one release is a weak test of its form"
 """Reason why the probability of an effect with several parameters is limited (decision 123)."""
 
 
@@ -54,7 +54,7 @@ class NamedEffect(Saved):
     outside: float | None = None
     """Probability that a cause outside the library replaces the effect; None in a file of an older version."""
     untested: bool = False
-    """Whether the probability is limited because one release of a single rod hardly tests the form of the effect."""
+    """Whether the probability is limited because one release of a single rod is a weak test of its form."""
     parameters: dict[str, EffectSize]
     """Size of each parameter, SI, by the name of the parameter."""
     share: float
@@ -71,13 +71,13 @@ class NamedEffect(Saved):
 
     @property
     def only_by_prior(self) -> list[str]:
-        """Other members of the class, if their sizes or rarity make all of them together improbable."""
+        """Other members of the class, if together they are improbable because of their sizes or rarity."""
         others = [name for name in self.members if name != self.name]
         return others if self.odds.get(self.name, 0.0) > 1 - PROBABLE else []
 
     @property
     def insignificant(self) -> set[str]:
-        """Amplitudes whose intervals contain zero; empty if the intervals of all amplitudes do."""
+        """Amplitudes whose intervals contain zero; empty if this applies to all amplitudes."""
         amplitudes = {p.name for p in EFFECTS[self.name].amplitudes} & set(self.parameters)
         ends = {name: self.parameters[name].interval90 for name in amplitudes}
         unclear = {name for name, (low, high) in ends.items() if low <= 0 <= high}
