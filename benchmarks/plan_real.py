@@ -128,10 +128,10 @@ def fixed_errors(rig: Rig, runs: Sequence[Run], others: Sequence[Run], effects: 
     """Error of the free run along the other recordings, rad, after a fit of given effects."""
     prepared, unseen = ([record(run, rig) for run in group] for group in (runs, others))
     recordings, problem, model = fit_bare_model(Recordings(tuple(prepared), rig), nominal_ratios(rig))
-    sets = FittedSets(recordings, problem, {effect: EFFECTS[effect] for effect in effects}, model)
+    fitted_sets = FittedSets(recordings, problem, {effect: EFFECTS[effect] for effect in effects}, model)
     for effect in effects:
-        score = sets.score(model, effect)
-        model = sets.with_one(model, score) if score else model
+        score = fitted_sets.score(model, effect)
+        model = fitted_sets.with_one(model, score) if score else model
     return free_runs(recordings.only(unseen), model.estimate).errors_rad
 
 

@@ -153,7 +153,7 @@ class ChildProgram:
 
 
 def _insist(ways: Sequence[Callable[[], None]], ended: Callable[[], bool]) -> None:
-    """Try several ways to end a process, one after another, until one succeeds."""
+    """End a process by successively stronger methods, until one succeeds."""
     for method in ways:
         method()
         if ended():

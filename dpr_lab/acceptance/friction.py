@@ -1,4 +1,4 @@
-"""Interval of the largest friction torque of a joint, and the speeds at which the torque is inaccurate."""
+"""Interval of the largest friction torque of a joint, and the speeds at which this torque is uncertain."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ KNOWN_BETTER = 3.0
 def largest_friction(curve: JointFriction, limit: FrictionLimit, confidence: float) -> tuple[float, float]:
     """Return the interval of the largest friction torque at speeds up to that of the limit, N m.
 
-    The lower end is that of a simultaneous band with the given confidence, the upper end is that of the 90 % intervals.
+    The lower end comes from a simultaneous confidence band, the upper end from the pointwise 90 % intervals.
     """
     from scipy.special import chdtri  # slow to import, and every diagnosis imports this module
 
@@ -31,9 +31,9 @@ def largest_estimate(curve: JointFriction, limit: FrictionLimit) -> float:
 
 
 def inaccurate_speeds(curve: JointFriction, limit: FrictionLimit) -> str:
-    """Describe the speeds at which an inaccurate torque may exceed the limit, and the cause.
+    """Describe the speeds at which the uncertainty of the torque leaves the limit undecided, and the cause.
 
-    The text is empty if the torque is about equally accurate at all speeds.
+    The text is empty if the uncertainty is about the same at all speeds.
     """
     speed, size, std = _up_to(curve, limit)
     best = int(np.argmin(std))

@@ -164,7 +164,7 @@ def _frictions(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 
 def _open_size(diagnosis: Diagnosis, effect: str, parameter: str, bounds: Bounds) -> str:
-    """Return a reason if only the uncertain scale leaves the limit of an amplitude open."""
+    """Return a reason if only the uncertainty of the scale b leaves the limit of an amplitude undecided."""
     known, quantity = diagnosis.model_copy(update={"scale": None}), f"{effect}.{parameter}"
     interval, _ = _widened(known, quantity, _size(known, effect, parameter), bounds)
     if interval is None:
@@ -175,9 +175,9 @@ def _open_size(diagnosis: Diagnosis, effect: str, parameter: str, bounds: Bounds
 
 
 def _only_scale(scale: Scale | None, bounds: Bounds, interval: Range, best: float, power: int) -> str:
-    """Return a reason if only the uncertain scale leaves a limit open.
+    """Return a reason if only the uncertainty of the scale b leaves a limit undecided.
 
-    The limit is then decided for a known scale, but would remain open even if the best estimate were exact.
+    The limit would be decided for a known b, and is undecided even for an exact estimate of the ratio to b.
 
     Args:
         scale: the scale
@@ -288,7 +288,8 @@ def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
 def _widened(diagnosis: Diagnosis, quantity: str, interval: Range | None, bounds: Bounds) -> tuple[Range | None, str]:
     """Widen an interval by those of the models with further effects.
 
-    The text states the effects that leave a limit undecided which the first interval decides. It is empty otherwise.
+    If the first interval decides the limit and the widened interval does not, the text names the effects responsible.
+    Otherwise it is empty.
     """
     alone, reason = _answer(interval, *bounds), ""
     name, _, parameter = quantity.partition(".")
@@ -324,7 +325,7 @@ def _untrusted(diagnosis: Diagnosis) -> str:
     if diagnosis.only_uncertain and (untested := [named for named in diagnosis.effects if named.untested]):
         return f"the cause is uncertain{_because(untested[0])}"
     reasons = {
-        "inconclusive": "the recordings cannot show a gap, or cannot decide its cause: record longer releases",
+        "inconclusive": "the recordings cannot show a gap, or cannot determine its cause: record longer releases",
         "unexplained": f"no effect explains the gap, so the intervals are not valid{FIND_CAUSE}",
         "partly_explained": f"part of the gap is unexplained, so the intervals are not valid{FIND_CAUSE}",
     }
@@ -375,7 +376,7 @@ def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> str:
 
 
 def _unsure(diagnosis: Diagnosis, effect: str) -> str:
-    """Return the reason why an effect other than the one above its limit may be the cause.
+    """Return the reason why the effect that exceeds its limit may not be the true cause.
 
     The reason is empty if the effect is certain or was not named.
     """

@@ -50,10 +50,9 @@ def median90(errors: Sequence[float], further: int = 0) -> Interval90:
 
 
 def undecided(errors: Sequence[float], limit: float, further: int = 0) -> tuple[float, bool]:
-    """Return the undecided range of the median, rad, and whether the interval contains the limit.
+    """Return the half width of the interval towards the limit, rad, and whether the limit is undecided.
 
-    The range is the distance from the median to the end of its interval on the side of the limit. The arguments are
-    those of `median90`.
+    The limit is undecided if the interval of the median contains it. The arguments are those of `median90`.
     """
     low, high = median90(errors, further)
     median = float(np.sqrt(low) * np.sqrt(high))
@@ -69,7 +68,7 @@ def further_releases(errors: Sequence[float], limit: float) -> int | None:
 
 
 def what_decides(diagnosis: Diagnosis, limit: FreeRunLimit, errors: Sequence[float]) -> str:
-    """Return the end of the reason of an undecided limit.
+    """Return the final clause of the reason why a limit is undecided.
 
     It states the number of releases that decide the limit, or the obstacle.
     """
@@ -80,7 +79,7 @@ def what_decides(diagnosis: Diagnosis, limit: FreeRunLimit, errors: Sequence[flo
     if min(horizons, default=np.inf) < limit.horizon_s:
         cause = f"; small initial errors dominate them after {min(horizons):.2g} s: choose a shorter horizon_s"
     elif diagnosis.gap.remainder_Nm:
-        cause = "; the unexplained remainder contributes to them, and a release does not reduce it"
+        cause = "; the unexplained remainder contributes to them, and further releases do not reduce it"
     factor = max(errors) / max(min(errors), MEDIAN.least)
     spread = f"the errors of the releases differ by up to a factor of {factor:.2g}"
     return f", and {MEDIAN.further} further releases would probably not decide it: {spread}{cause}"

@@ -8,20 +8,21 @@ ONLY_SCALE = "only the uncertainty of"
 
 
 def with_scale(scale: Scale | None, interval: Interval90, power: int) -> Interval90:
-    """Widen the interval of a size proportional to b^power by the uncertainty of b.
+    """Add the uncertainty of the scale b to the interval of a quantity that is proportional to b^power.
 
-    The given interval holds for the assumed b. The result covers the intervals at both ends of the interval of b.
+    The given interval is conditional on the assumed b. The result covers the conditional intervals at both ends of the
+    90 % interval of b.
     """
     factors = [1.0, *(() if scale is None else scale.factors90(power))]
     return min(interval[0] * factor for factor in factors), max(interval[1] * factor for factor in factors)
 
 
 def open_by_scale(scale: Scale) -> str:
-    """Return the reason of a limit that only the uncertain scale leaves open, with the remedy."""
+    """Return the reason why only the uncertainty of b leaves a limit undecided, with the remedy."""
     low, high = scale.interval90_of_sizes
     uncertain = f"{scale.inertia} ({low:.3g} to {high:.3g} kg m^2)"
     remedy = "masses, lengths and inertias in the rig file, or record a release with an added mass or a known torque"
     if scale.constants_std:
         uncertain = f"the motor constants (standard deviation {percent(scale.constants_std)})"
         remedy = "motor constants in the rig file"
-    return f"{ONLY_SCALE} {uncertain} leaves this open: state more accurate {remedy}"
+    return f"{ONLY_SCALE} {uncertain} leaves the limit undecided: state more accurate {remedy}"

@@ -321,7 +321,7 @@ class Device:
             self._batches.append(Batch(received.host_time, received.raw, tuple(rows), tuple(messages), lost_before))
 
     def _trusted(self, sample: Sample) -> list[Row]:
-        """Return the sample that was held back before `sample`, or an empty list if `sample` contradicts it."""
+        """Return the preceding sample, which was held back for a plausibility check, unless `sample` contradicts it."""
         if self._held is not None and self._stream.contradicts(self._held, sample):
             self._held = None
         row = self._stream.feed(sample)

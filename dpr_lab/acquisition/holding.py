@@ -253,7 +253,7 @@ class HeldPose:
                 raise SafetyStop(f"after {timeout:g} s {restless}; nothing was released, the rods stay held")
 
     def await_go_ahead(self, confirm: Confirm) -> None:
-        """Wait for the permission to release, then check the rods again.
+        """Wait for the permission to release, then repeat the checks of the rods.
 
         The rods are checked again because they may have moved during the wait.
         """

@@ -1,6 +1,6 @@
 """Update a diagnosis by the result of a recommended check.
 
-The hypotheses about one named effect are its candidates and, in addition, a cause other than the candidates. The
+The hypotheses about one named effect are its candidates and a further hypothesis, that another cause acts. The
 candidates are the members of the class of the effect, weighted by the prior of their fitted sizes, and its
 alternatives. Let p_c be the probability of hypothesis c, and L_c the predictive density of the result under c. Bayes'
 theorem gives
@@ -63,7 +63,7 @@ def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Di
         RunError: the answer has another kind than the check, or an impossible value; no candidate predicts the value,
             and the value is not confirmed; or a run cannot be fitted.
     """
-    refuse_other_result(check, answer.given)
+    refuse_other_result(check, answer.entered)
     result = kind_of(check).result(diagnosis, check, answer, candidates(diagnosis, check.about))
     return _updated(diagnosis, check, answer, result)
 
@@ -195,7 +195,7 @@ def _reweighed(check: AdvisedCheck, done: CheckDone) -> AdvisedCheck:
 
 
 def _sides(check: AdvisedCheck, probabilities: Mapping[str, float]) -> tuple[float, float]:
-    """Return the probabilities of the two answers of a check.
+    """Return the probabilities of the two possible outcomes of a check.
 
     A measurement distinguishes the causes with the measured amplitude from all others, including a cause outside the
     candidates. A recording distinguishes the named effect from the other causes of the check.
@@ -210,16 +210,16 @@ def _sides(check: AdvisedCheck, probabilities: Mapping[str, float]) -> tuple[flo
 
 
 def _outside(diagnosis: Diagnosis, done: CheckDone) -> float:
-    """Return the largest probability of an outside cause over all named effects."""
+    """Return the probability of a cause outside the library, as the maximum over all named effects."""
     checked = diagnosis.outside_by_checks | {done.check.about: done.after[NONE_OF_THEM]}
     unchecked = any(effect.name not in checked for effect in diagnosis.effects)
     return max([*checked.values(), *([diagnosis.probabilities.get(NONE_OF_THEM, 0.0)] if unchecked else [])])
 
 
 def _remedies(diagnosis: Diagnosis, done: CheckDone, standing: NamedEffect) -> list[str]:
-    """Return the remedies of the named effects that remain the most probable causes.
+    """Return the remedies of the named effects that are still the most probable causes.
 
-    The remedy of the checked effect states the members of its class that remain.
+    If several members of the class of the checked effect are still possible, its remedy lists them.
     """
     about = standing.name
     before, after = to_rule_out(_named(diagnosis, about)), to_rule_out(standing)
@@ -238,7 +238,7 @@ def _standing(
 ) -> tuple[list[NamedEffect], list[RivalEffect]]:
     """Return the named effects and the alternatives after a check.
 
-    Members of a class that the check separated become alternatives.
+    If the check distinguishes members of a class, they become alternatives.
     """
     named = _named(diagnosis, about)
     total = sum(after[name] for name in named.members)

@@ -100,8 +100,8 @@ def verify(
     """Repeat a certified diagnosis and compare every claim. The exit code is 1 if a claim does not hold.
 
     This program, not the file, defines which claims are compared and with which tolerances. A certificate that was made
-    with different code fails unless --other-code is given. A repetition cannot confirm the choices and the origin, so
-    they are shown first.
+    with different code fails unless --other-code is given. Repeating the diagnosis cannot confirm its options and its
+    origin, so they are shown first.
 
     Example: dpr-lab verify certificate.json
     """

@@ -85,7 +85,7 @@ def show(updated: "Diagnosis", out: Path | None) -> None:
     file = "DIAGNOSIS.json" if out is None else str(out / RECORD)
     if updated.checks and not check_tables.informative(updated.checks):
         remaining = ", ".join(check.id for check in updated.checks)
-        line(f"Remaining checks ({remaining}): no further information is expected.")
+        line(f"Remaining checks ({remaining}): none of them is expected to add information.")
     elif updated.checks:
         checks = check_tables.check_table(updated)
         report_table("Remaining checks", checks, f"{checks.caption} {check_tables.how_to_record(updated, file)}")

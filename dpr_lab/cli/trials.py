@@ -251,8 +251,8 @@ def campaign(
         typer.Option(
             "--plan",
             help=(
-                "Record each plant release by release until its cause is decided, or until only a bench"
-                " check can decide. Four strategies are compared: a plan, a plan that also chooses"
+                "Record each plant release by release until its cause is determined, or until only a bench"
+                " check can determine it. Four strategies are compared: a plan, a plan that also chooses"
                 " durations, a fixed menu of poses, and random poses."
             ),
         ),

@@ -51,7 +51,7 @@ class ExportFormat:
     ) -> dict[str, str | bytes]:
         """Generate the files of the export; the result maps file names to contents.
 
-        If effects are lost, a JSON file contains the reasons.
+        If the format cannot express an effect, a JSON file states the reason.
 
         Args:
             model: the model to write

@@ -126,7 +126,8 @@ def notes(model: AnyModel, corrected: Bodies, lost: Mapping[str, str]) -> list[s
 def arm_of(model: Model, rig: Rig) -> Arm | None:
     """Return the compliant arm that an effect describes.
 
-    The result is None if there is no such effect, or if the arm is lighter than the rods at its tip.
+    The result is None if there is no such effect, or if the mass of the arm is smaller than that of the rods at its
+    tip.
     """
     params = effect_params(known_effects(model.effects))
     held = arm_model(constants_of(model, rig), HELD_ARM, params.tolist(), active_effects(params))

@@ -171,7 +171,7 @@ def rod_values(
 
 
 def _estimated(interval: Interval, value: float, std: float) -> EstimatedValue:
-    """Return a value with the interval of another value, moved by the difference."""
+    """Return a value with the interval of another value, shifted by the difference."""
     return EstimatedValue(value=interval.value, std=std, interval90=interval.interval90).moved(value)
 
 
@@ -250,7 +250,7 @@ def _without_insignificant(
 def has_moving_arm(diagnosis: Diagnosis) -> bool:
     """Check whether the arm of the diagnosed recordings was free or driven.
 
-    A drive by an acceleration does not count: it prescribes the motion of the arm.
+    An arm with a prescribed acceleration does not count as driven.
     """
     return FREE_ARM.name in diagnosis.model_effects
 

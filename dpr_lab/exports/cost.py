@@ -81,7 +81,7 @@ class Yardstick:
 
         Args:
             swings: simulations by dpr-lab
-            squares: mean square error of each swing in the program, rad^2; default: the errors in dpr-lab
+            squares: mean square error of each swing in the program, rad^2; None: the errors in dpr-lab
         """
         squares = [swing.lab for swing in swings] if squares is None else squares
         floor = np.array([float(np.nanmean(swing.noise_rad**2)) for swing in swings])

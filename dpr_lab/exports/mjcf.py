@@ -255,7 +255,7 @@ def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float, float]:
 
 
 def _passive_parts(link: Link) -> list[tuple[str, tuple[float, ...]]]:
-    """Return the cogging and presliding of a joint as parts of a motor without winding, each with its numbers."""
+    """Return the cogging and presliding friction of a joint as a motor without winding, with their parameters."""
     words = link.body.words
     waves = [("cogging", (size, N, phase - N * link.hanging)) for size, N, phase in words.get("cogging", ())]
     if "presliding" not in words:

@@ -1,7 +1,7 @@
 """Assemble Python modules for export from functions of dpr-lab.
 
-Text from a file, for example the name of a rig, enters the source only as a Python literal. Such text is therefore
-never executed.
+Text from a file, for example the name of a rig, is written to the source only as a Python literal, so it is never
+executed.
 """
 
 import ast

@@ -147,7 +147,7 @@ class Bodies:
 
 
 def words_of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]:
-    """Return the elements of a joint's effects; -1 is the arm.
+    """Return the simulator elements of the effects at a joint; -1 is the arm.
 
     No two effects may use the same element.
     """
@@ -164,7 +164,7 @@ def added_length(expressed: Mapping[str, Words]) -> float:
 
 
 def least_mass(moment: float, about_joint: float, margin: float = 1.05) -> float:
-    """Return the least mass of a rod with a first moment and an inertia about its joint, times a margin."""
+    """Return the minimum mass of a rod with the given first moment and inertia about its joint, times a margin."""
     return margin * moment**2 / about_joint
 
 

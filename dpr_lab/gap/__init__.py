@@ -53,7 +53,7 @@ Terms of all modules:
     common            effects that are visible on most rigs: the universal ones, base tilt, Coulomb friction, air drag
     own share         part of an effect's reduction of chi2 that the other effects, in any form, do not explain
     possible          a set whose sizes and gravity torque a rig can have
-    sets              all fitted sets (`which.fitted_sets.FittedSets`), with functions that fit further ones
+    shape             values of the nonlinear parameters of an effect, for example of its order, frequency or instant
     held out          not fitted: `Request.held_out` contains the runs, `Fitted.held_out` the screened runs
 
 docs/how-the-diagnosis-decides.md explains the decisions; docs/theory.md, sections 5 and 7 to 10, contains the

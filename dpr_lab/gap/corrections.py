@@ -71,7 +71,7 @@ def corrected(state: ForwardSelected, search: Callable[[ScreenedRuns], ForwardSe
 
 
 def with_other_noise(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
-    """Return the state with less or no noise of known torques, if a model requires this."""
+    """Return the state with a smaller or zero noise of the known torques, if the fitted models require it."""
     if refutes_torque_noise(fitted.problem, model):  # known torques count as exact
         return replace(fitted, recordings=replace(fitted.recordings, exact_torques=True))
     recordings = with_likeliest_noise(fitted.recordings, fitted.problem, model)
@@ -95,7 +95,7 @@ def _with_earlier_torques(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | N
 
 
 def _no_worse(before: ForwardSelected, after: ForwardSelected) -> bool:
-    """Return whether earlier torques fit as well, within the noise, as torques that are held and delayed."""
+    """Return whether torques that act before their rows fit as well as delayed torques, within the noise."""
     held, earlier = before.search.current, after.search.current
     return earlier.cost < held.cost + held.chance
 
@@ -103,7 +103,7 @@ def _no_worse(before: ForwardSelected, after: ForwardSelected) -> bool:
 def _with_shutter(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
     """Return the recordings with the shutter that explains the bare model's residual.
 
-    Effects of the selected set may imitate a part of the delay of the shutter, so the set is not used.
+    The bare model is used, because effects of the selected set may imitate a part of the delay.
     """
     shutter = likeliest_shutter(fitted.recordings, fitted.problem, fitted.bare)
     return shutter and replace(fitted, recordings=fitted.recordings.with_shutter(shutter))

@@ -157,7 +157,7 @@ def _forward_selected(screened: ScreenedRuns) -> ForwardSelected:
     request, prediction = fitted.request, fitted.held_out_prediction
     _begin(request, "which")
     library = applicable(request.library, fitted.problem, of_points=fitted.recordings.of_points)
-    sets = FittedSets(
+    fitted_sets = FittedSets(
         fitted.recordings,
         fitted.problem,
         library,
@@ -166,11 +166,11 @@ def _forward_selected(screened: ScreenedRuns) -> ForwardSelected:
         expected=frozenset(expected_of(request.rig.joints.geared)) & library.keys(),
         held_out_chi2=None if prediction is None else lambda model: float(prediction.chi2(model).sum()),
     )
-    return ForwardSelected(fitted, forward(sets, request.max_effects))
+    return ForwardSelected(fitted, forward(fitted_sets, request.max_effects))
 
 
 def _selected(preliminary: ForwardSelected) -> Selected:
-    """Refine the selected set, and compute the class of each of its effects.
+    """Refine the selected set, and compute the class of each effect in it.
 
     The refinement takes most of the time. Afterwards, only the noise of known torques is corrected once more.
     """

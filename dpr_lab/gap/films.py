@@ -7,7 +7,7 @@ at most as long as a frame, which limits the delay.
 
 Moving camera. If the picture turns, or if the point that counts as the pivot moves, all angles of the picture change
 together. The change is much slower than the swing, and it is different in each recording. It is therefore part of the
-noise, and no effect of the rig. In each segment the error is a straight line of random value and slope
+noise, and no effect of the rig. In each segment the error is a straight line with a random offset and slope
 (`dpr_lab.fitting.whitening`). Its standard deviation is the restricted maximum likelihood estimate from the residual of
 a fitted set. The standard deviation of the readings is free in this estimate.
 
@@ -77,7 +77,7 @@ def _improved(
 ) -> tuple[float, RollingShutter]:
     """Return the reduction of chi2 by the best delay, and the shutter with this delay.
 
-    The delay belongs to a direction of the lines.
+    The delay applies to one direction in which the lines are read.
     """
     rate_hz = max(record.run.rate_hz for record in recordings.records)
     limit = 1 / (recordings.rods_length * rate_hz)  # reading the length of the rods takes one frame; s/m

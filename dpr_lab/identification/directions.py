@@ -48,8 +48,9 @@ def spread(rows: Array, least: float = SEEN) -> Array:
 def simple_basis(free: Array, names: Sequence[str]) -> list[dict[str, float]]:
     """Find the sparsest basis of the free directions.
 
-    Each direction is scaled so that its largest change is 1 %. In each step, the sparsest direction that is independent
-    of the previous ones is chosen. Source: T. F. Coleman & A. Pothen (1986), The null space problem I.
+    Each direction is scaled so that its largest change is 1 %. Directions are added one at a time: each is the sparsest
+    direction that is independent of the previous ones. Source: T. F. Coleman & A. Pothen (1986), The null space problem
+    I.
     """
     basis: list[Array] = []
     for direction in _simple_directions(free, names):

@@ -10,7 +10,7 @@ from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import FRICTION, ON_ELBOW, SCALE
 from dpr_lab.identification.identifiability import identifiability, summary
-from dpr_lab.identification.misread.tried import second_look
+from dpr_lab.identification.misread.tried import check_description
 from dpr_lab.identification.model import (
     Covariance,
     EstimatedValue,
@@ -189,8 +189,8 @@ def _identifiable(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, post
 
 
 def _misread(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> list[str]:
-    """Return a note if a different interpretation of the columns fits better, otherwise an empty list."""
-    look = second_look(runs, rig) if ratio_fit.chi2_per_dof > SETTINGS.doubted else None
+    """Return a note, as a list, if another interpretation of the columns fits better; otherwise an empty list."""
+    look = check_description(runs, rig) if ratio_fit.chi2_per_dof > SETTINGS.doubted else None
     return [look.sentence] if look and look.sentence else []
 
 
@@ -214,7 +214,7 @@ def _warnings(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty) -> list[
     if ratio_fit.chi2_per_dof > SETTINGS.gap_warning:
         warnings.append(
             f"the root of the reduced chi-square is {ratio_fit.chi2_per_dof**0.5:.1f} over segments of"
-            f" {ratio_fit.longest_s:.2g} s, with noise alone 1: the model lacks an effect of this rig"
+            f" {ratio_fit.longest_s:.2g} s (noise alone: 1): the model lacks an effect of this rig"
         )
     warnings += [
         f"{name} is fixed at zero: its unconstrained estimate is negative" for name in ratio_uncertainty.at_zero
@@ -238,8 +238,8 @@ def _warnings(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty) -> list[
     unseen = [name for name in RATIOS if name not in ratio_uncertainty.names]
     if unseen:
         warnings.append(
-            f"these runs do not determine {', '.join(unseen)}: their values are those of the rig file; record swings"
-            " of both rods to determine them"
+            f"these runs do not determine {', '.join(unseen)}, so the values of the rig file are used; record swings"
+            " of both rods to determine these ratios"
         )
     return warnings
 

@@ -125,13 +125,15 @@ def _weigh(name: str, part: str) -> Instrument:
 
 
 def _balance(name: str, part: str) -> Instrument:
-    instruction = f"balance {part} on an edge and measure from pivot to edge to 0.5 mm"
+    instruction = f"balance {part} on an edge and measure from pivot to edge with an accuracy of 0.5 mm"
     quantity = BenchReading(f"distance from pivot to centre of mass of {part}", "m", name)
     return Instrument(f"balance {name}", instruction, quantity, (name,), (BENCH.rule_m,), _one_parameter)
 
 
 def _swing(rod: int, part: str) -> Instrument:
-    instruction = f"hang {part} alone from its pivot and time twenty small swings to 0.02 s"
+    instruction = (
+        f"hang {part} alone from its pivot and measure the time of twenty small swings with an accuracy of 0.02 s"
+    )
     parameters, equal = (f"l{rod}", f"m{rod}", f"J{rod}"), f"J{rod} / (m{rod} l{rod}) + l{rod} = g (T / 2 pi)^2"
     quantity = BenchReading(f"length of the simple pendulum with the period T of {part}, {equal}", "m", f"h{rod}")
     name = f"swing {part.removeprefix('the ')} alone"

@@ -118,7 +118,9 @@ class Covariance(ModelPart):
         n = len(self.order)
         in_order = [name for name in UNKNOWN_RATIOS if name in self.order]
         if in_order != self.order or any(len(row) != n for row in [*self.matrix, self.matrix]):
-            raise ValueError(f"must be a square matrix of some of {', '.join(UNKNOWN_RATIOS)}, in this order")
+            raise ValueError(
+                f"must be a square matrix; its rows and columns are some of {', '.join(UNKNOWN_RATIOS)}, in this order"
+            )
         return self
 
 
@@ -291,7 +293,7 @@ class Model(FittedModel):
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     def with_ratios(self, values: Sequence[float]) -> "Model":
-        """Return a copy with given ratios (5,), which are not estimates and have no uncertainty."""
+        """Return a copy with given ratios (5,), which are exact and not estimated."""
         five = [EstimatedValue(value=value, std=0.0, interval90=(value, value)) for value in values]
         if not self.fitted:
             return self.model_copy(update={"ratios": dict(zip(RATIOS, five, strict=True))})

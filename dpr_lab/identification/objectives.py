@@ -155,9 +155,9 @@ def _as_one(bases: Array, elbow: float, L1: float, g: float) -> tuple[Array, Arr
 
 
 def _seen_as_one(prepared: "PreprocessedRun", rig: Rig) -> "PreprocessedRun":
-    """Convert a run with a clamped elbow to the swing of one rod.
+    """Convert a run with a clamped elbow to the swing of one equivalent rod.
 
-    The phase lead of this rod follows from the rig file. Other runs are returned unchanged.
+    The phase lead of this rod is computed from the rig file. Other runs are returned unchanged.
     """
     if not prepared.run.setup.held:
         return prepared

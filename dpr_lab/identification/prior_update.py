@@ -219,7 +219,7 @@ class Posterior:
         return ParameterValue(value=value, std=std, fixed_by="data", interval90=(value - reach, value + reach))
 
     def _loose(self, slopes: Array) -> Flags:
-        """Check whether quantities change in a direction that neither recordings nor measured values determine.
+        """Check whether quantities depend on a direction that neither recordings nor measured values determine.
 
         `slopes` (n, 9) are the derivatives of their logarithms with respect to the logarithms of the parameters.
         """

@@ -60,7 +60,7 @@ SEARCH = Search()
 def swinging(releases: Sequence[CandidateRelease], e: Sequence[float] = (1.0, 1.0)) -> list[CandidateRelease]:
     """Return the releases whose rods swing at once, or all of them if none does.
 
-    Near an equilibrium, the linear model of friction promises information, but static friction holds the rods.
+    Near an equilibrium, the linearised friction model predicts information, although static friction holds the rods.
 
     Args:
         releases: the releases
@@ -137,7 +137,7 @@ def placements(release: CandidateRelease, std: float, count: int, rng: np.random
 
 
 def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> float:
-    """Return the fraction of its value that a release keeps after the releases `made`.
+    """Return the remaining fraction of the value of a release after the releases `made`.
 
     The fraction is 1 if no release in `made` is similar.
     """

@@ -4,12 +4,12 @@
 
 If cause t is true, further releases increase its log odds against each other cause j by a normally distributed amount
 of mean d^2 / 2 and variance d^2 (`dpr_lab.planning.worth.criteria`). The true cause is drawn from its posterior, and
-the amount is drawn from its normal distribution. The probability of a decision is the share of draws in which one cause
-reaches `SURE`. If the cause is outside the library, no release decides it. Causes that no release separates count as
-one cause, as in the stopping rule, because a bench check distinguishes them. After each planned release, this rule
-refers to the information at that time, because the next plan will apply it then.
+the amount is drawn from its normal distribution. The probability of a decision is the share of draws in which the
+probability of one cause reaches `SURE`. If the cause is outside the library, no release decides it. Causes that no
+release separates count as one cause, as in the stopping rule, because a bench check distinguishes them. Whether a
+release separates causes is evaluated again for each planned release, with the information available then.
 
-A release may also reveal another effect or another alternative. The causes then stay undecided until a further release.
+A release may also reveal another effect or another alternative. The causes are then undecided until a further release.
 The setting `confirmed` takes this into account: of the planned releases in blind trials for which the above probability
 predicted a decision, it is the fraction that decided the causes (docs/theory.md, section 15). If n of N releases
 decided the causes, `confirmed` is (n + 1/2) / (N + 1), the posterior mean for the Jeffreys prior.
@@ -18,10 +18,10 @@ If the selected effects leave a remainder above the noise, its cause is not know
 effect of the library. A further release then decides only if it reveals this cause. `revealed` replaces `confirmed` in
 this case, and was estimated in the same way.
 
-For an individual plant, the probability of a decision differs from this mean: the causes may stay undecided for reasons
-that a forecast cannot take into account. The prior of this probability is a beta distribution with the above mean and a
-weight of `weight` releases. After `failed` releases that left the causes undecided, k more releases decide with the
-beta-binomial probability
+For an individual plant, the probability of a decision differs from this mean: the causes may remain undecided for
+reasons that a forecast cannot take into account. The prior of this probability is a beta distribution with the above
+mean and a weight of `weight` releases. After `failed` releases that left the causes undecided, k more releases decide
+with the beta-binomial probability
 
     1 - product over j < k of (b + failed + j) / (weight + failed + j),    b = (1 - confirmed) weight.
 
@@ -46,14 +46,14 @@ D depends on the start pose, and a manually placed pose differs from the planned
 most of D, a small difference removes it. D is therefore computed for several random placement errors, not averaged.
 
 The improvement by an effect is its largest z'^2 minus the penalty of its parameters. A draw settles the question if all
-effects are excluded, or if the best effect is named and decided. It is named if its improvement exceeds chance. Its
-probability follows from the improvements of the best effect, of its best alternatives and of no effect, and from the
-prior odds of the effects, as in a diagnosis. It is decided if this probability reaches `SURE`. An effect that becomes
-visible thus stays undecided if another effect has a similar signature, unless no release separates them. Two effects
-are separated by the distance between the readings under the first effect and the nearest readings under the second one,
-at any of its amplitudes. The recordings end with the first release that settles the question. Effects that are excluded
-now are included, because the estimate of an effect that is present grows. The simulation contains the effects that a
-release may reveal. Therefore neither `confirmed` nor `failed` applies to it.
+effects are excluded, or if the best effect is named and decided. The effect is named if its improvement is significant.
+Its probability follows from the improvements of the best effect, of its best alternatives and of no effect, and from
+the prior odds of the effects, as in a diagnosis. It is decided if this probability reaches `SURE`. An effect that
+becomes visible therefore remains undecided if another effect has a similar signature, unless no release separates the
+two effects. Two effects are separated by the distance between the readings under the first effect and the nearest
+readings under the second one, at any of its amplitudes. The recordings end with the first release that settles the
+question. Effects that are excluded now are included, because the estimate of an effect that is present grows. The
+simulation contains the effects that a release may reveal. Therefore neither `confirmed` nor `failed` applies to it.
 
 Sources: H. Jeffreys (1946), An invariant form for the prior probability in estimation problems, Proceedings of the
 Royal Society A 186, 453-461. R. E. Kass & A. E. Raftery (1995), Bayes factors, Journal of the American Statistical
@@ -160,7 +160,7 @@ class TestedEffects(NamedTuple):
         return cls(z, limits, columns, largest, prices, log_prior, odds / odds.sum(), separation)
 
     def settled(self, z: Array) -> Flags:
-        """Return the (draws,) mask of draws that exclude every effect or decide on one.
+        """Return the (draws,) mask of the draws in which every effect is excluded, or one effect is decided.
 
         Args:
             z: (draws, n) estimates of the amplitudes, in standard deviations

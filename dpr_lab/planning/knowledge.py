@@ -160,9 +160,8 @@ def known_before(rig: Rig, acting: Acting = GRAVITY_ONLY) -> Knowledge:
 def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Acting = GRAVITY_ONLY) -> Knowledge:
     """Derive the knowledge from the rig file, the recorded runs and their diagnosis.
 
-    The probabilities of the causes do not contain the information of runs that the diagnosis held out, or of held-out
-    pieces of a long run. This information is therefore left out as well. The scale b is as uncertain as the diagnosis
-    states.
+    The probabilities of the causes do not contain the information of held-out runs and held-out pieces. This
+    information is therefore left out here as well. The uncertainty of the scale b is that of the diagnosis.
 
     Args:
         runs: the runs that were diagnosed
@@ -219,10 +218,11 @@ def _known(
 
 
 def _of_scale(known: Knowledge, F: Array, scale: Scale | None) -> Array:
-    """Return the (k, k) change of information F with which b is as uncertain as in a diagnosis.
+    """Return the (k, k) matrix that, added to the information F, gives b the uncertainty stated by a diagnosis.
 
     The prior of the plan is normal in b. That of a diagnosis is lognormal in the nine parameters, and for a single rod
-    it also contains the ratios that no release determines. The change is negative if the plan is too certain.
+    it also contains the ratios that no release determines. The matrix is negative if F alone underestimates the
+    uncertainty of b.
     """
     change = np.zeros_like(F)
     if scale is not None:
@@ -258,7 +258,7 @@ def _model(
 
 
 def _of_one_rod(model: PresentModel, acting: Acting) -> PresentModel:
-    """Remove effects that need two rods from the model, if a rod is mounted alone.
+    """Remove effects that require two rods from the model if only one rod is mounted.
 
     The readings of a single rod do not depend on the amplitudes of these effects.
     """

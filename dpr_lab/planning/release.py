@@ -1,4 +1,4 @@
-"""A release that can be recorded: start pose, duration, mounting and input signal."""
+"""A possible release: start pose, duration, mounting and input signal."""
 
 import math
 from dataclasses import dataclass, replace

@@ -114,7 +114,7 @@ class Inseparable(_Record):
 
     @property
     def advice(self) -> str:
-        """Two sentences: no release separates these causes, and the bench check that does."""
+        """Advice: no release distinguishes these causes; the second sentence states a bench check that does."""
         return f"No release separates {' from '.join(self.causes)}. {self.check}"
 
 
@@ -181,7 +181,7 @@ class Plan(Shown, _Record):
     """Computing time, s."""
 
     def separable(self, release: PlannedRelease) -> list[PairBits]:
-        """Return the expected information of a release about the causes that releases separate."""
+        """Return the expected information of a release about those causes that releases can distinguish."""
         pairs = [{*pair.causes} for pair in self.inseparable]
         return [pair for pair in release.pairs if {*pair.causes} not in pairs]
 

@@ -100,7 +100,7 @@ def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
     if diagnosis.hints:
         return "the description of the recordings is probably wrong"
     if diagnosis.verdict == "inconclusive":
-        question = "decide the cause of the gap" if diagnosis.undecided else "show a gap"
+        question = "determine the cause of the gap" if diagnosis.undecided else "show a gap"
         return f"the recordings cannot {question}"
     if not (explained or diagnosis.verdict in ("no_gap", "named")):
         return "part of the gap is unexplained"
@@ -132,7 +132,7 @@ def untested_forms(diagnosis: Diagnosis) -> list[str]:
 
 
 def reservation(diagnosis: Diagnosis) -> str:
-    """List the effects that are not excluded although the causes are decided.
+    """Return a text on the effects that are not excluded although the causes are decided.
 
     The text is empty if all other effects are excluded, or if the causes are not decided.
     """

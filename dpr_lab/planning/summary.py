@@ -220,7 +220,7 @@ def inseparable_pairs(
 
 
 def _separable(gain: Gain, stuck: Sequence[Inseparable]) -> Gain:
-    """Leave out the bits about pairs of causes that no release separates."""
+    """Set the bits about pairs of causes that no release separates to zero."""
     pairs = [{*pair.causes} for pair in stuck]
     return replace(gain, causes={causes: bits for causes, bits in gain.causes.items() if {*causes} not in pairs})
 
@@ -291,8 +291,8 @@ def plan_sentence(
     if state == "bench check":
         pairs = listed([f"{a} and {b}" for a, b in (pair.causes for pair in stuck[0])])
         return (
-            f"Even {FORECAST.repeats} more releases on this rig would not separate {pairs}: do this bench check."
-            f" {stuck[0][0].check}"
+            f"Even {FORECAST.repeats} more releases on this rig would not distinguish {pairs}: perform this bench"
+            f" check. {stuck[0][0].check}"
         )
     chances = [release.decided or 0.0 for release in releases]
     number = next((k for k, chance in enumerate(chances, 1) if chance >= FORECAST.likely), len(chances))
@@ -310,7 +310,7 @@ def plan_sentence(
 
 
 def _answered(diagnosis: Diagnosis, release: PlannedRelease, stuck: Sequence[Inseparable]) -> str:
-    """Return a sentence on the checks that the first release also answers, with a space; empty if there are none."""
+    """Return a sentence, after a space, on the recommended checks that the first release includes; empty if none."""
     pairs = [{*pair.causes} for pair in stuck]
     noticeable = [{*pair.causes} for pair in release.pairs if pair.bits >= NOTICEABLE.causes]
     recordings = [check for check in diagnosis.checks if check.release and check.informative]
@@ -348,7 +348,7 @@ def reason_for(before: Gain, after: Gain, needed: bool = False, diagnosed: bool 
     Args:
         before: expected information before the release
         after: expected information after the release
-        needed: whether the earlier releases alone cannot decide the causes
+        needed: whether the release is needed because the earlier releases cannot decide the causes
         diagnosed: whether there are recordings whose causes are named
     """
     parts = ["verifies the result of the first release with another swing"] if needed else []
@@ -366,7 +366,7 @@ def reason_for(before: Gain, after: Gain, needed: bool = False, diagnosed: bool 
 
 
 def _distinguishes(before: float, after: float, diagnosed: bool) -> str:
-    """Return the clause that states which share of the effects a release distinguishes.
+    """Return a clause on the share of the effects that a release distinguishes.
 
     The shares before and after the release are between 0 and 1. The clause states their difference, computed from the
     rounded shares of the table. If the first share is small, the clause states only the second one.
@@ -384,7 +384,7 @@ def only_ratios_sentence(reasons: Sequence[str], undecided: bool) -> str:
 
     Args:
         reasons: result of `reason_for` for each release
-        undecided: whether a diagnosis left causes undecided; such a release decides them if the first release does not
+        undecided: whether causes are undecided; if the first release does not decide them, these further releases do
     """
     numbers = [str(k) for k, reason in enumerate(reasons, 1) if not reason]
     if not numbers:

@@ -21,7 +21,8 @@ UNITS = dict.fromkeys("abdA", "kg m²") | dict.fromkeys(("c0", "c1", "c2"), "N m
 UNITS |= {"e1": "N m", "k0": "N m/rad", "f0": "N m", "kt gear/R": "N m/V", "kt gear": "N m/A"}
 
 SEGMENT_NOTE = (
-    "Longer segments leave larger residuals: those of `identify` are of its own segments, which may be shorter."
+    "Residuals increase with the length of the segments. `identify` prints the residuals of its own segments, which may"
+    " be shorter."
 )
 
 

@@ -78,7 +78,7 @@ class NoiseLike:
 
 NOISE_LIKE = NoiseLike()
 
-SMALL_EFFECTS = "Only the rms was compared: dpr-lab diagnose also finds effects that are smaller than the noise."
+SMALL_EFFECTS = "Only rms values were compared. dpr-lab diagnose also detects effects that are smaller than the noise."
 
 
 def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: AngleUnit = RADIANS) -> str:

@@ -95,7 +95,7 @@ def only_choice(model: SimulatorModel) -> Hinges:
         kinds = sorted({part.joint.kind for part in model.parts if part.joint is not None} - {"hinge"})
         others = f" (joints of other kinds: {', '.join(kinds)})" if kinds else ""
         raise ConfigError(
-            f"the model has {have}{others}; a double pendulum, or a rod on an arm, has two hinges in a chain"
+            f"the model has {have}{others}; but a double pendulum, or a rod on an arm, has two hinges in a chain"
         )
     if len(hinges) > 3:
         raise ConfigError(f"the model has {len(hinges)} hinges, {_names(model, hinges)}: {CHOOSE}")

@@ -140,7 +140,7 @@ class Scan:
 
 @dataclass(slots=True)
 class _Room:
-    """Number of bytes to which the chunks of a file may still expand."""
+    """Remaining budget of bytes for unpacked chunks of a file."""
 
     left: int = LIMITS.surplus_bytes
 
@@ -374,7 +374,7 @@ def _description(path: Path, collected: _Collected, damage: str) -> tuple[RunMet
     try:
         return RunMetadata.from_record(record, collected.attachments[RIG_ATTACHMENT]), record["rig_sha256"]
     except STRANGE as error:
-        raise RunError(f"{path}: its description does not have the layout of a run: the file was changed") from error
+        raise RunError(f"{path}: its metadata are not those of a run: the file was changed") from error
     except RunError as error:
         raise RunError(f"{path}: {error}") from error
 

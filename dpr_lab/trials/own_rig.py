@@ -79,7 +79,7 @@ def trust(
     processes: int = 1,
     on_trial: Callable[[int], None] = lambda done: None,
 ) -> Trust:
-    """Test a diagnosis on simulated plants with known effects.
+    """Estimate the reliability of a diagnosis by blind trials on simulated plants.
 
     Args:
         diagnosis: the diagnosis of the rig
@@ -169,7 +169,7 @@ def _original(run: Run, rig: Rig, estimate: Estimate) -> _Original:
 
 
 def _another(diagnosis: Diagnosis, library: Mapping[str, Effect], rng: np.random.Generator) -> Effects:
-    """Draw a detectable effect of random size that the diagnosis does not name."""
+    """Draw an effect that the diagnosis does not name, with a random detectable size."""
     named = {effect.name for effect in diagnosis.effects}
     detectable = {name: {k: v for k, v in sizes.items() if v} for name, sizes in diagnosis.detectable.items()}
     names = [n for n in detectable if n in library and n not in named and detectable[n] and not library[n].event]

@@ -218,7 +218,7 @@ def _named(diagnosis: Json) -> list[Json]:
 
 
 def _candidates(diagnosis: Json) -> bool:
-    """Return whether the recordings show a gap, but cannot decide its cause."""
+    """Return whether the recordings show a gap whose cause they cannot determine."""
     return diagnosis["verdict"] == "inconclusive" and bool(diagnosis["effects"])
 
 

@@ -43,7 +43,7 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
         `outcome`: the score of the last diagnosis of the first strategy. `strategies`: a dict for each strategy with
         the entries `recordings`, the number of releases until they determined the causes or until only a bench check
         could determine the causes (null if neither occurred); `minutes`, the time at the rig; `right`, `true`
-        (`TrialOutcome.is_true`) and `score` of the last diagnosis; `looks`, one for each release
+        (`TrialOutcome.is_true`) and `score` of the last diagnosis; `looks`, the state after each release
 
     Raises:
         DprError: the device, the diagnosis or the seal failed, or another version is installed here.
@@ -67,7 +67,7 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class SequentialLook:
-    """State of a sequential trial after a further release."""
+    """State of a sequential trial after each release: diagnosis, forecast and stopping rule."""
 
     release: CandidateRelease
     diagnosis: Diagnosis

@@ -62,8 +62,8 @@ def _of_strategy(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 def forecast_claims(looks: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
     """Yield each forecast probability that k more releases are sufficient, together with the observed result.
 
-    The releases also count as sufficient if only a bench check can distinguish the remaining causes. A forecast counts
-    causes that no release separates as one cause. A trial that ends at the maximum number of releases contains no
+    The releases also count as sufficient if only a bench check can distinguish the remaining causes. In a forecast,
+    causes that no release separates count as one cause. A trial that ends at the maximum number of releases contains no
     information about further releases.
 
     Args:

@@ -216,7 +216,7 @@ def _naming(causes: Sequence[Cause], leads: Sequence[TrialOutcome]) -> dict[str,
 
 
 def astray(outcome: TrialOutcome) -> dict[str, Any]:
-    """Summarise a trial that is not fully correct, with the arguments that reproduce it."""
+    """Describe a trial with an incorrect result, and the arguments that reproduce it."""
     names = ("kind", "level", "seed", "truth", "named", "verdict", "grade")
     return {name: getattr(outcome, name) for name in names}
 

@@ -173,7 +173,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
     def on_key(self, event: events.Key) -> None:
         """Notify the operator that a key has no function here."""
         if event.is_printable and len(self.screen_stack) == 1 and event.key not in self.screen.active_bindings:
-            key, keys = self.get_key_display(Binding(event.key, "")), self.services.keys.of("app.help")
+            key, keys = self.get_key_display(Binding(event.key, "")), self.services.keys.key_for("app.help")
             self.notify(f"{key} has no function here; {keys} shows the keys", timeout=NOTICES.hint_s)
 
     def on_cursor_position(self, event: events.CursorPosition) -> None:
@@ -200,8 +200,8 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
             StepStatus(s.NAME, s.outcome(), s.missing(), s.NAME == step, s.stale(), bool(s.work)) for s in self.steps
         ]
         page = self.current.report()
-        report = keys.of("app.report") if page is not None and page.is_file() else ""
-        self.query_one(Stepper).show(status, keys.of("app.next"), report)
+        report = keys.key_for("app.report") if page is not None and page.is_file() else ""
+        self.query_one(Stepper).show(status, keys.key_for("app.next"), report)
 
     @on(Step.Done)
     def save(self) -> None:

@@ -53,7 +53,7 @@ class KeyNames:
     display: Callable[[str], str]
     """Function that converts a key to its displayed name."""
 
-    def of(self, action: str) -> str:
+    def key_for(self, action: str) -> str:
         """Return the first key of an action.
 
         Raises:
@@ -63,7 +63,7 @@ class KeyNames:
 
     def fill(self, text: str) -> str:
         """Replace the placeholders of actions by their keys; other braces are not changed."""
-        return MENTION.sub(lambda mention: self.of(mention[1]) if mention[1] in self.keys else mention[0], text)
+        return MENTION.sub(lambda mention: self.key_for(mention[1]) if mention[1] in self.keys else mention[0], text)
 
 
 def bindings(section: str) -> list[BindingType]:

@@ -29,7 +29,11 @@ def _actions(owner: DOMNode, place: str, keys: KeyNames, show: Callable[[], None
     """Yield a command for each key binding of a class that has a description."""
     for binding in owner.__class__.__dict__.get("BINDINGS", ()):
         if isinstance(binding, Binding) and binding.description:
-            key = keys.of(binding.id) if binding.id and binding.id in keys.keys else owner.app.get_key_display(binding)
+            key = (
+                keys.key_for(binding.id)
+                if binding.id and binding.id in keys.keys
+                else owner.app.get_key_display(binding)
+            )
             run = partial(_run, owner, binding.action, show)
             yield SystemCommand(f"{place}: {binding.tooltip or binding.description}", f"key {key}", run)
 

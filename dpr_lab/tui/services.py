@@ -23,7 +23,7 @@ class Services:
 
     def key_of(self, step: str) -> str:
         """Return the key that shows the step with this name."""
-        return self.keys.of(f"app.step_{self.order.index(step) + 1}")
+        return self.keys.key_for(f"app.step_{self.order.index(step) + 1}")
 
     async def connect(self) -> None:
         """Start the handshake with the device of the workspace; see `require_free` for the errors."""
@@ -37,5 +37,5 @@ class Services:
             DprError: an attempt is in progress.
         """
         if self.device.attempt is not None:
-            ways = f"press {self.key_of('Capture')}, then {self.keys.of('capture.end')}"
+            ways = f"press {self.key_of('Capture')}, then {self.keys.key_for('capture.end')}"
             raise DprError(f"A capture is under way: end it first ({ways})")

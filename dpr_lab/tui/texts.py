@@ -52,21 +52,21 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
 
     Text is aligned left. Numbers are aligned right and never wrapped; long headers are wrapped.
     """
-    made = Table(
+    drawn = Table(
         title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0)
     )
     for index, column in enumerate(columns):
         numbers = index > 0 and all(set(row[index].replace(" to ", "")) <= NUMERIC for row in rows)
         least = max((len(row[index]) for row in rows), default=0) if numbers else None
-        made.add_column(column, justify="right" if numbers else "left", min_width=least, overflow="fold")
+        drawn.add_column(column, justify="right" if numbers else "left", min_width=least, overflow="fold")
     for row in rows:
-        made.add_row(*(Text(cell) for cell in row))
-    return made
+        drawn.add_row(*(Text(cell) for cell in row))
+    return drawn
 
 
-def report_table(title: str, made: PageTable) -> RenderableType:
+def report_table(title: str, rows: PageTable) -> RenderableType:
     """Return a table of the report, with a title."""
-    return table(title, made.columns, made.rows)
+    return table(title, rows.columns, rows.rows)
 
 
 def sentences(title: str, lines: Sequence[str], *, mark: str = "•", numbered: bool = False) -> RenderableType:

@@ -99,9 +99,9 @@ def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
 
     The reason of an undecided limit then states one of three things: the release that is expected to decide it alone,
     that the planned releases would not decide it, or, if no release separates its possible causes, the bench check of
-    the plan. The second is not stated if the interval covers all shapes of an effect, because the forecast refers to
-    one shape. Any other reason without a remedy gets one by `with_remedy`.
-    A limit that only the uncertain scale leaves open needs a release with an added mass, which determines the scale.
+    the plan. The second statement is omitted if the interval covers all shapes of an effect, because the forecast
+    refers to one shape. Any other reason without a remedy gets one by `with_remedy`. If only the uncertainty of the
+    scale leaves a limit undecided, a release with an added mass is needed, which determines the scale.
     """
     from dpr_lab.acceptance.judge import RECORD_MORE, WITHIN
     from dpr_lab.acceptance.scale import ONLY_SCALE

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ReleaseTolerance:
-    """Difference of a recording from the release that a check asks for, beyond which a warning is printed."""
+    """Maximum difference between a recording and the recommended release, above which a warning is printed."""
 
     angle_rad: float = 0.2
     """Largest difference of an angle, rad: a release by hand differs by less."""
@@ -116,7 +116,7 @@ def _refuse_used(runs: "Sequence[Run]", diagnosis: "Diagnosis", check: "AdvisedC
 def other_releases(runs: "Sequence[Run]", check: "AdvisedCheck") -> Iterator[str]:
     """Yield a sentence for each recording that is much shorter than advised, or released from other angles.
 
-    Its result counts, but it may contain little information about the causes of the check.
+    The result of such a recording is used, but it may contain little information about the causes of the check.
     """
     release = check.release
     if release is None:

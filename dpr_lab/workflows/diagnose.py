@@ -259,7 +259,7 @@ def failures(diagnosis: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.
         ),
         "sensor": f"{len(diagnosis.sensor_findings)} sensor faults" if diagnosis.sensor_findings else "",
     }
-    missing = "decide the cause of the gap" if diagnosis.undecided else "show a gap"
+    missing = "determine the cause of the gap" if diagnosis.undecided else "show a gap"
     always = [f"inconclusive: the recordings cannot {missing}"] if diagnosis.verdict == "inconclusive" else []
     always += [f"description: {hint}" for hint in diagnosis.hints]
     return [*always, *(f"{reason}: {sentences[reason]}" for reason in reasons if sentences[reason])]

@@ -189,7 +189,7 @@ def _replays(
 
 
 def _forced(model: "AnyModel", rig: "Rig", simulator: Path, joints: Sequence[str]) -> "PatchedModel | None":
-    """Change the file to the complete model if the model needs a module of passive forces.
+    """Add the remaining effects to the file if the model needs a module of passive forces.
 
     Otherwise return None.
     """

@@ -345,7 +345,7 @@ def _odd_bounds(name: str, p: "Parameter") -> Iterator[RigFinding]:
     if not p.lower <= p.nominal <= p.upper:
         yield RigFinding("odd", key, f"nominal {p.nominal:g} lies outside its bounds {p.lower:g} to {p.upper:g}")
     if p.upper > USUAL.span * p.lower and not name.startswith("c"):
-        yield RigFinding("odd", key, f"bounds {p.lower:g} to {p.upper:g} are very wide: is the unit right?")
+        yield RigFinding("odd", key, f"bounds {p.lower:g} to {p.upper:g} are very wide: is the unit correct?")
 
 
 def _odd_rod(rig: "Rig", rod: int, length: float | None) -> Iterator[RigFinding]:

@@ -103,7 +103,7 @@ def test_a_limit_that_only_the_scale_leaves_open_asks_for_accurate_masses_or_a_k
     (limit,) = judge(with_friction([1e-5] * 2, (0.5, 3.0)), friction(4e-3)).limits
     assert limit.answer == "not decidable"
     assert limit.reason.startswith(
-        "only the uncertainty of b (0.5 to 3 kg m^2) leaves this open: state more accurate m"
+        "only the uncertainty of b (0.5 to 3 kg m^2) leaves the limit undecided: state more accurate m"
     )
     assert limit.reason.endswith("in the rig file, or record a release with an added mass or a known torque")
     assert planned(limit).would_decide == ()
@@ -115,8 +115,8 @@ def test_a_limit_that_only_the_scale_leaves_open_asks_for_accurate_masses_or_a_k
 def test_a_limit_that_only_motor_constants_leave_open_asks_for_accurate_constants() -> None:
     (limit,) = judge(with_friction([1e-5] * 2, (0.99, 1.01), "data", 0.6), friction(3e-3)).limits
     assert limit.reason == (
-        "only the uncertainty of the motor constants (standard deviation 60 %) leaves this open: state more accurate"
-        " motor constants in the rig file"
+        "only the uncertainty of the motor constants (standard deviation 60 %) leaves the limit undecided: state more"
+        " accurate motor constants in the rig file"
     )
 
 
@@ -274,7 +274,11 @@ def test_an_undecided_free_run_states_the_number_of_releases_that_decide_it() ->
     ("horizon_s", "remainder", "cause"),
     [
         (1.0, {}, "factor of 7.4"),
-        (1.0, {"joint1": 1e-3}, "; the unexplained remainder contributes to them, and a release does not reduce it"),
+        (
+            1.0,
+            {"joint1": 1e-3},
+            "; the unexplained remainder contributes to them, and further releases do not reduce it",
+        ),
         (2.5, {"joint1": 1e-3}, "; small initial errors dominate them after 2 s: choose a shorter horizon_s"),
     ],
 )

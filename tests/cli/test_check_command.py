@@ -47,4 +47,4 @@ def test_checks_without_further_information_are_only_listed(tmp_path: Path, cli)
     file = tmp_path / "diagnosis.json"
     file.write_text(json.dumps(made().to_json()))
     done = cli("check", file, "1-abcd", "--value", "0.5 %", "--std", "0.001 %")
-    assert "Remaining checks (2-abcd): no further information is expected." in " ".join(done.out.split())
+    assert "Remaining checks (2-abcd): none of them is expected to add information." in " ".join(done.out.split())

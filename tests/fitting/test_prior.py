@@ -116,11 +116,11 @@ def test_cogging_of_order_one_is_gravity_on_one_rod(monkeypatch: pytest.MonkeyPa
     _, problem, bare = fit_bare_model(Recordings(tuple(screened(run, rig) for run in runs), rig), nominal_ratios(rig))
     once = tuple(replace(p, scan=(1.0,)) if p.scan else p for p in DETENT_JOINT1.parameters)
     first = replace(DETENT_JOINT1, parameters=once)
-    score = score_test(problem, bare.fit, [first], NOTHING).of("detent_joint1")
+    score = score_test(problem, bare.fit, [first], NOTHING).best_score("detent_joint1")
     assert score is not None
     assert score.absorbed["sin1_Nm"] == "e1/b"
     assert "cos1_Nm" not in score.absorbed
-    rotor = score_test(problem, bare.fit, [EFFECTS["rotor_inertia_joint1"]], NOTHING).of("rotor_inertia_joint1")
+    rotor = score_test(problem, bare.fit, [EFFECTS["rotor_inertia_joint1"]], NOTHING).best_score("rotor_inertia_joint1")
     assert rotor is not None
     assert rotor.gain == 0.0
     assert set(rotor.absorbed) == {"inertia_kgm2"}

@@ -59,7 +59,7 @@ def test_error_stays_within_its_uncertainty_until_something_is_missing(looked_at
 def test_a_spring_with_a_constant_torque_does_not_hide_the_friction(recorded: Any, bare: Any, tested: Any):
     problem, model = bare(recorded({}, duration=2.0)[:1])
     test = tested(problem, model.fit, [EFFECTS["spring_joint1"]])
-    spring = refit_with(problem, model, test, test.of("spring_joint1"), iterations=1)
+    spring = refit_with(problem, model, test, test.best_score("spring_joint1"), iterations=1)
     alone, with_spring = (joint_friction(problem, of, back_emf=False)["joint1"] for of in (model, spring))
     assert max(with_spring.std_Nm) < 3 * max(alone.std_Nm)
 

@@ -39,58 +39,58 @@ def fitted(bare: Callable[..., Any], screened: Callable[..., Any]) -> Callable[.
     return sets_of
 
 
-def grown(sets: FittedSets, *effects: str) -> Hypothesis:
+def grown(fitted_sets: FittedSets, *effects: str) -> Hypothesis:
     """The set of some effects, added one by one."""
-    model = sets.bare
+    model = fitted_sets.bare
     for name in effects:
-        score = sets.test(model).of(name)
+        score = fitted_sets.test(model).best_score(name)
         assert score is not None
-        model = sets.with_one(model, score)
-    return escaped(sets, model)
+        model = fitted_sets.with_one(model, score)
+    return escaped(fitted_sets, model)
 
 
 @pytest.mark.slow
 def test_a_curve_that_follows_a_scale_error_does_not_displace_it(fitted: Callable[..., FittedSets]) -> None:
-    sets = fitted([law("encoder_scale", 0, 9.0), law("third", 0, 0.5), law("wander", 0, 0.5)], (COGGING, SCALE))
-    both = grown(sets, COGGING, SCALE)
-    curve, scale = sets.without(both, SCALE), sets.without(both, COGGING)
+    fitted_sets = fitted([law("encoder_scale", 0, 9.0), law("third", 0, 0.5), law("wander", 0, 0.5)], (COGGING, SCALE))
+    both = grown(fitted_sets, COGGING, SCALE)
+    curve, scale = fitted_sets.without(both, SCALE), fitted_sets.without(both, COGGING)
     assert not both.at_noise_floor
-    own = own_share(sets.problem, curve, sets.test(curve), SCALE)
+    own = own_share(fitted_sets.problem, curve, fitted_sets.test(curve), SCALE)
     assert own is not None
     assert own < THRESHOLDS.own_share  # free functions in place of the cogging follow the scale error
-    assert explains_as_much(sets.bare, scale, curve)
-    assert not explains_as_much(sets.bare, curve, scale)
-    last = apply_move(OWN_SHARE, SearchState(both, sets, 4))
+    assert explains_as_much(fitted_sets.bare, scale, curve)
+    assert not explains_as_much(fitted_sets.bare, curve, scale)
+    last = apply_move(OWN_SHARE, SearchState(both, fitted_sets, 4))
     assert last.current.effects == (SCALE,)
 
 
 @pytest.mark.slow
 def test_a_real_curve_stays(fitted: Callable[..., FittedSets]) -> None:
-    sets = fitted([law("detent", 0, 6.0), law("encoder_scale", 0, 0.5), law("wander", 0, 0.5)], (COGGING, SCALE))
-    both = grown(sets, COGGING, SCALE)
-    last = apply_move(OWN_SHARE, SearchState(both, sets, 4))
+    fitted_sets = fitted([law("detent", 0, 6.0), law("encoder_scale", 0, 0.5), law("wander", 0, 0.5)], (COGGING, SCALE))
+    both = grown(fitted_sets, COGGING, SCALE)
+    last = apply_move(OWN_SHARE, SearchState(both, fitted_sets, 4))
     assert COGGING in last.current.effects
 
 
 @pytest.mark.slow
 def test_effects_are_compared_with_the_gap_that_the_right_length_leaves(fitted: Callable[..., FittedSets]) -> None:
-    sets = fitted([law("coulomb", 0, 5.0)], (LENGTH, FRICTION), rods=2, length=1.01)
-    both = grown(sets, LENGTH, FRICTION)
-    assert sets.corrected_bare(both).effects == (LENGTH,)
-    assert sets.corrected_bare(sets.without(both, LENGTH)) is sets.bare
+    fitted_sets = fitted([law("coulomb", 0, 5.0)], (LENGTH, FRICTION), rods=2, length=1.01)
+    both = grown(fitted_sets, LENGTH, FRICTION)
+    assert fitted_sets.corrected_bare(both).effects == (LENGTH,)
+    assert fitted_sets.corrected_bare(fitted_sets.without(both, LENGTH)) is fitted_sets.bare
 
 
 @pytest.mark.slow
 def test_wrong_counts_per_turn_do_not_make_another_cause_look_negligible(fitted: Callable[..., FittedSets]) -> None:
     laws = [law("encoder_scale", 0, 300.0), law("coulomb", 0, 10.0), law("third", 0, 1.0), law("wander", 0, 1.0)]
-    sets = fitted(laws, (SCALE, FRICTION))
-    both = grown(sets, SCALE, FRICTION)
-    scale = sets.without(both, FRICTION)
+    fitted_sets = fitted(laws, (SCALE, FRICTION))
+    both = grown(fitted_sets, SCALE, FRICTION)
+    scale = fitted_sets.without(both, FRICTION)
     assert not both.at_noise_floor
     assert scale.bounded_excess < THRESHOLDS.necessary_factor * both.bounded_excess
-    assert scale.bounded_excess - both.bounded_excess < THRESHOLDS.large * sets.bare.bounded_excess
+    assert scale.bounded_excess - both.bounded_excess < THRESHOLDS.large * fitted_sets.bare.bounded_excess
     for move in (SMALLEST_ADEQUATE, DROP):
-        assert apply_move(move, SearchState(both, sets, 4)).current.effects == (SCALE, FRICTION)
+        assert apply_move(move, SearchState(both, fitted_sets, 4)).current.effects == (SCALE, FRICTION)
 
 
 def proposed_removals(monkeypatch: pytest.MonkeyPatch, chosen: Hypothesis, *others: Hypothesis) -> list[frozenset[str]]:
@@ -100,15 +100,15 @@ def proposed_removals(monkeypatch: pytest.MonkeyPatch, chosen: Hypothesis, *othe
     bare = stated(5.5e6, 3)
     fits = {model.key: model for model in (bare, chosen, *others)}
     fitted = {key: model for key, model in fits.items() if not key < chosen.key}  # the move fits the smaller sets
-    sets = SimpleNamespace(fits=fitted, bare=bare, library=EFFECTS, problem=None, test=lambda model: None)
+    fitted_sets = SimpleNamespace(fits=fitted, bare=bare, library=EFFECTS, problem=None, test=lambda model: None)
 
     def without(model: Hypothesis, name: str) -> Hypothesis:
         key = model.key - {name}
         return fitted.setdefault(key, fits[key])
 
-    sets.unexpected, sets.as_possible = lambda model: list(model.effects), lambda model, other: True
-    sets.possible, sets.without = lambda model: True, without
-    return [proposal.model.key for proposal in OWN_SHARE.propose(cast(Any, sets), chosen)]
+    fitted_sets.unexpected, fitted_sets.as_possible = lambda model: list(model.effects), lambda model, other: True
+    fitted_sets.possible, fitted_sets.without = lambda model: True, without
+    return [proposal.model.key for proposal in OWN_SHARE.propose(cast(Any, fitted_sets), chosen)]
 
 
 def stated(chi2: float, parameters: int, *effects: str) -> Hypothesis:
@@ -122,10 +122,10 @@ def test_an_effect_stays_if_a_richer_form_that_explains_less_would_take_its_plac
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     drift, richer = "encoder_drift_joint1", "friction_curve_joint1"
-    sets = stated(1.33e5, 6, FRICTION, drift), stated(1.4e6, 5, drift), stated(6.7e5, 4, FRICTION)
-    assert proposed_removals(monkeypatch, *sets) == [frozenset({drift})]
-    assert proposed_removals(monkeypatch, *sets, stated(1.42e5, 13, richer)) == []
-    assert proposed_removals(monkeypatch, *sets, stated(6e4, 13, richer)) == [frozenset({drift})]
+    fitted_sets = stated(1.33e5, 6, FRICTION, drift), stated(1.4e6, 5, drift), stated(6.7e5, 4, FRICTION)
+    assert proposed_removals(monkeypatch, *fitted_sets) == [frozenset({drift})]
+    assert proposed_removals(monkeypatch, *fitted_sets, stated(1.42e5, 13, richer)) == []
+    assert proposed_removals(monkeypatch, *fitted_sets, stated(6e4, 13, richer)) == [frozenset({drift})]
 
 
 def test_no_effect_is_removed_if_any_removal_leads_to_a_curve_that_explains_less(
@@ -146,12 +146,12 @@ def test_no_effect_is_removed_if_any_removal_leads_to_a_curve_that_explains_less
 def sets_of(*models: Hypothesis, impossible: frozenset[str] = frozenset()) -> Any:
     """Fitted sets with stated results; the set `impossible` has a size that is typical of another cause."""
     fits = {model.key: model for model in models}
-    sets = SimpleNamespace(fits=fits, bare=models[0], library=EFFECTS, expected=frozenset())
-    sets.corrected_bare, sets.unexpected = lambda model: models[0], lambda model: list(model.effects)
-    sets.without = sets.without_substitute = lambda model, name: fits[model.key - {name}]
-    sets.as_possible = lambda model, other: model.key != impossible or other.key == impossible
-    sets.imitating = lambda model: model.effects if model.key == impossible else ()
-    return sets
+    fitted_sets = SimpleNamespace(fits=fits, bare=models[0], library=EFFECTS, expected=frozenset())
+    fitted_sets.corrected_bare, fitted_sets.unexpected = lambda model: models[0], lambda model: list(model.effects)
+    fitted_sets.without = fitted_sets.without_substitute = lambda model, name: fits[model.key - {name}]
+    fitted_sets.as_possible = lambda model, other: model.key != impossible or other.key == impossible
+    fitted_sets.imitating = lambda model: model.effects if model.key == impossible else ()
+    return fitted_sets
 
 
 def test_no_removal_leads_to_a_size_that_is_typical_of_another_cause() -> None:
@@ -176,14 +176,14 @@ def test_only_effects_with_one_amplitude_replace_a_curve_and_only_if_parameters_
     current, smaller = replace(stated(400.0, 6, COGGING), curves={COGGING: 0.0}), stated(9e3, parameters)
     drift, other = (SimpleNamespace(effect=EFFECTS[name], columns=range(n), gain=4e3)
                     for name, n in (("encoder_drift_joint1", 2), (effect, 1)))  # fmt: skip
-    sets, tested = sets_of(smaller, current), list[Hypothesis]()
-    sets.possible = lambda model: True
-    sets.test = lambda model: tested.append(model) or SimpleNamespace(ranking=[drift, other])
-    sets.with_one = lambda model, score: stated(
+    fitted_sets, tested = sets_of(smaller, current), list[Hypothesis]()
+    fitted_sets.possible = lambda model: True
+    fitted_sets.test = lambda model: tested.append(model) or SimpleNamespace(ranking=[drift, other])
+    fitted_sets.with_one = lambda model, score: stated(
         300.0, len(model.fit.free) + len(score.effect.parameters), *model.effects, score.effect.name
     )
     assert current.parameters == 7
-    assert [proposal.model.effects for proposal in SEVERAL_CAUSES.propose(sets, current)] == proposed
+    assert [proposal.model.effects for proposal in SEVERAL_CAUSES.propose(fitted_sets, current)] == proposed
     assert len(tested) == tests
 
 
@@ -234,10 +234,13 @@ def test_an_indistinguishable_effect_of_an_impossible_size_is_not_proposed(
         Mock(cost=cost, inflation=1.0, effects=(name,), key=frozenset({name}), priors={name: prior}, penalty=9.0)
         for name, cost, prior in ((SCALE, 100.0, 0.03), ("spring_joint1", 110.0, 1.0))
     )
-    sets = Mock(fits={spring.key: spring}, predictive=lambda model: model, unexpected=lambda model: [SCALE])
-    sets.without.return_value.key, sets.test.return_value.ranking = frozenset(), [Mock(effect=EFFECTS["spring_joint1"])]
-    sets.as_possible.return_value = possible
-    assert [proposal.model for proposal in LARGER_PRIOR.propose(sets, scale)] == [spring] * possible
+    fitted_sets = Mock(fits={spring.key: spring}, predictive=lambda model: model, unexpected=lambda model: [SCALE])
+    fitted_sets.without.return_value.key, fitted_sets.test.return_value.ranking = (
+        frozenset(),
+        [Mock(effect=EFFECTS["spring_joint1"])],
+    )
+    fitted_sets.as_possible.return_value = possible
+    assert [proposal.model for proposal in LARGER_PRIOR.propose(fitted_sets, scale)] == [spring] * possible
 
 
 @pytest.mark.parametrize("unclear", [True, False])
@@ -251,11 +254,14 @@ def test_a_more_probable_simpler_form_replaces_a_form_that_adds_less_than_remain
         Mock(cost=cost, key=frozenset({name}), priors={name: prior})
         for name, cost, prior in ((HYSTERESIS, 100.0, 1.0), (FRICTION, 400.0, 10.0))
     )
-    sets = Mock(fits={simple.key: simple}, predictive=lambda model: model, unexpected=lambda model: [HYSTERESIS])
-    sets.without.return_value.key, sets.test.return_value.ranking = frozenset(), [Mock(effect=EFFECTS[FRICTION])]
-    proposals = list(LARGER_PRIOR.propose(sets, richer))
+    fitted_sets = Mock(fits={simple.key: simple}, predictive=lambda model: model, unexpected=lambda model: [HYSTERESIS])
+    fitted_sets.without.return_value.key, fitted_sets.test.return_value.ranking = (
+        frozenset(),
+        [Mock(effect=EFFECTS[FRICTION])],
+    )
+    proposals = list(LARGER_PRIOR.propose(fitted_sets, richer))
     assert [(proposal.model, proposal.value) for proposal in proposals] == [(simple, 10.0)] * unclear
-    assert all(LARGER_PRIOR.accept(sets, richer, proposal).accepted for proposal in proposals)
+    assert all(LARGER_PRIOR.accept(fitted_sets, richer, proposal).accepted for proposal in proposals)
 
 
 @pytest.mark.parametrize(("parameters", "cost", "kept"), [(3, 427.0, True), (3, 431.0, False), (4, 401.0, False)])
@@ -291,9 +297,9 @@ def test_after_the_last_revision_the_more_probable_form_is_named_and_its_fit_con
         monkeypatch.setattr(select, name, stand_in)
     monkeypatch.setattr(select, "_better_bare_model", lambda *_: None)
     monkeypatch.setattr("dpr_lab.gap.which.search._caveat", lambda _: "")
-    sets = SimpleNamespace(
-        bare=stated(1e6, 2), problem=None, copied=lambda: sets, unexpected=lambda model: model.effects
+    fitted_sets = SimpleNamespace(
+        bare=stated(1e6, 2), problem=None, copied=lambda: fitted_sets, unexpected=lambda model: model.effects
     )
-    state: Any = select.refined(SearchState(richer, cast("FittedSets", sets), 4))
+    state: Any = select.refined(SearchState(richer, cast("FittedSets", fitted_sets), 4))
     assert [step.tried for step in state.trace] == [[FRICTION], [HYSTERESIS], [FRICTION], [FRICTION]]
     assert state.current is converged

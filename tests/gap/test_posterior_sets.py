@@ -40,8 +40,8 @@ def test_a_set_of_lower_cost_is_as_probable_as_the_selected_one_at_most(
     runs = recorded({"coulomb_joint2": {"torque_Nm": 2e-3}}, duration=2.0)
     problem, base = bare(runs)
     library = {name: EFFECTS[name] for name in ("coulomb_joint2", "air_drag_outer", "base_tilt")}
-    sets = FittedSets(screened(runs), problem, library, base)
-    result = refined(forward(sets))
+    fitted_sets = FittedSets(screened(runs), problem, library, base)
+    result = refined(forward(fitted_sets))
     chosen = result.chosen
     assert chosen.effects == ("coulomb_joint2",)
     unit = 2 * chosen.inflation * CALIBRATION.temperature
@@ -80,8 +80,8 @@ def test_a_richer_form_of_the_named_effect_is_no_alternative_if_it_may_follow_th
     runs = recorded({"coulomb_joint2": {"torque_Nm": 2e-3}}, duration=2.0)
     problem, base = bare(runs)
     name, richer = "coulomb_joint2", "friction_curve_joint2"
-    sets = FittedSets(screened(runs), problem, {each: EFFECTS[each] for each in (name, richer)}, base)
-    result = refined(forward(sets))
+    fitted_sets = FittedSets(screened(runs), problem, {each: EFFECTS[each] for each in (name, richer)}, base)
+    result = refined(forward(fitted_sets))
     chosen = result.chosen
     assert chosen.effects == (name,)
     better = costing(replace(chosen, effects=(richer,), curves={}), chosen.cost - 20 * chosen.inflation)
@@ -103,8 +103,8 @@ def test_an_effect_that_every_rig_has_compensates_for_nothing(
     runs = recorded({"coulomb_joint2": {"torque_Nm": 2e-3}}, duration=2.0)
     problem, base = bare(runs)
     name = "coulomb_joint2"
-    sets = FittedSets(screened(runs), problem, {name: EFFECTS[name]}, base)
-    result = replace(refined(forward(sets)), own_shares={name: 0.001})
+    fitted_sets = FittedSets(screened(runs), problem, {name: EFFECTS[name]}, base)
+    result = replace(refined(forward(fitted_sets)), own_shares={name: 0.001})
     assert outside(result, name) > 0.4
     assert outside(result, name, members=("encoder_offset_joint2",)) == CALIBRATION.outside_when_closed
 
@@ -118,8 +118,8 @@ def test_a_drift_of_rate_zero_is_no_separate_cause(
     runs = recorded({offset: {"offset_rad": 0.01}}, duration=2.0)
     problem, base = bare(runs)
     library = {name: EFFECTS[name] for name in (tilt, offset, drift)}
-    sets = FittedSets(screened(runs), problem, library, base, expected=frozenset({tilt}))
-    result = refined(forward(sets))
+    fitted_sets = FittedSets(screened(runs), problem, library, base, expected=frozenset({tilt}))
+    result = refined(forward(fitted_sets))
     assert result.chosen.effects == (tilt,)
     for lower, forms in ((0.0, (drift,)), (1.0, ())):
         of_drift = replace(result.chosen, effects=(drift,), curves={}, priors={drift: 1.0})

@@ -155,7 +155,7 @@ def test_a_score_test_is_repeated_for_a_much_better_fit_of_its_set(
 def test_one_score_needs_no_test_of_the_whole_library(sets: FittedSets) -> None:
     name = "coulomb_joint2"
     alone, whole = (replace(sets, _fits=dict(sets.fits), _tests={}, expected=frozenset({name})) for _ in range(2))
-    score, of_whole = alone.score(sets.bare, name), whole.test(sets.bare).of(name)
+    score, of_whole = alone.score(sets.bare, name), whole.test(sets.bare).best_score(name)
     assert score is not None
     assert of_whole is not None
     assert score.gain == pytest.approx(of_whole.gain, rel=1e-9)
@@ -170,14 +170,14 @@ def test_one_score_needs_no_test_of_the_whole_library(sets: FittedSets) -> None:
 def test_a_move_does_not_change_the_state_and_is_repeatable(sets: FittedSets) -> None:
     start = SearchState(sets.bare, sets, 2)
     grown = apply_moves((forward_selection(2),), start)
-    assert dict(start.sets.fits) == {frozenset(): sets.bare}
-    fits, fitted_more = dict(grown.sets.fits), False
+    assert dict(start.fitted_sets.fits) == {frozenset(): sets.bare}
+    fits, fitted_more = dict(grown.fitted_sets.fits), False
     for move in MOVES.values():
         one, other = apply_move(move, grown), apply_move(move, grown)
-        assert dict(grown.sets.fits) == fits, move.name
+        assert dict(grown.fitted_sets.fits) == fits, move.name
         assert one.trace == other.trace, move.name
-        assert one.sets.fits.keys() == other.sets.fits.keys(), move.name
-        fitted_more = fitted_more or len(one.sets.fits) > len(fits)
+        assert one.fitted_sets.fits.keys() == other.fitted_sets.fits.keys(), move.name
+        fitted_more = fitted_more or len(one.fitted_sets.fits) > len(fits)
     assert fitted_more
 
 
@@ -252,7 +252,7 @@ def test_far_from_the_noise_a_candidate_that_decides_nothing_is_not_fitted(
     few = apply_moves((forward_selection(2),), SearchState(sets.bare, sets, 2))
     monkeypatch.setattr("dpr_lab.gap.which.forward.BEAM", Beam(exceeded=1e9))
     every = apply_moves((forward_selection(2),), SearchState(sets.bare, sets, 2))
-    assert few.sets.fits.keys() < every.sets.fits.keys()
+    assert few.fitted_sets.fits.keys() < every.fitted_sets.fits.keys()
     assert few.current.effects == every.current.effects
     assert few.current.cost == every.current.cost
 
@@ -264,7 +264,7 @@ def test_torque_noise_is_refuted_after_one_fitted_effect(sets: FittedSets, monke
     monkeypatch.setattr("dpr_lab.gap.which.forward.no_effects_reach_noise", lambda sets, model: True)
     fresh = replace(sets, _fits={}, _tests=dict(sets._tests))  # without the fits of other tests
     grown = apply_moves((forward_selection(3, to_floor=True),), SearchState(fresh.bare, fresh, 3))
-    assert {len(key) for key in grown.sets.fits} == {0, 1}
+    assert {len(key) for key in grown.fitted_sets.fits} == {0, 1}
 
 
 @pytest.mark.slow
@@ -290,7 +290,7 @@ def test_an_indistinguishable_effect_fits_as_well_although_its_own_fit_was_stuck
     sets = FittedSets(screened(runs), problem, library, base)
     chosen = base
     for name in (dry, clock):
-        score = sets.test(chosen).of(name)
+        score = sets.test(chosen).best_score(name)
         assert score is not None
         chosen = sets.with_one(chosen, score)
     start, names = base.fit.estimate, (dry, length)
@@ -327,7 +327,7 @@ def test_a_set_whose_fit_ended_without_descent_is_reported(sets: FittedSets) -> 
     reasons = [
         state.after(START, Proposal(model), Decision(False, "no")).trace[-1].reason for model in (sets.bare, stuck)
     ]
-    assert reasons == ["no", "no; its fit may have ended above the minimum that the criterion assumes"]
+    assert reasons == ["no", "no; its fit may not have reached the minimum that the criterion assumes"]
 
 
 @pytest.mark.parametrize(("prior", "accepted"), [(4.0, False), (6.0, False), (10.0, True)])

@@ -11,7 +11,7 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.time_scale import equivalent_length, with_time_scale
-from dpr_lab.identification.misread.tried import second_look
+from dpr_lab.identification.misread.tried import check_description
 from dpr_lab.run import Run
 from tests.background_rigs import law, recordings
 from tests.thinned import candidates, thinned
@@ -82,6 +82,6 @@ def test_a_diagnosis_of_one_rod_lists_it_among_the_findings(one_rod):
 )
 def test_two_rods_determine_the_time_factor(factor, cause):
     rig, runs, _ = recordings(3, [law("coulomb", 0, 5.0)], seconds=5.0, rate_hz=240.0)
-    look = second_look(filmed(runs, factor), rig)
+    look = check_description(filmed(runs, factor), rig)
     assert look.tried
     assert cause in look.sentence

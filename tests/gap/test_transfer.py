@@ -72,8 +72,7 @@ def test_a_diagnosis_of_one_release_states_that_it_was_not_validated_on_another(
 
 
 def test_a_single_recording_that_stays_unexplained_names_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    replaced = {"_classes": "an effect", "fitted_only": True, "reduction_sentence": "Not closed."}
-    for name, value in replaced.items():
+    for name, value in {"_classes": "an effect", "fitted_only": True, "reduction_sentence": "Not closed."}.items():
         monkeypatch.setattr(sentence, name, lambda *_, value=value: value)
     chosen = Mock(effects=("coulomb_joint1",), residuals=Mock(noise_ratio=3.0))
     selection = Mock(share_explained=0.96, expected=frozenset(), chosen=chosen)

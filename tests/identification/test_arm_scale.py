@@ -12,7 +12,7 @@ from dpr_lab.identification.misread import tried
 from dpr_lab.identification.misread.moving_arm_balance import angles_are_right
 from dpr_lab.identification.misread.moving_arm_description import wrong_angles
 from dpr_lab.identification.misread.readings import arm_scales
-from dpr_lab.identification.misread.tried import second_look
+from dpr_lab.identification.misread.tried import check_description
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -86,4 +86,4 @@ def test_a_right_scale_is_not_doubted_although_coarse_readings_suggest_another(
     run = swing(one_rod, 1.0, reach=0.05, step=0.025)
     monkeypatch.setattr(tried, "readings", lambda rig: ())
     assert stated([run], one_rod)
-    assert not second_look([run], one_rod).tried
+    assert not check_description([run], one_rod).tried

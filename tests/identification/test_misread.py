@@ -15,7 +15,7 @@ from dpr_lab.identification.misread import tried
 from dpr_lab.identification.misread.energy import energy_remedy, energy_rise
 from dpr_lab.identification.misread.readings import HELD_BY_SPRING, listed_causes, readings
 from dpr_lab.identification.misread.refuse import refuse_impossible_scale, refuse_misread
-from dpr_lab.identification.misread.tried import fitted, impossible, second_look
+from dpr_lab.identification.misread.tried import check_description, fitted, impossible
 from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.identification.ratio_fit import first_fit, short_fit
 from dpr_lab.rig import Rig
@@ -233,10 +233,10 @@ def test_energy_from_an_undescribed_source_is_named(swings, driven, on_a_moving_
     without_torques = [replace(run, torques=None, commanded=None, torque_kind="") for run in driven]
     hidden = [replace(run, theta=run.theta * [0.0, 1.0, 1.0], counts=None) for run in on_a_moving_arm]
     for runs in (without_torques, hidden) if FULL else (hidden,):
-        sentence = second_look(runs, paper).sentence
+        sentence = check_description(runs, paper).sentence
         assert "--torque none" in sentence
         assert ("--arm prescribed" in sentence) is (runs is hidden)
-    assert second_look(swings, paper).sentence == ""
+    assert check_description(swings, paper).sentence == ""
 
 
 def test_an_abandoned_fit_would_not_have_improved(swings, paper: Rig) -> None:
@@ -333,7 +333,7 @@ def test_a_slow_swing_that_nothing_explains_is_fitted_again_at_faster_times_only
 
     monkeypatch.setattr(tried, "fitted", nothing_fits)
     slow = replace(swings[0], t=4 * swings[0].t, rate_hz=swings[0].rate_hz / 4)
-    assert not second_look([slow], paper).tried
+    assert not check_description([slow], paper).tried
     assert factors[-3:] == [1 / 2, 1 / 4, 1 / 8]
     assert factors.count(1 / 8) == 2
     assert factors.count(8.0) == 1

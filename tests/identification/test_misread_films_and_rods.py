@@ -13,7 +13,7 @@ from dpr_lab.identification.misread.energy import ENERGY, energy_rise
 from dpr_lab.identification.misread.local_motion import shows_a_period
 from dpr_lab.identification.misread.readings import readings
 from dpr_lab.identification.misread.refuse import refuse_misread
-from dpr_lab.identification.misread.tried import second_look
+from dpr_lab.identification.misread.tried import check_description
 from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.run import FilmNoise, Run
@@ -55,7 +55,7 @@ def test_a_noisy_film_in_slow_motion_is_named(paper: Rig, tmp_path: Path, few_re
     rig = paper.model_copy(update={"rig": paper.rig.model_copy(update={"L1": 9.81 * rods["d"] / rods["e2"]})})
     columns = {"t_s": 4 * t, "theta1_rad": swung[:, 0], "theta2_rad": swung[:, 1]}
     film = replace(table(tmp_path, "film", rig, columns), film_noise=FilmNoise((noise, noise), 0.0))
-    assert "the swing is four times as fast" in second_look([film], rig).sentence
+    assert "the swing is four times as fast" in check_description([film], rig).sentence
 
 
 @pytest.mark.slow

@@ -204,7 +204,7 @@ def test_a_plan_tests_the_effects_that_keep_no_gap_undecided(paper: Rig) -> None
 
 @pytest.mark.parametrize(
     ("changed", "question"),
-    [({"effects": []}, "cannot show a gap"), ({}, "cannot decide the cause of the gap")],
+    [({"effects": []}, "cannot show a gap"), ({}, "cannot determine the cause of the gap")],
 )
 def test_an_inconclusive_diagnosis_leaves_the_question_of_its_verdict(changed: dict[str, Any], question: str) -> None:
     assert undecided(one_cause(verdict="inconclusive", **changed)) == f"the recordings {question}"

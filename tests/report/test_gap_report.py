@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis
-from dpr_lab.gap.result.evidence import Budget, Curves, Evidence, JointFriction, ResidualLook, RunBudget, Whiteness
+from dpr_lab.gap.result.evidence import Budget, Curves, Evidence, JointFriction, ResidualAnalysis, RunBudget, Whiteness
 from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.gap.transfer.gap_size import _per_reading
 from dpr_lab.report.gap import tables as gap_tables
@@ -366,7 +366,7 @@ def test_the_friction_torque_of_each_joint_is_shown_with_its_interval(diagnosis)
 def test_tables_of_residuals_have_the_joints_of_the_rig(diagnosis, joints: tuple[str, ...]) -> None:
     white = Whiteness(autocorrelation=[1.0, 0.0], quantiles=[-1.0, 1.0], beyond3=0.003)
     models = {"before": white, "after": white}
-    look = ResidualLook(spacing_s=5e-3, readings=100, normal=[-1.0, 1.0], joints=dict.fromkeys(joints, models))
+    look = ResidualAnalysis(spacing_s=5e-3, readings=100, normal=[-1.0, 1.0], joints=dict.fromkeys(joints, models))
     made = diagnosis().model_copy(update={"evidence": Evidence.model_construct(residuals=look)})
     for table in (table_of(made) for table_of in RESIDUALS.tables):
         assert {len(row) for row in table.rows} == {len(table.columns)}

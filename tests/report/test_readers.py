@@ -49,7 +49,7 @@ def test_after_an_unexplained_gap_a_probable_effect_is_not_excluded() -> None:
     made.only_free_run = True
     assert next_steps(made) == ["Check the scale of each recorded angle and input, then record a further release."]
     made.hints = ["An angle scale of 0.5 explains the residual with one effect fewer."]
-    assert next_steps(made)[0].startswith("Check the description of the recordings as the verdict says")
+    assert next_steps(made)[0].startswith("Check the description of the recordings as stated in the verdict")
 
 
 def test_intervals_of_parameters_have_the_decimals_of_their_width() -> None:

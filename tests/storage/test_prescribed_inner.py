@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dpr_lab.identification.misread.tried import second_look
+from dpr_lab.identification.misread.tried import check_description
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.tables.options import ImportOptions
 from tests.gap.test_moving_arm import prescribed
@@ -28,4 +28,4 @@ def test_its_table_is_not_compared_with_a_free_swing(tmp_path, hanging):
 @pytest.mark.slow
 def test_the_energy_that_its_motor_supplies_is_no_mistake():
     rig, run, _ = prescribed(seconds=4.0, friction=0.004)
-    assert second_look([run], rig).energy_rise == 0.0
+    assert check_description([run], rig).energy_rise == 0.0

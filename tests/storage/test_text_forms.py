@@ -298,7 +298,7 @@ def test_whole_numbers_that_change_too_fast_for_radians_may_be_counts():
     (note,) = odd_notes(T, np.round(0.05 * theta), upright=False, rods=2, in_radians=True)
     assert "the rods turn in steps of whole radians: whole numbers are usually degrees (--unit deg)" in note
     (note,) = odd_notes(T, 1.01 * theta, upright=False, rods=1, in_radians=True)
-    assert "are the units right" in note
+    assert "are the units correct" in note
 
 
 @pytest.mark.parametrize("zero", ["hanging", "upright"])
@@ -307,7 +307,7 @@ def test_angles_in_mrad_are_questioned_without_a_correction(tmp_path, one, zero)
     swing = 1e3 * 1.1 * np.exp(-0.05 * t) * np.cos(2 * np.pi / 0.95 * t)
     np.savetxt(tmp_path / "a.csv", np.column_stack([t, swing]), "%.5g", ",", header="t,theta", comments="")
     shown = understand(tmp_path / "a.csv", one, ImportOptions(zero=zero))
-    assert "are the units right (--unit, --scale, --time-unit)?" in shown.questions[0].sentence
+    assert "are the units correct (--unit, --scale, --time-unit)?" in shown.questions[0].sentence
     assert not shown.mend
 
 

@@ -11,13 +11,13 @@ readings, and z is the normal quantile of the band. The quantity
 
 is the ratio of the variance of the errors to the variance of the band. v is 1 if the posterior is correct. chi2_q has q
 degrees of freedom, because a recording has about q independent errors. The median is insensitive to a single recording
-that differs strongly from the others. If v exceeds 1 by no more than its random scatter, the posterior is kept.
-Otherwise the standard deviations are multiplied by
+that differs strongly from the others. If v does not exceed 1 by more than its random scatter, the posterior is not
+changed. Otherwise the standard deviations are multiplied by
 
     t / z ((n + R v) / (n + R))^(1/2),    t = quantile of Student's distribution with n + R degrees of freedom.
 
-Student's distribution is used because R recordings are few observations of a variance. n is the weight of the
-expectation v = 1, as a number of recordings.
+Student's distribution is used because the variance is estimated from only R recordings. The prior expectation is v = 1,
+and its weight is equal to that of n recordings.
 
 Source: Student (1908), The probable error of a mean, Biometrika 6, 1-25; M. Stone (1974), Cross-validatory choice and
 assessment of statistical predictions, Journal of the Royal Statistical Society B 36, 111-147; R. G. Miller (1974), The

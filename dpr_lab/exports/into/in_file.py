@@ -184,7 +184,7 @@ def required_effects(effects: Effects, file: Effects, error: Callable[[Effects],
 def ranked(
     causes: Sequence[tuple[Sequence[ModelCause], float]], least: float, nothing: float
 ) -> tuple[ModelCause, ...]:
-    """Sort the changed numbers by the share of the error that each number causes.
+    """Sort the changed numbers by the share of the error that each number contributes.
 
     Args:
         causes: numbers of each cause, and the mean square error if these numbers keep their values of the file

@@ -14,7 +14,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 
 
 def form(check: AdvisedCheck) -> str:
-    """Return the command-line options that state the result of a measurement."""
+    """Return the command-line options for entering the result of a measurement."""
     unit = check.measurand.displayed_unit
     return f'--value "... {unit}" --std "... {unit}"'
 
@@ -22,7 +22,8 @@ def form(check: AdvisedCheck) -> str:
 def propose(question: OpenQuestion, proposed: Sequence[AdvisedCheck]) -> list[AdvisedCheck]:
     """Propose measurements for an open question.
 
-    A class needs one measurement for each member. An alternative needs one if no recording separates it.
+    A class needs one measurement for each member. An alternative needs one if no recording distinguishes it from the
+    named effect.
     """
     if question.one_class:
         return [_check(question, name) for name in question.causes]
@@ -135,7 +136,7 @@ def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained
             f" (90 % interval {low} to {high})."
         )
     return (
-        f"{contradicts}{''.join(confused[:1])} Check what was measured, its unit and its sign. If the value is right,"
+        f"{contradicts}{''.join(confused[:1])} Check what was measured, its unit and its sign. If the value is correct,"
         " repeat the command with --force (in Python: confirmed=True)"
     )
 

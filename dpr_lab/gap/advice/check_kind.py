@@ -49,7 +49,7 @@ class CheckAnswer:
     """Whether the operator confirms the value. A confirmed value is accepted even if no candidate predicts it."""
 
     @property
-    def given(self) -> set[str]:
+    def entered(self) -> set[str]:
         """Names of the fields that contain the result of the check."""
         names = {field.name for field in fields(self)} - {"rig", "confirmed"}
         return {name for name in names if getattr(self, name) not in ((), None)}

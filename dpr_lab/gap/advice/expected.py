@@ -1,4 +1,4 @@
-"""Expected amplitude in a check if the measured effect is the cause."""
+"""Expected amplitude in a check, given that the measured effect is the cause."""
 
 from collections.abc import Sequence
 
@@ -43,7 +43,7 @@ def _size(selection: Selection, check: AdvisedCheck, names: tuple[str, ...]) -> 
     if fitted is not None:
         return _of_fit(fitted, check.measures, names)
     test = selection.tests_without[check.about]
-    score = test.of(check.measures)
+    score = test.best_score(check.measures)
     return _of_score(test, score, selection.chosen, names) if score else None
 
 

@@ -1,4 +1,4 @@
-"""Simulated recordings of possible releases, and the difference between two effects in each recording."""
+"""Simulated recordings of possible releases, and how far two effects differ in each of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -81,7 +81,7 @@ class ExpectedRecording:
     """Estimate with which the release is simulated."""
 
     def apart(self, name: str, other: str) -> float:
-        """Return the distance between the change by effect `name` and its best fit by effect `other`.
+        """Return the distance between the signature of effect `name` and its best approximation by effect `other`.
 
         The distance is in standard deviations of the noise.
         """

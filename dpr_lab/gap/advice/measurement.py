@@ -158,7 +158,7 @@ def predictions(diagnosis: Diagnosis, check: AdvisedCheck, names: Iterable[str])
 
 
 def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
-    """Return the amplitude that is expected if the effect of the check is the cause.
+    """Return the expected amplitude, given that the effect of the check is the cause.
 
     The result is None if no size was fitted.
     """
@@ -197,7 +197,7 @@ def magnitude(values: Array, covariance: Array) -> Interval | None:
 
 
 def has(name: str, measured: str, amplitude: str) -> bool:
-    """Return whether the effect `name` has the amplitude `amplitude` of the effect `measured`.
+    """Return whether the effect `name` also has the amplitude `amplitude` of the measured effect.
 
     All forms of one effect have the same amplitudes, except for additional amplitudes of richer forms.
     """

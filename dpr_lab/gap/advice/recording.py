@@ -30,7 +30,7 @@ DISTINGUISHED = 5.0
 
 
 def form(check: AdvisedCheck) -> str:
-    """Return the description of the option that states the result of a recording."""
+    """Return the command-line option for entering the result of a recording."""
     return "its run files"
 
 
@@ -136,7 +136,7 @@ def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: Chec
     fits = {
         name: refit_with(problem, without, test, score, CHECK.iterations)
         for name in names
-        if (score := test.of(name)) is not None
+        if (score := test.best_score(name)) is not None
     }
     if about not in fits or about not in diagnosis.model_effects:
         return fits
@@ -144,7 +144,7 @@ def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: Chec
     named = _with_effects(problem, _with_states(problem, recordings, diagnosed), diagnosis.model_effects)
     test = _test(recordings, problem, named, [name for name in fits if name != about])
     exchanged = {about: named} | {
-        name: _exchanged(problem, named, about, score) for name in fits if (score := test.of(name)) is not None
+        name: _exchanged(problem, named, about, score) for name in fits if (score := test.best_score(name)) is not None
     }
     return {
         name: min(model, exchanged.get(name, model), key=lambda fitted: fitted.cost) for name, model in fits.items()

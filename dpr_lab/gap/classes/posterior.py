@@ -5,8 +5,8 @@ class if their signatures have a cosine of at least 0.999 and they fit equally w
 divided according to the criterion and the prior of each fitted size (`dpr_lab.gap.hypothesis.size_prior`): a clock
 error of 3 % is impossible for a crystal, a length error of 6 % is possible.
 
-A richer form counts as the member that it contains if its additional amplitudes are excluded at their minimum
-detectable sizes, and together improve the fit by less than their penalty.
+A richer form is treated as equal to the simpler form that it contains, under two conditions: its additional amplitudes
+are excluded at their minimum detectable sizes, and together they improve the fit by less than their penalty.
 
 The probability of a class is the softmax of the predictive costs of the selected set, of the fitted sets in which
 another effect replaces the named one, and of the set without it. The softmax is multiplied by the probability that the
@@ -73,7 +73,7 @@ class EffectPosterior:
 def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
     """Compute the class, the alternatives and the probability of one named effect."""
     replacements, chosen = _Replacements(selection, name), selection.chosen
-    named_score = replacements.test.of(name)
+    named_score = replacements.test.best_score(name)
     others = {score.effect.name: score for score in replacements.test.ranking if score is not named_score}
     if named_score is None:  # no signature can be compared
         plausibilities, forms, alternatives = dict[str, float](), (), list[Alternative]()
@@ -150,9 +150,9 @@ def _class_members(
 def _in_one_class(replacements: _Replacements, score: Score, other: Score) -> bool:
     """Return whether an effect and the named effect have the same signature and fit equally well.
 
-    In the fit without the named effect, the remaining effects may imitate it and hide that the signatures are equal.
-    They therefore also count as equal if the named effect absorbs the other one in the selected fit. This is sufficient
-    if the other effect was not fitted.
+    In the fit without the named effect, the remaining effects may imitate it, so that equal signatures appear
+    different. The signatures therefore also count as equal if the named effect absorbs the other one in the selected
+    fit. For an unfitted effect, this condition is sufficient.
 
     A fitted simpler form is also a member if the named effect improves on it by less than the unexplained remainder,
     whose cause can imitate the difference. For richer forms, see `_undetectably_richer`.
@@ -185,9 +185,9 @@ def _undetectably_richer(selection: Selection, effect: Effect) -> tuple[str, ...
 
 
 def _adds_nothing(replacements: _Replacements, richer: str) -> bool:
-    """Return whether all detectable amplitudes that a richer form adds are excluded, and do not reduce the cost."""
+    """Return whether the additional amplitudes of a richer form are excluded and do not reduce the cost."""
     selection, fitted = replacements.selection, replacements.with_other(richer)
-    score = selection.final_test.of(richer)
+    score = selection.final_test.best_score(richer)
     better = fitted is not None and fitted.cost_at(selection.chosen.inflation) < selection.chosen.cost
     if score is None or richer in selection.chosen.effects or better:
         return False
@@ -196,7 +196,7 @@ def _adds_nothing(replacements: _Replacements, richer: str) -> bool:
 
 
 def _plausibility(replacements: _Replacements, score: Score) -> float:
-    """Return the weight of a replacing effect with its size, from its fit or its score (`member_odds`)."""
+    """Return the prior weight (`member_odds`) of a replacement at its estimated size, from its fit or its score."""
     name, other, chosen = replacements.name, score.effect.name, replacements.selection.chosen
     if (fitted := replacements.with_other(other)) is None:
         params = effect_params({})
@@ -209,7 +209,7 @@ def _plausibility(replacements: _Replacements, score: Score) -> float:
 def _size_odds(replacements: _Replacements, alternative: Alternative) -> float:
     """Return the prior odds of the size of an alternative that imitates the named effect completely; otherwise 1.
 
-    The effect and the alternative do not form a class if the effect imitates only a part of the alternative.
+    If the effect imitates only a part of the alternative, they do not form a class.
     """
     name, other = replacements.name, alternative.name
     if alternative.cosine < THRESHOLDS.indistinguishable or are_forms(name, other):
@@ -220,7 +220,7 @@ def _size_odds(replacements: _Replacements, alternative: Alternative) -> float:
 
 
 def _alternatives(replacements: _Replacements, named: Score, others: Mapping[str, Score]) -> list[Alternative]:
-    """Return the best alternatives to the named effect: effects that replace it in a fitted set of possible sizes."""
+    """Return the best alternatives to the named effect: replacements in fitted sets whose sizes are possible."""
     selection = replacements.selection
     alternatives = (
         Alternative(other, replacements.test.cosine(named, score), fitted.cost_at(selection.chosen.inflation))
@@ -233,7 +233,9 @@ def _alternatives(replacements: _Replacements, named: Score, others: Mapping[str
 
 
 def _added_cost(replacements: _Replacements, alternative: Alternative) -> float:
-    """Return the additional cost of an alternative over the selected set, negative if only its prior odds reject it.
+    """Return the cost of the set with an alternative minus that of the selected set.
+
+    It is negative if only the prior odds reject the alternative.
 
     A richer form of the named effect costs more, because it also fits the error of the integrator or the remainder.
     """
@@ -247,8 +249,9 @@ def _added_cost(replacements: _Replacements, alternative: Alternative) -> float:
 def prior_odds(selection: Selection, model: Hypothesis, members: Collection[str] = ()) -> float:
     """Return the prior odds of a set against the selected set; 1 for sets of different size.
 
-    They are the quotient of the products of `Effect.prior_odds` of the exchanged effects. For a drift that follows a
-    missing loss, they are `CALIBRATION.drifting`. The prior of the sizes is `_size_odds`.
+    They are the quotient of the products of `Effect.prior_odds` of the exchanged effects. For a friction drift that may
+    only fit the residual of a missing dissipative effect, they are `CALIBRATION.drifting`. The prior of the sizes is
+    `_size_odds`.
 
     Args:
         selection: the selected set
@@ -271,7 +274,7 @@ def outside(selection: Selection, name: str = "", *, members: Iterable[str] = ()
     Args:
         selection: the selected set and all fitted sets
         name: the effect; empty for the gap as a whole
-        members: indistinguishable effects; if every rig has one of them, the effect is not a compensation
+        members: indistinguishable effects; if every rig has one of them, the effect is no mere compensation
     """
     remainder = 0.0 if selection.chosen.at_noise_floor else selection.chosen.residuals.noise_ratio
     unexplained = max(1 - selection.share_explained, CALIBRATION.least_left)

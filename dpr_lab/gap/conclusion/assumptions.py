@@ -44,7 +44,7 @@ def assumptions(state: Transferred, least: DetectableSizes, scale: Scale) -> Ite
 
 
 def _length(state: Transferred) -> str:
-    """State whether L1 is the measured length or a fitted one."""
+    """State whether L1 is the measured or a fitted length."""
     rig, estimate = state.fitted.recordings.rig, state.selection.chosen.estimate
     if rig.rig.L1_std is None:
         return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are as measured."
@@ -163,7 +163,7 @@ def _misleading(state: Transferred) -> Iterator[str]:
 
 
 def _unseen(least: DetectableSizes, absorbed: Mapping[str, Mapping[str, str]], inertia: str) -> Iterator[str]:
-    """State which effects are undetectable, and which of them the ratios to an inertia absorb."""
+    """State which effects are undetectable, and which effects are absorbed by the ratios."""
     blind = {name: absorbed.get(name, {}) for name, sizes in least.items() if sizes and not any(sizes.values())}
     twins = {
         name: listed(sorted(set(ratios_by_name.values()) & {*RATIOS, "p/b", "b"}))

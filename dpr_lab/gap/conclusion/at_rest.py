@@ -1,4 +1,4 @@
-"""Errors of readings at rest, because friction holds a rod away from its equilibrium."""
+"""Errors of readings at rest due to friction that holds a rod away from its equilibrium."""
 
 import cmath
 import math
@@ -31,8 +31,8 @@ def held_angles(
 ) -> dict[int, float]:
     """Return the largest angle from equilibrium, rad, at which named dry friction holds each rod, by rod.
 
-    It is the arc sine of the largest friction torque at rest over the gravity torque of the rod, at most pi / 2. The
-    friction of a free joint 2 also acts on the inner rod, as a reaction.
+    The sine of this angle is the largest friction torque at rest divided by the gravity torque of the rod. The angle is
+    at most pi / 2. The friction of a free joint 2 also acts on the inner rod, as a reaction.
 
     `names` are those of the probable effects, `whole` (7,) the base parameters of the rig.
     """

@@ -77,7 +77,7 @@ def _size(scale: Scale, effect: str, name: str, value: float, half_width: float)
 def rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEffect]:
     """Return the alternatives to the named effects, most probable first.
 
-    If no effect is named, return the effects that are closest to an explanation.
+    If no effect is named, return the effects of the set that explains most of the gap.
     """
     others = [
         _rival(other, (other.name,), other.cosine, posterior.name)
@@ -149,7 +149,7 @@ def remedies(
 
 
 def to_simulator(named: Iterable[NamedEffect]) -> list[str]:
-    """Return the sentence on the probable effects without a repair; empty if there are none."""
+    """Return the sentence on the probable effects that must be added to the simulator; empty if there are none."""
     simulated = [e for e in named if EFFECTS[e.name].remedy is None and e.probability >= VERDICT.rather]
     if not simulated:
         return []
@@ -164,7 +164,7 @@ def to_simulator(named: Iterable[NamedEffect]) -> list[str]:
 
 
 def of_camera(named: Iterable[NamedEffect]) -> tuple[list[str], list[str]]:
-    """Return the warning and the check for a film whose camera may be turned instead of the base.
+    """Return a warning and a check for a film, because a rotated camera looks like a tilted base.
 
     Both are empty if no base tilt is named.
     """
@@ -177,7 +177,7 @@ def of_camera(named: Iterable[NamedEffect]) -> tuple[list[str], list[str]]:
 
 
 def to_rule_out(effect: NamedEffect) -> str:
-    """Return the end of a remedy that states the other members of a class; empty if there are none."""
+    """Return the final sentence of a remedy, which lists the other members of the class; empty if there are none."""
     others = [name for name in effect.members if name != effect.name]
     if not others:
         return ""

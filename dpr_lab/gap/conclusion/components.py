@@ -76,12 +76,12 @@ def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
 
 
 def _worse(model: Hypothesis, chosen: Hypothesis) -> float:
-    """Return the additional cost of a set over the selected set.
+    """Return the cost of a set minus that of the selected set.
 
     Both costs are computed with the same noise: the noise of the readings plus the remainder of the selected set. A
-    larger remainder of the other set therefore counts against that set. A set that fits better was rejected by the
-    search, so it is at most as probable as the selected set. If a set has more effects than the selected set, each
-    further effect was the best of hundreds. It must therefore explain more than would be expected by chance.
+    larger remainder of the other set therefore increases its cost. A set that fits better was rejected by the search,
+    so it is at most as probable as the selected set. If a set has more effects than the selected set, each further
+    effect was selected among hundreds. It must therefore explain more than the best of them would explain by chance.
     """
     inflation, further = chosen.inflation, len(model.effects) - len(chosen.effects)
     difference = model.cost_at(inflation) - chosen.cost_at(inflation)

@@ -29,7 +29,7 @@ from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.balance import ENERGY, residual_near
 from dpr_lab.identification.misread.energy import undescribed_drive
-from dpr_lab.identification.misread.tried import SecondLook, second_look
+from dpr_lab.identification.misread.tried import DescriptionCheck, check_description
 from dpr_lab.identification.moving_arm.doubts import stop_sentence
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, moves
@@ -90,7 +90,7 @@ def description(
     if not (arm_as_spring or (large and doubtful)):
         return Description()
     runs = [_trusted(record) for record in records]
-    look = second_look(runs, rig)
+    look = check_description(runs, rig)
     # an encoder error also causes an apparent energy input
     if not look.sentence or (not look.tried and selection.share_explained >= THRESHOLDS.explained):
         return unexplained_energy(runs, rig)
@@ -132,7 +132,7 @@ def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Descr
 
 
 def _trusted(record: Record) -> Run:
-    """Remove the faulty readings of the logger, because they look like energy input."""
+    """Remove faulty readings of the logger, which would look like an energy input."""
     run, screened = record.run, record.screened
     return run.only(~np.isin(run.t, screened.t[~screened.keep.all(axis=1)]))
 
@@ -159,7 +159,7 @@ def _wrong_gravity(rig: Rig, selection: Selection) -> str:
 
 
 def _delay_within_row(problem: Problem, selection: Selection) -> str:
-    """Describe a delay that is undetermined because torques change too much between rows.
+    """Describe a delay that cannot be determined because the torques change too much between rows.
 
     The delay is then shorter than the interval between rows. Otherwise the text is empty.
     """
@@ -178,8 +178,8 @@ def _delay_within_row(problem: Problem, selection: Selection) -> str:
     return ""
 
 
-def _as_good(look: SecondLook, selection: Selection) -> bool:
-    """Return whether a different description explains as much of the gap as the selected effects."""
+def _as_good(look: DescriptionCheck, selection: Selection) -> bool:
+    """Return whether another description explains as much of the gap as the selected effects."""
     if not look.tried:
         return True
     of_arm = any(EFFECTS[name].stage == "arm" for name in selection.chosen.effects)
@@ -231,7 +231,7 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
 def _closes(scaled: Hypothesis, selection: Selection) -> bool:
     """Return whether the model of the scaled readings explains the gap.
 
-    If both models leave the gap open, the result is no evidence for either scale.
+    If neither model explains the gap, the comparison supports neither scale.
     """
     before, after = selection.bare.residuals.excess, max(scaled.residuals.excess, 0.0)
     return scaled.at_noise_floor or after <= (1 - THRESHOLDS.explained) * before

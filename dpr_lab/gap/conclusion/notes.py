@@ -49,7 +49,7 @@ def _restrictions(state: Transferred, kind: Verdict) -> Iterator[str]:
 
 
 def _small_effects(state: Transferred, kind: Verdict) -> Iterator[str]:
-    """Yield a sentence on the less probable effects that explain too little for the verdict."""
+    """Yield a sentence on the improbable small effects, which the verdict omits."""
     of_model = small_effects(state.selection.bare, state.selection.path)
     listable = [cause.name for cause in listed_causes(state.posteriors)]
     stated = (*causes_named(state), *small_causes(state))

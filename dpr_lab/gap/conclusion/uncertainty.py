@@ -2,11 +2,12 @@
 
 Let A be the Jacobian of a fit after the initial states are projected out. The noise causes the covariance f (A^T A)^-1,
 where f is the variance inflation n / n_eff (`dpr_lab.gap.hypothesis.residuals`). Any other change dr of the readings
-that the fit does not model shifts the values by -(A^T A)^-1 A^T dr. The following shifts count as standard deviations:
+that the fit does not model shifts the values by -(A^T A)^-1 A^T dr. The following shifts are used as standard
+deviations:
 
-- the shift caused by halving the integrator step
-- the shift caused by each weighed mass if it changes by its standard uncertainty
-- the shift caused by each free torque or reading error of the discrepancy term if it has the size of its prior
+- the shift caused by halving the integrator step - the shift caused by each measured mass if it changes by its standard
+uncertainty - the shift caused by each free torque or reading error of the discrepancy term if it has the size of its
+prior
 
 Undetermined ratios shift the other ratios in the same way, within the bounds of the rig file. Sizes of effects assume
 these ratios, as they assume b.
@@ -22,13 +23,13 @@ where e is the whitened residual, f the variance inflation, and c the change of 
 states and the other values adapt to u, so their contribution is projected out of c. U is the value of u at which
 another parameter reaches its bound.
 
-The estimate is u = 0, so the second moment of u counts as its variance. The other values that adapt to u share this
-variance. For example, a slope of the friction curve and the viscous friction of a slow joint are hardly separable. A
-value that the other values absorb is also at its bound of zero and is treated in the same way.
+The estimate is u = 0, so the second moment of u is used as its variance. The values that adapt to u receive the
+corresponding variance. For example, a slope of the friction curve and the viscous friction of a slow joint are hardly
+separable. A value that the other values absorb is also at its bound of zero and is treated in the same way.
 
 c is the difference of two simulations along the direction of the joint change. A sum of columns would not be exact: the
-columns of nearly collinear parameters, each with its own error, do not cancel. Each value is treated while the others
-stay at their bounds.
+columns of nearly collinear parameters, each with its own error, do not cancel. The values are treated one at a time,
+while the others stay at their bounds.
 """
 
 from collections.abc import Iterator
@@ -98,8 +99,8 @@ def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator
 
     The change along the direction is a fraction `share` of a prior standard deviation.
 
-    The prior of the undetermined ratios is used as it is, because the fitted values contain no information about these
-    ratios.
+    The fitted values contain no information about the undetermined ratios, so their prior is not conditioned on the
+    fit.
     """
     free = {parameter.place for parameter in model.fit.free if parameter.block == "ratios"}
     alone = any(setup.alone for setup in problem.segments.setups)
@@ -113,7 +114,7 @@ def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator
 
 
 def _changed_problems(problem: Problem, rig: Rig) -> Iterator[Problem]:
-    """Yield a problem with half the integrator step, and one problem for each increased weighed mass."""
+    """Yield a problem with half the integrator step, and one problem for each measured mass, which is increased."""
     segments, model = problem.segments, problem.model
     yield replace(problem, segments=replace(segments, step=segments.step / 2))
     for name in MASSES:

@@ -81,7 +81,7 @@ def verdict(state: Transferred, visible_counts: tuple[int, int], budget: Budget)
 def _too_short_to_decide(state: Transferred) -> bool:
     """Return whether the only release is too short for the signed-rank test, and no cause is probable.
 
-    A set of effects that every rig of this kind has counts as decided.
+    If the set contains only effects that every rig of this kind has, the verdict is not open.
     """
     causes = listed_causes(state.posteriors)
     if not (state.transfer.too_short and causes) or set(state.selection.chosen.effects) <= state.selection.expected:
@@ -90,7 +90,7 @@ def _too_short_to_decide(state: Transferred) -> bool:
 
 
 def _by_tests(state: Transferred) -> Verdict:
-    """Return the verdict of sizes, probabilities and held-out recordings."""
+    """Return the verdict that follows from the sizes, the probabilities and the held-out recordings."""
     selection, posteriors, transfer = state.selection, state.posteriors, state.transfer
     chosen, share = selection.chosen, selection.share_explained
     if not chosen.effects:
@@ -107,7 +107,7 @@ def _by_tests(state: Transferred) -> Verdict:
 
 
 def _passes_all_tests(transfer: Transfer) -> bool:
-    """Return whether sizes, free runs and other recordings do not contradict the effects."""
+    """Return whether sizes, free runs and held-out recordings are consistent with the effects."""
     if transfer.worse_free_run or transfer.oversized:
         return False
     tested = transfer.tested and transfer.basis != "one release"
@@ -128,8 +128,8 @@ def only_held_out_gap(chosen: Hypothesis, transfer: Transfer) -> bool:
 def shows_reduction(transfer: Transfer) -> bool:
     """Return whether held-out data show that the gap closes.
 
-    If the gap is far below the noise, it is sufficient that the interval of the share reaches the minimum. If the noise
-    hides the whole gap, the tests of the effects decide alone.
+    If the gap is far below the noise, only the upper end of the interval of the share must reach the minimum. If the
+    noise hides the whole gap, only the tests of the effects count.
     """
     closed = transfer.closed
     if transfer.gap_ratio == 0.0:
@@ -159,7 +159,7 @@ def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterio
 
 
 def causes_named(state: Transferred) -> Sequence[EffectPosterior]:
-    """Return the causes that the verdict sentence names, which carry over to held-out data.
+    """Return the causes that the verdict names. They also improve the prediction of held-out data.
 
     Small, expected and less probable effects are named only if there are no others. The table of causes lists them too,
     and `small_causes` contains the small ones.

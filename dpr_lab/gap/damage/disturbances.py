@@ -136,7 +136,7 @@ def _jumps(recordings: Recordings, estimate: Estimate) -> list[Jump]:
     """Detect kicks and steps of readings in free swings.
 
     The search uses two overlapping divisions into segments, so that no jump lies at the end of a segment in both. If
-    missed counts shift the readings of a recording, a jump is not conspicuous there.
+    missed counts shift the readings of a recording, a jump does not stand out there.
     """
     searched = [_undriven(record) and not record.screened.breaks for record in recordings.records]
     kicks, steps = list[Jump](), list[Jump]()

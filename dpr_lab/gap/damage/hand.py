@@ -125,9 +125,9 @@ def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float |
 
 
 def _first_followed(level: Array, top: int) -> int:
-    """Return the index of the first segment from `top` on that the undriven model fits.
+    """Return the index of the first segment at or after `top` that the undriven model fits.
 
-    The segment of the push is excluded in this way, because its fitted energy is not the energy at its start.
+    This excludes the segment of the push, in which the fit does not give the energy at the start.
     """
     usual = max(float(np.median(level[top:])), 1.0)
     followed = np.flatnonzero(level[top:] < HAND.followed * usual)

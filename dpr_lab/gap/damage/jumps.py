@@ -8,8 +8,8 @@ instant t_k adds h to the later readings,
 
 Here M is the inertia matrix. Phi is the derivative of the state with respect to the initial state of the segment, and C
 is the derivative of the readings with respect to this initial state. The initial state of the segment and torques that
-are polynomials in time are projected out. An error of the model acts along the whole segment and therefore does not
-count. With e the residual, and with e and h whitened and projected, the change reduces chi2 by its gain (h e)^2 / h^2.
+are polynomials in time are projected out. An error of the model acts along the whole segment, so the projection removes
+most of it. For the whitened and projected residual e and response h, the change reduces chi2 by its gain (h e)^2 / h^2.
 The gains at all times follow from sums over the later readings.
 
 Source: Willsky & Jones (1976), A generalized likelihood ratio approach to the detection and estimation of jumps in
@@ -106,7 +106,8 @@ def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
 def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[Jump]]:
     """Return the best kick and the best step of a reading in each segment.
 
-    The joint of a step is given only if neither a kick of finite duration nor a single wrong reading explains as much.
+    A step has a joint only if neither a kick of finite duration nor a single wrong reading explains the residual
+    equally well.
     """
     reference = trajectory(problem, fitted.estimate, spacing=TRAJECTORY.coarse_s)
     rough = _Changes.of(problem, fitted, reference, JUMP.kick_torques)

@@ -103,9 +103,9 @@ def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
     """Return whether a step significantly improves a polynomial through the readings.
 
     The step in the readings must be visible, and must not be far smaller than the step of the residual. By chance,
-    readings without a step may seem to contain a small part of the residual's step. The step in the readings must
-    therefore be nearer to the step of the residual than to zero. If too few readings lie before or after the instant,
-    the step counts as a zero error of the recording.
+    readings without a step may resemble a small part of the residual's step. The step in the readings must therefore be
+    nearer to the step of the residual than to zero. If too few readings lie before or after the instant, the step
+    counts as a zero error of the recording.
 
     Args:
         record: the recording

@@ -12,9 +12,9 @@ interval of an amplitude therefore covers its 90 % intervals in all shapes (an i
 the effect has one of the shapes, and an amplitude beyond the limit. The interval of this shape then lies inside the
 limit with a probability of at most 5 %, however many other shapes are tested.
 
-A frequency is resolved to half the inverse of the longest recording. Longer recordings would need more frequencies, so
-a frequency is tested in the first 10 s of each recording. For any other shape parameter, the effect changes little
-between neighbouring tested values.
+Frequencies are tested at intervals of half the inverse of the recording length. To limit their number, a frequency is
+tested in the first 10 s of each recording only. For any other shape parameter, the effect changes little between
+neighbouring tested values.
 
 Source: R. L. Berger (1982), Multiparameter hypothesis testing and acceptance sampling, Technometrics 24, 295-300.
 """
@@ -120,8 +120,8 @@ class AllShapes:
             return None
         blocks: list[Array] = []
         of_frequencies = swings.at_frequencies(effect, values) if _is_frequency(effect) else None
-        for sets in swings.sets(effect, values) if of_frequencies is None else (of_frequencies,):
-            of_block = _union(sets, self.model.inflation)
+        for columns in swings.columns_of_shapes(effect, values) if of_frequencies is None else (of_frequencies,):
+            of_block = _union(columns, self.model.inflation)
             if of_block is None:
                 return None
             blocks.append(of_block)
@@ -156,20 +156,20 @@ def joint_intervals(space: ColumnSpace, inflation: float) -> list[tuple[float, f
     return None if intervals is None else [(low, high) for low, high in intervals.tolist()]
 
 
-def _union(sets: SmallSets, inflation: float) -> Array | None:
+def _union(columns: SmallSets, inflation: float) -> Array | None:
     """Return the union (n, 2) of the 90 % intervals in all shapes, for n amplitudes.
 
     The result is None if the amplitudes are inseparable in one of the shapes.
 
     Args:
-        sets: columns of the amplitudes in each shape, with the model projected out
+        columns: columns of the amplitudes in each shape, with the model projected out
         inflation: variance inflation n / n_eff
     """
-    if np.linalg.eigvalsh(sets.H)[:, 0].min() < SEEN:
+    if np.linalg.eigvalsh(columns.H)[:, 0].min() < SEEN:
         return None
-    inverse = np.linalg.inv(sets.H)
-    x = sets.scale * (inverse @ sets.gradient[:, :, None])[:, :, 0]
-    half_width = NORMAL_Q90 * sets.scale * np.sqrt(inflation * np.diagonal(inverse, axis1=1, axis2=2))
+    inverse = np.linalg.inv(columns.H)
+    x = columns.scale * (inverse @ columns.gradient[:, :, None])[:, :, 0]
+    half_width = NORMAL_Q90 * columns.scale * np.sqrt(inflation * np.diagonal(inverse, axis1=1, axis2=2))
     return np.stack([(x - half_width).min(axis=0), (x + half_width).max(axis=0)], axis=1)
 
 
@@ -214,14 +214,14 @@ class _Swings:
         """Create the swings at the estimate of the linearised problem."""
         return cls(problem, trajectory(problem, estimate, spacing=TRAJECTORY.coarse_s), FittedColumns.of(linear))
 
-    def sets(self, effect: Effect, values: Array) -> Iterator[SmallSets]:
+    def columns_of_shapes(self, effect: Effect, values: Array) -> Iterator[SmallSets]:
         """Yield the columns of the amplitudes for blocks of several shapes.
 
         The model is projected out of the columns.
         """
         count = len(effect.amplitudes)
         for columns in self._columns(effect, values, self.reference):
-            yield self.fitted.sets(columns, count)
+            yield self.fitted.projected(columns, count)
 
     def at_frequencies(self, effect: Effect, values: Array) -> SmallSets | None:
         """Return the columns of a cosine and a sine, for evenly spaced frequencies.

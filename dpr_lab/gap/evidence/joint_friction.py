@@ -112,7 +112,8 @@ def joint_friction(problem: Problem, model: Hypothesis, *, back_emf: bool) -> di
 def curve_basis(H: Array, free: Sequence[FreeParameter], curve: Sequence[FreeParameter]) -> Array:
     """Return a basis of the fitted values, in its columns.
 
-    It contains no difference of the curve between the directions if the other values absorb this difference.
+    If the other values absorb a difference of the curve between the directions, the basis does not contain this
+    difference.
 
     Args:
         H: (k, k) normal matrix of the fitted values
@@ -144,7 +145,7 @@ def _reached(swings: Trajectory) -> dict[int, float]:
 
 
 def _curve(joint: int, free: Sequence[FreeParameter]) -> list[FreeParameter]:
-    """Return the amplitudes of the friction curve that the model does not yet fit."""
+    """Return the amplitudes of the friction curve that are not part of the model."""
     fitted = {column.place for column in free}
     every = effect_parameters(FRICTION_CURVES[joint])
     return [column for column in every if column.place not in fitted]

@@ -12,7 +12,7 @@ import numpy as np
 from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.result.evidence import ResidualLook, Whiteness
+from dpr_lab.gap.result.evidence import ResidualAnalysis, Whiteness
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 
 
@@ -31,7 +31,7 @@ class ResidualSettings:
 RESIDUALS = ResidualSettings()
 
 
-def residual_analysis(problem: Problem, models: Mapping[str, Hypothesis]) -> ResidualLook:
+def residual_analysis(problem: Problem, models: Mapping[str, Hypothesis]) -> ResidualAnalysis:
     """Return the residual analysis of each joint under each model.
 
     Args:
@@ -45,7 +45,7 @@ def residual_analysis(problem: Problem, models: Mapping[str, Hypothesis]) -> Res
             joints[axis] = {name: _whiteness(problem, model, j, chances) for name, model in models.items()}
     owner = problem.owner
     within = np.diff(owner) == 0
-    return ResidualLook(
+    return ResidualAnalysis(
         spacing_s=float(np.median(np.diff(problem.t)[within])),
         readings=int(np.count_nonzero(problem.read[:, 0])),
         normal=[NormalDist().inv_cdf(chance) for chance in chances],

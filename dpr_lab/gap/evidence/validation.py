@@ -5,7 +5,7 @@ simulated and measured angles,
 
     d = integral |F_S(x) - F_D(x)| dx,
 
-has the unit rad, needs no choice of corridor or weight, and is zero only for equal distributions.
+has the unit rad, contains no arbitrary tolerance or weight, and is zero only for equal distributions.
 
 Source: S. Ferson, W. L. Oberkampf & L. Ginzburg (2008), Model validation and predictive capability for the thermal
 challenge problem, Computer Methods in Applied Mechanics and Engineering 197, 2408-2430.

@@ -6,7 +6,7 @@ viscous friction. An equivalence test must allow for it. The intervals are there
 - with one more effect, if its posterior probability is at least `PROBABLE`. Its odds against no further effect are
   q exp((G / f - p) / 2), with the predicted reduction G of chi2, the variance inflation f, the penalty p of its
   parameters (BIC), and its prior odds q relative to their mean
-- with all common effects together (`Effect.common`). They hide each other, so their separate estimates are not
+- with all common effects together (`Effect.common`). They are nearly collinear, so their separate estimates are not
   significant. The prior of each amplitude has the mean zero and its minimum detectable size as standard deviation.
 
 Both are linear: chi2 and the values follow from the columns of the score test.

@@ -1,1 +1,1 @@
-"""Models with a set of effects: fits, residuals, and score tests of additional effects."""
+"""Fitted sets of effects: residuals, cost, and score tests of further effects."""

@@ -40,7 +40,7 @@ class Calibration:
     outside_when_closed: float = 0.02
     """Minimum probability of a cause outside the library, if only noise remains."""
     drifting: float = 0.1
-    """Prior odds of a friction drift against a loss that depends on speed.
+    """Prior odds of a friction drift against a dissipative torque that depends on speed.
 
     They apply where a single decay cannot separate the two. Every rod has air drag, so a drift is less probable.
     """
@@ -62,7 +62,7 @@ class Calibration:
     """Lower limit of the remaining share of the excess; the error of the integrator is never exactly zero."""
 
     def unit(self, inflation: float) -> float:
-        """Return the difference of cost at which the probability decreases by the factor e."""
+        """Return the difference of cost that reduces the probability by the factor e."""
         return 2 * inflation * self.temperature
 
 
@@ -86,8 +86,8 @@ def odds_outside(
         (unexplained / half)^steepness * m + imitates * unexplained / unique * m / far + (compensates / own)^2,
         m = min(remainder / noise, far)
 
-    1. First term: if a law is missing from the library, a fixed share of its gap remains; the share does not depend on
-       the ratio of gap and noise. The small causes of every rig leave a remainder of about the noise, for any size of
+    1. First term: if the library lacks the true law, a share of the gap remains that does not depend on the ratio of
+       gap to noise. The small causes of every rig leave a remainder of about the noise, for any size of
        the gap, unless the noise is much smaller than these causes.
     2. Second term: an effect that explains no more than the remainder may imitate a part of the unknown cause.
     3. Third term: a smaller effect may compensate for the inexact form of a large one.

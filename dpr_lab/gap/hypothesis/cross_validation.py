@@ -10,12 +10,12 @@ The quality of the prediction of r is the logarithm of its predictive density. F
 
     -2 log p(r | rest) = chi2(all) - chi2(rest) + f (log det H - log det (H - H_r)) + const,
 
-where f is the variance inflation n / n_eff. A parameter that only r determines therefore makes the prediction
-uncertain, not wrong. The initial states of held-out segments are free, so the score measures the motion and not its
-initial state.
+where f is the variance inflation n / n_eff. If only r determines a parameter, the prediction is therefore uncertain but
+not biased. The initial states of held-out segments are free, so the score measures the motion and not its initial
+state.
 
 A shape parameter that the other runs hardly determine is also free. An example is the cubic term of a spring that only
-one run winds up: the other runs would extrapolate this term. The size of an effect, its first parameter, is always
+one run deflects far: the other runs would extrapolate this term. The size of an effect, its first parameter, is always
 taken from the other runs.
 """
 
@@ -142,8 +142,8 @@ class _Folds:
 def _within_bounds(fit: Fit) -> list[int]:
     """Return the indices of the parameters whose linear minimum is inside their bounds.
 
-    A fit may end so near a bound that this minimum is beyond it. The reduction of chi2 beyond the bound cannot be
-    reached. If it counted, an effect of the wrong sign would be evidence for the effect.
+    A fit may end so near a bound that this minimum is beyond the bound, where it cannot be reached. Otherwise an effect
+    of the wrong sign would count as evidence for the effect.
     """
     free = fit.inside
     while free:

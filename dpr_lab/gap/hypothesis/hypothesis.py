@@ -60,7 +60,7 @@ class Hypothesis:
     def cost_at(self, inflation: float) -> float:
         """Return the cost with the variance inflation of another set.
 
-        The residual of the other set then counts as noise.
+        The residual of the other set is thus treated as noise.
         """
         return self.predictive_loss + inflation * self.penalty
 
@@ -74,7 +74,8 @@ class Hypothesis:
         """Penalty of the parameters, in chi2 of independent readings.
 
         A curve of n amplitudes and size s > s0 has the additional penalty 2 n ln(s / s0), because a prior of unknown
-        common scale has the density s^-n. Large amplitudes that cancel each other imitate other effects.
+        common scale has the density s^-n. The reason is that a curve whose large amplitudes cancel each other imitates
+        other effects.
         """
         penalty = PENALTY.parameter * self.parameters
         for name, size in self.curves.items():

@@ -1,4 +1,4 @@
-"""Effects that only fit the residual of other causes, and curves that imitate a removed effect."""
+"""Effects that only fit the residual of other causes, and free-form curves that imitate a removed effect."""
 
 import math
 
@@ -17,7 +17,8 @@ def curve_follows_remainder(bare: Hypothesis, with_curve: Hypothesis, simple: Hy
     """Return whether a curve only fits the small remainder of unknown causes.
 
     This is so under three conditions: the simpler set explains nearly as much, its remainder is below the noise, and
-    the curve is not significant if this remainder counts as noise. A set with far larger prior odds is exempt.
+    the curve is not significant if this remainder is treated as noise. The rule does not apply to a set with far larger
+    prior odds.
     """
     curves = set(with_curve.curves) - simple.key
     if not curves or not simple.effects or simple.residuals.noise_ratio > 1.0:
@@ -29,9 +30,10 @@ def curve_follows_remainder(bare: Hypothesis, with_curve: Hypothesis, simple: Hy
 
 
 def follows_swing(bare: Hypothesis, vibrating: Hypothesis, other: Hypothesis) -> bool:
-    """Return whether a vibration at a multiple of the swing's frequency only fits the residual of a missing law.
+    """Return whether a vibration at a multiple of the swing frequency only fits the residual of a missing effect.
 
-    Any missing law of angle or speed leaves a residual at these frequencies. Another set explains most of it.
+    Any missing torque that depends on angle or speed leaves a residual at these frequencies. The vibration is rejected
+    if another set explains most of the residual.
     """
     if not vibrating.harmonic_vibrations - other.key or not other.effects:
         return False
@@ -39,10 +41,10 @@ def follows_swing(bare: Hypothesis, vibrating: Hypothesis, other: Hypothesis) ->
 
 
 def follows_decay(bare: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> bool:
-    """Return whether a friction drift in a single decay only fits the residual of a missing loss.
+    """Return whether a friction drift only fits the residual of a missing dissipative effect.
 
-    Along a decay, a loss that depends on speed, which every rod has, looks like a drift. Another set of the same size
-    explains nearly all of the residual.
+    In a single decay, a dissipative torque that depends on speed looks like a drift of the friction, and every rod has
+    such a torque. The drift is rejected if another set of the same size explains nearly all of the residual.
     """
     if not drifting.decay_drifts - other.key or not other.effects or len(other.fit.free) > len(drifting.fit.free):
         return False

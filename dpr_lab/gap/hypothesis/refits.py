@@ -41,7 +41,7 @@ PRELIMINARY = GaussNewton(preliminary=REFITS.preliminary)
 
 
 def settings_to_beat(model: Hypothesis) -> GaussNewton:
-    """Return the settings of a fit that ends early unless it beats the previous fit.
+    """Return the settings of a fit that stops early unless it becomes better than the previous fit.
 
     Both fits have the same set of effects.
     """
@@ -95,7 +95,7 @@ def refit_with(
 
 
 def _started_with(problem: Problem, before: Hypothesis, test: ScoreTest, score: Score) -> Iteration:
-    """Add one effect at the linear solution of its score test."""
+    """Add one effect, with the linear solution of its score test as initial value."""
     linear = test.linear.chosen([*test.fitted_columns, *score.columns])
     return descend(problem, shaped(before, score), score.free, iterations=1, first=linear)
 

@@ -95,8 +95,8 @@ def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
     Both parts are equal for white noise, and unequal if an effect is missing. Noise with the correlation rho between
     neighbouring readings is as rough as white noise of 1 - rho times its variance. The noise level is estimated from
     differences of neighbouring residuals (von Neumann). Therefore an error of the noise floor by a few per cent does
-    not count as a gap. A residual that is rougher than the floor allows also counts as excess. The difference between
-    chi2 and its rough part is the sum of products of neighbours. For white noise this sum has the variance dof.
+    not count as a gap. If a residual is rougher than the noise floor allows, this also counts as excess. The difference
+    between chi2 and its rough part is the sum of products of neighbours. For white noise this sum has the variance dof.
 
     Source: J. von Neumann (1941), Distribution of the ratio of the mean square successive difference to the variance,
     Annals of Mathematical Statistics 12(4), 367-395.

@@ -74,7 +74,7 @@ class FittedColumns:
         rows = np.concatenate([linear.A, linear.e[:, :, None], linear.Q], axis=2).transpose(0, 2, 1).copy()
         return cls(ColumnSpace.of(*linear.flat), rows, rows @ linear.Q)
 
-    def sets(self, columns: Array, count: int) -> SmallSets:
+    def projected(self, columns: Array, count: int) -> SmallSets:
         """Project the fitted columns and the initial states out of sets of columns.
 
         Args:
@@ -136,8 +136,8 @@ class ShapeScan:
     def _covered(self, joint: int) -> float:
         """Return the arc that a joint covers, rad.
 
-        A fit without the zero error or the tilt of the rig swings about another angle and covers a larger arc than the
-        readings. The readings of encoder 2 may be angles of the outer rod and not of joint 2.
+        A fit that lacks the zero error or the tilt of the rig oscillates about another angle, so its arc is larger than
+        that of the readings. The readings of encoder 2 may be angles of the outer rod and not of joint 2.
         """
         covered = arc(self.reference.joint_angle[:, joint])
         readings = self.problem.measured[self.problem.read[:, 0], 0]
@@ -176,9 +176,9 @@ class ShapeScan:
         return FittedColumns.of(self.fit.linear)
 
     def _gains(self, effect: Effect, candidates: list[Shape]) -> Array:
-        """Predict the (shapes,) reduction of chi2 by the leading amplitudes in each shape.
+        """Predict the (shapes,) reduction of chi2 for each value of the shape parameters.
 
-        The fitted model is projected out of the columns.
+        Only the first amplitudes of the effect are used. The fitted model is projected out of their columns.
         """
         amplitudes, problem = effect.amplitudes[: SCAN.amplitudes], self.problem
         count = len(amplitudes)
@@ -188,8 +188,8 @@ class ShapeScan:
             chosen = candidates[first : first + SCAN.block // count]
             params = one_amplitude(effect, [p.typical for p in amplitudes], chosen)
             torques = self.reference.torques(effect.stage, problem.model.constants, params)
-            sets = self._fitted.sets(self.reference.response(problem, torques), count)
-            gains.append(sets.gains(positive=positive))
+            projected = self._fitted.projected(self.reference.response(problem, torques), count)
+            gains.append(projected.gains(positive=positive))
         return np.concatenate(gains)
 
 
@@ -205,7 +205,7 @@ def arc(angle: Array) -> float:
 
 
 def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
-    """Return the best shapes; a shape next to a better shape is left out."""
+    """Return the best shapes, without those adjacent to a better one."""
     separate: list[Shape] = []
     for i in np.argsort(-gains):
         first = candidates[i][0][1]

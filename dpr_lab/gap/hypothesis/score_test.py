@@ -72,13 +72,13 @@ class ScoreTest:
         """Columns of the fitted parameters."""
         return tuple(range(len(self.fit.free)))
 
-    def of(self, effect: str) -> Score | None:
+    def best_score(self, effect: str) -> Score | None:
         """Return the best score of one effect, or None."""
         return self.shaped[effect][0] if effect in self.shaped else None
 
     def absorbs(self, effect: Effect, by: Effect) -> bool:
-        """Return whether an effect of one amplitude is indistinguishable from the fitted effect `by`."""
-        score = self.of(effect.name)
+        """Return whether the fitted effect `by` absorbs an effect of one amplitude."""
+        score = self.best_score(effect.name)
         if score is None or len(effect.parameters) > 1:
             return False
         return [parameter.name for parameter in by.parameters] == list(score.absorbed.values())
@@ -161,7 +161,7 @@ def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
 
 
 def _bounded_solution(test: ScoreTest, columns: Sequence[int]) -> tuple[float, Array]:
-    """Solve for the fitted parameters and some amplitudes within their bounds, with the prior.
+    """Solve the bounded least-squares problem of the fitted parameters and some amplitudes, with the prior.
 
     Returns:
         the reduction of chi2, and the (fitted + columns,) step, which is zero for absorbed parameters

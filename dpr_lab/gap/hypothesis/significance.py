@@ -15,8 +15,8 @@ def promising_gain(model: Hypothesis) -> float:
     """Return the smallest predicted reduction of chi2 for which an effect is fitted.
 
     It is the largest reduction by chance, divided by the factor `GAUSS_NEWTON.exceeded` by which a fit may exceed its
-    prediction. With few readings, even the only cause of the excess is insignificant relative to the residuals that it
-    inflates. `THRESHOLDS.promising` then limits the predicted reduction.
+    prediction. With few readings, a single cause inflates the residuals so much that it is insignificant relative to
+    them. `THRESHOLDS.promising` then limits the predicted reduction.
     """
     residuals = model.residuals
     inflation = min(residuals.inflation, max(1.0, residuals.chi2 / residuals.dof))
@@ -31,11 +31,11 @@ def cost_with_prior(model: Hypothesis, current: Hypothesis) -> float:
 
 
 def member_odds(model: Hypothesis, chosen: Hypothesis, name: str, other: str) -> float:
-    """Return the odds of an indistinguishable effect in place of a named one, from priors and parameters.
+    """Return the odds of an indistinguishable effect against the named effect, from priors and numbers of parameters.
 
-    An effect with more parameters costs the difference of the criterion. One with fewer parameters gains it, but at
-    most their penalty, because the rest of the difference can be an error of the integrator. Forms of one effect are
-    compared by their priors.
+    The odds follow from the difference of the criterion. For an effect with fewer parameters, at most the penalty of
+    the saved parameters counts, because the rest of the difference can be an error of the integrator. Forms of one
+    effect are compared by their priors.
 
     Args:
         model: set with the other effect
@@ -111,14 +111,14 @@ def segment_scatter(
 
 
 def accepted(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
-    """Return whether an additional effect significantly reduces the cost and, while a residual remains, the excess."""
+    """Return whether an added effect reduces the cost significantly and, above the noise floor, also the excess."""
     if before.cost - after.cost < significance(bare, before, after):
         return False
     return before.at_noise_floor or after.at_noise_floor or after.bounded_excess < most_excess(bare, before)
 
 
 def most_excess(bare: Hypothesis, before: Hypothesis) -> float:
-    """Return the largest excess that may remain after an additional effect."""
+    """Return the largest excess with which an additional effect is accepted."""
     excess = before.bounded_excess
     return max(excess / THRESHOLDS.excess_factor, excess - THRESHOLDS.large * bare.bounded_excess)
 
@@ -176,7 +176,10 @@ def form_indifference(bare: Hypothesis, model: Hypothesis) -> float:
 
 
 def adds_less_than_remains(richer: Hypothesis, simpler: Hypothesis | None) -> bool:
-    """Return whether a richer form above the noise floor removes less excess of a fitted simpler form than remains."""
+    """Return whether a richer form leaves more excess than it removes from that of a simpler form.
+
+    The result is False if the richer form leaves only noise, or if the simpler form was not fitted.
+    """
     if simpler is None or richer.at_noise_floor:
         return False
     return simpler.bounded_excess - richer.bounded_excess < richer.bounded_excess

@@ -3,8 +3,9 @@
 The sizes of most effects are compared with those of laboratory rigs (`dpr_lab.effects.plausibility`). A spring and an
 error of the encoder scale imitate each other on a single rod, so that their priors decide. Both depend on the rig:
 
-- A spring is relative to gravity, because heavy rods have strong cables. It is weak, or has any strength.
-- A scale is exact, or has a tolerance, or belongs to another common encoder, or is arbitrary (belt, potentiometer).
+- The stiffness of a spring is compared with gravity, because heavy rods have strong cables. It is either weak or
+arbitrary. - An encoder scale is exact, has a tolerance, belongs to another common encoder, or is arbitrary (belt,
+potentiometer).
 
 Most springs are linear. A spring therefore has the weight of its simplest form that fits.
 """
@@ -83,7 +84,7 @@ def size_prior(params: Array, effect: str, gravity: Sequence[float], constants: 
 def fitted_prior(
     fit: Fit, effect: str, gravity: Sequence[float], constants: RigConstants, *, inflation: float, penalty: float
 ) -> float:
-    """Return the prior weight of a fitted effect; a spring has that of its best form without needless amplitudes.
+    """Return the prior weight of a fitted effect; for a spring, that of its simplest adequate form.
 
     Without the amplitudes d of covariance D, chi2 grows by the inflation times d^T D^-1 d, the set costs fewer
     penalties, and the stiffness k becomes k - cov(k, d) D^-1 d.

@@ -1,12 +1,12 @@
 """Vibrations at harmonics of the swing, and recordings of a single decay.
 
-If the model lacks a law of angle or speed, the residual contains multiples of the frequency of the swing. This
+If the model lacks a torque that depends on angle or speed, the residual contains multiples of the swing frequency. This
 frequency changes slowly with the amplitude. A vibration of the base at such a multiple can follow the residual along
 one release. The frequency of a true vibration is independent of the swing, so such a match is not evidence of a
 vibration.
 
-Along a single decay, the amplitude is a function of time. A drift of friction then looks like a loss that depends on
-speed.
+Along a single decay, the amplitude is a function of time. A drift of friction then looks like a dissipative torque that
+depends on speed.
 """
 
 from dataclasses import dataclass

@@ -57,7 +57,7 @@ class Quantity(Saved):
 
     @classmethod
     def of(cls, effect: str, parameter: str) -> Self:
-        """Return the measurable quantity that contains an amplitude of an effect."""
+        """Return the quantity to be measured for an amplitude of an effect."""
         bench = EFFECTS[effect].bench_quantity(parameter)
         unit = next(p.unit for p in EFFECTS[effect].amplitudes if p.name == parameter)
         (*_, joint) = effect.rpartition("_joint")
@@ -133,9 +133,9 @@ class AdvisedCheck(Saved):
 
     @property
     def priority(self) -> float:
-        """Expected information in bits; a recording, which needs no tool, precedes an equally informative measurement.
+        """Expected information in bits, by which checks are ordered.
 
-        A measurement is assumed to be exact.
+        A recording needs no tool, so it precedes an equally informative measurement. Measurements are assumed exact.
         """
         return self.expected_bits + RECOMMENDATION.bits * (self.kind == "recording")
 
@@ -178,7 +178,7 @@ def _amplitudes(effect: str) -> dict[str, EffectParameter]:
 def recommended(checks: Iterable[AdvisedCheck]) -> list[AdvisedCheck]:
     """Return the best informative check of each named effect, at most `RECOMMENDATION.most`, the best first.
 
-    A check changes the information of the other checks of this effect, so one at a time is recommended.
+    The result of a check changes the expected information of the others, so one check at a time is recommended.
     """
     best: dict[str, AdvisedCheck] = {}
     for check in sorted(checks, key=lambda check: -check.priority):

@@ -43,11 +43,11 @@ class Diagnosis(Shown, Saved):
     verdict: Verdict
     """Verdict: `no_gap`, `inconclusive`, `named`, `partly_explained` or `unexplained`.
 
-    `inconclusive` means that the recordings cannot show a gap, or that they show one but are too short to decide its
+    `inconclusive` means that the recordings cannot show a gap, or that they show one but are too short to determine its
     cause. In the second case `effects` contains the candidates.
     """
     sentence: str
-    """Verdict in up to three sentences: causes, gap reduction, remainder; more sentences after checks."""
+    """Verdict in short sentences: causes with their alternatives, gap reduction, remainder; more after checks."""
     notes: list[str] = []
     """Notes in addition to the verdict, in sentences.
 
@@ -201,7 +201,7 @@ class Diagnosis(Shown, Saved):
 
     @property
     def undecided(self) -> bool:
-        """Whether the recordings show a gap, but are too short to decide its cause."""
+        """Whether the recordings show a gap, but are too short to determine its cause."""
         return self.verdict == "inconclusive" and bool(self.effects)
 
     @property

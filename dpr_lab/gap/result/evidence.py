@@ -59,12 +59,12 @@ class Whiteness(Saved):
     autocorrelation: list[float]
     """Autocorrelation of the residuals at lag 1, 2 and so on."""
     quantiles: list[float]
-    """Quantiles of the residuals at `ResidualLook.normal`."""
+    """Quantiles of the residuals at `ResidualAnalysis.normal`."""
     beyond3: float
     """Share of the residuals beyond three standard deviations; 0.0027 for a normal distribution."""
 
 
-class ResidualLook(Saved):
+class ResidualAnalysis(Saved):
     """Residual analysis of the fitted recordings, with free initial states of the segments."""
 
     spacing_s: float
@@ -278,7 +278,7 @@ class Evidence(Saved):
     coverage: dict[str, Occupancy]
     """Time that a rod spent in each range of angle and speed, by rod."""
     closing: list[Closing]
-    residuals: ResidualLook
+    residuals: ResidualAnalysis
     exclusions: list[Exclusion]
     wider_models: list[WiderModel] = []
     """Models that an equivalence test allows for; empty in a file of an older version."""

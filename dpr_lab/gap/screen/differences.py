@@ -78,7 +78,7 @@ def noise_by_speed(
     Args:
         t: (n,) times, s
         joints: (n, 2) angles, rad
-        floor: (2,) standard deviation at rest, rad; in slow parts, a sound coarse encoder can show less noise
+        floor: (2,) standard deviation at rest, rad; while a rod is slow, an intact coarse encoder can show less noise
         period: nominal sampling interval, s; neighbourhoods with a gap are excluded
         keep: (n, 2) mask of the readings without a fault. If given, the noise level is a root mean square, which
             includes rare large time-stamp errors; if None, it is a robust estimate
@@ -105,7 +105,7 @@ def noise_by_speed(
 
 
 def _line(speed2: Array, residual: Array, floor: float, level: Callable[[Array], float]) -> tuple[float, float]:
-    """Fit a line to the variance of `residual` over `speed2`; return slope and standard error.
+    """Regress the variance of `residual` on the squared speed `speed2`; return slope and standard error.
 
     The variance is computed in bins of speed by the function `level`.
     """

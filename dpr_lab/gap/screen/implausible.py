@@ -1,4 +1,4 @@
-"""Readings that contradict their neighbours: impossible jumps, and repeated readings."""
+"""Readings that are inconsistent with their neighbours: impossible jumps, and repeated readings."""
 
 from dataclasses import dataclass
 
@@ -47,7 +47,7 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
 
     The rod moves if three conditions hold: its path since the last new reading is many standard deviations of a
     reading, it moves in the same direction before and after, and the next new reading contains the missing motion.
-    Consecutive repeated readings are judged together. A jump after repeated readings is not a missed count.
+    Consecutive repeated readings are classified together. A jump after repeated readings is not a missed count.
 
     Args:
         t: (n,) times, s

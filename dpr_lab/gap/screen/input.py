@@ -85,7 +85,8 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
 def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
     """Return whether the fitted gravity torque of a recording has the wrong sign.
 
-    In this case the table states angles from hanging that were read as angles from upright, or the reverse.
+    In this case the angles of the table are measured from hanging but were interpreted as measured from upright, or the
+    reverse.
     """
     rig, e1 = recordings.rig, BASE.index("e1")
     return any(

@@ -158,7 +158,7 @@ def _usual(z: Array, centres: Integers, half: int) -> Array:
 
 
 def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tuple[int, float | None]:
-    """Decide whether one of a few samples is an outlier, or a step.
+    """Decide whether one of a few samples is an outlier or the beginning of a step.
 
     Args:
         t: (n,) times, s
@@ -167,7 +167,7 @@ def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tu
         period: sampling interval, s
 
     Returns:
-        index of the sample, and size of the step, rad; None as size for an outlier
+        index of the sample, and size of the step, rad; the size of an outlier is None
     """
     away, candidates = np.abs(t - centre), np.arange(len(t))[:, None]
     near = int((away < (LOCAL_FAULTS.reach + 0.5) * period).sum())

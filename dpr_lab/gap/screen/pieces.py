@@ -1,6 +1,6 @@
 """Division of a single long record into pieces.
 
-Every second piece is held out, so that the diagnosis can be validated.
+Every second piece is held out to validate the diagnosis.
 """
 
 import re
@@ -34,7 +34,7 @@ def whole(name: str) -> str:
 
 
 def are_pieces(names: Iterable[str]) -> bool:
-    """Return whether a list contains only names of pieces, and at least one."""
+    """Return whether a list of recordings is not empty and contains only pieces of long recordings."""
     names = list(names)
     return bool(names) and all(whole(name) != name for name in names)
 

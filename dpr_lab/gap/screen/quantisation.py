@@ -49,8 +49,8 @@ def is_on_grid(run: Run, rig: Rig, joints: Array) -> Flags:
 def has_dither(run: Run, rig: Rig, count: Array, still: Flags) -> Flags:
     """Return a (2,) mask of the joints whose rounding errors are independent.
 
-    The errors are independent if the noise before rounding reaches a fifth of a count at rest. If there are no readings
-    at rest, independence is assumed, except for tables in which most readings equal the previous one.
+    The errors are independent if the noise before rounding is at least a fifth of a count at rest. If there are no
+    readings at rest, independence is assumed, except for tables in which most readings equal the previous one.
     """
     if run.counts is None:
         readings = rig.encoders.joint_angles.of_rods(run.swing.theta[:, 1:])

@@ -1,4 +1,4 @@
-"""Run thinned for the diagnosis: block averages of the readings, with their noise.
+"""Preprocessed run for the diagnosis: block averages of the readings, with their noise.
 
 The average over a block of 5 ms keeps all information if the encoder noise is white. In a curved swing the average is
 shifted by half the acceleration alpha times the variance of the block's times. This shift is subtracted:
@@ -211,8 +211,8 @@ def record(run: Run, rig: Rig) -> Record:
 def without_gap(run: Run, t: Array) -> Flags:
     """Return the (n - 1,) mask of the intervals without missing readings.
 
-    The intervals lie between the times t, s. If the rows of a run are at the edges of counts, they follow the motion,
-    so that a long interval is not a gap.
+    The intervals lie between the times t, s. If a run has one row for each count, the interval between rows depends on
+    the speed, so that a long interval is not a gap.
     """
     intervals = np.diff(t)
     if run.at_edges or not len(intervals):

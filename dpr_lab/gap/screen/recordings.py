@@ -233,7 +233,7 @@ class Recordings:
         return replace(self, records=tuple(records), torques_earlier=share)
 
     def _widened(self, values: Array) -> Array:
-        """Pad the (n, axes) values of a clamped arm with zeros if the arm moves in other runs."""
+        """Append a zero column for a clamped arm to (n, axes) values if the arm moves in other runs."""
         missing = (3 if self.arm_moves else 2) - values.shape[1]
         return np.pad(values, ((0, 0), (0, missing))) if missing else values
 
@@ -332,7 +332,7 @@ def _with_arm(record: Record, slices: Sequence[slice], relative2: bool) -> Array
 
 
 def _near(record: Record, starts: Integers, begins: Array) -> tuple[Integers, Integers]:
-    """Return the range of the readings near each instant; the range ends at a break.
+    """Return the range of the readings near each instant; the range does not extend across a gap.
 
     If these readings are too few, the range contains the readings near the start of the segment.
 

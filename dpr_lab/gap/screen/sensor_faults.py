@@ -204,7 +204,7 @@ def _timed(run: Run, rig: Rig) -> tuple[Run, Flags, list[SensorFinding]]:
 
 
 def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[SensorFinding]]:
-    """Replace jittering stamps by even times, and even stamps of uneven frames by their times.
+    """Replace jittering time stamps by even times, or even time stamps by the times of uneven film frames.
 
     Returns:
         the run and the finding
@@ -341,10 +341,10 @@ def jitter_of(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, lis
 
 
 def _colour(run: Run, rig: Rig, joints: Array, floor: Array) -> tuple[Array, list[SensorFinding]]:
-    """Compare the noise at wide and narrow spacings; return a (2,) factor and findings.
+    """Compare the noise of distant and of neighbouring samples; return a (2,) factor and findings.
 
-    The factor is the noise at wide spacings divided by that at narrow spacings. Without a significant difference, the
-    factor is 1.
+    The factor is the noise from differences of distant samples divided by that of neighbouring samples. Without a
+    significant difference, the factor is 1.
     """
     factor, findings = np.ones(2), []
     if run.rate_hz < SCREEN.colour_hz:
@@ -363,6 +363,9 @@ def _colour(run: Run, rig: Rig, joints: Array, floor: Array) -> tuple[Array, lis
         ratio = stride_ratio(joints[:, axis], float(floor[axis]))
         if ratio > SCREEN.noise_ratio:
             factor[axis] = ratio
-            evidence = f"every third sample has {ratio:.2g} times the noise of neighbours: filtered before recording"
+            evidence = (
+                f"every third sample has {ratio:.2g} times the noise of neighbouring samples: the readings were"
+                " filtered before the recording"
+            )
             findings.append(SensorFinding("non_white_noise", run.name, name, None, evidence))
     return factor, findings

@@ -2,9 +2,9 @@
 
 A rod swings like a mass point at the distance I / S from its joint, with inertia I and first moment S. If all mass is
 between the joint and the end of the rod at L, this equivalent length is at most L (Huygens). If all time intervals are
-recorded k times too long, the equivalent length appears k^2 times longer. There is no other consequence, because the
-motion of one rod determines I / S only together with the unit of time. With two rods the unit of time is identifiable,
-because the coupling d relates gravity to L1.
+recorded k times too long, the equivalent length appears k^2 times longer. The error has no other effect, because the
+motion of one rod determines I / S only in combination with the unit of time. With two rods the unit of time is
+identifiable, because the coupling d relates gravity to L1.
 
 Source: Huygens (1673), Horologium oscillatorium, part 4.
 """
@@ -45,7 +45,7 @@ TIME_SCALE = TimeScaleRules()
 
 
 def with_time_scale(recordings: Recordings, ratios: Array) -> Recordings:
-    """Add a finding to the first recording whose time stamps contradict gravity.
+    """Add a finding to the first recording whose time stamps are inconsistent with gravity.
 
     Args:
         recordings: the runs
@@ -66,7 +66,7 @@ def equivalent_length(whole: Array, setup: Setup, rig: Rig) -> float:
 
 
 def _contradiction(record: Record, rig: Rig, ratios: Array) -> str:
-    """Describe how the time stamps of a single-rod recording contradict gravity.
+    """Describe how the time stamps of a single-rod recording are inconsistent with gravity.
 
     The text is empty without a contradiction.
     """
@@ -87,7 +87,7 @@ def _contradiction(record: Record, rig: Rig, ratios: Array) -> str:
     expected = TIME_SCALE.swings * 2 * math.pi * math.sqrt(nominal / rig.g)
     return (
         f"the rod swings like a simple pendulum of {length:.3g} m; the rig file gives {nominal:.3g} m. Either"
-        f" the time stamps are {stamps} (a video {film}), or the rod {masses}. These recordings cannot decide."
-        f" Time {TIME_SCALE.swings} small swings with a stopwatch: the rig file predicts {expected:.3g} s,"
-        f" the time stamps {factor * expected:.3g} s"
+        f" the time stamps are {stamps} (a video {film}), or the rod {masses}. These recordings cannot"
+        f" distinguish the two cases. Time {TIME_SCALE.swings} small swings with a stopwatch: the rig"
+        f" file predicts {expected:.3g} s, the time stamps {factor * expected:.3g} s"
     )

@@ -1,15 +1,15 @@
 """Correlated errors of angles that were tracked in a video.
 
-A tracker errs in the same direction for several frames. High-order differences contain only the rough part of such
-errors and underestimate the noise. The smooth part looks like an effect of the rig. The residual of the bare model
+The errors of a tracker have the same sign over several frames. High-order differences contain only the rough part of
+such errors and underestimate the noise. The smooth part looks like an effect of the rig. The residual of the bare model
 contains both parts. Within a segment its covariance is
 
     K(i, j) = s^2 rho^|i - j| + v^2 exp(-(t_i - t_j)^2 / (2 l^2)),
 
 the sum of a first-order autoregressive error and a smooth error of the motion. The standard deviations s and v, the
 correlation rho and the correlation time l are free. The spectrum of the first term decreases with the square of the
-frequency, that of the second much faster. This difference separates the two terms. The estimate of rho has the maximum
-likelihood.
+frequency, that of the second much faster. This difference separates the two terms. The value of rho is its
+maximum-likelihood estimate.
 
 Source: Rasmussen & Williams (2006), Gaussian Processes for Machine Learning, sections 4.2.1 and 5.4.1.
 """
@@ -66,7 +66,7 @@ def tracking_noise(recordings: Recordings, problem: Problem, bare: Fit) -> Track
         bare: bare model, fitted to the segments
 
     Returns:
-        the noise; None if white noise is as likely, or if the noise is known by other means
+        the noise; None if white noise is equally likely, or if the noise was measured
     """
     records = recordings.records
     if recordings.tracking or not all(record.may_be_film and not record.noise_measured for record in records):

@@ -60,7 +60,7 @@ class FreeRunError:
         return float(np.sqrt(np.mean(self.squares)))
 
     def followed_s(self, limit_rad: float) -> float:
-        """Return the time up to which the cumulative rms error stays below a limit, s.
+        """Return the time until which the cumulative rms error stays below a limit, s.
 
         The time is 0 if the error exceeds the limit from the beginning.
         """
@@ -69,7 +69,7 @@ class FreeRunError:
         return float(self.t[below][-1]) if below.any() else 0.0
 
     def until(self, end_s: float) -> "FreeRunError":
-        """Return the part of the error up to a given time."""
+        """Return the error truncated at a given time."""
         return FreeRunError(self.t[self.t <= end_s], self.squares[self.t <= end_s])
 
 

@@ -69,7 +69,7 @@ TRANSFER = TransferSettings()
 
 @dataclass(frozen=True, slots=True)
 class WorseFreeRun:
-    """Errors of free runs that the named effects increase, up to the time that the bare model can follow."""
+    """Errors of free runs that increase with the named effects, within the time that the bare model can predict."""
 
     before_rad: float
     """Error of the bare model: geometric mean over the runs of the rms error, rad."""

@@ -313,7 +313,7 @@ class _Linearised:
 
 
 def _without(part: Fold, removed: Sequence[int]) -> Fold:
-    """Return the normal equations of a recording after some columns are fitted to it alone."""
+    """Eliminate the columns that are fitted to one recording alone from its normal equations."""
     if not removed:
         return part
     H, gradient = part.H, part.gradient

@@ -121,9 +121,9 @@ def judged(
 ) -> tuple[EffectPosterior, ...]:
     """Return the effects with their probabilities after the tests.
 
-    The quarters of a single release are few and differ in amplitude. An effect that leaves only noise therefore stays
-    probable if it fails their test or cannot be tested (decision 96). In a set of several effects that
-    cannot be tested it does not (decision 110).
+    The quarters of a single release are few and differ in amplitude. If an effect leaves only noise, it therefore
+    remains probable even if it fails this test or cannot be tested (decision 96). This does not apply to a set of
+    several effects that cannot be tested (decision 110).
 
     Args:
         outcome: results on held-out recordings
@@ -157,7 +157,7 @@ def judged(
 class _Test:
     """Test on data that were not fitted.
 
-    A pair is the (2, segments) chi2 above the noise, of the models without and with some effects.
+    A pair is the (2, segments) excess chi2 of the models without and with some effects.
     """
 
     data: OutOfSample
@@ -181,11 +181,11 @@ class _Test:
         return np.minimum(np.nan_to_num(self.data.chi2(model), nan=np.inf), TRANSFER.wildest) - self.noise
 
     def excess(self, without: Hypothesis, chosen: Hypothesis) -> Array:
-        """Return the (2, segments) chi2 above the noise of two models."""
+        """Return the (2, segments) excess chi2 of the models without and with some effects."""
         return np.stack([self.above_noise(without), self.above_noise(chosen)])
 
     def reduction(self, pair: Array, rows: Rows = slice(None)) -> Interval:
-        """Return the share of the gap that closes in some segments."""
+        """Return the share of the gap that closes in the given segments."""
         uncertainty = float(np.sqrt(self.residuals.independent_noise * self.noise[rows].sum()))
         return reduction(pair[:, rows], uncertainty, self.rng, self.data.block, self.data.run[rows])
 
@@ -202,7 +202,10 @@ class _Test:
 
 
 def _failed(test: _Test, selection: Selection, pairs: Mapping[str, Array], closed: Interval) -> Iterator[str]:
-    """Yield the effects that do not carry over, from their pairs and the share that all effects together close."""
+    """Yield the effects that do not improve the held-out predictions.
+
+    The criteria are their pairs (`_Test`) and the share of the gap that all effects together close.
+    """
     ratio = _relative_to_fitted(closed, selection) if closed.value >= TRANSFER.comparable else 1.0
     for name, smaller in selection.without_substitute.items():
         if not test.carries_over(pairs[name], TRANSFER.kept * ratio * _fitted_share(smaller, selection.chosen)):
@@ -258,7 +261,7 @@ def _fitted_share(smaller: Hypothesis, chosen: Hypothesis) -> float:
 
 
 def _closing(test: _Test, selection: Selection) -> Iterator[Closing]:
-    """Yield the remaining gap and closed share of each set up to the selected one."""
+    """Yield the remaining gap and the closed share of each nested set, up to the selected one."""
     for name, model in [("", selection.bare), *selection.path]:
         pair = test.excess(selection.bare, model)
         rms = test.data.noise_rad * np.sqrt(max(float(pair[1].sum()), 0.0) / test.data.dof.sum())

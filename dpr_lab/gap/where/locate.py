@@ -99,7 +99,7 @@ def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, free: Free
 
 
 def _shape(fitted: ResidualMap, free: FreeFunctions, least: float) -> str:
-    """Describe a residual map; a trend of less than `least` standard deviations is not stated."""
+    """Describe a residual map in words; trends below `least` standard deviations are omitted."""
     x = fitted.knots
     match free.coordinate:
         case "speed":

@@ -1,13 +1,14 @@
 """Least-squares map of a free torque or encoder error, without the directions that the ratios absorb.
 
 Let M be the columns of the hat functions with the initial states projected out, and P M the same columns with the
-ratios also projected out. A direction m of the map keeps the share s = |P M m|^2 / |M m|^2 of its influence. The
-directions are those of the generalised eigenproblem
+ratios also projected out. After this projection, a direction m of the map retains the share s = |P M m|^2 / |M m|^2 of
+its influence on the readings. The directions are those of the generalised eigenproblem
 
     (P M)^T P M m = s M^T M m.
 
-A direction with a small share is undetermined, and is omitted. Over speed, for example, viscous friction absorbs a
-straight line. Clipped speeds and the error of the simulated responses leave a share of the order 1e-5.
+A direction with a small share is undetermined, and is omitted. For a torque as a function of speed, for example,
+viscous friction absorbs a straight line. The share of this direction is of the order 1e-5 instead of zero, because of
+numerical errors and of speeds outside the knots.
 """
 
 from collections.abc import Sequence

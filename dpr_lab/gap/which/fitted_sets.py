@@ -1,4 +1,4 @@
-"""Sets of effects with their fits and score tests; each set is fitted once.
+"""Collection of all fitted sets of effects with their score tests.
 
 A set is fitted from several shapes of its last effect, from short segments, and from the sets with one effect more and
 one effect fewer. The best of these fits is stored. `restarts` repeats the fit of a set from another
@@ -89,7 +89,7 @@ class FittedSets:
         return best
 
     def once(self, arguments: Arguments, result: Callable[[], Hypothesis]) -> Hypothesis:
-        """Return the fit for some arguments, which is computed at the first request."""
+        """Return the fit for the given arguments; it is computed once and then stored."""
         if arguments not in self.results:
             self.results[arguments] = result()
         return self.results[arguments]
@@ -107,7 +107,7 @@ class FittedSets:
         return (*off_axis(self.problem, model), *springs_like_scale(self.problem, self.library, model))
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
-        """Return whether the sizes of a set are possible, or those of the other set are impossible too."""
+        """Return whether the sizes of a set are possible, or the other set also has impossible sizes."""
         return self.possible(model) or not self.possible(other)
 
     def unexpected(self, model: Hypothesis) -> list[str]:
@@ -126,7 +126,7 @@ class FittedSets:
         return reduce(self.without, (name for name in model.effects if name not in corrections), model)
 
     def best_known(self, model: Hypothesis) -> Score | None:
-        """Return the largest positive score of a known effect that a set lacks, or None."""
+        """Return the largest positive score among the known effects that a set does not contain, or None."""
         missing = self.expected - model.key
         test = self._tested(model, missing) if missing else self.test(model)
         return next((score for score in test.ranking if score.effect.name in missing and score.gain > 0), None)
@@ -142,7 +142,7 @@ class FittedSets:
         other effects (`_from_shapes`).
         """
         shapeless = effect in self.library and not self.library[effect].shapes
-        return (self._tested(model, {effect}) if shapeless else self.test(model)).of(effect)
+        return (self._tested(model, {effect}) if shapeless else self.test(model)).best_score(effect)
 
     def _tested(self, model: Hypothesis, effects: Set[str]) -> ScoreTest:
         """Return the score test of a set that contains at least the given effects.
@@ -251,7 +251,7 @@ class FittedSets:
         return self.keep(smaller)
 
     def _stuck(self, smaller: Hypothesis, model: Hypothesis) -> bool:
-        """Return whether a few segments kept the fit of a smaller set in a local minimum.
+        """Return whether a few segments trap the fit of a smaller set in a local minimum.
 
         The fit of a larger set shows this: it reduces the chi2 of such a segment to less than half.
         """

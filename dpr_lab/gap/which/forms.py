@@ -3,13 +3,14 @@
 The library contains each effect in one functional form, and a real effect may have another: friction that grows with a
 power of the load, a softening spring, a delay that decreases with speed. While a residual remains, an additional effect
 may merely compensate for such a deviation. It must therefore explain a part of the residual that no other form of the
-remaining effects can explain. A torque that dissipates no energy, and the error of an encoder, have no form that
-depends on the speed: for example, a tilt whose sign changes with the speed would be friction.
+remaining effects can explain. Conservative torques and encoder errors have no form that depends on the speed: for
+example, a tilt whose sign changes with the speed would be friction.
 
 A form that contains the tested effect itself is not an alternative explanation. Air drag, for example, is Coulomb
-friction multiplied by a function of the speed. Two losses at a joint therefore have no other forms that depend on the
-speed. They also have no forms that depend on time, because the amplitude of a free swing decreases with time. The free
-function of the speed is an effect of the library (`friction_curve`), with which the search compares both.
+friction multiplied by a function of the speed. For two dissipative effects at one joint, forms that depend on the speed
+are therefore not considered. The same applies to forms that depend on time, because the amplitude of a free swing
+decreases with time. The free function of the speed is an effect of the library (`friction_curve`), with which the
+search compares both.
 """
 
 import numpy as np
@@ -56,7 +57,7 @@ def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: st
         test: score test of that set
         effect: name of the effect
     """
-    score = test.of(effect)
+    score = test.best_score(effect)
     if score is None:
         return None
     reference, linear = trajectory(problem, smaller.estimate), test.linear
@@ -125,9 +126,9 @@ def _free(effect: Effect, tested: Effect, angle: Array, speed: Array, t: Array) 
 
 
 def _are_losses_of_speed(effect: Effect, tested: Effect) -> bool:
-    """Return whether both effects are losses at one joint.
+    """Return whether both effects are speed-dependent dissipative torques at one joint.
 
-    The tested loss must not depend on the load of the joint.
+    The tested torque must not depend on the load of the joint.
     """
     share_joint = not set(effect.joints).isdisjoint(tested.joints)
     return share_joint and effect.dissipative and tested.dissipative and tested.stage != "load"

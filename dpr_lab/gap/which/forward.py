@@ -26,7 +26,7 @@ class Beam:
     """Number of candidates that are fitted near the noise."""
     fitted_when_far: int = 6
     """Number of candidates that are fitted far from the noise, where linear scores are unreliable."""
-    sets: int = 2
+    width: int = 2
     """Number of sets that are extended to the next larger size."""
     worse: float = 4.0
     """Maximum ratio of the excess of an extended set to that of the best set."""
@@ -55,7 +55,7 @@ def forward_selection(max_effects: int, *, to_floor: bool = False) -> Move:
     )
 
 
-def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor: bool) -> Iterator[Proposal]:
+def _larger_sets(fitted_sets: FittedSets, start: Hypothesis, max_effects: int, to_floor: bool) -> Iterator[Proposal]:
     """Yield the best set of each size.
 
     Far from the noise, the search continues after one rejected effect, because two effects may reduce the excess only
@@ -64,15 +64,15 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
     the reduction by a backlash poorly.
     """
     best, front, last_rejected = start, [start], False
-    for remaining in range(max_effects - len(sets.unexpected(start)), 0, -1):
-        if not (to_floor and front == [start]) and no_effects_reach_noise(sets, best):
+    for remaining in range(max_effects - len(fitted_sets.unexpected(start)), 0, -1):
+        if not (to_floor and front == [start]) and no_effects_reach_noise(fitted_sets, best):
             return
-        ranked = _next_level(sets, best, front, max_effects, last=last_rejected or remaining == 1)
+        ranked = _next_level(fitted_sets, best, front, max_effects, last=last_rejected or remaining == 1)
         if not ranked:
             return
         largest = ranked[0]
         yield Proposal(largest)
-        if accepted(sets.bare, best, largest) and not follows_remainder(sets.bare, largest, best):
+        if accepted(fitted_sets.bare, best, largest) and not follows_remainder(fitted_sets.bare, largest, best):
             best, last_rejected = largest, False
         elif last_rejected or not best.far_from_noise:
             return
@@ -80,36 +80,36 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
             last_rejected = True
         if to_floor and best.at_noise_floor:
             return
-        front = [largest] if largest.at_noise_floor else [largest, *_runners_up(sets, largest, ranked[1:])]
+        front = [largest] if largest.at_noise_floor else [largest, *_runners_up(fitted_sets, largest, ranked[1:])]
 
 
 def _next_level(
-    sets: FittedSets, best: Hypothesis, front: Sequence[Hypothesis], max_effects: int, *, last: bool
+    fitted_sets: FittedSets, best: Hypothesis, front: Sequence[Hypothesis], max_effects: int, *, last: bool
 ) -> list[Hypothesis]:
-    """Extend each set of `front` by one effect or two losses; return the larger sets, best first."""
+    """Extend each set of `front` by one effect or by two dissipative effects; return the new sets, best first."""
     level: dict[frozenset[str], Hypothesis] = {}
     for model in front:
-        level = _with_one_more(sets, best, model, level, last=last)
-        if len(sets.unexpected(model)) + 2 <= max_effects and (pair := _with_two_losses(sets, model)):
+        level = _with_one_more(fitted_sets, best, model, level, last=last)
+        if len(fitted_sets.unexpected(model)) + 2 <= max_effects and (pair := _with_two_losses(fitted_sets, model)):
             level[pair.key] = pair
-    ranked = _ranked(sets, best, level.values())
-    return _ranked(sets, best, [escaped(sets, ranked[0]), *ranked[1:]]) if ranked else []
+    ranked = _ranked(fitted_sets, best, level.values())
+    return _ranked(fitted_sets, best, [escaped(fitted_sets, ranked[0]), *ranked[1:]]) if ranked else []
 
 
-def no_effects_reach_noise(sets: FittedSets, model: Hypothesis) -> bool:
+def no_effects_reach_noise(fitted_sets: FittedSets, model: Hypothesis) -> bool:
     """Return whether the residual exceeds the noise even with all candidates.
 
     The noise is that of readings and torques. The residual is computed by a linear fit of all candidates together.
     """
-    if not refutes_torque_noise(sets.problem, model):
+    if not refutes_torque_noise(fitted_sets.problem, model):
         return False
-    test = sets.test(model)
+    test = fitted_sets.test(model)
     remaining = float(np.sum(test.linear.e**2)) - test.space.gain()
     return remaining > THRESHOLDS.far * model.residuals.dof
 
 
 def _with_one_more(
-    sets: FittedSets,
+    fitted_sets: FittedSets,
     best: Hypothesis,
     model: Hypothesis,
     level: Mapping[frozenset[str], Hypothesis],
@@ -118,24 +118,24 @@ def _with_one_more(
 ) -> dict[frozenset[str], Hypothesis]:
     """Extend a set by one promising effect at a time; return the extended level.
 
-    Once only noise remains, only equally promising effects are fitted. A candidate is skipped if even `BEAM.exceeded`
-    times its predicted reduction leaves too much excess (`_deciding_excess`).
+    Once a set leaves only noise, only effects that promise the same are fitted. A candidate is skipped if even
+    `BEAM.exceeded` times its predicted reduction leaves too much excess (`_deciding_excess`).
 
     Args:
-        sets: the fitted sets
+        fitted_sets: the fitted sets
         best: best smaller set
         model: set that is extended
         level: sets of the next larger size so far
         last: whether the search ends after this level unless it accepts a set
     """
     extended, least = dict(level), 0.0
-    for score in _candidates(model, sets.test(model)):
+    for score in _candidates(model, fitted_sets.test(model)):
         if score.gain <= least:
             continue
         reached = model.bounded_excess - BEAM.exceeded * score.gain
-        if reached > _deciding_excess(sets, best, model, list(extended.values()), last):
+        if reached > _deciding_excess(fitted_sets, best, model, list(extended.values()), last):
             continue
-        larger = sets.with_one(model, score)
+        larger = fitted_sets.with_one(model, score)
         if larger.at_noise_floor:
             least = max(least, BEAM.as_promising * (model.fit.chi2 - larger.fit.chi2))
         extended[larger.key] = larger
@@ -164,7 +164,7 @@ def _nearly_equal(score: Score, other: Score) -> bool:
 
 
 def _deciding_excess(
-    sets: FittedSets, best: Hypothesis, model: Hypothesis, level: Sequence[Hypothesis], last: bool
+    fitted_sets: FittedSets, best: Hypothesis, model: Hypothesis, level: Sequence[Hypothesis], last: bool
 ) -> float:
     """Return the largest excess at which a further extension of `model` could be extended or accepted.
 
@@ -175,24 +175,24 @@ def _deciding_excess(
         fewer = 0.0 if model.far_from_noise else other.inflation * max(other.penalty - model.penalty, 0.0)
         return other.bounded_excess + fewer
 
-    sound = sorted((m for m in level if not any(_doubts(sets, best, level, m))), key=lambda model: model.cost)
-    ahead = [*sound[:1], *_runners_up(sets, sound[0], sound[1:])] if sound else []
+    sound = sorted((m for m in level if not any(_doubts(fitted_sets, best, level, m))), key=lambda model: model.cost)
+    ahead = [*sound[:1], *_runners_up(fitted_sets, sound[0], sound[1:])] if sound else []
     if last:
         noise = THRESHOLDS.noise_floor * model.residuals.uncertainty
-        return max(noise, min([most_excess(sets.bare, best), *map(excess, ahead[:1])]))
-    if len(ahead) == BEAM.sets:
+        return max(noise, min([most_excess(fitted_sets.bare, best), *map(excess, ahead[:1])]))
+    if len(ahead) == BEAM.width:
         return excess(ahead[-1])
     return BEAM.worse * min(map(excess, ahead), default=np.inf)
 
 
-def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
-    """Add the two losses of one joint that hide each other and together explain more than any single effect.
+def _with_two_losses(fitted_sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
+    """Add two dissipative effects of one joint that together explain more than any single effect.
 
-    The loss per swing increases with the amplitude to the power 1 for Coulomb friction, 2 for viscous friction, which
-    the model contains, and 3 for air drag. Coulomb friction and drag therefore change a decay in opposite ways, and
-    each alone explains little or has the wrong sign. The result is None without such a pair.
+    The energy loss per swing is proportional to the amplitude for Coulomb friction, to its square for viscous friction,
+    which the model contains, and to its cube for air drag. Coulomb friction and drag therefore change a decay in
+    opposite ways, and each alone explains little or has the wrong sign. The result is None without such a pair.
     """
-    test = sets.test(model)
+    test = fitted_sets.test(model)
     best_scores = (test.shaped[name][0] for name in sorted(test.shaped))
     one_size = (score for score in best_scores if len(score.columns) == 1 and not score.effect.shapes)
     losses = [score for score in one_size if score.effect.dissipative]
@@ -207,45 +207,48 @@ def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
     gain, larger, smaller = max(pairs, key=lambda pair: pair[0])
     if gain < test.ranking[0].gain + THRESHOLDS.chance:
         return None
-    with_larger = sets.with_one(model, larger)
-    score = sets.score(with_larger, smaller.effect.name)
-    return None if score is None else sets.with_one(with_larger, score)
+    with_larger = fitted_sets.with_one(model, larger)
+    score = fitted_sets.score(with_larger, smaller.effect.name)
+    return None if score is None else fitted_sets.with_one(with_larger, score)
 
 
-def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) -> list[Hypothesis]:
-    """Sort sets by the criterion, with doubtful sets last."""
+def _ranked(fitted_sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) -> list[Hypothesis]:
+    """Sort sets by the criterion; sets with implausible effects are last."""
     models = list(models)
-    return sorted(models, key=lambda model: (*_doubts(sets, best, models, model), model.cost))
+    return sorted(models, key=lambda model: (*_doubts(fitted_sets, best, models, model), model.cost))
 
 
-def _doubts(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], model: Hypothesis) -> tuple[bool, bool]:
-    """Return whether a set has an impossible size, and whether it contains an effect that only imitates others."""
-    imitates = follows_remainder(sets.bare, model, best) or any(
-        follows_swing(sets.bare, model, other) or follows_decay(sets.bare, model, other) for other in models
+def _doubts(
+    fitted_sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], model: Hypothesis
+) -> tuple[bool, bool]:
+    """Return whether a set has an impossible size, and whether one of its effects only imitates other causes."""
+    imitates = follows_remainder(fitted_sets.bare, model, best) or any(
+        follows_swing(fitted_sets.bare, model, other) or follows_decay(fitted_sets.bare, model, other)
+        for other in models
     )
-    return not sets.possible(model), imitates
+    return not fitted_sets.possible(model), imitates
 
 
-def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
+def _runners_up(fitted_sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
     """Return the next best sets of similar excess, except simpler or richer forms of the best set."""
-    separate = [model for model in others if not _are_forms(sets, model, best)]
-    return [model for model in separate[: BEAM.sets - 1] if model.bounded_excess < BEAM.worse * best.bounded_excess]
+    separate = [model for model in others if not _are_forms(fitted_sets, model, best)]
+    return [model for model in separate[: BEAM.width - 1] if model.bounded_excess < BEAM.worse * best.bounded_excess]
 
 
-def _are_forms(sets: FittedSets, model: Hypothesis, other: Hypothesis) -> bool:
+def _are_forms(fitted_sets: FittedSets, model: Hypothesis, other: Hypothesis) -> bool:
     """Return whether two sets differ in one effect that is a simpler form of the other."""
     only_first, only_second = model.key - other.key, other.key - model.key
     if len(only_first) != 1 or len(only_second) != 1:
         return False
     (first,), (second,) = only_first, only_second
-    return first in sets.library[second].nested or second in sets.library[first].nested
+    return first in fitted_sets.library[second].nested or second in fitted_sets.library[first].nested
 
 
-def _significant_and_large(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+def _significant_and_large(fitted_sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     model = proposal.model
-    limit = significance(sets.bare, current, model)
+    limit = significance(fitted_sets.bare, current, model)
     if current.cost - model.cost < limit:
         return Decision(False, f"the criterion falls by less than {limit:.3g}, which is not significant")
-    if accepted(sets.bare, current, model):
+    if accepted(fitted_sets.bare, current, model):
         return Decision(True, "only noise remains" if model.at_noise_floor else "explains more than random noise")
     return Decision(False, f"the excess decreases by less than a factor of {THRESHOLDS.excess_factor:g}")

@@ -13,13 +13,13 @@ from dpr_lab.gap.which.restarts import escaped
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 
-def _with_known_effects(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+def _with_known_effects(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose the bare model plus the known effects of the rig, the largest first."""
-    model = sets.bare
-    while score := sets.best_known(model):
-        model = sets.with_one(model, score)
+    model = fitted_sets.bare
+    while score := fitted_sets.best_known(model):
+        model = fitted_sets.with_one(model, score)
     if model.effects:
-        yield Proposal(escaped(sets, model))
+        yield Proposal(escaped(fitted_sets, model))
 
 
 START = Move(
@@ -30,22 +30,22 @@ START = Move(
 )
 
 
-def _converged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+def _converged(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose the set with a converged fit, without effects whose fitted size is zero."""
-    model = sets.fits[current.key]
+    model = fitted_sets.fits[current.key]
     if model.effects and not model.fit.converged:
-        refitted = fit(sets.problem, model.estimate, model.fit.free, iterations=2 * EFFORT.fine)
-        model = sets.keep(hypothesis(sets.problem, model.effects, refitted))
+        refitted = fit(fitted_sets.problem, model.estimate, model.fit.free, iterations=2 * EFFORT.fine)
+        model = fitted_sets.keep(hypothesis(fitted_sets.problem, model.effects, refitted))
     present = tuple(name for name in model.effects if name in named_params(model.estimate.params))
     if len(present) < len(model.effects):
-        free = free_parameters(model.estimate, present, sets.problem)
-        smaller = fit(sets.problem, model.estimate, free, iterations=EFFORT.fine)
-        model = sets.keep(hypothesis(sets.problem, present, smaller))
+        free = free_parameters(model.estimate, present, fitted_sets.problem)
+        smaller = fit(fitted_sets.problem, model.estimate, free, iterations=EFFORT.fine)
+        model = fitted_sets.keep(hypothesis(fitted_sets.problem, present, smaller))
     if model is not current:
         yield Proposal(model)
 
 
-def _fitted_to_the_end(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+def _fitted_to_the_end(fitted_sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     fewer = len(proposal.model.effects) < len(current.effects)
     return Decision(
         True, "the fit converged; effects with zero amplitude are removed" if fewer else "the minimum was not reached"

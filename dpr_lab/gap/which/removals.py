@@ -19,34 +19,36 @@ from dpr_lab.gap.which.search import Decision, Move, Proposal
 from dpr_lab.shown import percent
 
 
-def _smaller_adequate(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the smallest fitted set, on any branch, that explains nearly as much as the current set.
+def _smaller_adequate(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """Propose the smallest of all fitted sets that explains nearly as much as the current set.
 
     It keeps the known effects of the rig, and adds no size that is typical of another cause. An impossible size is
     allowed, because later moves can make it possible.
     """
     smaller_sets = [
         model
-        for model in sets.fits.values()
+        for model in fitted_sets.fits.values()
         if 0 < len(model.effects) < len(current.effects)
-        and current.key & sets.expected <= model.key
-        and set(sets.imitating(model)) <= set(sets.imitating(current))
+        and current.key & fitted_sets.expected <= model.key
+        and set(fitted_sets.imitating(model)) <= set(fitted_sets.imitating(current))
     ]
-    adequate = [model for model in smaller_sets if _explains_nearly_as_much(sets, model, current)]
+    adequate = [model for model in smaller_sets if _explains_nearly_as_much(fitted_sets, model, current)]
     if adequate:
         yield Proposal(min(adequate, key=lambda model: (len(model.effects), model.cost)))
 
 
-def _explains_nearly_as_much(sets: FittedSets, model: Hypothesis, current: Hypothesis) -> bool:
+def _explains_nearly_as_much(fitted_sets: FittedSets, model: Hypothesis, current: Hypothesis) -> bool:
     """Return whether a smaller set is as likely as the current set and lacks no large effect."""
     lost = model.bounded_excess - current.bounded_excess
-    if lost >= THRESHOLDS.large * sets.corrected_bare(current).bounded_excess:
+    if lost >= THRESHOLDS.large * fitted_sets.corrected_bare(current).bounded_excess:
         return False
     if model.bounded_excess >= THRESHOLDS.necessary_factor * current.bounded_excess:
         return False
     if current.at_noise_floor and not model.at_noise_floor:
         return False
-    chance = significance(sets.bare, model, current) if current.at_noise_floor else segment_scatter(model, current)
+    chance = (
+        significance(fitted_sets.bare, model, current) if current.at_noise_floor else segment_scatter(model, current)
+    )
     return model.cost - current.cost < chance
 
 
@@ -54,26 +56,32 @@ SMALLEST_ADEQUATE = Move(
     "smallest adequate set",
     "an earlier, smaller set that explains nearly as much replaces the current one",
     _smaller_adequate,
-    lambda *_: Decision(True, "fewer effects explain nearly as much"),
+    lambda *_: Decision(True, "explains nearly as much with fewer effects"),
 )
 
 
-def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+def _without_least_needed(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose the set without its least necessary effect."""
     if len(current.effects) < 2:
         return
-    removable = [name for name in sets.unexpected(current) if sets.as_possible(sets.without(current, name), current)]
+    removable = [
+        name
+        for name in fitted_sets.unexpected(current)
+        if fitted_sets.as_possible(fitted_sets.without(current, name), current)
+    ]
     if removable:
-        bare = sets.corrected_bare(current)
-        needs = {name: evidence_ratio(bare, current, sets.without_substitute(current, name)) for name in removable}
+        bare = fitted_sets.corrected_bare(current)
+        needs = {
+            name: evidence_ratio(bare, current, fitted_sets.without_substitute(current, name)) for name in removable
+        }
         least = min(needs, key=lambda name: needs[name])
-        yield Proposal(sets.without(current, least), needs[least])
+        yield Proposal(fitted_sets.without(current, least), needs[least])
 
 
-def _not_needed(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+def _not_needed(fitted_sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     if proposal.value < 1:
         return Decision(True, f"not necessary: {proposal.value:.2g} of the required increase")
-    chance = significance(sets.bare, proposal.model, current)
+    chance = significance(fitted_sets.bare, proposal.model, current)
     if proposal.model.cost - current.cost > chance:
         return Decision(False, f"necessary: {proposal.value:.3g} times the required increase")
     return Decision(True, f"the criterion grows by less than {chance:.3g}, which is not significant")
@@ -88,64 +96,69 @@ DROP = Move(
 )
 
 
-def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+def _without_least_own(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose the set without the effect that has the smallest own share, while a residual remains.
 
-    The own share is the part of its reduction that no other form of the remaining effects explains. A free function
-    can imitate an effect with few amplitudes even if this effect is the cause. A set that keeps it, and lacks an effect
-    with more amplitudes instead, is therefore proposed first if it explains as much.
+    The own share is the part of its reduction that no other form of the remaining effects explains. Even if an effect
+    with few amplitudes is a true cause, a free function can imitate it. Therefore, if the set without an effect of more
+    amplitudes explains as much, that set is proposed first.
     """
     if current.at_noise_floor or len(current.effects) < 2:
         return
-    smaller_sets = _without_possible_compensations(sets, current)
+    smaller_sets = _without_possible_compensations(fitted_sets, current)
     shares = {
-        name: own_share(sets.problem, smaller, sets.test(smaller), name) for name, smaller in smaller_sets.items()
+        name: own_share(fitted_sets.problem, smaller, fitted_sets.test(smaller), name)
+        for name, smaller in smaller_sets.items()
     }
     proposals = [Proposal(smaller_sets[name], share) for name, share in shares.items() if share is not None]
     if not proposals:
         return
     least = min(proposals, key=lambda proposal: proposal.value)
-    simpler = [other for other in smaller_sets.values() if explains_as_much(sets.bare, other, least.model)]
+    simpler = [other for other in smaller_sets.values() if explains_as_much(fitted_sets.bare, other, least.model)]
     if simpler and least.value < THRESHOLDS.own_share:
         yield Proposal(min(simpler, key=lambda model: (len(model.fit.free), model.cost)))
     yield least
 
 
-def _without_possible_compensations(sets: FittedSets, current: Hypothesis) -> dict[str, Hypothesis]:
-    """Return, for each effect that may only compensate for another effect's form, the set without it.
+def _without_possible_compensations(fitted_sets: FittedSets, current: Hypothesis) -> dict[str, Hypothesis]:
+    """Return the set without each effect that may only compensate for the inexact form of another effect.
 
     Two kinds of effects are not included: those that every rig has, and those without which the excess is far above
     that of the best fitted set. The result is empty if a removal would lead the search to a curve that explains less.
     """
-    closest = min(model.bounded_excess for model in sets.fits.values())
-    limit = min(THRESHOLDS.necessary_factor_if_small * closest, THRESHOLDS.open_share * sets.bare.bounded_excess)
-    removable = (name for name in sets.unexpected(current) if not sets.library[name].universal)
-    smaller_sets = {name: sets.without(current, name) for name in removable}  # also fitted for the following test
-    if _removal_leads_to_curve(sets, current):
+    closest = min(model.bounded_excess for model in fitted_sets.fits.values())
+    limit = min(THRESHOLDS.necessary_factor_if_small * closest, THRESHOLDS.open_share * fitted_sets.bare.bounded_excess)
+    removable = (name for name in fitted_sets.unexpected(current) if not fitted_sets.library[name].universal)
+    smaller_sets = {
+        name: fitted_sets.without(current, name) for name in removable
+    }  # also fitted for the following test
+    if _removal_leads_to_curve(fitted_sets, current):
         return {}
     return {
         name: smaller
         for name, smaller in smaller_sets.items()
-        if smaller.bounded_excess <= limit and sets.as_possible(smaller, current)
+        if smaller.bounded_excess <= limit and fitted_sets.as_possible(smaller, current)
     }
 
 
-def _removal_leads_to_curve(sets: FittedSets, current: Hypothesis) -> bool:
-    """Return whether the best possible smaller set costs more and has more parameters: it contains a curve.
+def _removal_leads_to_curve(fitted_sets: FittedSets, current: Hypothesis) -> bool:
+    """Return whether the best smaller set costs more and has more parameters, so that it contains a curve.
 
     The search would choose this set after a removal. All smaller sets must be fitted first.
     """
     others = (
-        model for model in sets.fits.values() if len(model.effects) < len(current.effects) and sets.possible(model)
+        model
+        for model in fitted_sets.fits.values()
+        if len(model.effects) < len(current.effects) and fitted_sets.possible(model)
     )
     best = min(others, key=lambda model: model.cost, default=current)
     return best.cost > current.cost and len(best.fit.free) > len(current.fit.free)
 
 
-def _compensates_for_another_form(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+def _compensates_for_another_form(fitted_sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     if np.isnan(proposal.value):
         return Decision(True, "of two effects that explain the same part, the one with fewer amplitudes is kept")
-    share = f"{percent(proposal.value)} of its reduction is explained by no other form of the remaining effects"
+    share = f"{percent(proposal.value)} of its reduction cannot be explained by other forms of the remaining effects"
     return Decision(proposal.value < THRESHOLDS.own_share, share)
 
 
@@ -159,26 +172,26 @@ OWN_SHARE = Move(
 )
 
 
-def _without_misleading(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the set without misleading effects or, if it predicts held-out runs better, with replacements."""
-    smaller = sets.predictive(current)
-    if smaller is current or sets.held_out_chi2 is None:
+def _without_misleading(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    """Propose the set without effects that worsen held-out predictions or, if better, with replacements of them."""
+    smaller = fitted_sets.predictive(current)
+    if smaller is current or fitted_sets.held_out_chi2 is None:
         return
-    limit, misleading = sets.held_out_chi2(smaller), current.key - smaller.key
+    limit, misleading = fitted_sets.held_out_chi2(smaller), current.key - smaller.key
     others = [
         model
-        for model in sets.fits.values()
+        for model in fitted_sets.fits.values()
         if smaller.key < model.key
         and not misleading & model.key
         and len(model.key) <= len(current.key)
-        and sets.possible(model)
-        and accepted(sets.bare, smaller, model)
-        and sets.held_out_chi2(model) < limit
+        and fitted_sets.possible(model)
+        and accepted(fitted_sets.bare, smaller, model)
+        and fitted_sets.held_out_chi2(model) < limit
     ]
     yield Proposal(min(others, key=lambda model: model.cost, default=smaller))
 
 
-def _predicts_held_out_runs(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+def _predicts_held_out_runs(fitted_sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     others = proposal.model.key - current.key
     return Decision(True, "held-out runs are predicted better " + ("with the other effect" if others else "without it"))
 

@@ -25,9 +25,9 @@ from dpr_lab.gap.which.restarts import escaped, replaced_linearly, simpler_forms
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 
-def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+def _as_good(fitted_sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     """Accept a replacement that explains as much as the set, within the margin for forms."""
-    model, margin = proposal.model, form_indifference(sets.bare, current)
+    model, margin = proposal.model, form_indifference(fitted_sets.bare, current)
     adequate = (
         model.at_noise_floor
         if current.at_noise_floor
@@ -41,45 +41,45 @@ def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decis
 SIMPLER_FORM = Move(
     "simpler form",
     "an effect is replaced by a simpler one that it contains, if this one explains as much",
-    lambda sets, current: map(Proposal, simpler_forms(sets, current)),
+    lambda fitted_sets, current: map(Proposal, simpler_forms(fitted_sets, current)),
     _as_good,
     then="repeat",
 )
 
 
-def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+def _several_for_one(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose sets in which effects with one amplitude, and in total fewer parameters, replace a curve.
 
     On a small arc, a curve imitates a tilt, friction and drag together, and is selected first. A shape is a further
     parameter of an effect.
     """
-    for curve in sets.unexpected(current):
+    for curve in fitted_sets.unexpected(current):
         if curve not in current.curves:
             continue
-        model = sets.without(current, curve)
+        model = fitted_sets.without(current, curve)
         while model.parameters + 1 < current.parameters:
-            ranking = (score for score in sets.test(model).ranking if score.effect.name != curve)
+            ranking = (score for score in fitted_sets.test(model).ranking if score.effect.name != curve)
             score = next((score for score in ranking if len(score.columns) == 1), None)
             if score is None or score.gain < current.chance:
                 break
-            model = sets.with_one(model, score)
-            if model.parameters < current.parameters and sets.possible(model):
+            model = fitted_sets.with_one(model, score)
+            if model.parameters < current.parameters and fitted_sets.possible(model):
                 yield Proposal(model)
 
 
-def _nearly_as_good_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+def _nearly_as_good_with_fewer_parameters(fitted_sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     model = proposal.model
     if (
-        sets.possible(model)
-        and not sets.possible(current)
+        fitted_sets.possible(model)
+        and not fitted_sets.possible(current)
         and model.bounded_excess < THRESHOLDS.excess_factor * current.bounded_excess
     ):
-        return Decision(True, "fewer parameters explain nearly as much, with sizes that a rig can have")
+        return Decision(True, "explains nearly as much with fewer parameters, and with sizes that a rig can have")
     if model.cost < current.cost and model.at_noise_floor >= current.at_noise_floor:
-        return Decision(True, "fewer parameters explain more")
-    if follows_remainder(sets.bare, current, model):
+        return Decision(True, "explains more with fewer parameters")
+    if follows_remainder(fitted_sets.bare, current, model):
         return Decision(True, "the additional effect only fits the remainder of small unknown causes")
-    return Decision(False, "fewer parameters explain less")
+    return Decision(False, "explains less with fewer parameters")
 
 
 SEVERAL_CAUSES = Move(
@@ -92,17 +92,17 @@ SEVERAL_CAUSES = Move(
 )
 
 
-def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+def _better_alternative(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Fit the alternatives to each effect; propose the best and the likeliest set of at most the current size."""
-    fits = fit_alternatives(sets, sets.predictive(current))
-    known = current.key & sets.expected
+    fits = fit_alternatives(fitted_sets, fitted_sets.predictive(current))
+    known = current.key & fitted_sets.expected
     others = [
         model
         for model in fits.values()
         if model.effects
         and len(model.effects) <= len(current.effects)
         and known <= model.key
-        and sets.as_possible(model, current)
+        and fitted_sets.as_possible(model, current)
     ]
     best = min(others, key=lambda model: model.cost, default=current)
     likeliest = min(others, key=lambda model: cost_with_prior(model, current), default=current)
@@ -110,11 +110,11 @@ def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Propo
         yield Proposal(model)
 
 
-def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    best, chance = proposal.model, significance(sets.bare, current, proposal.model)
+def _explains_more(fitted_sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    best, chance = proposal.model, significance(fitted_sets.bare, current, proposal.model)
     likelier = log_prior_ratio(best, current) > math.log(THRESHOLDS.likelier)
-    if not likelier and explains_as_much(sets.bare, current, best):
-        return Decision(False, "fewer parameters explain about as much")
+    if not likelier and explains_as_much(fitted_sets.bare, current, best):
+        return Decision(False, "explains about as much with fewer parameters")
     if cost_with_prior(best, current) >= current.cost:
         return Decision(False, "the criterion does not fall by as much as the prior odds require")
     if current.cost - best.cost > chance:
@@ -133,20 +133,20 @@ BETTER_ALTERNATIVE = Move(
 )
 
 
-def _larger_priors(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+def _larger_priors(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose sets in which an indistinguishable effect or a simpler form replaces another.
 
     The value of a proposal is the ratio of the probabilities.
     """
-    chosen = sets.predictive(current)
-    margin = indifference(sets.bare, chosen)
-    for name in sets.unexpected(chosen):
-        smaller = sets.without(chosen, name)
-        test = sets.test(smaller)
-        if (score := test.of(name)) is None:
+    chosen = fitted_sets.predictive(current)
+    margin = indifference(fitted_sets.bare, chosen)
+    for name in fitted_sets.unexpected(chosen):
+        smaller = fitted_sets.without(chosen, name)
+        test = fitted_sets.test(smaller)
+        if (score := test.best_score(name)) is None:
             continue
         for other in test.ranking:
-            model = sets.fits.get(smaller.key | {other.effect.name})
+            model = fitted_sets.fits.get(smaller.key | {other.effect.name})
             if model is None or model.key == chosen.key:
                 continue
             if other.effect.name in EFFECTS[name].nested:
@@ -156,9 +156,9 @@ def _larger_priors(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
                 tolerance = CALIBRATION.unit(chosen.inflation) * math.log(THRESHOLDS.tie) if first else 0.0
                 likely = cost_with_prior(model, chosen) < chosen.cost + tolerance
                 close = likely and abs(model.cost - chosen.cost) <= margin
-                absorbed = first and sets.test(chosen).absorbs(other.effect, EFFECTS[name])
+                absorbed = first and fitted_sets.test(chosen).absorbs(other.effect, EFFECTS[name])
                 same = close and (absorbed or test.indistinguishable(score, other))
-            if same and sets.as_possible(model, chosen):
+            if same and fitted_sets.as_possible(model, chosen):
                 yield Proposal(model, member_odds(model, chosen, name, other.effect.name))
 
 
@@ -169,12 +169,12 @@ def _comes_first(name: str, other: str) -> bool:
     return first.common and second.common and order[0] < order[1]
 
 
-def _more_probable(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+def _more_probable(fitted_sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     ratio = f"the ratio of the probabilities is {proposal.value:.2g}"
     accepted = proposal.value > THRESHOLDS.tie
     added, removed = proposal.model.key - current.key, current.key - proposal.model.key
     if proposal.value > 1 / THRESHOLDS.tie and added and all(starmap(_comes_first, product(added, removed))):
-        return Decision(True, f"indistinguishable, and first in the fixed order of common effects; {ratio}")
+        return Decision(True, f"indistinguishable, and earlier in the fixed order of common effects; {ratio}")
     richer = any(not current.key.isdisjoint(EFFECTS[name].nested) for name in proposal.model.key - current.key)
     if richer and not accepted:
         return Decision(False, f"the richer form is not needed, because it explains about as much; {ratio}")
@@ -190,7 +190,7 @@ LARGER_PRIOR = Move(
 )
 
 
-def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[str], Hypothesis]:
+def fit_alternatives(fitted_sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[str], Hypothesis]:
     """Fit the sets in which an alternative replaces an effect, and return all fitted sets.
 
     Alternatives are indistinguishable by the linear scores, or have the largest scores, or are simpler forms while a
@@ -200,29 +200,29 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
     is not repeated from other starting points if its cost is far too high (`EFFORT.hopeless`).
     """
     if not chosen.at_noise_floor:
-        for simpler in simpler_forms(sets, chosen):
-            sets.keep(simpler)
+        for simpler in simpler_forms(fitted_sets, chosen):
+            fitted_sets.keep(simpler)
     for name in chosen.effects:
-        smaller = sets.without(chosen, name)
-        test = sets.test(smaller)
+        smaller = fitted_sets.without(chosen, name)
+        test = fitted_sets.test(smaller)
         for score in _indistinguishable(test, name):
-            other = sets.with_one(smaller, score)
+            other = fitted_sets.with_one(smaller, score)
             if other.cost - chosen.cost > chosen.chance:
-                other = replaced_linearly(sets, chosen, name, score)
+                other = replaced_linearly(fitted_sets, chosen, name, score)
             if other.cost - chosen.cost < EFFORT.hopeless * chosen.chance:
-                escaped(sets, other)
+                escaped(fitted_sets, other)
         for score in test.ranking[: EFFORT.replacements]:
             if score.effect.name != name and smaller.cost - score.gain < chosen.cost:
-                sets.with_one(smaller, score)
+                fitted_sets.with_one(smaller, score)
         for score in _similar(test, name):
             if score.effect.common or not chosen.at_noise_floor:
-                sets.with_one(smaller, score)
-    return sets.fits
+                fitted_sets.with_one(smaller, score)
+    return fitted_sets.fits
 
 
 def _similar(test: ScoreTest, name: str) -> Iterator[Score]:
     """Yield the scores of other effects with a similar signature and nearly the score of the effect."""
-    if (named := test.of(name)) is not None:
+    if (named := test.best_score(name)) is not None:
         for score in test.ranking:
             nearly = EFFORT.nearly_common if score.effect.common else EFFORT.nearly
             similar = score.gain > nearly * named.gain and test.cosine(named, score) > nearly
@@ -232,7 +232,7 @@ def _similar(test: ScoreTest, name: str) -> Iterator[Score]:
 
 def _indistinguishable(test: ScoreTest, name: str) -> Iterator[Score]:
     """Yield the scores of effects, other than forms of `name`, that have the same signature."""
-    if (current_score := test.of(name)) is None:
+    if (current_score := test.best_score(name)) is None:
         return
     for score in test.ranking:
         form = score.effect.name in {name, *current_score.effect.nested} or name in score.effect.nested

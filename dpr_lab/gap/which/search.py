@@ -48,7 +48,7 @@ class SearchState:
     """Immutable state of the search."""
 
     current: Hypothesis
-    sets: FittedSets
+    fitted_sets: FittedSets
     """All fitted sets with their score tests; each move works on a copy."""
     max_effects: int
     """Maximum number of effects, not counting those that every rig of this kind has."""
@@ -74,7 +74,7 @@ class SearchState:
 def _caveat(model: Hypothesis) -> str:
     """Return a note if the fit of a set did not reach the linear prediction that its criterion contains."""
     stuck = model.fit.stop is StopReason.NO_DESCENT
-    return "; its fit may have ended above the minimum that the criterion assumes" if stuck else ""
+    return "; its fit may not have reached the minimum that the criterion assumes" if stuck else ""
 
 
 def apply_moves(moves: Sequence[Move], state: SearchState) -> SearchState:
@@ -86,26 +86,26 @@ def apply_moves(moves: Sequence[Move], state: SearchState) -> SearchState:
 
 def apply_move(move: Move, state: SearchState) -> SearchState:
     """Apply one move; `_refusal` can refuse a set that the move accepts."""
-    sets = state.sets.copied()
+    fitted_sets = state.fitted_sets.copied()
     while True:
         before = state.current
-        for proposal in move.propose(sets, before):
-            decision = move.accept(sets, state.current, proposal)
+        for proposal in move.propose(fitted_sets, before):
+            decision = move.accept(fitted_sets, state.current, proposal)
             if decision.accepted and (reason := _refusal(state, proposal.model)):
                 decision = Decision(False, reason)
             state = state.after(move, proposal, decision)
             if decision.accepted and move.then != "go on":
                 break
         if move.then != "repeat" or state.current is before:
-            return replace(state, sets=sets)
+            return replace(state, fitted_sets=fitted_sets)
 
 
 def _refusal(state: SearchState, model: Hypothesis) -> str:
     """Return the reason, if any, why no move may replace the current set by a given set."""
-    sets = state.sets
-    if follows_remainder(sets.bare, model, state.current):
+    fitted_sets = state.fitted_sets
+    if follows_remainder(fitted_sets.bare, model, state.current):
         return "the additional effect only fits the remainder of small unknown causes"
-    size = len(sets.unexpected(model))
-    if size > max(state.max_effects, len(sets.unexpected(state.current))):
+    size = len(fitted_sets.unexpected(model))
+    if size > max(state.max_effects, len(fitted_sets.unexpected(state.current))):
         return f"more effects than the maximum number of {state.max_effects}"
     return ""

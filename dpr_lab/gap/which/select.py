@@ -26,20 +26,20 @@ MOST_REVISIONS = 3
 """Maximum number of revisions of the selected set."""
 
 
-def forward(sets: FittedSets, max_effects: int = 4) -> SearchState:
+def forward(fitted_sets: FittedSets, max_effects: int = 4) -> SearchState:
     """Return the state of the search after forward selection of at most `max_effects` effects.
 
     Far from the noise, short segments are searched first, in which effects are more linear. If they refute the noise of
     known torques, the search ends: it is repeated without this noise (`dpr_lab.gap.corrections`). Full segments have
     fewer free initial states, so they refute it too.
     """
-    start = SearchState(sets.bare, sets, max_effects)
-    if not sets.bare.far_from_noise:
+    start = SearchState(fitted_sets.bare, fitted_sets, max_effects)
+    if not fitted_sets.bare.far_from_noise:
         return apply_moves((START, forward_selection(max_effects)), start)
     additions = (START, forward_selection(max_effects, to_floor=True))
-    short_sets = sets.on_short()
+    short_sets = fitted_sets.on_short()
     short = apply_moves(additions, SearchState(short_sets.bare, short_sets, max_effects))
-    if refutes_torque_noise(sets.problem, short.current):
+    if refutes_torque_noise(fitted_sets.problem, short.current):
         return start
     return apply_moves((short_segments(short), forward_selection(max_effects)), start)
 
@@ -47,17 +47,17 @@ def forward(sets: FittedSets, max_effects: int = 4) -> SearchState:
 def refined(state: SearchState) -> Selection:
     """Refine the result of forward selection; repeat the search if the bare model was in a local minimum."""
     selection = _one_search(state)
-    bare = _better_bare_model(state.sets.problem, selection)
+    bare = _better_bare_model(state.fitted_sets.problem, selection)
     if bare is None:
         return selection
-    return _one_search(forward(state.sets.from_bare(bare), state.max_effects))
+    return _one_search(forward(state.fitted_sets.from_bare(bare), state.max_effects))
 
 
 def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | None:
     """Return a better fit of the bare model if its first fit was a local minimum, or None.
 
-    The fit starts from the set of one effect at the end of the path. An effect that merely leads the fit out of such a
-    minimum is not a cause.
+    The fit starts from the set of one effect at the end of the path. If an effect only leads the fit out of such a
+    minimum, it is not a cause.
     """
     first = selection.bare
     if not selection.path or not first.far_from_noise:
@@ -85,9 +85,9 @@ def _one_search(state: SearchState) -> Selection:
 def short_segments(short: SearchState) -> Move:
     """Create the move that refines the set of short segments, and fits it to full segments."""
 
-    def propose(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
+    def propose(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
         state = apply_moves(SHORT, short)
-        model = fitted_to_working_segments(sets, state.current) if state.current.effects else sets.bare
+        model = fitted_to_working_segments(fitted_sets, state.current) if state.current.effects else fitted_sets.bare
         yield Proposal(model, trials=state.trace)
 
     return Move(
@@ -99,7 +99,7 @@ def short_segments(short: SearchState) -> Move:
     )
 
 
-def _predicts_whole_segments(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+def _predicts_whole_segments(fitted_sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     better = proposal.model.cost < current.cost
     return Decision(better, f"the criterion {'falls' if better else 'does not fall'} in the full segments")
 
@@ -117,7 +117,7 @@ def _revised(state: SearchState) -> SearchState:
         tested = apply_moves(moves, after)
         added = cost_with_prior(tested.current, state.current) - state.current.cost
         richer = tested.current.parameters > state.current.parameters
-        if added < (0.0 if richer else indifference(state.sets.bare, state.current)):
+        if added < (0.0 if richer else indifference(state.fitted_sets.bare, state.current)):
             return tested
         undone = Decision(True, "the criterion of the other set is higher after the moves that follow")
         state = tested.after(revision, Proposal(state.current), undone)
@@ -126,54 +126,54 @@ def _revised(state: SearchState) -> SearchState:
 
 def _selection(state: SearchState, misleading: tuple[str, ...]) -> Selection:
     """Return the result of the search, with the sets that lack or replace each effect."""
-    sets, chosen = state.sets.copied(), state.current
-    fits = fit_alternatives(sets, chosen)
-    without = {name: sets.without(chosen, name) for name in chosen.effects}
-    final_test = sets.test(chosen)
+    fitted_sets, chosen = state.fitted_sets.copied(), state.current
+    fits = fit_alternatives(fitted_sets, chosen)
+    without = {name: fitted_sets.without(chosen, name) for name in chosen.effects}
+    final_test = fitted_sets.test(chosen)
     return Selection(
-        bare=sets.bare,
+        bare=fitted_sets.bare,
         chosen=chosen,
         fitted=fits,
         final_test=final_test,
         detectable=detectable(chosen, final_test),
         without=without,
-        without_substitute={name: sets.without_substitute(chosen, name) for name in chosen.effects},
-        tests_without={name: sets.test(smaller) for name, smaller in without.items()},
-        own_shares=_own_shares(sets, chosen, without),
-        path=_path(sets, chosen),
-        expected=sets.expected,
-        impossible=frozenset(key for key, model in fits.items() if not sets.possible(model)),
-        oversized=sets.oversized(chosen),
+        without_substitute={name: fitted_sets.without_substitute(chosen, name) for name in chosen.effects},
+        tests_without={name: fitted_sets.test(smaller) for name, smaller in without.items()},
+        own_shares=_own_shares(fitted_sets, chosen, without),
+        path=_path(fitted_sets, chosen),
+        expected=fitted_sets.expected,
+        impossible=frozenset(key for key, model in fits.items() if not fitted_sets.possible(model)),
+        oversized=fitted_sets.oversized(chosen),
         misleading=misleading,
         trace=state.trace,
     )
 
 
-def _own_shares(sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypothesis]) -> dict[str, float]:
-    """Return the own shares of secondary effects; a single effect, or one that every rig has, is left out."""
-    limit = chosen.bounded_excess + THRESHOLDS.secondary * sets.bare.residuals.excess
+def _own_shares(fitted_sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypothesis]) -> dict[str, float]:
+    """Return the own shares of secondary effects, except of a single effect and of effects that every rig has."""
+    limit = chosen.bounded_excess + THRESHOLDS.secondary * fitted_sets.bare.residuals.excess
     shares: dict[str, float] = {}
     for name, smaller in without.items():
-        is_secondary = sets.without_substitute(chosen, name).residuals.excess < limit
-        if smaller.effects and is_secondary and not sets.library[name].universal:
-            share = own_share(sets.problem, smaller, sets.test(smaller), name)
+        is_secondary = fitted_sets.without_substitute(chosen, name).residuals.excess < limit
+        if smaller.effects and is_secondary and not fitted_sets.library[name].universal:
+            share = own_share(fitted_sets.problem, smaller, fitted_sets.test(smaller), name)
             shares |= {} if share is None else {name: share}
     return shares
 
 
-def _path(sets: FittedSets, chosen: Hypothesis) -> tuple[tuple[str, Hypothesis], ...]:
+def _path(fitted_sets: FittedSets, chosen: Hypothesis) -> tuple[tuple[str, Hypothesis], ...]:
     """Return nested sets up to the selected one; each step removes the least necessary effect."""
     path: list[tuple[str, Hypothesis]] = []
     model = chosen
     while model.effects:
-        without_substitute = {name: sets.without_substitute(model, name) for name in model.effects}
+        without_substitute = {name: fitted_sets.without_substitute(model, name) for name in model.effects}
         weakest = min(without_substitute, key=lambda name: without_substitute[name].cost)
         simpler = [
             name
             for name, smaller in without_substitute.items()
-            if explains_as_much(sets.bare, smaller, without_substitute[weakest])
+            if explains_as_much(fitted_sets.bare, smaller, without_substitute[weakest])
         ]
         weakest = min(simpler, key=lambda name: without_substitute[name].cost, default=weakest)
         path.append((weakest, model))
-        model = sets.without(model, weakest)
+        model = fitted_sets.without(model, weakest)
     return tuple(reversed(path))

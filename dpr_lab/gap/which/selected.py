@@ -66,7 +66,7 @@ class Selection:
 
         An effect of the selected set is tested in the set without this effect.
         """
-        scores = {name: self.tests_without.get(name, self.final_test).of(name) for name in EFFECTS}
+        scores = {name: self.tests_without.get(name, self.final_test).best_score(name) for name in EFFECTS}
         return {name: dict(score.absorbed) for name, score in scores.items() if score is not None and score.absorbed}
 
     @property

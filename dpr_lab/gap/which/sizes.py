@@ -1,4 +1,4 @@
-"""Detect sizes that are impossible on a rig or typical of another cause.
+"""Detect effect sizes that are impossible on a rig or typical of another cause.
 
 Near the noise the amplitudes of an effect are poorly separated. For example, a cable spring with a hardening term must
 have a stiffness. A fit may estimate this stiffness as zero although its interval contains the right value.

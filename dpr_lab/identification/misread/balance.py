@@ -366,8 +366,8 @@ def _time_scale(kinetic: Array, potential: Array, losses: Array) -> float:
     """Find the time scale factor s at which the total energy is conserved.
 
     With this factor, K / s^2 + V + x L + trend is constant, where x are unknown coefficients. The trend and the
-    frictional losses L are projected out of K and V; then K and V are compared. The result is nan if K and V are hardly
-    exchanged, for example because the losses resemble one of them.
+    frictional losses L are projected out of K and V; then K and V are compared. The result is nan if hardly any energy
+    is exchanged between K and V, for example because the losses are similar to one of them.
 
     Args:
         kinetic: (n,) K

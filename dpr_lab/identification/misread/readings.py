@@ -43,7 +43,7 @@ HELD_BY_SPRING = "a spring or cable holds the rod: compare the reading with an a
 def listed_causes(tried: Sequence[Misreading], runs: Sequence[Run]) -> str:
     """List the mistakes that some interpretations correct.
 
-    If smaller angles fit a swing that does not turn over, a spring is another cause.
+    If smaller angles fit a swing without full turns, a spring is listed as another possible cause.
     """
     causes = [reading.cause for reading in tried]
     if any(reading.smaller for reading in tried) and all(_below_upright(run) for run in runs):

@@ -17,12 +17,12 @@ from dpr_lab.identification.misread.readings import HELD_BY_SPRING, listed_cause
 from dpr_lab.identification.misread.tried import (
     SETTINGS,
     better_readings,
+    check_description,
     fitted,
     impossible,
     impossible_fit,
     impossible_scale,
     residual,
-    second_look,
 )
 from dpr_lab.identification.ratio_fit import RatioFit
 from dpr_lab.rig import Rig
@@ -30,10 +30,10 @@ from dpr_lab.run import Run, moves
 
 
 def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
-    """Check that the rig can have produced the recordings.
+    """Check that the recordings are consistent with the described rig.
 
     Raises:
-        IdentificationError: the rig cannot have produced the recordings; the message names the interpretation that
+        IdentificationError: the recordings are inconsistent with the rig; the message names the interpretation that
             fits, or the contradiction.
         RunError: a run has too few samples or too little motion in every interpretation.
     """
@@ -108,7 +108,7 @@ def refuse_impossible_scale(unknown: Array, runs: Sequence[Run], rig: Rig, effec
     if not wrong:
         return
     replaced = SPRING[0].name in effects and ratios[RATIOS.index("e1/b")] <= 0
-    hint = _NO_GRAVITY if replaced else "" if moves(runs) else second_look(runs, rig).sentence
+    hint = _NO_GRAVITY if replaced else "" if moves(runs) else check_description(runs, rig).sentence
     hint = hint or "Check the signs and units of angles and torques, and the unit of time."
     raise IdentificationError(f"{wrong}. {hint}")
 

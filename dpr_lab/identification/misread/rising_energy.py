@@ -111,7 +111,7 @@ def _without_swings(t: Array, energy: Array, begin: int, end: int, shortest: flo
 
 
 def _between(spans: list[tuple[int, int]], n: int) -> list[tuple[int, int]]:
-    """Return the first and last indices of the parts before, between and after spans of n values."""
+    """Return the first and last indices of the parts of an array of length n outside the given index ranges."""
     return list(zip([0, *(end for _, end in spans)], [*(begin for begin, _ in spans), n - 1], strict=True))
 
 

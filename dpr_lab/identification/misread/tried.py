@@ -86,7 +86,7 @@ SETTINGS = MisreadSettings()
 
 
 @dataclass(frozen=True, slots=True)
-class SecondLook:
+class DescriptionCheck:
     """Evidence against the description of recordings.
 
     The evidence comes from a test of other interpretations and from the energy of the rods.
@@ -120,7 +120,7 @@ class SecondLook:
         )
 
 
-def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
+def check_description(runs: Sequence[Run], rig: Rig) -> DescriptionCheck:
     """Test other interpretations of recordings that the bare model fits poorly.
 
     Args:
@@ -140,10 +140,10 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
             explained = [(reading, ratio_fit) for reading, ratio_fit in paced if reading.time_factor < 1.0]
     if explained:
         tried = [(reading, float(1 - max(fit.chi2_per_dof - 1, 0.0) / before)) for reading, fit in explained]
-        return SecondLook(tried, 0.0, causes=listed_causes([reading for reading, _ in explained], runs))
+        return DescriptionCheck(tried, 0.0, causes=listed_causes([reading for reading, _ in explained], runs))
     passive = np.isfinite(first) and all(run.inner is None for run in runs)
     rise = energy_rise(_preprocessed(runs, rig, SETTINGS.looked_at_s), rig) if passive else 0.0
-    return SecondLook((), rise, energy_remedy(runs, rig))
+    return DescriptionCheck((), rise, energy_remedy(runs, rig))
 
 
 def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
@@ -312,7 +312,7 @@ def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> boo
 
 
 def _ending_early(limit: float) -> GaussNewton:
-    """Return settings that end a fit if its reduced chi-square will hardly reach `limit`."""
+    """Return settings that end a fit early if its reduced chi-square is unlikely to reach `limit`."""
     return replace(GAUSS_NEWTON, preliminary=SETTINGS.small_reduction, far=SETTINGS.out_of_reach * limit)
 
 

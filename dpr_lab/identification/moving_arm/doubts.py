@@ -57,7 +57,7 @@ def failures(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig, *, gain_
         recordings: the fitted recordings
         rig: the recorded rig
         gain_seen: whether the recordings determine the gain of the drive. Otherwise, sign and unit of the input are not
-            doubted
+            tested
     """
     runs = [recording.run for recording in recordings]
     poor = fit.misfit > DESCRIPTION.doubted
@@ -106,7 +106,7 @@ def _unconverged(recordings: Sequence[ArmRecording]) -> str:
                 " determines neither A nor c0. If the arm was held, import or capture with --arm clamped; otherwise"
                 " record swings that move the arm"
             )
-    return "the fit did not converge: give [arm] A and c0 better nominal values"
+    return "the fit did not converge: improve the nominal values of A and c0 in [arm]"
 
 
 def _beginning(recording: ArmRecording) -> ArmRecording:

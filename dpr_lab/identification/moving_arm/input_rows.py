@@ -19,7 +19,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class InputRows:
-    """Limits of the test for other descriptions of the input."""
+    """Settings of the test for another interpolation or delay of the input."""
 
     doubted: float = 1.1
     """Reduced chi-square above which the input is tested."""
@@ -126,7 +126,7 @@ def other_input(fit: ArmFit, runs: Sequence[Run], rig: Rig) -> str:
 
 
 def _tried(tested: _Tested, run: Run, interval: float) -> tuple[_InputModel, _InputModel]:
-    """Compare the described input with the best alternative, and return both.
+    """Compare the input as described with the best alternative, and return both.
 
     Alternatives are held or continuous inputs, with or without a delay.
     """

@@ -11,15 +11,15 @@ recording increases the log odds of the true cause by a normally distributed amo
 The value of the recording is the expected reduction of the entropy between both causes, given their present
 probabilities.
 
-**Library.** A plan must not assume that the causes named so far are correct. Therefore the same bits are computed for
-each pair of amplitudes of the library, and for each amplitude against no effect, at several sizes and even odds. The
-value is their mean.
+**Library.** A plan must not assume that the causes named so far are correct. The expected information is therefore also
+computed for each pair of amplitudes of the library, and for each amplitude against no effect, at several sizes and
+equal prior odds. The value is the mean.
 
 **Effects that are not excluded.** Even if no gap is visible, or the named causes explain it, other amplitudes may still
-have their minimum detectable size. For each such amplitude, the same bits are computed against no effect, at this size
-and even odds.
+have their minimum detectable size. For each such amplitude, the expected information against no effect is computed, at
+this size and equal prior odds.
 
-The functions compute many candidate releases at once: leading axes of an information matrix are kept in the result.
+The functions accept information matrices of many candidate releases at once: the result has the same leading axes.
 
 **Ratios (D-optimality).** The value is log2 of the factor by which the volume of the covariance of the ratios
 decreases, with the effects of the model fitted.

@@ -1,7 +1,7 @@
 """Objective of a plan: weighted bits about causes, library, ratios and limits.
 
-A limit of the rig (`dpr-lab accept`) is a goal of the plan. A goal states whether the releases decide between pass and
-fail. The test of a limit uses a 90 % interval, 1.645 standard deviations on either side. Consider a quantity at half
+Each limit of the rig (`dpr-lab accept`) is a goal of the plan: the releases should decide whether the rig passes or
+fails. The test of a limit uses a 90 % interval, 1.645 standard deviations on either side. Consider a quantity at half
 its limit, or in the middle of its range. On average the quantity passes if the half width of the interval is smaller
 than the distance from the limit. A friction limit also requires a recording in which the joint reaches the speed of the
 limit in both directions. A limit for free runs is compared with the median of the recorded errors.
@@ -51,7 +51,7 @@ class Gain:
 
     @property
     def weighed(self) -> Array:
-        """Value of these gains: weighted sum of the bits."""
+        """Weighted sum of the bits."""
         library = WORTH.library if self.causes else 1.0
         others = WORTH.ratios * self.ratios + WORTH.limits * self.limits
         return sum(self.causes.values(), self.open_effects) + library * self.library + others
@@ -215,8 +215,8 @@ def _fitted_together(known: Knowledge, F: Array, name: str) -> dict[str, float]:
 def _of_friction(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
     """Yield one goal for each friction limit.
 
-    The limited quantity is the friction torque of a joint at the speeds of the limit. A free-form friction curve is
-    added to the model.
+    The quantity is the friction torque of a joint at the speeds for which the limit holds. It is estimated with a
+    free-form friction curve in the model.
     """
     for name, limit in limits.friction.items():
         joint, model = int(name[-1]), known.model

@@ -99,7 +99,7 @@ def check_table(diagnosis: Diagnosis) -> Rows:
 
 
 def _expected(diagnosis: Diagnosis, check: AdvisedCheck) -> str:
-    """Format the expected result of a measurement: its interval, the size that it is below, or a dash."""
+    """Format the expected result of a measurement: its interval, an upper limit, or a dash."""
     if check.quantity is None:
         return NONE
     name = check.quantity.parameters[0]

@@ -20,7 +20,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.only_uncertain:
         partly = "The causes are uncertain: record further releases (dpr-lab plan proposes them)."
     elif per_reading(diagnosis.gap, "after_rad") < per_reading(diagnosis.gap, "floor_rad"):
-        partly = "The remainder is smaller than the noise of a reading: inspect the rig only if it matters to you."
+        partly = "The remainder is smaller than the noise of a reading: inspect the rig only if you need this accuracy."
     likely = " or ".join(named(rival.name) for rival in diagnosis.rivals if rival.probability >= PROBABLE)
     more = f"The recordings neither confirm nor exclude {likely}: record further releases. If these do not confirm it,"
     alone = "One release does not exclude the effects of the library: record further releases. If the gap remains,"
@@ -28,13 +28,13 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     cause = more if likely else alone if one_release else "No effect of the library is the cause:"
     unknown = f"{cause} inspect the rig where the gap is largest, joint by joint."
     if diagnosis.hints:
-        unknown = "Check the description of the recordings as the verdict says, then repeat the diagnosis."
+        unknown = "Check the description of the recordings as stated in the verdict, then repeat the diagnosis."
     elif diagnosis.only_free_run:
         unknown = "Check the scale of each recorded angle and input, then record a further release."
     unexplained = {
         "partly_explained": partly,
         "unexplained": unknown,
-        "inconclusive": "Record further releases as the verdict says (dpr-lab plan proposes them).",
+        "inconclusive": "Record further releases as stated in the verdict (dpr-lab plan proposes them).",
     }
     checked, second = list(_after_checks(diagnosis)), list[str]()
     advised = [in_words(text) for text in diagnosis.advice]  # of files without checks
@@ -69,7 +69,7 @@ def _after_checks(diagnosis: Diagnosis) -> Iterator[str]:
         if best == NONE_OF_THEM:
             yield (
                 "None of the candidates explains the result of the check. Repeat the check first. If the result is"
-                " right, diagnose again with all effects of the library, or inspect the rig where the gap is largest."
+                " correct, diagnose again with all effects of the library, or inspect the rig where the gap is largest."
             )
         elif best != about:
             yield f"Diagnose again with --without {about}: {named(best)} is now more probable."

@@ -13,7 +13,7 @@ TERMS = {
         "probability that the effect, or an indistinguishable effect, is a cause; calibrated on blind trials"
     ),
     "size, 90 % interval": "amplitude of the effect, with its 90 % interval",
-    "90 % interval": "interval that contains the true value in 90 of 100 cases, if the model is right",
+    "90 % interval": "interval that contains the true value in 90 of 100 cases, if the model is correct",
     "unique contribution": "share of the excess chi-square that returns when this effect is removed and the others are"
     " refitted",
     "excess explained": "share of the excess chi-square, which is the sum of squared residuals in units of the noise"

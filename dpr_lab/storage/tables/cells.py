@@ -290,7 +290,7 @@ def names_of_numbers(names: Sequence[str], cells: Sequence[str]) -> list[str]:
 
 
 def ends_with_delimiter(row: list[str], early: list[list[str]]) -> bool:
-    """Return whether a row of numbers, but not its header, ends with a delimiter."""
+    """Return whether the rows of numbers, but not their header, end with a delimiter."""
     names = len(row) - 1
     named = any(len(other) == names for other in early)
     wider = any(len(other) > names and other[names].strip() for other in early)

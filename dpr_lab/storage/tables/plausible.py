@@ -92,7 +92,7 @@ def check_spacing(path: Path, t: Array) -> None:
         )
     if t[-1] > PLAUSIBLE.duration_s:
         raise RunError(
-            f"{path}: the table lasts {t[-1]:g} s, which is too long for a swing: is the unit of time right"
+            f"{path}: the table lasts {t[-1]:g} s, which is too long for a swing: is the unit of time correct"
             " (--time-unit ms or us)?"
         )
 
@@ -259,7 +259,7 @@ def drop_outliers(readings: dict[str, Array], rig: Rig, options: ImportOptions, 
         if 2 * len(wild) > len(known):
             raise RunError(
                 f"{path}: {len(wild)} of {len(known)} values of {axis} are impossible angles, for example"
-                f" {column[wild[0]]:g}: is the column an angle (--columns), and is its unit right (--unit, --scale)?"
+                f" {column[wild[0]]:g}: is the column an angle (--columns), and is its unit correct (--unit, --scale)?"
             )
         if len(wild):
             column[wild] = np.nan
@@ -331,7 +331,7 @@ def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool
         "whole numbers are usually degrees (--unit deg), or counts of an encoder (--unit counts, with counts_per_rev in"
         " the rig file)"
     )
-    units = whole if counted else "are the units right (--unit, --scale, --time-unit)?"
+    units = whole if counted else "are the units correct (--unit, --scale, --time-unit)?"
     fast = [f"{turns} at more than {speed:.3g} rad/s most of the time: {units}"]
     coarse = [f"{turns} in steps of whole radians: {whole}"]
     inverted = [f"{points} upwards most of the time: if the table's zero is hanging, import it with --zero hanging"]

@@ -132,9 +132,9 @@ def fewest_changes(readings: Sequence[OtherReading]) -> list[OtherReading]:
 
 
 def read_otherwise(broken: str, others: list[OtherReading], read: InterpretedTable) -> TableQuestion:
-    """Warn about a contradiction, and name the interpretations without it.
+    """Warn about an inconsistency, and list the interpretations of the table without it.
 
-    `broken` describes the contradiction. If there is only one such interpretation, the warning contains its options as
+    `broken` describes the inconsistency. If there is only one such interpretation, the warning contains its options as
     the correction, and the uncertainty of proposed zeros.
     """
     causes = "; or ".join(other.sentence for other in others)
@@ -368,8 +368,8 @@ def _slower(read: InterpretedTable, factor: float) -> OtherReading:
         cause = f"the rate is about {read.near_frames(read.options.rate_hz / factor):.3g} Hz (--rate-hz)"
     else:
         cause = (
-            f"one second of the table is about {factor:.3g} s: wrong clock of the logger, or use a rate"
-            f" instead of the times (--rate-hz)"
+            f"one second of the table is about {factor:.3g} s: the clock of the logger is wrong, or the"
+            " rate is known and replaces the times (--rate-hz)"
         )
     return OtherReading((cause,), (), read.values, read.options, factor)
 

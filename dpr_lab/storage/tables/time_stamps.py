@@ -11,7 +11,7 @@ Stamps at gaps: a logger that pauses, for example while it writes to a card, may
 pause and the reading of the row after the pause, or vice versa. The reading then continues the motion on the other side
 of the gap.
 
-Full second at the wrong row: a stamp may be composed of two counters that are not read at one instant, for example the
+Full second in the wrong row: a stamp may be composed of two counters that are not read at one instant, for example the
 second of a clock and the milliseconds of the processor. Rows between the changes of the two counters are then a second
 early or late: 24.997, 24.002, 25.009.
 """

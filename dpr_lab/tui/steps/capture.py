@@ -103,7 +103,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         if self.device.opening is not None:
             return "Capture needs a device: wait until the connection is complete"
         if self.device.connected is None:
-            table = self.services.keys.of("app.import")
+            table = self.services.keys.key_for("app.import")
             connect = self.services.key_of("Connect")
             return f"Capture needs a device: press {connect} and connect one ({table} imports a table instead)"
         if not self._rig.poses:
@@ -119,7 +119,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
             return "The current recording ends now; the data recorded so far are kept."
         if self.workspace.undecided is None:
             return ""
-        keep = self.services.keys.of("capture.keep")
+        keep = self.services.keys.key_for("capture.keep")
         name = run_name(self.workspace.undecided)
         return (
             f"Nothing is lost: the file of {name} is kept, and the next session asks again ({keep} in"

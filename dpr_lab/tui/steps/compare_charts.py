@@ -106,8 +106,8 @@ def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
     """
     from dpr_lab.report.tables import comparison_table, to_the_end
 
-    made = comparison_table([comparison], unit)
-    row = dict(zip(made.columns, made.rows[0], strict=True))
+    result = comparison_table([comparison], unit)
+    row = dict(zip(result.columns, result.rows[0], strict=True))
     until = "to the end of the record" if to_the_end(comparison) else f"up to {row['horizon (s)']} s"
     return (
         f"{row['role']}, {row['segments']} segments, θ1, θ2: rms residual {row['rms (mrad)']} {unit.small}"

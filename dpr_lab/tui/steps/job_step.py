@@ -62,8 +62,8 @@ class JobStep(Step):
 
         The text is empty if no input changed.
         """
-        made, now = self.workspace.made_from.get(self.NAME, {}), self.workspace.basis()
-        changed = [kind for kind in self.RESTS_ON if made.get(kind, now[kind]) != now[kind]]
+        used, now = self.workspace.made_from.get(self.NAME, {}), self.workspace.basis()
+        changed = [kind for kind in self.RESTS_ON if used.get(kind, now[kind]) != now[kind]]
         if not changed or not self.outcome() or self.job is not None:
             return ""
         return self.worded(f"STALE, {' and '.join(changed)} changed; {{{self.NAME.lower()}.start}}: run again")
@@ -88,7 +88,7 @@ class JobStep(Step):
         """
         return ""
 
-    def made(self) -> None:
+    def store_inputs(self) -> None:
         """Store the inputs of the new result, and the duration of the job without compilation."""
         self.workspace.made_from[self.NAME] = self._basis
         self.workspace.took[self.NAME] = (time.monotonic() - self._started - self._compiled_s) / self._runs
@@ -231,7 +231,7 @@ class JobStep(Step):
         self.changed()
         match message.event:
             case JobFinished(result):
-                self.made()
+                self.store_inputs()
                 self.post_message(self.JobDone(self))
                 self.finished(result)
                 self.call_after_refresh(self.take_keys)

@@ -58,7 +58,7 @@ diagnosed first.
 - **P(decided)**: probability that the causes are decided after this release. Causes that no release separates count as
   one cause.
 - `{plan.take}` makes the selected release the next release of Capture: its pose, its duration, and the rig file that
-  describes its rods, mass and arm. Nothing is released yet: Capture guides you to the pose as to any other pose.
+  describes its rods, mass and arm. The rods are not released by this: Capture guides you to the pose as usual.
 
 `plan.json` and rig files with the planned poses are written to `plan/` in the folder of the workspace, as
 `dpr-lab plan --out` writes them.
@@ -94,9 +94,9 @@ diagnosed first.
         """State of the plan in a few words."""
         if self.result is None:
             return ""
-        made, count = self.result.plan, len(self.result.plan.releases)
-        if made.state in ("enough", "bench check"):
-            return f"{made.state}, {count} optional" if count else made.state
+        planned, count = self.result.plan, len(self.result.plan.releases)
+        if planned.state in ("enough", "bench check"):
+            return f"{planned.state}, {count} optional" if count else planned.state
         return f"{count} to record"
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
@@ -173,24 +173,24 @@ diagnosed first.
 
     def _diagnosis(self) -> Path | None:
         """Return the diagnosis of the selected runs in the workspace, or None."""
-        made, now = self.workspace.made_from.get("Diagnose", {}), self.workspace.basis()
-        unchanged = all(made.get(kind) == now[kind] for kind in self.RESTS_ON)
+        used, now = self.workspace.made_from.get("Diagnose", {}), self.workspace.basis()
+        unchanged = all(used.get(kind) == now[kind] for kind in self.RESTS_ON)
         return self.workspace.diagnosis if unchanged else None
 
     def draw(self, result: PlanResult) -> str:
         """Draw the releases and the details of the selected one; return the recommendation."""
         from dpr_lab.report.words import in_words
 
-        made, releases = result.plan, self.query_one(DataTable)
+        planned, releases = result.plan, self.query_one(DataTable)
         row = releases.cursor_row
-        releases.display = bool(made.releases)
+        releases.display = bool(planned.releases)
         releases.clear(columns=True)
-        releases.add_columns(*COLUMNS, *[FORECAST] * bool(made.forecast))
-        for release in made.releases:
+        releases.add_columns(*COLUMNS, *[FORECAST] * bool(planned.forecast))
+        for release in planned.releases:
             releases.add_row(*(Text(cell) for cell in _row(release, self.workspace.unit)))
         releases.move_cursor(row=row)
         self._show_details()
-        return in_words(made.sentence)
+        return in_words(planned.sentence)
 
     @on(DataTable.RowHighlighted)
     def _show_details(self) -> None:
@@ -206,7 +206,7 @@ def _row(release: "PlannedRelease", unit: AngleUnit) -> tuple[str, ...]:
     return (name, pose, f"{release.duration_s:g} s", f"{release.minutes:.1f}", percent(release.library_bits), *decided)
 
 
-def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
+def _details(planned: "Plan", release: "PlannedRelease | None") -> RenderableType:
     """Draw the selected release, the causes that no release separates, and the assumptions."""
     from dpr_lab.report.tables import limit_forecast_table, ratio_std_table
     from dpr_lab.report.words import in_words, named
@@ -219,14 +219,16 @@ def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
             f"horizon: {release.horizon_s:.1f} s; later, small errors of the start pose change the swing",
         ]
         shown.append(sentences(f"Release {release.number}", lines))
-        if pairs := made.separable(release):
+        if pairs := planned.separable(release):
             rows = [(*map(named, pair.causes), f"{pair.bits:.2f}") for pair in pairs]
             shown += [table("Undecided causes", ("cause", "or", "expected bits"), rows), ""]
         columns = ("ratio", "now", "after this release", "unit")
-        shown += [table("Standard deviation of each ratio", columns, ratio_std_table(made, release).rows), ""]
-    if made.limits:
-        shown += [report_table("Limits of the rig", limit_forecast_table(made)), ""]
-    checks = [in_words(f"{' or '.join(inseparable.causes)}: {inseparable.check}") for inseparable in made.inseparable]
+        shown += [table("Standard deviation of each ratio", columns, ratio_std_table(planned, release).rows), ""]
+    if planned.limits:
+        shown += [report_table("Limits of the rig", limit_forecast_table(planned)), ""]
+    checks = [
+        in_words(f"{' or '.join(inseparable.causes)}: {inseparable.check}") for inseparable in planned.inseparable
+    ]
     shown.append(sentences("No release separates these causes", checks))
-    shown.append(sentences("Assumptions", made.assumptions))
+    shown.append(sentences("Assumptions", planned.assumptions))
     return Group(*shown)

@@ -272,8 +272,8 @@ def _plan(state: CaptureState) -> Content:
         [
             checklist_text(state.done, state.repeats, state.pose),
             Content.styled(
-                f"\n{state.keys.of('capture.length')}: record {length}"
-                f"\n{state.keys.of('capture.repeats')}: {state.repeats} of each pose",
+                f"\n{state.keys.key_for('capture.length')}: record {length}"
+                f"\n{state.keys.key_for('capture.repeats')}: {state.repeats} of each pose",
                 "dim",
             ),
         ]

@@ -235,7 +235,7 @@ no samples. The reason is shown below the list.
             start_job(self, jobs.survey, paths=self._paths)
         else:
             step = self._services.key_of("Capture")
-            other = self._services.keys.of("runs.folder")
+            other = self._services.keys.key_for("runs.folder")
             self._say(f"No runs in {self._folder} yet: record some in step {step}, or choose another folder ({other}).")
 
     @property

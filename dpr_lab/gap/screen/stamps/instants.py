@@ -3,8 +3,8 @@
 Two faults of data loggers are detected without a model:
 
     stamp_jitter     Samples are taken at an even rate and receive their time stamps on arrival. The sixth differences
-                     of the angles are then smaller on even times than on the stamps. Uneven stamps that are correct
-                     give the smaller differences, and are kept.
+                     of the angles are then smaller on even times than on the stamps. If uneven
+                     stamps are correct, they give smaller differences and are kept.
     periodic_delay   Every n-th reading is taken a constant time after its stamp (a multiplexer, a buffer that is
                      written to disk). Its error is the product of delay and speed, in both joints, at the same
                      position of each cycle.
@@ -141,9 +141,9 @@ def _likelihood_ratio(on_stamps: Array, on_even: Array, counts: Flags) -> float:
 def _even_clock(t: Array) -> tuple[float, Array, Flags]:
     """Fit an even clock to the stamps; return its period, its times, and a mask.
 
-    The period is in s, as are the (n,) times. The (n,) mask is true in parts without a lost sample. Stamps may come in
-    bursts, so the period is a mean over many samples. A lost sample moves the clock by a period. If no samples are lost
-    and the clock is steady, a straight line through all stamps has the least noise.
+    The period is in s, as are the (n,) times. The (n,) mask is true in parts without a lost sample. Time stamps may
+    come in bursts, so the period is a mean over many samples. After a lost sample, the times continue one period later.
+    If no samples are lost and the clock is steady, a straight line through all stamps has the least noise.
     """
     index, drift = np.arange(len(t)), min(INSTANTS.drift, len(t) // 4)
     period = float(np.median(t[drift:] - t[:-drift])) / drift

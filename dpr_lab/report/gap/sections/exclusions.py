@@ -1,4 +1,4 @@
-"""Show excluded effects: the recordings would have shown these effects at the stated size."""
+"""Show excluded effects, which would be visible in the recordings at the stated size."""
 
 from collections import defaultdict
 

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.result.evidence import ResidualLook, Whiteness
+from dpr_lab.gap.result.evidence import ResidualAnalysis, Whiteness
 from dpr_lab.report import style
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.figures import legend_above, new_figure
@@ -32,7 +32,7 @@ def residual_figure(diagnosis: Diagnosis) -> Figure:
     return figure
 
 
-def _draw_autocorrelation(axes: Axes, look: ResidualLook, models: dict[str, Whiteness]) -> None:
+def _draw_autocorrelation(axes: Axes, look: ResidualAnalysis, models: dict[str, Whiteness]) -> None:
     band = PAGE.white95 / max(look.readings, 1) ** 0.5
     axes.axhspan(-band, band, label="white noise, 95 %", **style.NOISE_BAND)
     for name, whiteness in models.items():
@@ -44,7 +44,7 @@ def _draw_autocorrelation(axes: Axes, look: ResidualLook, models: dict[str, Whit
     axes.margins(x=0.01)
 
 
-def _draw_quantiles(axes: Axes, look: ResidualLook, models: dict[str, Whiteness]) -> None:
+def _draw_quantiles(axes: Axes, look: ResidualAnalysis, models: dict[str, Whiteness]) -> None:
     axes.plot(look.normal, look.normal, label="normal noise", **style.HORIZON)
     for name, whiteness in models.items():
         label, line = style.MODELS[name]

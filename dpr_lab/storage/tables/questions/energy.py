@@ -116,11 +116,11 @@ def _nearest(read: InterpretedTable, residual: float) -> str:
 
 
 def _explained_part(table: InterpretedTable) -> str:
-    """Name the longest part of a free swing whose energy is explained.
+    """Name the longest part of a free swing in which the energy is consistent with friction.
 
-    The text is the beginning of a sentence. A coil, a hand or a motor drives the rods in the other part. Half a
-    period next to that part is excluded, too. The text is empty if no part of at least half the swing, and of at least
-    one period, is explained.
+    The text is the beginning of a sentence. A coil, a hand or a motor drives the rods in the other part. Half a period
+    next to that part is excluded as well. The text is empty if no consistent part is at least half the swing and at
+    least one period long.
     """
     rows, before = table.looked_at, table.options.start_s - table.t[0]
     t, rods = table.t[rows], table.theta[rows, 1:]

@@ -1,4 +1,4 @@
-"""Numbers of rows and frames: they show which rows a camera or logger lost."""
+"""Row and frame numbers, which show the rows that a camera or logger lost."""
 
 import re
 from collections.abc import Collection

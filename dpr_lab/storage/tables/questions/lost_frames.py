@@ -8,7 +8,7 @@ numbers n_i of frames per step are those for which the speeds v_i = s_i / n_i ch
 
 This is a shortest path over the pairs (n_(i-1), n_i). Noise and uneven exposures do not lengthen steps by whole
 numbers. Therefore most of their sum remains, whereas lost frames leave about a twentieth. Steps of a few encoder counts
-are whole multiples of each other for another reason, and are not examined.
+are always whole multiples of each other, so they are not examined.
 """
 
 from dataclasses import dataclass
@@ -63,7 +63,7 @@ def lost_frame_questions(table: InterpretedTable) -> list[TableQuestion]:
     return [
         TableQuestion(
             f"{long} of {steps} steps of the angles are two or three times as long as the steps around them, but the"
-            " times are even: frames or rows were lost, and the times do not show it. Use the times at which the"
+            " times are even: frames or rows were lost, although the time stamps are even. Use the times at which the"
             " frames were taken, or the numbers of the frames (a column 'frame' and --rate-hz)"
         )
     ]
@@ -101,7 +101,7 @@ def long_steps(t: Array, theta: Array) -> tuple[int, int]:
 
 
 def _fine(theta: Array) -> Flags:
-    """Return which angles usually change by several times their smallest change."""
+    """Return a mask of the angles whose usual change is several times the smallest one (the resolution)."""
     size = np.abs(np.diff(theta, axis=0))
     smallest = np.where(size > LOST.rounding_rad, size, np.inf).min(axis=0, initial=np.inf)
     return np.asarray(np.median(size, axis=0) > LOST.counts * smallest) if len(size) else np.zeros(theta.shape[1], bool)

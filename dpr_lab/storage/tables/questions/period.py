@@ -98,7 +98,7 @@ def factor_of_other(table: InterpretedTable) -> float:
 def period_questions(table: InterpretedTable) -> list[TableQuestion]:
     """Warn if the period of a column depends on its amplitude like the period of other angles.
 
-    A position in mm that is read as degrees has the period of another amplitude. So have angles in another unit.
+    If positions in mm or angles in another unit are interpreted as degrees, the periods are those of another amplitude.
     """
     scale = amplitude_scale(table)
     if scale is None or SETTINGS.other_scale < scale.best < 1 / SETTINGS.other_scale or not scale.as_read > 1:

@@ -115,7 +115,7 @@ def refuse_push(table: InterpretedTable, origin: float, cart: Array | None, of_c
 
 
 def _carried(table: InterpretedTable, cart: Array) -> bool:
-    """Return whether a column can be the position of a cart that sets the single rod in motion.
+    """Return whether a column can be the position of a cart that accelerates the single rod.
 
     It cannot if it is a function of the angle, like the position of a point on the rod.
     """
@@ -143,7 +143,7 @@ def _few(table: InterpretedTable, t: Array) -> list[TableQuestion]:
     if step > fast / SETTINGS.refused_rows_a_period:
         raise RunError(
             f"{table.path}: rows are {step:.3g} s apart, but the rods of this rig swing with a period of"
-            f" {fast:.2g} s: too few rows per period. Is the unit of time right (--time-unit ms), or the rate"
+            f" {fast:.2g} s: too few rows per period. Is the unit of time correct (--time-unit ms), or the rate"
             " (--rate-hz)?"
         )
     if step > fast / SETTINGS.rows_a_period:
