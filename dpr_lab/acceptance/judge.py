@@ -286,7 +286,7 @@ def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
 
 
 def _widened(diagnosis: Diagnosis, quantity: str, interval: Range | None, bounds: Bounds) -> tuple[Range | None, str]:
-    """Widen an interval by those of the models with further effects.
+    """Extend an interval to include those of the models with further effects.
 
     If the first interval decides the limit and the widened interval does not, the text names the effects responsible.
     Otherwise it is empty.

@@ -1,4 +1,4 @@
-"""Median of the free-run errors of several releases, and the releases that decide its limit.
+"""Median of the free-run errors of several releases, and the number of releases that decide its limit.
 
 The logarithms of the errors are assumed to be normally distributed, with an unknown spread. For n releases whose
 logarithms have the mean m and the standard deviation s, the 90 % interval of the median is

@@ -99,7 +99,7 @@ class Hypothesis:
 
     @property
     def bounded_excess(self) -> float:
-        """Excess chi-square, at least the random variation of the noise."""
+        """Excess chi-square, with the random variation of the noise as lower limit."""
         return max(self.residuals.excess, THRESHOLDS.noise_floor * self.residuals.uncertainty)
 
     @property

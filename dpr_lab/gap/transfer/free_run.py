@@ -155,7 +155,7 @@ class FreeRuns:
     def errors(self) -> dict[str, FreeRunError]:
         """Errors by run, after the readings that determine the initial state.
 
-        Runs that end before are omitted.
+        Runs without later readings are omitted.
         """
         error, t = self.problem.measured - self.predicted, self.problem.t
         by_run = {}

@@ -177,7 +177,7 @@ class FittedSets:
         return self.keep(larger)
 
     def _from_short_segments(self, model: Hypothesis, score: Score, settings: GaussNewton) -> Hypothesis:
-        """Fit one additional effect first to short segments, which converges even if the effect is large."""
+        """Fit one additional effect to short segments first, so that the fit converges even if the effect is large."""
         short_sets = self.on_short()
         start = shaped(model, score).changed(initial=short_sets.bare.estimate.initial)
         near = descend(short_sets.problem, start, score.free, iterations=EFFORT.short, settings=PRELIMINARY).estimate

@@ -83,7 +83,7 @@ def _one_search(state: SearchState) -> Selection:
 
 
 def short_segments(short: SearchState) -> Move:
-    """Create the move that refines the set of short segments, and fits it to full segments."""
+    """Create the move that refines the set selected with short segments, and fits it to full segments."""
 
     def propose(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
         state = apply_moves(SHORT, short)

@@ -290,7 +290,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         self._draw()
 
     def _follow_order(self) -> None:
-        """Notify the operator that the latch is still closed although a release was commanded."""
+        """Notify the operator that the latch is still closed after a release command."""
         if self._ordered and self.device.ordered is None:
             self._ordered = False
             if self.device.seen.latched:

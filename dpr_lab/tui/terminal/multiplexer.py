@@ -39,16 +39,16 @@ def from_environment(environment: Mapping[str, str]) -> str:
 
 
 def from_attributes(reply: str) -> str:
-    """Return the name of the multiplexer with these attributes, such as `84;0;0`.
+    """Return the name of the multiplexer that reports these device attributes, such as `84;0;0`.
 
-    The text is empty if the attributes are those of a terminal.
+    The text is empty if a terminal reports these attributes.
     """
     return IN_ATTRIBUTES.get(reply) or IN_ATTRIBUTES.get(reply.partition(";")[0], "")
 
 
 def from_version(reply: str) -> str:
-    """Return the name of the multiplexer with this version, such as `tmux 3.4`.
+    """Return the name of the multiplexer that reports this version, such as `tmux 3.4`.
 
-    The text is empty if the version is that of a terminal.
+    The text is empty if a terminal reports this version.
     """
     return reply if any(word in reply.lower() for word in IN_VERSION) else ""

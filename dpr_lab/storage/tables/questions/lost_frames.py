@@ -63,7 +63,7 @@ def lost_frame_questions(table: InterpretedTable) -> list[TableQuestion]:
     return [
         TableQuestion(
             f"{long} of {steps} steps of the angles are two or three times as long as the steps around them, but the"
-            " times are even: frames or rows were lost, although the time stamps are even. Use the times at which the"
+            " times are even: frames or rows were lost without a gap in the times. Use the times at which the"
             " frames were taken, or the numbers of the frames (a column 'frame' and --rate-hz)"
         )
     ]
