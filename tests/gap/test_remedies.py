@@ -5,8 +5,8 @@ import pytest
 
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.gap.conclusion.at_rest import at_rest, held_angles
-from dpr_lab.gap.conclusion.causes import of_camera, remedies, to_simulator
-from dpr_lab.gap.result.causes import EffectSize, NamedEffect
+from dpr_lab.gap.conclusion.causes import of_camera, remedies
+from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.gap.tables import causes
 from dpr_lab.rig import Rig
@@ -32,14 +32,6 @@ def test_a_wrong_setting_is_reported_with_its_right_value(named, paper: Rig):
     assert "set counts_per_rev of joint 2 in the rig file to 16412 (now 16384)" in scale
     assert "first rule out spring_joint2" in scale
     assert "Add coulomb_joint1 to the simulator: model.json in the folder of this diagnosis" in simulate
-
-
-def test_sizes_that_the_models_state_without_insignificant_amplitudes_are_announced(named) -> None:
-    fitted = {"stiffness_Nm_per_rad": (0.05, 0.08), "cubic_Nm_per_rad3": (-0.001, 0.004), "constant_Nm": (-1e-5, 1e-5)}
-    sizes = {name: EffectSize(value=sum(ends) / 2, interval90=ends) for name, ends in fitted.items()}
-    spring = named("spring_joint1").model_copy(update={"parameters": sizes})
-    (sentence,) = to_simulator([spring])
-    assert "without the amplitudes that are not distinguishable from zero. These values differ" in sentence
 
 
 def test_the_table_of_causes_names_no_member_of_negligible_probability(named) -> None:

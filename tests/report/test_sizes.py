@@ -1,8 +1,12 @@
 import pytest
 
+from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
+from dpr_lab.exports.corrected import significant_values
 from dpr_lab.gap.result.causes import EffectSize, NamedEffect
 from dpr_lab.gap.result.gap_size import Gap
+from dpr_lab.gap.result.posterior import PosteriorComponent
+from dpr_lab.gap.result.saved import Interval
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.report.gap.sizes import scale_note, sizes_cell, true_sizes_cell
 from tests.report.test_gap_report import diagnosis as diagnosis
@@ -120,3 +124,31 @@ def test_an_event_has_a_size_and_no_interval_of_its_joint_or_instant(diagnosis) 
     )
     result = diagnosis(effects=[event])
     assert sizes_cell(result, event) == "counts -3.10 counts (-3.30 to -2.90); joint 1; time 2.43 s"
+
+
+def test_the_sizes_in_the_models_are_stated_if_an_omitted_amplitude_changes_them(diagnosis) -> None:
+    """The models contain a linear spring; without the cubic term its stiffness is larger."""
+    name, stiffness, cubic = "spring_joint1", "stiffness_Nm_per_rad", "cubic_Nm_per_rad3"
+    fitted = {stiffness: 0.0666, cubic: 0.0041}
+    sizes = {
+        stiffness: EffectSize(value=0.0666, interval90=(0.05, 0.08)),
+        cubic: EffectSize(value=0.0041, interval90=(-0.001, 0.009)),
+    }
+    spring = named().model_copy(update={"name": name, "parameters": sizes})
+    posterior = PosteriorComponent(
+        probability=1.0,
+        ratios={},
+        effects={name: fitted},
+        free=[f"{name}.{stiffness}", f"{name}.{cubic}"],
+        covariance=[[1e-4, -3e-5], [-3e-5, 1e-5]],
+    )
+    ratios = {ratio: Interval(value=1.0, interval90=(0.9, 1.1)) for ratio in RATIOS}
+    result = diagnosis(effects=[spring], model_effects={name: fitted}, posterior=[posterior], ratios=ratios)
+    stated = "stiffness 78.9 mN m/rad"
+    assert significant_values(result)[1][name] == {stiffness: pytest.approx(0.0789), cubic: 0.0}
+    for brief in (True, False):
+        cell = sizes_cell(result, spring, brief=brief)
+        assert cell.startswith("stiffness 66.6 mN m/rad (50.0 to 80.0); ")
+        assert cell.endswith(f"in the models, without the amplitudes that are not distinguishable from zero: {stated}")
+    alone = spring.model_copy(update={"parameters": {stiffness: sizes[stiffness]}})
+    assert "models" not in sizes_cell(result.model_copy(update={"effects": [alone]}), alone)

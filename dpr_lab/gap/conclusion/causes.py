@@ -153,14 +153,8 @@ def to_simulator(named: Iterable[NamedEffect]) -> list[str]:
     simulated = [e for e in named if EFFECTS[e.name].remedy is None and e.probability >= VERDICT.rather]
     if not simulated:
         return []
-    contained = "the fitted sizes."
-    if any(effect.insignificant for effect in simulated):
-        contained = (
-            "the sizes and ratios fitted without the amplitudes that are not distinguishable from zero. These values"
-            " differ from those stated here."
-        )
     models = "model.json in the folder of this diagnosis, and the models for other programs, contain"
-    return [f"Add {listed([effect.name for effect in simulated])} to the simulator: {models} {contained}"]
+    return [f"Add {listed([effect.name for effect in simulated])} to the simulator: {models} the fitted sizes."]
 
 
 def of_camera(named: Iterable[NamedEffect]) -> tuple[list[str], list[str]]:

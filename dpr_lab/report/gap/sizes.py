@@ -6,6 +6,7 @@ If only ratios are identified, the ratio to b precedes the absolute value.
 from collections.abc import Mapping
 
 from dpr_lab.effects import EFFECTS
+from dpr_lab.exports.corrected import significant_values
 from dpr_lab.gap.result.causes import NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.angles import RADIANS, AngleUnit
@@ -40,9 +41,9 @@ def scale_note(diagnosis: Diagnosis) -> str:
 def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RADIANS, *, brief: bool = False) -> str:
     """Format the parameters of an effect with intervals for a table cell.
 
-    Ratios come first if only ratios are identified. Parameters that are held at zero come last. If `brief` is true,
-    amplitudes whose interval contains zero are listed only by name, unless the intervals of all amplitudes contain
-    zero.
+    Ratios come first if only ratios are identified. Parameters that are held at zero come last, followed by the sizes
+    in the exported models if these differ. If `brief` is true, amplitudes whose interval contains zero are listed only
+    by name, unless the intervals of all amplitudes contain zero.
     """
     parameters = {name: size for name, size in effect.parameters.items() if name != RUN}
     sizes = {name: size for name, size in parameters.items() if any((size.value, *size.interval90))}
@@ -64,9 +65,24 @@ def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RA
     signs = [negative_words(effect.name, name, size.value) for name, size in sizes.items()]
     at_zero = f"at zero: {zeros}" if zeros else ""
     around_zero = f"not distinguishable from zero: {open_words}" if open_words else ""
-    return "; ".join(
-        [*_ratios_first(diagnosis, effect.name, words, ratios), *filter(None, [*signs, around_zero, at_zero])]
+    ends = [*signs, around_zero, at_zero, _in_models(diagnosis, effect.name, angles)]
+    return "; ".join([*_ratios_first(diagnosis, effect.name, words, ratios), *filter(None, ends)])
+
+
+def _in_models(diagnosis: Diagnosis, effect: str, angles: AngleUnit) -> str:
+    """Return the sizes that the exported models contain instead of the fitted sizes; empty if none differ.
+
+    The models omit insignificant amplitudes, which changes the other sizes (`dpr_lab.exports.corrected`).
+    """
+    if effect not in diagnosis.model_effects:
+        return ""
+    fitted, exported = (
+        {name: size_words(effect, name, angles, size) for name, size in sizes.get(effect, {}).items() if size}
+        for sizes in (diagnosis.model_effects, significant_values(diagnosis)[1])
     )
+    changed = [f"{parameter_words(effect, name)} {size}" for name, size in exported.items() if fitted.get(name) != size]
+    reason = "in the models, without the amplitudes that are not distinguishable from zero"
+    return f"{reason}: {', '.join(changed)}" if changed else ""
 
 
 def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float]) -> str:
