@@ -28,7 +28,10 @@ FORECAST = (
     " separates count as one cause."
 )
 
-BITS = "1 bit decides between two equally probable causes."
+BITS = (
+    "1 bit decides between two equally probable causes. The bits of a check for the same causes differ: they hold for"
+    " the release of the check, and count indistinguishable causes as one cause."
+)
 
 NOT_SEEN = "Not detectable: the effect is not visible at any size, or is indistinguishable from an effect of the model."
 
