@@ -20,7 +20,7 @@ def play(angle: float, held: float, play_rad: float) -> float:
 
 
 class Motor(NamedTuple):
-    """State of a motor behind the backlash of a gear, expressed at the arm."""
+    """State of a motor behind the backlash of a gear, referred to the arm side of the gear."""
 
     angle: float
     """Angle, rad."""

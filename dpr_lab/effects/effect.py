@@ -296,7 +296,7 @@ class Effect:
 
     @property
     def prior_odds(self) -> float:
-        """Prior odds that a rig has a visible amount of the effect, relative to an effect that few rigs have."""
+        """Prior odds that the effect is visible on a rig, relative to an effect that is visible on few rigs."""
         return 10.0 if self.common else 1.0
 
     @property

@@ -46,5 +46,5 @@ Source: Spong, Hutchinson & Vidyasagar (2006), Robot Modeling and Control, ch. 7
 
 
 def expected_of(geared: Iterable[int]) -> tuple[str, ...]:
-    """Return the effects that geared drives on the given joints (1 or 2) always cause."""
+    """Return the effects that are always present if the given joints (1 or 2) have geared drives."""
     return tuple(name for joint in geared for name in FAMILIES[joint - 1].expected)

@@ -17,7 +17,7 @@ def stopped(joint: Joint, stiffness_Nm_per_rad: float, range_rad: float) -> floa
 def within_turns(params: Params, *, most_rad: float = 3 * math.pi) -> bool:
     """Return whether the range ends within one and a half turns.
 
-    A torque that starts only after more turns is not that of a stop.
+    If the torque begins only after more turns, it is not caused by a stop.
     """
     return params.get("range_rad", 0.0) <= most_rad
 

@@ -36,9 +36,10 @@ def is_one_spring(params: Params, tolerance: float = 0.5, small_rad: float = 0.5
     """Return whether a single spring can have these sizes.
 
     C = K q0 + K3 q0^3 and k = K + 3 K3 q0^2 with K >= 0 imply k >= 3/2 (4 K3 C^2)^(1/3). A stiffness below the fraction
-    `tolerance` of this bound is rejected, for example a constant torque with only a hardening term. The tolerance
-    covers the neglected term and the error of the fit. The torque of a softening spring must still be restoring at
-    deflections up to `small_rad`. A softening term below a tenth of the constant torque counts as an error of the fit.
+    `tolerance` of this bound is rejected; an example is a constant torque with a hardening term but no stiffness. The
+    tolerance allows for the neglected term and for the error of the fit. The torque of a softening spring must still be
+    restoring at deflections up to `small_rad`. A softening term below a tenth of the constant torque counts as an error
+    of the fit.
     """
     k, cubic, constant = (params.get(name, 0.0) for name in _NAMES)
     least = tolerance * 1.5 * math.cbrt(4.0 * max(cubic, 0.0) * constant**2)

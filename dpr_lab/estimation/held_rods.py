@@ -337,7 +337,7 @@ def _swings(motion: RodMotion, first: int, stop: int, band: float) -> bool:
 
 
 def _lifted(motion: RodMotion, first: int, stop: int, band: float) -> bool:
-    """Return whether the rods move from one held position to the next without turning back, as in a hand."""
+    """Return whether the rods move monotonically from one held position to the next, as if moved by a hand."""
     rods = motion.rods[first:stop]
     return stop < len(motion.t) and bool((np.ptp(rods, axis=0) <= np.abs(rods[-1] - rods[0]) + band).all())
 

@@ -192,7 +192,7 @@ def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Arra
 
 
 def _still_window(run: Run) -> int:
-    """Return how many samples within one step have dependent rounding errors."""
+    """Return the minimum number of samples within one rounding step whose errors are dependent."""
     return max(2, round(NOISE.still_s * run.rate_hz))
 
 

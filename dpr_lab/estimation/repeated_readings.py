@@ -5,8 +5,8 @@ Two kinds of loggers write most readings several times:
     held     rows at an even rate, each with the last reading; a camera or a bus updates the reading every few rows
     bursts   several rows within a moment, then no row until the next burst
 
-In both cases a reading counts once. A fine encoder that moves slowly also repeats its readings. The changes before
-and after such rows are then of the order of a count.
+In both cases a repeated reading is used once. A slowly moving encoder also repeats its readings, but the changes before
+and after these rows are then of the order of one count.
 """
 
 from collections.abc import Sequence

@@ -221,7 +221,7 @@ class RigPrior:
     def at(
         cls, problem: Problem, estimate: Estimate, free: tuple[FreeParameter, ...], linear: Linearisation
     ) -> "RigPrior":
-        """Return the prior for steps from an estimate, weighted by its residual."""
+        """Return the prior for steps from `estimate`, with the weight that the residual of `linear` implies."""
         if problem.prior is None or not free:
             return cls(problem, estimate, free, np.zeros((0, len(free))), np.zeros(0), 1.0)
         A, e = problem.prior.rows(estimate, free)

@@ -67,7 +67,7 @@ class ColumnSpace:
         return ColumnSpace(scale, H * scale[:, None] * scale, (self.gradient / self.scale + A.T @ e) * scale)
 
     def given(self, held: Indices, columns: Indices) -> "ColumnSpace":
-        """Project the columns `held` out of the problem of `columns`, in the same scales."""
+        """Return the problem of `columns` with the columns `held` projected out, in the same scales."""
         across = self.H[held][:, columns]
         out = np.linalg.solve(_ridged(self.H[held][:, held]), np.column_stack([across, self.gradient[held]]))
         H = self.H[columns][:, columns] - across.T @ out[:, :-1]

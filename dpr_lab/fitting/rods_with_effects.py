@@ -4,9 +4,9 @@ Runge-Kutta steps, computed for many segments in parallel, give the readings. Fo
 
 A segment starts a little before its first sample (`dpr_lab.dynamics.prediction`). All differences are computed with
 twice the integration step, which halves the time. The resulting relative error of a derivative, 1e-3, does not change
-the solution of a fit. With nearly singular inertias, however, the simulation with twice the step diverges, and its
-derivatives are useless for a fit. The normal step is therefore used for segments in which the two simulations differ by
-more than `coarse_error`. Encoder errors do not affect the motion, so one simulation is sufficient for all of them.
+the solution of a fit. With nearly singular inertias, however, the simulation with twice the step diverges, and a fit
+cannot use its derivatives. The normal step is therefore used for segments in which the two simulations differ by more
+than `coarse_error`. Encoder errors do not affect the motion, so one simulation is sufficient for all of them.
 
 Derivatives with respect to initial states keep the internal states of effects fixed. Internal states are passed from
 segment to segment and must not depend on the initial state of another segment.

@@ -202,8 +202,8 @@ def lane_workspace(lanes: int = LANES) -> LaneWorkspace:
 def one_workspace(lanes: int) -> Any:
     """Create an array of one workspace of zeros.
 
-    At each call of a kernel, Numba determines the type of an argument: of an array fast, in compiled code, but of a
-    record slowly, in Python. NumPy fills a large record slowly, so the zeros are those of a `bytearray`.
+    At each call of a kernel, Numba determines the type of each argument. It does so fast for an array (in compiled
+    code) and slowly for a record (in Python). NumPy fills a large record slowly, so the zeros come from a `bytearray`.
     """
     record = _record(lanes)
     return np.frombuffer(bytearray(record.itemsize), record)

@@ -13,7 +13,7 @@ from dpr_lab.kernels import subroutine
 
 
 class GearedState(NamedTuple):
-    """Fields of `RigState`, followed by the state of the motor, expressed at the arm.
+    """Fields of `RigState`, followed by the state of the motor, referred to the arm side of the gear.
 
     The fields of the motor are its angle, rad, its speed, rad/s, and the outstanding impulse of the gear, N m s, with
     its first moment, N m s^2. `bonded` is the time for which the motor stays in contact after an impact, s.

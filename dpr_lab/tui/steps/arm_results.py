@@ -53,7 +53,7 @@ def absolute(model: "MovingArmModel") -> Group:
 
 
 def identifiability(model: "MovingArmModel") -> Group:
-    """Draw sentences that name the values which the recordings cannot determine or cannot separate."""
+    """Draw sentences on the values that the recordings cannot determine or cannot separate."""
     undetermined = [f"{name}: {reason}" for name, reason in model.undetermined.items()]
     notes = [superscripts(note) for note in model.notes]
     known = "" if undetermined or model.notes else "The recordings determine all values of this rig."
@@ -65,7 +65,7 @@ def identifiability(model: "MovingArmModel") -> Group:
 
 
 def draw_merges(model: "MovingArmModel", misfit: Chart, length: Chart) -> None:
-    """Draw misfit and segment length after each merge of segments.
+    """Draw the misfit and the segment length after each merge of segments.
 
     The segments are short at first, and are merged as long as the model can fit the merged segments.
     """

@@ -98,7 +98,7 @@ def far_view(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
 
 
 def next_view(diagnosis: "Diagnosis", unit: AngleUnit, file: str = "DIAGNOSIS.json") -> Group:
-    """Draw the recommendations, the checks, the minimum detectable effects and the assumptions.
+    """Draw the recommendations, the checks, the minimum detectable effects, and the assumptions.
 
     Args:
         diagnosis: the diagnosis

@@ -259,7 +259,7 @@ def _history(model: "Model") -> list[GenerationDone]:
 
 
 def _identifiability(model: "Model") -> Group:
-    """Draw which parameters the recordings identify, and which bench measurements are recommended."""
+    """Draw the identifiable parameters, and the recommended bench measurements."""
     from dpr_lab.identification.directions import described
 
     identifiability = model.identifiability

@@ -55,7 +55,7 @@ class Step(Guarded, Vertical, can_focus=True):
         return self.services.keys.fill(text)
 
     def changed(self) -> None:
-        """Announce that the state of the step has changed."""
+        """Post the event that the state of the step has changed."""
         self.post_message(self.Done())
 
     def warn(self, text: str) -> None:
@@ -105,7 +105,7 @@ class Step(Guarded, Vertical, can_focus=True):
         """Handle a report of the recorder."""
 
     def at_stake(self) -> str:
-        """Return a warning about work that would be lost if the operator quits now.
+        """Return a warning about results that would be lost if the operator quits now.
 
         The text is empty if nothing would be lost.
         """
