@@ -37,6 +37,13 @@ def test_points_of_tracker(tmp_path: Path) -> None:
         read(file, zero="hanging")
 
 
+def test_points_of_tracker_without_names_are_numbered(tmp_path: Path) -> None:
+    _, elbow, tip = pixels()
+    run = read(text(tmp_path / "a.txt", np.column_stack([T, elbow, tip]), "\t", "t\tx\ty\tx\ty\n"))
+    assert is_the_swing(run, atol=1e-6)
+    assert any("elbow = point 1, tip = point 2" in note for note in run.notes)
+
+
 @pytest.mark.slow
 def test_points_of_deeplabcut_and_their_noise(tmp_path: Path) -> None:
     points = pixels(up=-1.0, noise=0.5)

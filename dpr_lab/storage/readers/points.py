@@ -165,16 +165,19 @@ def _of_plane(axes: str) -> str:
 def _groups(table: Table) -> list[str]:
     """Return the name of the point for each column of a Tracker table.
 
-    In the row above the header, the name of a point is above the first column of the point.
+    In the row above the header, the name of a point is above the first column of the point. Points without a name are
+    numbered.
     """
     above = [row for row in table.heading if row != table.names and any(row)]
     row = (above[-1] if above else ()) + ("",) * len(table.names)
-    groups, current, number = [], "", 0
+    groups, current, number, has_x = [], "", 0, False
     for name, label in zip(table.names, row, strict=False):
+        if label:
+            current, has_x = label, False
         if name.lower() == "x":
             number += 1
-            current = label or (current if current and not label else f"point {number}")
-        current = label or current
+            current = f"point {number}" if has_x or not current else current
+            has_x = True
         groups.append(current)
     return groups
 
