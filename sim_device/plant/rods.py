@@ -77,6 +77,8 @@ class SimulatedRods:
             pose, config = self._poses[pose_number - 1], self._config
             target = placement(config.hand, pose, config.seed, self._release + 1, self._hand_error)
             target = self._guided(target, HABITS.near * pose.tolerance)
+            if self._rig.rods.mounting == "clamped":  # the elbow is clamped before the rods are moved
+                start = np.array([*start[:2], start[1] + target[2] - target[1]])
         begins = now if self._ready() else math.inf
         self._held, self._swing = HeldRods(start, target, begins, self._placing_time), None
 

@@ -165,6 +165,16 @@ def test_the_operator_waits_until_the_rods_can_be_let_go(paper):
     assert np.abs(rods.idle_counts(11.5, 11_500)[2]) > 1000
 
 
+def test_a_clamped_elbow_keeps_its_angle_while_the_operator_moves_the_rods(paper):
+    rig = paper.with_rods(elbow="clamped")
+    rods = SimulatedRods(Plant(load_plant("paper"), rig), rig, placing_time=0.5)
+    rods.place(1, 0.0)
+    theta = rig.mounted_theta(rods.held_counts(np.linspace(0.0, 0.6, 20), 0))
+    assert np.ptp(theta[:, 1]) < 0.02  # the inner rod hangs at X1
+    assert np.abs(theta[:, 2] - theta[:, 1] - (theta[-1, 2] - theta[-1, 1])).max() < 0.01
+
+
+
 def test_a_rig_without_a_named_plant_gets_its_own_plant():
     furuta, paper = load_rig("furuta"), load_rig("paper")
     assert chosen_plant(None, furuta) == load_plant("furuta")
