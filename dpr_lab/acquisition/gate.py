@@ -319,8 +319,8 @@ def _moved(judged: JudgedRun) -> Check | None:
     travel = np.ptp(counts, axis=0)[1 : 2 if judged.run.setup.held else 3]
     joint, least = 1 + int(travel.argmin()), float(travel.min())
     sentence = (
-        f"encoder {joint} moved by {least:.0f} counts (required: at least {limit}); if it moved less, check the encoder"
-        " and the latch"
+        f"encoder {joint} moved by {least:.0f} counts (required: at least {limit}); if it moved less, check the"
+        " encoder, the latch, and whether the rods are in balance at this pose"
     )
     return Check("moved", least >= limit, least, limit, "counts", sentence)
 

@@ -174,7 +174,6 @@ def test_a_clamped_elbow_keeps_its_angle_while_the_operator_moves_the_rods(paper
     assert np.abs(theta[:, 2] - theta[:, 1] - (theta[-1, 2] - theta[-1, 1])).max() < 0.01
 
 
-
 def test_a_rig_without_a_named_plant_gets_its_own_plant():
     furuta, paper = load_rig("furuta"), load_rig("paper")
     assert chosen_plant(None, furuta) == load_plant("furuta")
