@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 from dpr_lab.version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from dpr_lab.acceptance.judge import Acceptance
     from dpr_lab.errors import DprError
     from dpr_lab.exports.corrected import corrected_model
     from dpr_lab.gap.diagnose import diagnose
@@ -45,11 +46,16 @@ if TYPE_CHECKING:
     from dpr_lab.storage.csv_import import ImportOptions
     from dpr_lab.storage.csv_import import import_csv as import_table
     from dpr_lab.storage.reader import load_run
+    from dpr_lab.workflows.accept import accept_runs as accept
+    from dpr_lab.workflows.certify import certify, verify
     from dpr_lab.workflows.compare_run import compare_any_run as compare
+    from dpr_lab.workflows.diagnose import DiagnoseRequest, save_report
 
 __all__ = [
+    "Acceptance",
     "ArmComparison",
     "Comparison",
+    "DiagnoseRequest",
     "Diagnosis",
     "DprError",
     "ImportOptions",
@@ -58,6 +64,8 @@ __all__ = [
     "Plan",
     "Rig",
     "Run",
+    "accept",
+    "certify",
     "compare",
     "corrected_model",
     "diagnose",
@@ -75,10 +83,13 @@ __all__ = [
     "plot_search",
     "plot_waterfall",
     "plot_where",
+    "save_report",
     "to_dataframe",
+    "verify",
 ]
 
 _PLACES = {
+    "acceptance.judge": ("Acceptance",),
     "errors": ("DprError",),
     "exports.corrected": ("corrected_model",),
     "gap.diagnose": ("diagnose",),
@@ -106,7 +117,10 @@ _PLACES = {
     "run": ("Run",),
     "storage.csv_import": ("ImportOptions", "import_table=import_csv"),
     "storage.reader": ("load_run",),
+    "workflows.accept": ("accept=accept_runs",),
+    "workflows.certify": ("certify", "verify"),
     "workflows.compare_run": ("compare=compare_any_run",),
+    "workflows.diagnose": ("DiagnoseRequest", "save_report"),
 }
 """Exported names by module, each as `name` or `name=name in the module`. A name is imported on first use,
 so that commands start fast."""

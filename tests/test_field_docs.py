@@ -31,6 +31,7 @@ MODULES = (
     "acceptance.limits",
     "planning.limits",
     "planning.result",
+    "workflows.diagnose:DiagnoseRequest",
     "drift.changes",
     "drift.estimates",
     "drift.groups",

@@ -29,8 +29,8 @@ FORECAST = (
 )
 
 BITS = (
-    "1 bit decides between two equally probable causes. The bits of a check for the same causes differ: they hold for"
-    " the release of the check, and count indistinguishable causes as one cause."
+    "1 bit decides between two equally probable causes. The bits of a check for the same causes may differ: they hold"
+    " for the release of the check, and count indistinguishable causes as one cause."
 )
 
 NOT_SEEN = "Not detectable: the effect is not visible at any size, or is indistinguishable from an effect of the model."

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from dpr_lab.shown import counted
 from dpr_lab.workflows.checks import check_folder_writable
-from dpr_lab.workflows.diagnose import ACCEPTANCE, DiagnoseRequest, diagnose, diagnosis_folder, save_results
+from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose, save_report
 from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_diagnosis, read_runs
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from dpr_lab.acceptance.judge import Acceptance, JudgedLimit
     from dpr_lab.acceptance.limits import Limits
     from dpr_lab.gap.result.diagnosis import Diagnosis
+    from dpr_lab.planning.limits import PlanLimits
     from dpr_lab.planning.result import Plan
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
@@ -54,14 +55,10 @@ def accept(
         IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.
     """
-    from dpr_lab.acceptance.limits import load_limits
-    from dpr_lab.planning.limits import PlanLimits, refuse_impossible_plan
-    from dpr_lab.planning.plan import plan
     from dpr_lab.rig import load_rig
 
     rig = load_rig(request.rig)
-    requirements = load_limits(limits, PlanLimits)  # check all inputs before the time-consuming part
-    refuse_impossible_plan(limits, requirements, rig)
+    requirements = read_limits(limits, rig)  # check all inputs before the time-consuming part
     if request.out:
         check_folder_writable(request.out)
     runs = read_runs(request.runs, rig, ignore, request.any_clock, request.torque)
@@ -69,12 +66,60 @@ def accept(
         diagnosis = diagnose(replace(request, out=None), on_event).diagnosis
     else:
         diagnosis = read_diagnosis(diagnosis_file, runs, rig)
-    acceptance = judged(diagnosis, requirements, runs, rig)
-    if any(limit.answer == "not decidable" for limit in acceptance.limits):
-        of_plan = requirements.model_copy(update={"free_run": None})  # the test itself forecasts free runs
-        acceptance = with_recordings(acceptance, plan(rig, runs, diagnosis, limits=of_plan))
-    files = _save(acceptance, diagnosis, runs, rig, request.out, on_event) if request.out else {}
+    acceptance = accept_runs(runs, rig, requirements, diagnosis)
+    files = save_report(diagnosis, runs, rig, request.out, acceptance, on_event) if request.out else {}
     return AcceptResult(acceptance, files)
+
+
+def accept_runs(
+    runs: "Run | Sequence[Run]",
+    rig: "Rig",
+    limits: "PlanLimits | Path | str",
+    diagnosis: "Diagnosis | None" = None,
+) -> "Acceptance":
+    """Test whether a rig meets limits, as `dpr-lab accept` does.
+
+    Args:
+        runs: the runs
+        rig: the rig
+        limits: limits file, or its content
+        diagnosis: diagnosis of these runs; None: the function diagnoses them
+
+    Returns:
+        pass, fail or not decidable for each limit, and the releases that would decide further limits
+
+    Raises:
+        ConfigError: the limits are not valid.
+        RunError: a run cannot be used, or belongs to another rig.
+
+    Source: docs/how-to/accept.md.
+    """
+    from dpr_lab.gap.diagnose import diagnose
+    from dpr_lab.planning.plan import plan
+    from dpr_lab.run import as_runs
+
+    runs = as_runs(runs)
+    requirements = read_limits(Path(limits), rig) if isinstance(limits, (Path, str)) else limits
+    diagnosis = diagnosis or diagnose(runs, rig)
+    acceptance = judged(diagnosis, requirements, runs, rig)
+    if all(limit.answer != "not decidable" for limit in acceptance.limits):
+        return acceptance
+    of_plan = requirements.model_copy(update={"free_run": None})  # the test itself forecasts free runs
+    return with_recordings(acceptance, plan(rig, runs, diagnosis, limits=of_plan))
+
+
+def read_limits(file: Path, rig: "Rig") -> "PlanLimits":
+    """Read a limits file with at least one limit for a rig.
+
+    Raises:
+        ConfigError: the file is not readable, contains no limit, or does not fit the rig.
+    """
+    from dpr_lab.acceptance.limits import load_limits
+    from dpr_lab.planning.limits import PlanLimits, refuse_impossible_plan
+
+    limits = load_limits(file, PlanLimits)
+    refuse_impossible_plan(file, limits, rig)
+    return limits
 
 
 def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig: "Rig") -> "Acceptance":
@@ -173,15 +218,3 @@ def _with_bench_check(limit: "JudgedLimit", planned: "Plan") -> "JudgedLimit":
     if not checks or limit.reason.endswith(SECOND_RELEASE):
         return limit
     return replace(limit, reason=f"{limit.reason}. {checks[0].advice}".removesuffix("."))
-
-
-def _save(
-    acceptance: "Acceptance", diagnosis: "Diagnosis", runs: "Sequence[Run]", rig: "Rig", out: Path, on_event: OnEvent
-) -> dict[str, str]:
-    """Write the results of the limits, and the diagnosis with its report."""
-    from dpr_lab.report.plain import write_json
-
-    with diagnosis_folder(diagnosis, out) as folder:
-        write_json(asdict(acceptance), folder / ACCEPTANCE)
-        files = save_results(diagnosis, runs, rig, folder, out, on_event, acceptance).files
-    return {"accept": str(out / ACCEPTANCE), **files}

@@ -4,7 +4,7 @@ import os
 import time
 from collections.abc import Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,6 +35,7 @@ class DiagnoseRequest:
     """Options of a diagnosis."""
 
     runs: tuple[Path, ...]
+    """Run files (.mcap) to fit."""
     rig: str
     """Rig file, or the name of a built-in one."""
     held_out: tuple[Path, ...] = ()
@@ -151,6 +152,41 @@ def _with_trust(
         on_trial=lambda done: on_event(TrustTrialDone(done, request.trust, time.perf_counter() - began)),
     )
     return diagnosis.model_copy(update={"trust": reliability})
+
+
+def save_report(
+    diagnosis: "Diagnosis",
+    runs: "Run | Sequence[Run]",
+    rig: "Rig",
+    out: Path | str,
+    acceptance: "Acceptance | None" = None,
+    on_event: OnEvent = ignore,
+) -> dict[str, str]:
+    """Write a diagnosis, its HTML report and its models, as `dpr-lab diagnose --out` does.
+
+    Args:
+        diagnosis: the diagnosis
+        runs: its runs
+        rig: the rig
+        out: folder of the files
+        acceptance: results of limits, which the report shows first; None: no limits were tested
+        on_event: called with each warning
+
+    Returns:
+        the files by name; `report` is the HTML page
+
+    Raises:
+        DprError: a file cannot be written.
+    """
+    from dpr_lab.report.plain import write_json
+    from dpr_lab.run import as_runs
+
+    out = Path(out)
+    with diagnosis_folder(diagnosis, out) as folder:
+        if acceptance is not None:
+            write_json(asdict(acceptance), folder / ACCEPTANCE)
+        files = dict(save_results(diagnosis, as_runs(runs), rig, folder, out, on_event, acceptance).files)
+    return files if acceptance is None else {"accept": str(out / ACCEPTANCE), **files}
 
 
 def save_results(

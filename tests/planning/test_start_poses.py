@@ -24,7 +24,7 @@ def test_no_release_starts_near_an_unstable_equilibrium() -> None:
     near, poses = np.radians(8.0), [(0.0, 0.0), (0.0, np.pi), (np.pi, 2 * np.pi)]
     upright = [CandidateRelease(a + near, b - near, 10.0) for a, b in poses]
     upright += CandidateRelease(0.0, 0.0, 10.0, "inner").moved(np.array([[near, np.pi], [2 * np.pi, 1.0]]))
-    upright.append(CandidateRelease(*np.radians([-18.0, 72.0]), 10.0, "clamped"))
+    upright.append(CandidateRelease(-np.radians(18.0), np.radians(72.0), 10.0, "clamped"))
     falling = [CandidateRelease(0.0, np.pi / 2, 10.0), CandidateRelease(0.2, 0.2, 10.0, "outer")]
     falling += [CandidateRelease(0.0, np.pi / 2, 10.0, "clamped"), CandidateRelease(3.0, 3.0, 10.0)]
     assert swinging([*upright, *falling], (3.0, 1.0)) == falling

@@ -197,7 +197,9 @@ def test_the_same_recording_is_refused_twice(recorded, tmp_path: Path) -> None:
 
 
 def test_a_plan_refuses_a_diagnosis_of_another_rig_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    text = load_rig("paper").path.read_text()
+    path = load_rig("paper").path
+    assert path is not None
+    text = path.read_text()
     files = {
         "paper": text,
         "posed": f"{text}\n[poses.P1]\ntheta1 = 1.0\ntheta2 = 1.0\n",

@@ -1,0 +1,69 @@
+"""Acceptance test, report and certificate in Python: the calls that the command line uses."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import Mock
+
+import pytest
+
+import dpr_lab as dpr
+from dpr_lab.acceptance.judge import Acceptance
+from dpr_lab.gap.result.causes import EffectSize
+from dpr_lab.workflows import accept as job
+from dpr_lab.workflows import certify as certificates
+from tests.a_diagnosis import made
+
+LIMITS = '[effects.{}]\n{} = {{ max = 1e3, unit = "{}" }}\n'
+
+
+def diagnosis_and_limits(folder: Path) -> tuple[dpr.Diagnosis, Path]:
+    """Return a diagnosis with one named effect, and a limit that it meets."""
+    named = (
+        made()
+        .effects[0]
+        .model_copy(
+            update={
+                "name": "coulomb_joint2",
+                "members": ["coulomb_joint2"],
+                "parameters": {"torque_Nm": EffectSize(value=1e-3, interval90=(0.9e-3, 1.1e-3))},
+            }
+        )
+    )
+    diagnosis = made(verdict="named").model_copy(update={"effects": [named], "hints": [], "scale": None, "rivals": []})
+    file = folder / "limits.toml"
+    file.write_text(LIMITS.format("coulomb_joint2", "torque_Nm", "N m"))
+    return diagnosis, file
+
+
+def test_limits_are_tested_in_python(tmp_path: Path) -> None:
+    diagnosis, file = diagnosis_and_limits(tmp_path)
+    acceptance = dpr.accept([], dpr.load_rig("paper"), str(file), diagnosis)
+    assert isinstance(acceptance, dpr.Acceptance)
+    assert (acceptance.answer, acceptance.limits[0].answer) == ("pass", "pass")
+    with pytest.raises(dpr.DprError, match=r"none\.toml: cannot be read"):
+        dpr.accept([], dpr.load_rig("paper"), tmp_path / "none.toml", diagnosis)
+
+
+def test_the_command_uses_the_functions_of_the_interface(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    diagnosis, file = diagnosis_and_limits(tmp_path)
+    acceptance, saved = Acceptance("pass", "", ()), Mock(return_value={"report": "r"})
+    tested = Mock(return_value=acceptance)
+    for name, call in (("accept_runs", tested), ("save_report", saved), ("read_runs", Mock(return_value=[]))):
+        monkeypatch.setattr(job, name, call)
+    monkeypatch.setattr(job, "diagnose", Mock(return_value=SimpleNamespace(diagnosis=diagnosis)))
+    result = job.accept(dpr.DiagnoseRequest((), "paper", out=tmp_path / "out"), file)
+    assert (result.acceptance, result.files) == (acceptance, {"report": "r"})
+    assert tested.call_args.args[3] is saved.call_args.args[0] is diagnosis
+    assert (dpr.certify, dpr.verify) == (certificates.certify, certificates.verify)
+
+
+def test_a_report_is_written_with_the_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    diagnosis, _ = diagnosis_and_limits(tmp_path)
+    write = Mock(side_effect=lambda diagnosis, runs, rig, folder, *_: {"report": str(folder / "diagnosis.html")})
+    monkeypatch.setattr("dpr_lab.report.saving.save_diagnosis", write)
+    out, rig = tmp_path / "out", dpr.load_rig("paper")
+    assert dpr.save_report(diagnosis, [], rig, str(out)) == {"report": str(out / "diagnosis.html")}
+    files = dpr.save_report(diagnosis, [], rig, out, Acceptance("pass", "", ()))
+    assert files == {"accept": str(out / "accept.json"), "report": str(out / "diagnosis.html")}
+    assert json.loads((out / "accept.json").read_text())["answer"] == "pass"
