@@ -59,6 +59,7 @@ FORMS = {
     "decimal commas in quotation marks": '"time","angle (°)"\n'
     + "".join(f'"{t:.2f}","{angle:.4f}"\n'.replace(".", ",") for t, angle in zip(T, DEG, strict=True)),
     "names of devices above the names": "Card,Encoder\ntime [s],angle [deg]\n" + lines("{t:.2f},{angle:.4f}\n"),
+    "settings above the names": "info,\namplitude,0.5\nt,angle_deg,cart\n" + lines("{t:.2f},{angle:.4f},0\n"),
     "a repeated header": "t,angle_deg\n"
     + (half := lines("{t:.2f},{angle:.4f}\n"))[:800]
     + half[800:].replace("\n", "\nt,angle_deg\n", 1),
@@ -168,8 +169,7 @@ def test_a_column_without_a_name_may_be_a_distance(tmp_path, one, names, asks):
 
 
 def test_coordinates_next_to_an_angle_are_no_cart(tmp_path, one):
-    text = "Time(s),X,Y,Angle(deg)\n" + lines("{t:.2f},{angle:.0f},{angle:.1f},{angle:.4f}\n")
-    (tmp_path / "a.csv").write_text(text)
+    (tmp_path / "a.csv").write_text("Time(s),X,Y,Angle(deg)\n" + lines("{t:.2f},{angle:.0f},{angle:.1f},{angle:.4f}\n"))
     notes = understand(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).notes
     assert not any("cart" in note for note in notes)
 

@@ -6,6 +6,7 @@ Blocks that contain only numbers are read without a Python call for each line.
 import csv
 import io
 import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -208,6 +209,11 @@ def is_data(row: list[str]) -> bool:
 def has_name(row: Sequence[str]) -> bool:
     """Check whether a row contains a field that is neither a number nor a missing value."""
     return any(cell.strip().lower() not in NOT_A_VALUE and not _is_number(cell.strip()) for cell in row)
+
+
+def usual_width(rows: Sequence[Sequence[str]]) -> int:
+    """Return the most frequent number of fields in rows."""
+    return Counter(map(len, rows)).most_common(1)[0][0]
 
 
 def has_decimal_comma(cell: str) -> bool:
