@@ -81,7 +81,7 @@ PARTS = {
     "period": "period of a tick (s)",
     "dpr_lab": "dpr-lab",
     "arrival_ppm": "rate error from the arrival of samples (ppm)",
-    "arrival_margin_ppm": "bound on the error of the rate error from arrival (ppm)",
+    "arrival_margin_ppm": "bound on the error of this estimate (ppm)",
     "file_sha256": "SHA-256 of the table",
     "t_offset_s": "time of the release in the table (s)",
     "columns": "columns of the table:",

@@ -64,10 +64,10 @@ class Causes:
 def causes_of(diagnosis: Diagnosis) -> Iterator[Causes]:
     """Yield the candidate causes of each named effect, with their probabilities.
 
-    The candidates are the members of the class of the effect, and its alternatives. The remaining
-    probability belongs to a cause outside the library. An exception is a single release: the probability of an effect
-    is also reduced if it fails the test on the quarters of this release, or if the release does not test its form. A
-    second release replaces both tests, so this reduction is not counted as a cause outside the library.
+    The candidates are the members of the class of the effect, and its alternatives. The remaining probability belongs
+    to a cause outside the library. If there is only one release, two further tests can reduce the probability of an
+    effect: that on the quarters of the release, and that of its form. A second release replaces both. Their reduction
+    is therefore not counted as a cause outside the library.
     """
     alone = recorded_releases(diagnosis) < STOPPING.fewest
     for effect in diagnosis.effects:

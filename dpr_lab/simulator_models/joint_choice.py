@@ -135,7 +135,7 @@ def _between(first: Vector, second: Vector) -> float:
 def refuse_tilted(joint: ModelJoint, axis: Vector, what: str, notes: list[str]) -> None:
     """Check that the axis of a joint is parallel to `axis`.
 
-    A small angle between the axes is added to the notes. `what` describes `axis` in the message.
+    If there is a small angle between the axes, a note is added. `what` describes `axis` in the message.
 
     Raises:
         ConfigError: the axes are not parallel.

@@ -1,4 +1,4 @@
-"""One trial of a campaign in any process; case and outcome are JSON values.
+"""One trial of a campaign. Case and outcome are JSON values, so that a trial can run in another process.
 
 The simulated device records its plant directly, without a link and faster than real time. Hundreds of trials are
 therefore feasible. The recorded counts are the same as with a link.

@@ -59,7 +59,7 @@ def test_counts_whose_name_states_the_revolution_are_not_scaled(tmp_path, head):
 
 def test_grad_requires_a_decision_between_degrees_and_gon(tmp_path):
     file = file_of(tmp_path, "t,theta1 (grad),theta2 (grad)\n", "{t:.3f},{a:.12g},{b:.12g}\n", *DEGREES)
-    with pytest.raises(RunError, match=r"in degrees or in gon .*--unit deg; for gon, .*--scale 0.9"):
+    with pytest.raises(RunError, match=r"can mean degrees or gon .*--unit deg; for gon, .*--scale 0.9"):
         import_csv(file, RIG)
     assert is_the_swing(import_csv(file, RIG, ImportOptions(unit="deg")))
     gon = ImportOptions(unit="deg", scale={"theta1": 0.9, "theta2": 0.9})

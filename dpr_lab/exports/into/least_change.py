@@ -192,9 +192,10 @@ def _changed_gears(gears: Mapping[str, float], factor: float, diagnosis: Diagnos
 
 
 def _base(of_file: Array, rotor: Array, model: Model, diagnosis: Diagnosis, gears: Array) -> Array:
-    """Return base parameters (6,) at one scale, from the file where compatible.
+    """Return base parameters (6,), those of the file where they agree with the estimates.
 
-    Otherwise they are estimates.
+    A scale that is unknown, or known only from torques, is chosen so that as many values of the file as possible are
+    kept.
 
     Args:
         of_file: (6,) base parameters of the file, without rotors

@@ -110,8 +110,8 @@ def _out_of_sample(recordings: Recordings, problem: Problem, chi2: Callable[[Hyp
 def reduction(above: Array, uncertainty: float, rng: np.random.Generator, block: int, run: Integers) -> Interval:
     """Return the relative reduction of the gap with a bootstrap interval.
 
-    The interval is the whole range if there is no gap, or if there is only one segment, which shows no scatter. It
-    contains a remainder that the noise would hide, even if no sample of the bootstrap has a remainder.
+    The interval is the whole range if there is no gap, or if there is only one segment, which shows no scatter. The
+    noise can hide a small remainder. The interval allows for it even if no sample of the bootstrap has a remainder.
 
     Args:
         above: (2, segments) chi2 above the noise, before and after

@@ -157,7 +157,8 @@ def judged(
 class _Test:
     """Test on data that were not fitted.
 
-    A pair is the (2, segments) excess chi2 of the models without and with some effects.
+    The test compares a model without some effects to one with them. Their chi2 above the noise in each segment is a
+    pair, (2, segments).
     """
 
     data: OutOfSample

@@ -20,10 +20,10 @@ from dpr_lab.shown import percent
 
 
 def _smaller_adequate(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the smallest of all fitted sets that explains nearly as much as the current set.
+    """Propose the smallest fitted set that explains nearly as much as the current set.
 
-    It keeps the known effects of the rig, and adds no size that is typical of another cause. An impossible size is
-    allowed, because later moves can make it possible.
+    Only sets with the known effects of the rig are considered. Sizes that are typical of another cause must also occur
+    in the current set. Impossible sizes are allowed, because later moves can make them possible.
     """
     smaller_sets = [
         model

@@ -89,7 +89,7 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
 
     A time whose name states its unit is preferred. Names with a word such as `measured` or `exp`, and names of joints,
     such as `shoulder`, are used only if no column has a plain name. Other letters, such as `alpha1`, are used only if
-    no column has another name of a rod's angle.
+    no other name of a rod's angle is found.
     """
     common, angle, ending = (
         (_COUNT_NAME, _COUNT_NAME, "(counts?|ticks?)?")

@@ -103,8 +103,8 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
 def _nearest(read: InterpretedTable, residual: float) -> str:
     """Name the interpretation with by far the smallest change of energy.
 
-    The text is the end of a sentence. This interpretation is not proposed as a correction, because the energy changes
-    in it as well. The text is empty if there is no such interpretation.
+    The text is the end of a sentence, and is empty if there is no such interpretation. This interpretation is not
+    proposed as a correction, because it does not conserve the energy either.
     """
     turned = _turned(read)
     others = (other for other in other_readings(read) if other.mend and (not turned or other.scale == (1.0, 1.0)))

@@ -68,8 +68,8 @@ def refuse_scaled_units(table: Table, named: Mapping[str, str], options: ImportO
     for name in unscaled.values():
         if options.unit is None and _GRAD.match(name):
             raise RunError(
-                f"{table.path}: column {name!r} is in degrees or in gon (400 in a turn) by its name: for degrees, add"
-                " --unit deg; for gon, convert it (--unit deg --scale 0.9)"
+                f"{table.path}: the name of column {name!r} can mean degrees or gon (400 gon = 360 degrees): for"
+                " degrees, add --unit deg; for gon, convert them (--unit deg --scale 0.9)"
             )
     for pattern, meaning, unit, factor in _SCALED_UNITS:
         if axes := [axis for axis, name in unscaled.items() if pattern.search(name)]:
