@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.rig_constants import rig_constants
-from dpr_lab.gap.damage.steps import ReadingStep, apparent_steps, is_sharp, shows_step, visible_steps
+from dpr_lab.gap.damage.steps import ReadingStep, apparent_steps, is_sharp, shows_step, typical_step, visible_steps
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -77,11 +77,11 @@ def test_a_step_is_sharp_if_no_other_instant_shows_one_as_large():
     of_step, of_zero = (apparent_steps(noise + error, begins, ends) for error in (step, wandering))
     assert of_step[place] == pytest.approx(10.0, abs=6.0)
     assert np.isnan(of_step[[7, 193, 207]]).all()  # a polynomial does not extend from one segment to the next
-    assert is_sharp(of_step, place + 2, 10.0)
-    assert not is_sharp(of_step, place + 40, 10.0)
-    assert not is_sharp(of_zero, place, 10.0)
-    assert not is_sharp(of_zero, 198, 10.0)
-    assert is_sharp(of_zero, 198, 100.0)
+    assert is_sharp(of_step, place + 2, 10.0, typical_step(of_step))
+    assert not is_sharp(of_step, place + 40, 10.0, typical_step(of_step))
+    assert not is_sharp(of_zero, place, 10.0, typical_step(of_zero))
+    assert not is_sharp(of_zero, 198, 10.0, typical_step(of_zero))
+    assert is_sharp(of_zero, 198, 100.0, typical_step(of_zero))
 
 
 def test_missing_readings_are_no_residual_of_zero():

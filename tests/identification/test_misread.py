@@ -213,6 +213,19 @@ def test_an_arm_that_moves_but_is_given_as_clamped_is_named(on_a_moving_arm, pap
         refuse_misread(on_a_moving_arm, paper)
 
 
+def test_a_moving_arm_is_estimated_at_the_rate_of_the_fits(swings, paper: Rig) -> None:
+    run = in_time(swings[0].swing, 0.25)  # at 1 kHz
+    readings_of_arm = 0.3 * np.sin(20.0 * run.t) + 1e-4 * np.random.default_rng(0).normal(size=len(run.t))
+    run = replace(run, theta=np.column_stack([readings_of_arm, run.theta[:, 1:]]))
+    (moving,) = (reading for reading in readings(paper) if reading.arm)
+    read = moving.read(run)
+    assert read is not None
+    assert read.arm is not None
+    assert len(read.arm.t) == pytest.approx(len(run.t) / 4, abs=1)
+    error = (read.arm.omega - 6.0 * np.cos(20.0 * read.arm.t))[5:-5]
+    assert np.sqrt(np.mean(error**2)) < 0.05
+
+
 @pytest.mark.long
 def test_rods_that_turn_against_the_arm_are_named(paper: Rig) -> None:
     plant = load_plant("paper", 5).model_copy(update={"arm": ArmConfig(mode="free", J0=0.05, c0=0.02, k0=1.0)})

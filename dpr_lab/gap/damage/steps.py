@@ -151,9 +151,14 @@ def _steps(problem: Problem, fit: Fit) -> list[ReadingStep]:
         gain, size = step_gains(weight, e[:, joint], Q[:, joint], ends)
         residual = np.divide(e[:, joint], weight, out=np.full(len(weight), np.nan), where=weight > 0)
         apparent = apparent_steps(residual, segments.offsets[problem.owner], ends)
+        samples = {run: run_of == run for run in set(segments.run.tolist())}
+        recordings = {
+            run: (int(np.argmax(mask)), apparent[mask], typical_step(apparent[mask])) for run, mask in samples.items()
+        }
         for run, (first, last) in zip(segments.run.tolist(), pairwise(segments.offsets.tolist()), strict=True):
             i = first + 1 + int(np.argmax(gain[first + 1 : last]))
-            if not is_sharp(apparent[run_of == run], i - int(np.argmax(run_of == run)), float(size[i])):
+            begin, of_run, typical = recordings[run]
+            if not is_sharp(of_run, i - begin, float(size[i]), typical):
                 continue
             steps.append(ReadingStep(float(gain[i]), joint, run, float(problem.t[i]) - STEPS.before_s, float(size[i])))
     return sorted(steps, reverse=True)
@@ -178,7 +183,13 @@ def apparent_steps(residual: Array, begins: Integers, ends: Integers) -> Array:
     return np.where((place - begins >= side) & (ends - place >= side), apparent, np.nan)
 
 
-def is_sharp(apparent: Array, place: int, size: float) -> bool:
+def typical_step(apparent: Array) -> float:
+    """Return the standard deviation of apparent steps (samples,), by their median; zero without any."""
+    tested = apparent[np.isfinite(apparent)]
+    return NORMAL_MAD * float(np.median(np.abs(tested))) if len(tested) else 0.0
+
+
+def is_sharp(apparent: Array, place: int, size: float, typical: float) -> bool:
     """Return whether a step of the residual is sharp.
 
     The step must exceed the apparent steps at the other instants of the recording, and must be visible in the residual.
@@ -188,13 +199,11 @@ def is_sharp(apparent: Array, place: int, size: float) -> bool:
         apparent: (samples,) apparent steps of one joint in one recording, rad
         place: index of the first sample after the step
         size: size of the step, rad
+        typical: `typical_step` of this joint and recording, rad
     """
     near = apparent[max(place - STEPS.reach, 0) : place + STEPS.reach + 1] * np.sign(size)
     least = STEPS.part * abs(size)
-    if not (np.isnan(near).all() or np.nanmax(near) >= least):
-        return False
-    tested = apparent[np.isfinite(apparent)]
-    return not len(tested) or bool(least >= STEPS.sharp * NORMAL_MAD * np.median(np.abs(tested)))
+    return least >= STEPS.sharp * typical and not np.fmax.reduce(near) < least
 
 
 def step_gains(weight: Array, e: Array, Q: Array, ends: Integers) -> tuple[Array, Array]:

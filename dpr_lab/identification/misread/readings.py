@@ -65,6 +65,8 @@ class ZeroSettings:
     """Smallest factor on the angle of a prescribed arm that is tested."""
     alike_deg: float = 2.0
     """Maximum difference between the zeros of two runs that count as equal, degrees."""
+    arm_hz: float = 250.0
+    """Maximum rate at which the motion of an arm is estimated, Hz; fits of other interpretations use no more."""
 
 
 ZEROS = ZeroSettings()
@@ -359,7 +361,8 @@ def _with_moving_arm(run: Run) -> Run | None:
     """
     if run.arm is not None or not arm_turned(run):
         return None
-    return replace(run, arm=arm_motion(run.t, run.theta[:, 0], run.name))
+    every = slice(None, None, max(1, round(run.rate_hz / ZEROS.arm_hz)))
+    return replace(run, arm=arm_motion(run.t[every], run.theta[every, 0], run.name))
 
 
 def arm_turned(run: Run, above_noise: float = 20.0) -> bool:
