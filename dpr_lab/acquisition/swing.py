@@ -15,7 +15,7 @@ from dpr_lab.acquisition.recording import Recording
 from dpr_lab.acquisition.rest import RodAngles, RodPair, at_rest
 from dpr_lab.acquisition.settings import CaptureSettings
 from dpr_lab.arrays import Array
-from dpr_lab.errors import DeviceLost, DprError, LinkError, RunError
+from dpr_lab.errors import DeviceLost, DprError, LinkError, LinkTimeout, RunError
 from dpr_lab.storage.metadata import RunMetadata
 from dpr_lab.storage.writer import RunWriter
 from firmware_protocol.messages import State, Status
@@ -104,8 +104,8 @@ class SwingRecorder:
                 self._await_release(recording)
                 self.on_progress(Released(recording.release_tick or 0, path))
                 self._follow(recording)
-                self._stop(recording)
-                report = recording.finish(self.device.clock(), self._notes(recording))
+                unanswered = self._stop(recording)
+                report = recording.finish(self.device.clock(), (*self._notes(recording), *unanswered))
             except BaseException as error:
                 recording.count_losses(self.device.losses)
                 with suppress(RunError):
@@ -174,15 +174,23 @@ class SwingRecorder:
             f" their hanging position at rest was not checked",
         )
 
-    def _stop(self, recording: Recording) -> None:
-        """Stop the stream; read the remaining samples and the status with the final counts."""
-        self.device.stop()
+    def _stop(self, recording: Recording) -> tuple[str, ...]:
+        """Stop the stream; read the remaining samples and the status with the final counts.
+
+        The recording is complete, so it is kept even if the device does not answer: the result is then a note.
+        """
+        unanswered: tuple[str, ...] = ()
+        try:
+            self.device.stop()
+        except LinkTimeout as error:
+            unanswered = (f"the recording is complete, but {error}",)
         deadline = time.monotonic() + self.settings.last_status_s
         counted = False
-        while not counted and time.monotonic() < deadline:
+        while not (counted or unanswered) and time.monotonic() < deadline:
             messages = [message for batch in self._take(recording) for message in batch.messages]
             counted = any(isinstance(message, Status) and message.state is State.IDLE for message in messages)
         recording.count_losses(self.device.losses)
+        return unanswered
 
 
 def _release(device: Device) -> None:

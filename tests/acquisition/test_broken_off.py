@@ -13,10 +13,11 @@ import pytest
 
 from dpr_lab.acquisition.batch import Batch
 from dpr_lab.acquisition.capture import CaptureOptions, Progress, Released, capture
+from dpr_lab.acquisition.device import Device
 from dpr_lab.acquisition.holding import raise_faults
 from dpr_lab.acquisition.interrupts import unbroken
 from dpr_lab.acquisition.recording import Recording
-from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, RunError
+from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, LinkTimeout, RunError
 from dpr_lab.rig import Rig
 from dpr_lab.storage.inspect import recover, verify
 from dpr_lab.storage.layout import LIMITS
@@ -127,6 +128,25 @@ def test_full_disk_is_a_run_error_and_stops_the_device(
             capture(device, paper, "X1", CaptureOptions(duration=200), tmp_path, fill_disk, agree)
         assert settled(device).state is State.IDLE
     assert len(load_run(sorted(tmp_path.glob("*.mcap"))[0]).t) > 500
+
+
+def test_a_complete_recording_is_kept_although_the_device_does_not_answer_stop(
+    paper: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bench, agree
+) -> None:
+    def deaf() -> None:
+        Device.stop(device)
+        raise LinkTimeout("STOP was sent 6 times and the device did not answer: check its cable and power")
+
+    def turn_deaf(progress: Progress) -> None:
+        if isinstance(progress, Released):
+            monkeypatch.setattr(device, "stop", deaf)
+
+    with bench(clock="fast") as (device, _):
+        captured = capture(device, paper, "X1", SHORT, tmp_path, turn_deaf, agree)
+        monkeypatch.undo()
+    assert captured.quality.ok
+    assert "the recording is complete, but STOP was sent 6 times" in captured.quality.sentence
+    assert load_run(captured.run_file).complete
 
 
 def test_a_full_disk_of_the_temporary_file_names_the_run_file_and_its_recovery(
