@@ -224,7 +224,7 @@ def test_readers_links_searches_and_formats_are_loaded_and_a_failure_is_named_wi
         print(ended.code)
     """
     done = run(code, site, cwd=tmp_path)
-    assert done.stdout == "()\nTrue bench log mine loop\n1\n"
+    assert done.stdout == "()\nTrue bench log mine loop\n70\n"
     reason = "plugin own_reader 1.0 failed (own_reader.py, line 5): KeyError: 'speed': update or remove it"
     assert reason in done.stderr
     assert "Traceback" not in done.stderr
