@@ -185,7 +185,7 @@ def test_a_richer_form_adds_nothing_if_all_its_amplitudes_are_excluded(
     of_set = replacements({frozenset({"base_tilt", "stribeck_joint2"}): richer}, final_test=Mock(), detectable={})
     monkeypatch.setattr(of_set.selection.chosen, "effects", ("base_tilt", NAME))
     assert _adds_nothing(of_set, "stribeck_joint2") is nothing
-    monkeypatch.setattr(of_set.selection.final_test, "of", lambda _: None)
+    monkeypatch.setattr(of_set.selection.final_test, "best_score", lambda _: None)
     assert not _adds_nothing(of_set, "stribeck_joint2")
 
 

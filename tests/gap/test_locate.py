@@ -24,6 +24,7 @@ def test_the_gap_is_located_for_the_bare_model_of_the_selected_set(monkeypatch: 
         monkeypatch.setattr(diagnose, "refined", lambda _, selection=selection: selection)
         monkeypatch.setattr(diagnose, "with_other_noise", lambda *_: None)
         monkeypatch.setattr(diagnose, "refuse_impossible_scale", lambda *_: None)
+        monkeypatch.setattr(diagnose, "at_own_scale", lambda selection, *_: selection)
         monkeypatch.setattr(diagnose, "_begin", lambda *_: None)
         monkeypatch.setattr(diagnose, "locate", lambda _, bare: f"of {bare}")
         selected = diagnose._selected(ForwardSelected(fitted, Mock()))

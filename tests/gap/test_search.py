@@ -361,7 +361,9 @@ def test_a_similar_effect_with_nearly_the_score_is_fitted_while_a_residual_remai
         name: SimpleNamespace(effect=SimpleNamespace(name=name, common=False), gain=gain)
         for name, gain in gains.items()
     }
-    test = Mock(ranking=[*scores.values()], of=scores.get, cosine=lambda _, other: cosines.get(other.effect.name, 0.0))
+    test = Mock(
+        ranking=[*scores.values()], best_score=scores.get, cosine=lambda _, other: cosines.get(other.effect.name, 0.0)
+    )
     sets, fitted = Mock(), list[str]()
     sets.without.return_value = SimpleNamespace(cost=100.0)
     sets.test.return_value = test
