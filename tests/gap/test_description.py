@@ -15,10 +15,11 @@ from dpr_lab.effects import EFFECTS, effect_params, plausibility
 from dpr_lab.errors import RunError
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.conclusion import description as description_module
-from dpr_lab.gap.conclusion.description import unexplained_energy
+from dpr_lab.gap.conclusion.description import rising_energy, unexplained_energy
 from dpr_lab.gap.conclusion.sentence import _in_noise
 from dpr_lab.gap.conclusion.verdict import listed_causes
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.state import Description
 from dpr_lab.report.plain import as_json
 from dpr_lab.rig import Rig, load_rig, parse_rig
 from dpr_lab.run import Run
@@ -310,13 +311,15 @@ def test_the_motion_of_a_prescribed_arm_supplies_energy(tmp_path: Path) -> None:
 
 def test_the_angles_of_a_film_have_no_other_scale(monkeypatch, paper: Rig):
     monkeypatch.setattr(description_module, "other_scale", lambda *_: "An angle scale of 0.5")
+    monkeypatch.setattr(description_module, "rising_energy", lambda *_: Description())
     chosen = SimpleNamespace(effects=(), at_noise_floor=True)
     bare = SimpleNamespace(residuals=SimpleNamespace(chi2=1.0, dof=1))
     made = SimpleNamespace(chosen=chosen, bare=bare)
     transferred = SimpleNamespace(withdrawn=(), oversized=())
 
     def hint(film_noise: float | None) -> str:
-        record = SimpleNamespace(run=SimpleNamespace(film_noise=film_noise, arm_mode="clamped", arm=None))
+        sources = dict.fromkeys(("torques", "inner", "arm"))
+        record = SimpleNamespace(run=SimpleNamespace(film_noise=film_noise, arm_mode="clamped", **sources))
         return description_module.description([record], paper, None, made, transferred).hint
 
     assert hint(None) == "An angle scale of 0.5"
@@ -339,3 +342,13 @@ def test_another_scale_must_replace_an_effect_that_is_needed(monkeypatch, needed
         rods=SimpleNamespace(mounted="inner"), encoders=SimpleNamespace(counts_per_rev=(4096, 4096, 4096))
     )
     assert bool(description_module.other_scale(problem, selection, rig)) is needed
+
+
+@pytest.mark.parametrize(("damping", "rises"), [(-0.0015, True), (0.0, False)])
+def test_a_free_swing_whose_energy_rises_is_driven(tmp_path: Path, bare, damping: float, rises: bool) -> None:
+    rod = one_rod.Rod(dry=0.0, damping=damping, offset=0.0, duration=8.0)
+    rig, runs = one_rod.recorded(rod, 1, tmp_path, [np.radians(20.0)])
+    problem, model = bare(runs, rig)
+    described = rising_energy(problem, model)
+    assert described.withholds == rises
+    assert ("energy of the swing rises by" in described.hint) == rises

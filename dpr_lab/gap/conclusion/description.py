@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import linregress
 
 from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS, named_params, without_effect
@@ -21,6 +22,7 @@ from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import COMPILED
+from dpr_lab.gap.damage.hand import energies
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.screen.record import Record
@@ -56,6 +58,12 @@ class DescriptionRules:
     If the change is larger, a delay of less than a row is not attributed to the drive. The change is 0.02 or less in
     recordings of real drives, and 0.12 for a sine of 1 Hz at 20 Hz.
     """
+    rise: float = 0.1
+    """Minimum rise of the energy of a free swing, relative to its mean, that shows a drive."""
+    rise_in_std: float = 6.0
+    """Minimum rise in standard deviations, which are estimated from the scatter about a straight line."""
+    segments: int = 4
+    """Minimum number of segments of a run whose energy is tested."""
 
 
 DESCRIPTION = DescriptionRules()
@@ -88,7 +96,10 @@ def description(
     # With a wrong sign of its motion, an arm acts on small swings like a spring, which closes a small gap too.
     arm_as_spring = any(record.run.arm is not None for record in records) and selection.chosen.effects
     if not (arm_as_spring or (large and doubtful)):
-        return Description()
+        supplied = [(record.run.torques, record.run.inner, record.run.arm) for record in records]
+        explained = selection.chosen.effects and selection.chosen.at_noise_floor
+        free = all(source is None for sources in supplied for source in sources)
+        return rising_energy(problem, selection.bare) if free and not explained else Description()
     runs = [_trusted(record) for record in records]
     look = check_description(runs, rig)
     # an encoder error also causes an apparent energy input
@@ -113,6 +124,29 @@ def unexplained_energy(runs: Sequence[Run], rig: Rig) -> Description:
                 " torques do not explain this change: a motor, a hand or the base drives the rods, or the readings or"
                 " their description are incorrect. Record the torques of the motors, or a free swing.",
                 forced=True,
+            )
+    return Description()
+
+
+def rising_energy(problem: Problem, bare: Hypothesis) -> Description:
+    """Describe an energy of free rods that rises throughout a run, although friction can only reduce it.
+
+    The segments of such a run show no gap, because each has its own initial state.
+    """
+    if len(problem.segments.setups) != 1:
+        return Description()
+    begins, energy = problem.t[problem.segments.offsets[:-1]], energies(problem, bare.estimate)
+    for run in range(problem.segments.run.max() + 1):
+        in_run = problem.segments.run == run
+        if np.count_nonzero(in_run) < DESCRIPTION.segments:
+            continue
+        line = linregress(begins[in_run], energy[in_run])
+        change = line.slope * np.ptp(begins[in_run]) / np.mean(energy[in_run])
+        if change > DESCRIPTION.rise and line.slope > DESCRIPTION.rise_in_std * line.stderr:
+            return Description(
+                f"The energy of the swing rises by {percent(change)}, although friction can only reduce it: a motor, a"
+                " hand, another rod or the base drives the rods. Record the torques of the motors, or a free swing.",
+                True,
             )
     return Description()
 
