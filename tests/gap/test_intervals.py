@@ -186,6 +186,8 @@ def test_a_size_that_cannot_be_negative_has_no_negative_interval() -> None:
     torque = _size(scale, "coulomb_joint1", "torque_Nm", 1.0, 1.5)
     assert torque.interval90 == (0.0, 2.5)
     assert torque.ratio is None  # the recordings determine the scale
+    clamped = scale.model_copy(update={"fixed_by": "bound", "sizes90": (1.5, 3.0)})
+    assert _size(clamped, "coulomb_joint1", "torque_Nm", 1.0, 0.1).ratio is None  # it determines no ratio to b
     offset = _size(scale, "encoder_offset_joint1", "offset_rad", 1.0, 1.5)
     assert offset.interval90 == (-0.5, 2.5)
 
@@ -196,7 +198,7 @@ def test_a_ratio_and_its_covariance_are_divided_by_the_same_inertia(monkeypatch:
     free = [Fake(effect="", block="ratios", **vars(parameter)) for parameter in free]
     of = {"a/b": ("a/b", 3.0, 2.0), "c1/b": ("c1/b", 0.1, 4.0)}
     monkeypatch.setattr(ratios, "ratio_of", lambda parameter, *_, **__: of.get(parameter.name))
-    monkeypatch.setattr(ratios, "only_inner", lambda _: False)
+    monkeypatch.setattr(ratios, "only_inner", lambda _: True)
     problem, fit, rig = (
         Fake(segments=Fake(setups=())),
         Fake(free=free, estimate=None),

@@ -8,6 +8,10 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.gap.conclusion.ratios import determined
+from dpr_lab.gap.conclusion.ratios import ratios as ratios_of
+from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.identify import identify
@@ -102,6 +106,20 @@ def test_one_release_gives_wide_and_finite_ratios(paper: Rig, rods: dict[str, st
         if name not in model.covariance.order:
             assert estimate.value == pytest.approx(nominal[i], rel=1e-9)
             assert estimate.std > 0.02 * nominal[i]
+
+
+def test_stated_ratios_of_a_clamped_elbow_contain_the_uncertainty_of_undetermined_ratios(paper: Rig, bare) -> None:
+    rig, runs, truth = case(paper, {"elbow": "clamped"})
+    alone = [run for run in runs if run.pose == "X1"]
+    problem, model = bare(alone, rig)
+    of_fit = covariance(problem, model, rig)
+    stated, of_stated = determined(problem, model.fit, of_fit, rig)
+    assert set(stated) == {"d/b", "e1/b", "c1/b"}
+    for (name, ratio), variance in zip(stated.items(), np.diag(of_stated), strict=True):
+        low, high = ratio.interval90
+        assert 0.0 <= low < truth[RATIOS.index(name)] < high
+        assert high - ratio.value == pytest.approx(NORMAL_Q90 * variance**0.5)
+        assert ratio == ratios_of(problem, model, of_fit, rig)[name]
 
 
 @pytest.mark.slow

@@ -68,7 +68,8 @@ def _size(scale: Scale, effect: str, name: str, value: float, half_width: float)
     floor = 0.0 if parameter.sign == "positive" else -np.inf
     interval, power = (max(value - half_width, floor), value + half_width), parameter.scale_power
     size = EffectSize(value=value, interval90=interval, interval90_with_scale=scale.absolute90(value, interval, power))
-    if power == 0 or scale.fixed_by == "data":
+    # a clamped elbow determines no ratios to b
+    if power == 0 or scale.fixed_by == "data" or scale.sizes90:
         return size
     ratios = {"ratio": scale.ratio(value, power), "ratio_interval90": scale.ratio90(interval, power)}
     return size.model_copy(update=ratios | {"ratio_unit": parameter.ratio_unit})

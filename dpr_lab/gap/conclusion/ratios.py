@@ -16,7 +16,7 @@ from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Transferred
 from dpr_lab.identification.moving_arm.setup import drive_gain
-from dpr_lab.identification.prior_update import Posterior, clamped_cosine, posterior_of
+from dpr_lab.identification.prior_update import Posterior, clamped_cosine, posterior_of, prior_ratio_std
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig
 from dpr_lab.setup import only_inner
@@ -35,7 +35,9 @@ def ratios(problem: Problem, model: Hypothesis, covariance: Array, rig: Rig) -> 
         rig: bounds
     """
     values = model.estimate.ratios[: len(RATIOS)].tolist()
-    prior_variance = by_undetermined_ratios(problem, model, rig)
+    by_prior = unknown_covariance(model.fit, by_undetermined_ratios(problem, model.fit))
+    fitted = np.isin(np.arange(len(RATIOS)), [p.place for p in model.fit.free if p.block == "ratios"])
+    prior_variance = np.where(fitted, np.diag(by_prior)[: len(RATIOS)], np.square(prior_ratio_std(rig)))
     variance = np.diag(unknown_covariance(model.fit, covariance))[: len(RATIOS)]
     half_widths = NORMAL_Q90 * np.sqrt(variance + prior_variance)
     positive = (prior_variance > 0.0) | np.isin(np.arange(len(RATIOS)), FRICTION)
@@ -50,18 +52,22 @@ def determined(problem: Problem, fit: Fit, covariance: Array, rig: Rig) -> tuple
     """Return the ratios that the recordings determine.
 
     The ratios refer to the inertia b, or to a if only the inner rod is mounted. The value and the covariance of a
-    fitted parameter are divided by this inertia. The arguments are those of `ratios`.
+    fitted parameter are divided by this inertia. Both include the uncertainty of undetermined ratios; e1/a and c1/a of
+    the inner rod alone do not depend on them. The arguments are those of `ratios`.
 
     Returns:
         the ratios, and their (n, n) covariance
     """
-    alone, half_widths = only_inner(problem.segments.setups), NORMAL_Q90 * np.sqrt(np.diag(covariance))
+    alone = only_inner(problem.segments.setups)
+    by_prior = np.zeros_like(covariance) if alone else by_undetermined_ratios(problem, fit)
+    covariance = covariance + by_prior
+    half_widths = NORMAL_Q90 * np.sqrt(np.diag(covariance))
     parameter_of, places, divisors = {}, list[int](), list[float]()
     for place, parameter in enumerate(fit.free):
         if (ratio := ratio_of(parameter, fit.estimate, rig, alone=alone)) is not None:
             name, value, per = ratio
             error = float(half_widths[place]) / per
-            floor = 0.0 if parameter.lower == 0.0 else -np.inf
+            floor = 0.0 if parameter.lower == 0.0 or by_prior[place, place] > 0.0 else -np.inf
             parameter_of[name] = Interval.about(value, error, floor)
             places.append(place)
             divisors.append(per)

@@ -46,7 +46,6 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.where.discrepancy import Discrepancy
-from dpr_lab.identification.prior_update import prior_ratio_std
 from dpr_lab.rig import MASSES, Rig
 
 
@@ -75,26 +74,22 @@ def whole_covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: D
     return covariance(problem, model, rig, remainder) + second_moments(problem, model.fit, model.inflation)
 
 
-def by_undetermined_ratios(problem: Problem, model: Hypothesis, rig: Rig) -> Array:
-    """Return the (5,) variance of the ratios due to the undetermined ratios.
+def by_undetermined_ratios(problem: Problem, fit: Fit) -> Array:
+    """Return the (free, free) covariance of the fitted values due to the undetermined ratios.
 
     Args:
         problem: segments and noise
-        model: a fitted set of effects
-        rig: nominal values and bounds
+        fit: the fit
     """
-    before = problem.predict(model.estimate)
-    variance = np.array(prior_ratio_std(rig)) ** 2
-    columns = {p.place: i for i, p in enumerate(model.fit.free) if p.block == "ratios" and p.place < len(RATIOS)}
-    variance[list(columns)] = 0.0
+    before, covariance = problem.predict(fit.estimate), np.zeros((len(fit.free), len(fit.free)))
     share = 1e-3  # increment of a ratio in prior standard deviations: small, so that the difference is a derivative
-    for other in _other_ratios(problem, model, share):
-        change = problem.whitened(np.nan_to_num((problem.predict(other) - before) / share))
-        variance[list(columns)] += shifted(model.fit, change)[list(columns.values())] ** 2
-    return variance
+    for other in _other_ratios(problem, fit, share):
+        shift = shifted(fit, problem.whitened(np.nan_to_num((problem.predict(other) - before) / share)))
+        covariance += np.outer(shift, shift)
+    return covariance
 
 
-def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator[Estimate]:
+def _other_ratios(problem: Problem, fit: Fit, share: float) -> Iterator[Estimate]:
     """Yield one changed estimate for each undetermined direction of the ratios.
 
     The change along the direction is a fraction `share` of a prior standard deviation.
@@ -102,15 +97,15 @@ def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator
     The fitted values contain no information about the undetermined ratios, so their prior is not conditioned on the
     fit.
     """
-    free = {parameter.place for parameter in model.fit.free if parameter.block == "ratios"}
+    free = {parameter.place for parameter in fit.free if parameter.block == "ratios"}
     alone = any(setup.alone for setup in problem.segments.setups)
     fixed = [place for place in (*range(len(RATIOS)), *([ON_ELBOW] if alone else [])) if place not in free]
     if problem.prior is None:
         return
     for step in np.linalg.cholesky(problem.prior.covariance[np.ix_(fixed, fixed)]).T:
-        ratios = model.estimate.ratios.copy()
+        ratios = fit.estimate.ratios.copy()
         ratios[fixed] += share * step
-        yield model.estimate.changed(ratios=ratios)
+        yield fit.estimate.changed(ratios=ratios)
 
 
 def _changed_problems(problem: Problem, rig: Rig) -> Iterator[Problem]:

@@ -26,7 +26,10 @@ class EffectSize(Interval):
     """
 
     ratio: float | None = None
-    """Ratio value / b^k, which does not depend on the scale; None if the recordings determine b, or if k is 0."""
+    """Ratio value / b^k, which does not depend on the scale.
+
+    None if the recordings determine b, if the elbow was always clamped, or if k is 0.
+    """
     ratio_unit: str = ""
     """Unit of the ratio, SI."""
     ratio_interval90: tuple[float, float] | None = None
