@@ -178,13 +178,12 @@ def _selected(preliminary: ForwardSelected) -> Selected:
     if changed := with_other_noise(preliminary.fitted, selection.chosen):
         preliminary = _forward_selected(changed)
         selection = refined(preliminary.search)
-    fitted, bare, chosen = preliminary.fitted, selection.bare, selection.chosen
+    fitted, chosen = preliminary.fitted, selection.chosen
     refuse_impossible_scale(chosen.estimate.ratios, fitted.request.runs, fitted.request.rig, chosen.effects)
     _begin(fitted.request, "classes")
-    if bare is not fitted.bare:
-        fitted = replace(fitted, residual_maps=locate(fitted.problem, bare))
     selection = at_own_scale(selection, fitted.problem, fitted.request.rig)
-    fitted = replace(fitted, bare=selection.bare)
+    if selection.bare is not fitted.bare:
+        fitted = replace(fitted, bare=selection.bare, residual_maps=locate(fitted.problem, selection.bare))
     return Selected(
         fitted=fitted,
         selection=selection,

@@ -16,19 +16,19 @@ from tests import one_rod
 
 
 def test_the_gap_is_located_for_the_bare_model_of_the_selected_set(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A search that finds a better bare model replaces the minimum to which the first maps belong."""
+    """The search may find a better bare model, and the measured scale then changes the torques of its maps."""
     values: dict[str, Any] = dict.fromkeys((field.name for field in fields(Fitted)), None)
     fitted = Fitted(**values | {"bare": "first", "residual_maps": "of first", "request": Mock()})
-    for bare, places in (("first", "of first"), ("better", "of better")):
-        selection = Mock(bare=bare, path=[])
+    for better, bare in (("first", "first"), ("better", "better"), ("better", "rescaled")):
+        selection, rescaled = Mock(bare=better, path=[]), Mock(bare=bare, path=[])
         monkeypatch.setattr(diagnose, "refined", lambda _, selection=selection: selection)
         monkeypatch.setattr(diagnose, "with_other_noise", lambda *_: None)
         monkeypatch.setattr(diagnose, "refuse_impossible_scale", lambda *_: None)
-        monkeypatch.setattr(diagnose, "at_own_scale", lambda selection, *_: selection)
+        monkeypatch.setattr(diagnose, "at_own_scale", lambda *_, rescaled=rescaled: rescaled)
         monkeypatch.setattr(diagnose, "_begin", lambda *_: None)
         monkeypatch.setattr(diagnose, "locate", lambda _, bare: f"of {bare}")
         selected = diagnose._selected(ForwardSelected(fitted, Mock()))
-        assert (selected.fitted.bare, selected.fitted.residual_maps) == (bare, places)
+        assert (selected.fitted.bare, selected.fitted.residual_maps) == (bare, f"of {bare}")
 
 
 @pytest.mark.slow
