@@ -43,6 +43,14 @@ def test_an_outlier_does_not_hide_the_frames() -> None:
     assert film.film_hz == 30.0
 
 
+def test_a_lost_row_does_not_hide_the_frames() -> None:
+    taken, stamps = (np.delete(instants, 70) for instants in (frames(8.0, 30.0), np.arange(ROWS) / 8.0))
+    film = rounded_frames(stamps, swing(taken))
+    assert film is not None
+    assert (film.film_hz, film.frames) == (30.0, (3, 4))
+    assert np.std(film.instants - taken) < 1e-9
+
+
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("rate_hz", [6.0, 8.0, 12.0, 20.0, 30.0])
 @pytest.mark.parametrize("noise", [1e-4, 1e-2])

@@ -27,6 +27,8 @@ class RoundedFrameSettings:
     """Fraction of the windows that are compared: those with the fastest motion."""
     even: float = 0.05
     """Maximum deviation of a time stamp from an even clock, in periods."""
+    rows: float = 1.1
+    """Maximum number of rows including missing ones, as a multiple of the rows of the table."""
     whole: float = 0.02
     """Minimum distance of the number of frames per row from an integer."""
     phases: int = 32
@@ -59,17 +61,18 @@ def rounded_frames(t: Array, joints: Array) -> RoundedFrames | None:
     """Return the frames of a film that explain errors of the angles at even time stamps, or None.
 
     Args:
-        t: (n,) time stamps, s
+        t: (n,) time stamps, s, in which rows may be missing
         joints: (n, m) angles, rad
     """
     if len(t) < ROUNDED.fewest:
         return None
-    index = np.arange(len(t))
+    steps = np.diff(t)
+    index = np.concatenate([[0.0], np.cumsum(np.round(steps / np.median(steps)))])
     period, start = np.polyfit(index, t, 1)
-    if np.abs(t - start - index * period).max() > ROUNDED.even * period:
+    if np.abs(t - start - index * period).max() > ROUNDED.even * period or index[-1] > ROUNDED.rows * len(t):
         return None
     angles = sliding_window_view(joints, ORDER + 1, axis=0)
-    moved = np.abs(joints[ORDER:] - joints[:-ORDER])
+    moved = np.abs(joints[ORDER:] - joints[:-ORDER]) / (index[ORDER:] - index[:-ORDER])[:, None]
     fast = (moved > 0.0) & (moved >= np.quantile(moved, 1 - ROUNDED.fast, axis=0))
 
     def size(instants: Array) -> Array:
@@ -86,10 +89,10 @@ def rounded_frames(t: Array, joints: Array) -> RoundedFrames | None:
         if per_row < 1.0 or abs(per_row - round(per_row)) < ROUNDED.whole:
             continue
         numbers = np.floor(index * per_row + phase)
-        steps, instants = np.diff(numbers), numbers / film_hz
+        apart, instants = np.diff(numbers)[np.diff(index) == 1.0], numbers / film_hz
         gains = np.log(np.maximum(stamped, tiny) / np.maximum(size(instants), tiny))
         likelihood = float(independent @ gains)
         if likelihood > max(most, np.log(ROUNDED.ratio) * independent.sum()):
-            frames = int(steps.min()), int(steps.max())
+            frames = int(apart.min()), int(apart.max())
             best, most = RoundedFrames(film_hz, frames, instants + np.mean(t - instants)), likelihood
     return best
