@@ -101,6 +101,8 @@ def _run(app: Callable[[], object]) -> None:
     except SystemExit as ended:
         if ended.code == INTERRUPTED and (stopped := _interrupt_behind(ended)) is not None:
             raise stopped from None
+        if isinstance(refused := ended.__context__, BrokenPipeError):
+            raise refused from None  # Typer ends with 1 after a closed pipe, the code of a failed test
         sys.stdout.flush()
         _say_skipped_plugins()
         _ignore_interrupts()

@@ -89,6 +89,16 @@ def test_a_full_output_is_reported(words) -> None:
     )
 
 
+def test_a_closed_pipe_does_not_look_like_a_failed_test() -> None:
+    read, write = os.pipe()
+    os.close(read)
+    try:
+        done = run("--help", stdout=write, stderr=subprocess.PIPE)
+    finally:
+        os.close(write)
+    assert (done.returncode, done.stderr) == (3, b"")
+
+
 @pytest.mark.slow
 def test_closed_streams_are_no_traceback(tmp_path: Path) -> None:
     program = f"exec '{sys.executable}' -m dpr_lab rig list"
