@@ -82,7 +82,7 @@ def accept_runs(
     Args:
         runs: the runs
         rig: the rig
-        limits: limits file, or its content
+        limits: path of a limits file, or the limits read from one
         diagnosis: diagnosis of these runs; None: the function diagnoses them
 
     Returns:
