@@ -1,5 +1,7 @@
 """Ratios that recordings do not determine, and the recordings that do."""
 
+import re
+
 from dpr_lab.dynamics.base import ALONE, GAINS, RATIOS
 from dpr_lab.effects.torque_scale import TORQUE_SCALE_JOINT0
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -18,7 +20,7 @@ def undetermined(diagnosis: Diagnosis, ratio: str) -> str:
     tested = {named.name for named in diagnosis.effects}
     tested |= {row.effect for row in (diagnosis.evidence.exclusions if diagnosis.evidence else ())}
     gain = any(ratio == name.format(letter) for name in GAINS.values() for letter in "ab")
-    other = ratio[:-1] + {"a": "b", "b": "a"}[ratio[-1]]  # the same quantity, divided by the inertia of the other rod
+    other = re.sub(r"[ab](?=\)?$)", lambda last: "ab"[last[0] == "a"], ratio)  # divided by the inertia of the other rod
     instead = f", or limit {other}" if other in stated else ""
     if gain and error in tested:
         remedy = f"; the rig file contains measured values of rods and drive: limit {error} instead"

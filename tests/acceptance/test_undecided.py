@@ -203,6 +203,12 @@ def test_a_limit_with_an_uncertain_cause_asks_for_the_bench_check_and_not_for_re
         (["a/b"], "A/b", "record releases with a free or driven arm"),
         (["e1/a", "A/a"], "A/b", "record releases with a free or driven arm, or limit A/a"),
         (["a/b"], "kt/b", "record releases with an arm that is driven by this input"),
+        (["a/b"], "kt/(R b)", "record releases with an arm that is driven by this input"),
+        (
+            ["a/b", "kt/(R b)"],
+            "kt/(R a)",
+            "record releases with an arm that is driven by this input, or limit kt/(R b)",
+        ),
     ],
 )
 def test_a_ratio_that_the_recordings_do_not_determine_states_those_that_do(
