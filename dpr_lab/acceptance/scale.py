@@ -21,6 +21,9 @@ def open_by_scale(scale: Scale) -> str:
     """Return the reason why only the uncertainty of b leaves a limit undecided, with the remedy."""
     low, high = scale.interval90_of_sizes
     uncertain = f"{scale.inertia} ({low:.3g} to {high:.3g} kg m^2)"
+    if scale.sizes90:
+        shares = f"{percent(low / scale.b)} to {percent(high / scale.b)}"
+        uncertain = f"the inertia of the whole body ({shares} of the value in use)"
     remedy = "masses, lengths and inertias in the rig file, or record a release with an added mass or a known torque"
     if scale.constants_std:
         uncertain = f"the motor constants (standard deviation {percent(scale.constants_std)})"

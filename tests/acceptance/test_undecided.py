@@ -112,6 +112,16 @@ def test_a_limit_that_only_the_scale_leaves_open_asks_for_accurate_masses_or_a_k
     assert with_mass.limits[0].reason == f"{limit.reason}; release 1 alone is expected to decide it"
 
 
+def test_with_a_clamped_elbow_only_the_inertia_of_the_whole_body_leaves_a_limit_open() -> None:
+    """The interval of b is wider and does not apply to sizes."""
+    diagnosis = with_friction([1e-5] * 2, (0.2, 5.0))
+    assert diagnosis.scale is not None
+    scale = diagnosis.scale.model_copy(update={"sizes90": (0.5, 3.0)})
+    (limit,) = judge(diagnosis.model_copy(update={"scale": scale}), friction(4e-3)).limits
+    uncertain = "the inertia of the whole body (50 % to 300 % of the value in use)"
+    assert limit.reason.startswith(f"only the uncertainty of {uncertain} leaves the limit undecided: state more")
+
+
 def test_a_limit_that_only_motor_constants_leave_open_asks_for_accurate_constants() -> None:
     (limit,) = judge(with_friction([1e-5] * 2, (0.99, 1.01), "data", 0.6), friction(3e-3)).limits
     assert limit.reason == (
