@@ -1,6 +1,7 @@
 """Rig file: measured quantities, parameters to identify, encoders, and link to the device."""
 
 import hashlib
+import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -262,14 +263,14 @@ class Rig(Shown, RigTable):
 
     @property
     def values_sha256(self) -> str:
-        """Hash of the values on which a diagnosis depends.
+        """Hash of the values on which a diagnosis depends, in any order of the tables.
 
         Poses and link describe future recordings. The other excluded values are taken from each recording.
         """
         of_recordings = {"poses", "link", "rods", "added_mass"}
         nested = {"arm": {"mode"}, "joints": {"inner"}, "encoders": {"zero_counts"}}
-        values = self.model_dump_json(exclude=dict.fromkeys(of_recordings, True) | nested)
-        return hashlib.sha256(values.encode()).hexdigest()
+        values = self.model_dump(mode="json", exclude=dict.fromkeys(of_recordings, True) | nested)
+        return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
     @property
     def nominal(self) -> Array:

@@ -200,8 +200,10 @@ def test_a_plan_refuses_a_diagnosis_of_another_rig_file(tmp_path: Path, monkeypa
     path = load_rig("paper").path
     assert path is not None
     text = path.read_text()
+    tables = re.split(r"(?m)^(?=\[)", text)
     files = {
         "paper": text,
+        "reordered": "\n".join([tables[0], *reversed(tables[1:])]),
         "posed": f"{text}\n[poses.P1]\ntheta1 = 1.0\ntheta2 = 1.0\n",
         "moon": re.sub(r"(?m)^g = .*", "g = 1.6", text),
     }
@@ -219,7 +221,7 @@ def test_a_plan_refuses_a_diagnosis_of_another_rig_file(tmp_path: Path, monkeypa
     def planned(rig: str) -> object:
         return plan(PlanRequest(str(tmp_path / rig), (Path("X1.mcap"),), Path("d.json"))).plan
 
-    assert (planned("paper.toml"), planned("posed.toml")) == ("planned", "planned")
+    assert [planned(f"{name}.toml") for name in ("paper", "reordered", "posed")] == ["planned"] * 3
     both = rf"another file of rig paper \(SHA-256 {paper.sha256[:8]}...\) than .*moon.toml \(SHA-256"
     with pytest.raises(ConfigError, match=rf"^d.json: the diagnosis was made with {both}.*: give the rig file of the"):
         planned("moon.toml")
