@@ -5,9 +5,9 @@ where f is the variance inflation n / n_eff (`dpr_lab.gap.hypothesis.residuals`)
 that the fit does not model shifts the values by -(A^T A)^-1 A^T dr. The following shifts are used as standard
 deviations:
 
-- the shift caused by halving the integrator step - the shift caused by each measured mass if it changes by its standard
-uncertainty - the shift caused by each free torque or reading error of the discrepancy term if it has the size of its
-prior
+- the shift caused by halving the integrator step
+- the shift caused by each measured mass if it changes by its standard uncertainty
+- the shift caused by each free torque or reading error of the discrepancy term if it has the size of its prior
 
 Undetermined ratios shift the other ratios in the same way, within the bounds of the rig file. Sizes of effects assume
 these ratios, as they assume b.

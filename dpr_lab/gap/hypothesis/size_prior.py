@@ -4,8 +4,8 @@ The sizes of most effects are compared with those of laboratory rigs (`dpr_lab.e
 error of the encoder scale imitate each other on a single rod, so that their priors decide. Both depend on the rig:
 
 - The stiffness of a spring is compared with gravity, because heavy rods have strong cables. It is either weak or
-arbitrary. - An encoder scale is exact, has a tolerance, belongs to another common encoder, or is arbitrary (belt,
-potentiometer).
+  arbitrary.
+- An encoder scale is exact, has a tolerance, belongs to another common encoder, or is arbitrary (belt, potentiometer).
 
 Most springs are linear. A spring therefore has the weight of its simplest form that fits.
 """
