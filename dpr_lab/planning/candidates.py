@@ -58,7 +58,7 @@ SEARCH = Search()
 
 
 def swinging(releases: Sequence[CandidateRelease], e: Sequence[float] = (1.0, 1.0)) -> list[CandidateRelease]:
-    """Return the releases whose rods swing at once, or all of them if none does.
+    """Return the releases whose rods swing at once; if none does, those away from upright, or all of them.
 
     Near an equilibrium, the linearised friction model predicts information, although static friction holds the rods.
 
@@ -68,7 +68,7 @@ def swinging(releases: Sequence[CandidateRelease], e: Sequence[float] = (1.0, 1.
     """
     least, upright = np.radians([SEARCH.least_deg, SEARCH.upright_deg])
     falling = [release for release in releases if upright_rad(release, e) >= upright] or releases
-    return [release for release in falling if release.deflection_rad >= least] or list(releases)
+    return [release for release in falling if hanging_rad(release, e) >= least] or list(falling)
 
 
 def upright_rad(release: CandidateRelease, e: Sequence[float]) -> float:
@@ -82,6 +82,16 @@ def upright_rad(release: CandidateRelease, e: Sequence[float]) -> float:
         return float(np.abs(np.angle(e @ np.exp(1j * theta))))
     unstable = np.array([(0.0, 0.0), (0.0, np.pi), (np.pi, 0.0)])
     return float(np.abs(without_turns(theta - unstable)).max(axis=1).min())
+
+
+def hanging_rad(release: CandidateRelease, e: Sequence[float]) -> float:
+    """Return the distance of a start pose from the stable equilibrium, rad.
+
+    Both rods hang there. For a clamped elbow, their centre of mass is below the joint.
+    """
+    if release.mounting != "both":
+        return np.pi - upright_rad(release, e)
+    return float(np.abs(without_turns(release.start[:2] - np.pi)).max())
 
 
 def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Array:

@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from dpr_lab.arrays import Array, without_turns
+from dpr_lab.arrays import Array
 from dpr_lab.rig_tables import AddedMass, Mounting
 from dpr_lab.setup import Setup, Torques
 
@@ -67,11 +67,6 @@ class CandidateRelease:
         """
         theta2 = self.theta1 if self.setup.alone else self.theta2
         return np.array([self.theta1, theta2, 0.0, 0.0, *([] if self.arm == "held" else [0.0, 0.0])])
-
-    @property
-    def deflection_rad(self) -> float:
-        """Largest angle of a mounted rod from hanging at the release, rad."""
-        return float(np.abs(without_turns(self.start[:2] - np.pi)).max())
 
     @property
     def words(self) -> str:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dpr_lab.planning.candidates import repetition, spread_poses, swinging, value
+from dpr_lab.planning.candidates import hanging_rad, repetition, spread_poses, swinging, value
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.release import CandidateRelease
 
@@ -13,7 +13,7 @@ def test_a_single_rod_is_not_released_at_rest() -> None:
     """A pose with only the outer rod deflected leaves the inner rod alone hanging."""
     poses = spread_poses(PlanLimits(), 1, np.random.default_rng(0))
     releases = CandidateRelease(0.0, 0.0, 10.0, "inner").moved(poses)
-    still = [release for release in releases if release.deflection_rad < 1e-6]
+    still = [release for release in releases if hanging_rad(release, (1.0, 1.0)) < 1e-6]
     assert still
     assert swinging(releases) == [release for release in releases if release not in still]
     assert swinging(still) == still
@@ -29,6 +29,18 @@ def test_no_release_starts_near_an_unstable_equilibrium() -> None:
     falling += [CandidateRelease(0.0, np.pi / 2, 10.0, "clamped"), CandidateRelease(3.0, 3.0, 10.0)]
     assert swinging([*upright, *falling], (3.0, 1.0)) == falling
     assert swinging(upright, (3.0, 1.0)) == upright  # the limits permit nothing else
+
+
+def test_a_clamped_elbow_is_not_released_with_its_centre_of_mass_below_the_joint() -> None:
+    """The gravity torques are in the ratio 3 to 1, so an elbow of 90 deg hangs at 162 and 252 deg."""
+    hanging = CandidateRelease(np.radians(162.0), np.radians(252.0), 10.0, "clamped")
+    swings = replace(hanging, theta1=np.pi, theta2=1.5 * np.pi)
+    assert swinging([hanging, swings], (3.0, 1.0)) == [swings]
+
+
+def test_rods_at_rest_are_preferred_to_rods_near_upright() -> None:
+    upright, hanging = CandidateRelease(0.02, 0.02, 10.0), CandidateRelease(np.pi + 0.01, np.pi, 10.0)
+    assert swinging([upright, hanging]) == [hanging]
 
 
 def test_a_release_that_repeats_another_one_says_so() -> None:
