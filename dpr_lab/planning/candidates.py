@@ -172,13 +172,13 @@ def repetition(
     recorded: Sequence[CandidateRelease],
     placement_rad: float,
 ) -> str:
-    """Return the beginning of the text of a release that repeats another one; empty for a new start pose.
+    """Return the end of the text of a release that repeats another one; empty for a new start pose.
 
     Poses nearer to each other than the standard deviation of their placement, rad, are the same pose.
     """
     made = [(f"release {number}", other) for number, other in enumerate(planned, 1)]
     made += [("a recorded release", other) for other in recorded]
-    return next((f"repeat {name}: " for name, other in made if apart_rad(release, other) < placement_rad), "")
+    return next((f" (repeats {name})" for name, other in made if apart_rad(release, other) < placement_rad), "")
 
 
 def _kind(release: CandidateRelease) -> tuple[MountedParts, str, str]:

@@ -119,7 +119,7 @@ def _planned(
     repeats = repetition(release, [step.release for step in earlier], known.made, known.model.placement_rad)
     planned = PlannedRelease(
         number=number,
-        text=repeats + release.words + ", arm clamped" * (release.arm == "held" and known.rig.arm.mode != "clamped"),
+        text=release.words + ", arm clamped" * (release.arm == "held" and known.rig.arm.mode != "clamped") + repeats,
         reason=reason,
         theta1_rad=release.theta1,
         theta2_rad=float(release.start[1]),

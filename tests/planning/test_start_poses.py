@@ -46,8 +46,8 @@ def test_rods_at_rest_are_preferred_to_rods_near_upright() -> None:
 def test_a_release_that_repeats_another_one_says_so() -> None:
     first, other = CandidateRelease(0.3, 0.4, 5.0), CandidateRelease(2.0, 1.0, 5.0)
     again = replace(first, theta1=0.3 + 2 * np.pi, duration_s=9.0)
-    assert repetition(again, [other, first], [], 0.02) == "repeat release 2: "
-    assert repetition(again, [other], [first], 0.02) == "repeat a recorded release: "
+    assert repetition(again, [other, first], [], 0.02) == " (repeats release 2)"
+    assert repetition(again, [other], [first], 0.02) == " (repeats a recorded release)"
     assert repetition(replace(first, theta1=0.33), [other, first], [], 0.02) == ""
     assert repetition(replace(first, mounting="clamped"), [first], [], 0.02) == ""
 
