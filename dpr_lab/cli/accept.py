@@ -68,12 +68,12 @@ def accept(
 
 def show(acceptance: "Acceptance") -> None:
     """Print the result of each limit."""
-    from dpr_lab.report.gap.acceptance import answer_sentence, deciding_sentence, limit_table
+    from dpr_lab.report.gap.acceptance import answer_sentence, deciding_sentence, limit_note, limit_table
     from dpr_lab.report.words import in_words
 
     line(answer_sentence(acceptance))
     line(in_words(acceptance.sentence))
-    report_table("Limits", limit_table(acceptance))
+    report_table("Limits", limit_table(acceptance), limit_note(acceptance))
     if sentence := deciding_sentence(acceptance):
         line(sentence)
         for number, release in enumerate(acceptance.recordings, 1):

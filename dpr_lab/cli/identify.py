@@ -101,7 +101,7 @@ def show(model: "Model") -> None:
     line(tables.summary(model))
     report_table(tables.ratio_title(model), tables.ratio_table(model), tables.ratio_note(model))
     if absolute := tables.base_table(model):
-        report_table("Base parameters, because these runs also determine the scale", absolute)
+        report_table(tables.BASE_TITLE, absolute)
     profiled = [(name, e.profile90) for name, e in model.ratios.items() if e.profile90 is not None]
     if profiled:
         rows = [(name, *("none" if end is None else f"{end:.7g}" for end in ends)) for name, ends in profiled]

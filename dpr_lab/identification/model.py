@@ -240,9 +240,10 @@ class Model(FittedModel):
     parameters: Annotated[dict[str, ParameterValue], AfterValidator(by_name(PARAMETERS))]
     """The nine kinetic parameters by name, in SI units, with their sources."""
     base: Annotated[dict[str, ParameterValue], AfterValidator(by_name(BASE))]
-    """Base parameters a, b, d, e1, c1, c2 of the whole rig, SI; `alone` contains those of the inner rod alone.
+    """Base parameters a, b, d, e1, c1, c2 of the whole rig, SI.
 
-    Only measured values or a known added mass determine their common scale.
+    Only measured values or a known added mass determine their common scale. If only the inner rod is mounted, these
+    values include the outer rod of the rig file and are no results: use `alone`, which `print(model)` shows.
     """
     scale: Scale | None = None
     """Inertia that absolute sizes assume: b, or a of the inner rod alone; None in a file of an older version."""

@@ -56,7 +56,7 @@ _SCALE = (
     " from a free swing. Weigh or measure these four."
 )
 _DETERMINED_BY = {
-    "the recordings": "determined by the recordings, given the measured values",
+    "the recordings": "determined by the recordings together with the known scale",
     "a measured value": "measured on the bench and given in the rig file",
     "only its bounds": "not identifiable: all values within the bounds of the rig file fit equally well",
 }
@@ -81,7 +81,7 @@ def write_report(model: Model, comparisons: Sequence[Comparison], out_dir: Path,
         f" = {model.rig.L1:g} m and g = {model.rig.g:g} m/s².",
         tables.ratio_table(model),
         tables.ratio_note(model),
-        "These runs also identify the scale, and therefore the base parameters." if base else None,
+        "The scale is known, and therefore the base parameters." if base else None,
         base,
         Formula(_RATIO_FORMULAS),
     ]

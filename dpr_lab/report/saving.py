@@ -135,8 +135,9 @@ def save_exports(
             errors = replayed.off_rad, reference.replayed(reference.own).off_rad, reference.bare_rad
             export_mrad, corrected_mrad, bare_mrad = (1e3 * error for error in errors)
             on_loss(
-                f"{name}: refitted without {', '.join(map(named, lost))}; rms error on these runs"
-                f" {export_mrad:.3g} mrad (corrected model {corrected_mrad:.3g} mrad, bare model {bare_mrad:.3g} mrad)"
+                f"{name}: refitted without {', '.join(map(named, lost))}; rms error of free runs up to the"
+                f" predictability horizon {export_mrad:.3g} mrad (corrected model {corrected_mrad:.3g} mrad, bare"
+                f" model {bare_mrad:.3g} mrad)"
             )
         try:
             exports[name] = write_export(FORMATS[name], model, rig, out, lost, check)

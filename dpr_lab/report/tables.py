@@ -29,6 +29,7 @@ RATIO_NOTE_ALONE = (
     "e1: gravity on joint 1; c1: viscous friction of joint 1. Both are divided by a, the inertia of the rod"
     " about joint 1."
 )
+BASE_TITLE = "Base parameters, because the scale is known"
 PARAMETER_NOTE = (
     'A measured value is given in the rig file (scale, calliper). "Only its bounds": the parameter is not'
     " identifiable from these runs, and its 90 % interval uses the bounds of the rig file as a prior."
@@ -202,7 +203,7 @@ def ratio_note(model: "Model") -> str:
 def base_table(model: "Model") -> Rows:
     """Return one row for each base parameter of the mounted rods.
 
-    The list is empty if the runs do not identify the scale.
+    The list is empty if the scale is not known.
     """
     base = model.alone or model.base
     if base["a" if model.alone else "b"].fixed_by != "data":
@@ -238,7 +239,10 @@ def interval_words(parameter: "ParameterValue") -> str:
 
 def parameter_note(model: "Model") -> str:
     """Describe the origin of the parameter values and the scale of absolute sizes."""
-    return f"{PARAMETER_NOTE} {superscripts(model.scale_sentence)}" if model.scale else PARAMETER_NOTE
+    fitted = any(parameter.fixed_by == "data" for parameter in model.mounted.values())
+    with_scale = ' "The recordings": they determine the value together with the known scale.' if fitted else ""
+    scale = f" {superscripts(model.scale_sentence)}" if model.scale else ""
+    return f"{PARAMETER_NOTE}{with_scale}{scale}"
 
 
 def role(held_out: bool, truncated: bool) -> str:

@@ -7,7 +7,7 @@ from dpr_lab.acceptance.judge import Acceptance, JudgedLimit, _answer, judge
 from dpr_lab.acceptance.limits import FrictionLimit, Limits
 from dpr_lab.gap.result.diagnosis import UNCERTAIN
 from dpr_lab.gap.result.evidence import JointFriction
-from dpr_lab.report.gap.acceptance import limit_table
+from dpr_lab.report.gap.acceptance import limit_note, limit_table
 from tests.a_diagnosis import made
 from tests.one_cause import one_cause
 
@@ -61,6 +61,16 @@ def test_the_interval_of_a_ratio_has_the_digits_that_show_its_width() -> None:
     rows = [JudgedLimit("c2/b", "1/s", 0.001, 5.0, (low, high), "pass", "") for low, high in ((0.19551, 0.195543),)]
     ((_, limits, interval, *_),) = limit_table(Acceptance("pass", "", tuple(rows))).rows
     assert (limits, interval) == ("0.001 to 5", "0.19551 to 0.195543")
+
+
+def test_a_negative_interval_of_a_size_that_cannot_be_negative_is_explained() -> None:
+    sizes = ("coulomb_joint1.torque_Nm", "N m", -1e-4, 1e-4), ("encoder_offset_joint1.offset_rad", "rad", -1e-3, 1e-3)
+    friction, offset = (
+        Acceptance("pass", "", (JudgedLimit(*size, interval90=(-2e-5, 3e-5), answer="pass", reason=""),))
+        for size in sizes
+    )
+    assert "extends below zero" in limit_note(friction)
+    assert limit_note(offset) == ""
 
 
 def test_a_ratio_that_depends_on_an_untested_form_needs_a_second_release() -> None:

@@ -152,7 +152,7 @@ def test_files_of_a_diagnosis_state_their_loss_of_accuracy(corrected: Model, run
     files = save_exports(corrected, runs, paper, tmp_path, result.append)
     assert [sentence.split(":")[0] for sentence in result] == ["urdf", "sdf"]
     assert "free-form friction curve, joint 1" in result[0]
-    assert "bare model" in result[0]
+    assert "rms error of free runs up to the predictability horizon" in result[0]
     lost = json.loads(Path(f"{files['urdf']}.lost.json").read_text(encoding="utf-8"))
     assert 0 < lost["check"]["off_rad"] <= lost["check"]["bare_rad"]
     assert _yardstick(corrected, [], paper, result.append) is None
@@ -181,6 +181,21 @@ def test_an_unexplained_model_that_predicts_worse_is_not_written(verdict, own_ra
         assert "predicts worse than the bare model (12.9 against 10.6 mrad in free runs)" in messages[0]
     assert written.warnings == messages
     assert bool(messages) == bare
+
+
+def test_the_error_of_a_refitted_file_names_its_simulation(monkeypatch, tmp_path: Path, paper: Rig) -> None:
+    corrected, refitted = (Model.model_construct(effects={}) for _ in range(2))
+    form = SimpleNamespace(optional=False, lost=lambda *arguments: ["air_drag_both"])
+    reference = SimpleNamespace(
+        own=(), bare_rad=0.0944, chosen_model=lambda model: (model, ()), replayed=lambda swings: Replayed(0.05, 0.5, {})
+    )
+    for name, value in {"_yardstick": reference, "fitted_for": {"urdf": refitted}, "write_export": ""}.items():
+        monkeypatch.setattr(f"dpr_lab.report.saving.{name}", lambda *arguments, value=value: value)
+    monkeypatch.setattr("dpr_lab.report.saving.FORMATS", {"urdf": form})
+    messages: list[str] = []
+    save_exports(corrected, [], paper, tmp_path, messages.append)
+    errors = "50 mrad (corrected model 50 mrad, bare model 94.4 mrad)"
+    assert messages[0].endswith(f"; rms error of free runs up to the predictability horizon {errors}")
 
 
 @pytest.mark.parametrize(("has_effects", "closed"), [(True, "0 %"), (False, "–")])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.errors import RunError
-from dpr_lab.identification.model import load_model
+from dpr_lab.identification.model import Model, load_model
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.model import load_model as load_any_model
 from dpr_lab.identification.scaling.scale import Scale
@@ -130,3 +130,9 @@ def test_a_model_of_the_inner_rod_alone_states_the_same_a_and_e1_everywhere(
     assert {row[0] for row in parameter_table(model).rows} == {"l1", "m1", "mb", "c1", "J1"}
     without = model.parameters | {"mb": model.parameters["mb"].model_copy(update={"value": NO_ENCODER["nominal"]})}
     assert "mb" not in model.model_copy(update={"parameters": without}).mounted
+
+
+def test_every_key_of_a_model_file_is_documented() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "files.md").read_text(encoding="utf-8")
+    section = page.split("## Models")[1].split("## ")[0]
+    assert [key for key in (*Model.model_fields, *Model.model_computed_fields) if f"`{key}`" not in section] == []

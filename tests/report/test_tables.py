@@ -6,6 +6,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
+from dpr_lab.cli.identify import show
 from dpr_lab.identification.model import EstimatedValue
 from dpr_lab.identification.moving_arm.identify import ArmComparison
 from dpr_lab.report import moving_arm, run_names, tables
@@ -36,9 +37,10 @@ def test_a_parameter_states_its_source_and_a_bound_has_no_uncertainty(model):
     assert [*rows["m1"][1:2], *rows["m1"][3:5]] == ["0.2000 ± 0.0010", "kg", "a measured value"]
     assert [*rows["J2"][1:2], *rows["J2"][3:5]] == ["0.2", "kg m²", "only its bounds"]
     assert rows["c1"][4] == "the recordings"
+    assert "the value together with the known scale" in tables.parameter_note(model())
 
 
-def test_base_parameters_are_listed_if_the_runs_identify_their_scale(model):
+def test_base_parameters_are_listed_if_the_scale_is_known(model, capsys):
     whole = model()
     bound = {name: value.model_copy(update={"fixed_by": "bound", "std": None}) for name, value in whole.base.items()}
     identified = {
@@ -49,6 +51,8 @@ def test_base_parameters_are_listed_if_the_runs_identify_their_scale(model):
     rows = tables.base_table(whole.model_copy(update={"base": identified})).rows
     assert [row[0] for row in rows] == ["a", "b", "d", "e1", "c1", "c2"]
     assert all(len(row) == 4 and "±" in row[1] for row in rows)
+    show(whole.model_copy(update={"base": identified}))
+    assert "because the scale is known" in capsys.readouterr().out
 
 
 def test_one_rod_has_one_residual(model, comparison):
@@ -103,7 +107,7 @@ def test_the_summary_judges_the_residual_by_the_noise_floor(times_noise, verdict
 
     assert verdict in sentence
     assert "no run held out" in sentence
-    assert ("dpr-lab diagnose also finds effects" in sentence) == (times_noise <= 1.0)
+    assert ("dpr-lab diagnose also detects effects" in sentence) == (times_noise <= 1.0)
 
 
 @pytest.mark.parametrize(("chi2", "noise"), [(0.7, True), (1.3, False)])

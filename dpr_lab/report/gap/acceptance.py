@@ -3,6 +3,7 @@
 import math
 
 from dpr_lab.acceptance.judge import Acceptance
+from dpr_lab.effects import EFFECTS
 from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.shown import listed
 
@@ -32,6 +33,21 @@ def limit_table(acceptance: Acceptance) -> Rows:
         )
         for limit in acceptance.limits
     ]
+
+
+def limit_note(acceptance: Acceptance) -> str:
+    """Explain intervals of positive sizes that extend below zero; empty without such intervals."""
+    positive = {
+        f"{name}.{p.name}" for name, effect in EFFECTS.items() for p in effect.amplitudes if p.sign == "positive"
+    }
+    if not any(
+        limit.interval90 and limit.interval90[0] < 0 and limit.quantity in positive for limit in acceptance.limits
+    ):
+        return ""
+    return (
+        "Limits of effects apply to absolute values. The interval of a size that cannot be negative, such as friction,"
+        " extends below zero if it is that of a linear estimate without a sign: the recordings do not exclude zero."
+    )
 
 
 def deciding_sentence(acceptance: Acceptance) -> str:

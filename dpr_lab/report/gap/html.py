@@ -7,7 +7,7 @@ from pathlib import Path
 from dpr_lab.acceptance.judge import Acceptance
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.gap import check_tables, tables
-from dpr_lab.report.gap.acceptance import RULE, answer_sentence, deciding_sentence, limit_table
+from dpr_lab.report.gap.acceptance import RULE, answer_sentence, deciding_sentence, limit_note, limit_table
 from dpr_lab.report.gap.findings import finding_table
 from dpr_lab.report.gap.next_steps import next_steps
 from dpr_lab.report.gap.section import evidence_blocks
@@ -109,7 +109,7 @@ def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
 def _acceptance(acceptance: Acceptance) -> Iterator[Block]:
     """Yield the test result of each limit, and the releases proposed for undecided limits."""
     yield f"{answer_sentence(acceptance)}."
-    yield replace(limit_table(acceptance), caption=RULE)
+    yield replace(limit_table(acceptance), caption=f"{RULE} {limit_note(acceptance)}".rstrip())
     if sentence := deciding_sentence(acceptance):
         yield sentence
         yield Items(acceptance.recordings, numbered=True)

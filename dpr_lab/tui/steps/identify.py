@@ -206,7 +206,7 @@ starts from the values of the rig file. The model is written to `model.json` in 
         warnings = sentences("Warnings", [*model.failures, *model.warnings], mark="!")
         ratios = report_table(tables.ratio_title(model), tables.ratio_table(model))
         absolute = tables.base_table(model)
-        base = [report_table("Base parameters, because these runs also determine the scale", absolute)] * bool(absolute)
+        base = [report_table(tables.BASE_TITLE, absolute)] * bool(absolute)
         count = "Parameters" if model.fitted else "Nine parameters"
         nine = report_table(f"{count} and what determines them", tables.parameter_table(model))
         self.put("ratios-text", Group(ratios, Text(tables.ratio_note(model), "dim"), *base, warnings))
