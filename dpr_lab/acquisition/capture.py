@@ -120,7 +120,8 @@ def capture(
         SafetyStop: a check before the release failed, or no permission was given; the rods stay held.
         RunError: the disk has no space for the file (detected before the rods move), or writing failed; the recorded
             data are kept.
-        DeviceLost: the connection was lost; the message names the partial file if there is one.
+        DeviceLost: the connection was lost before the recording was complete; the message names the partial file if
+            there is one.
         KeyboardInterrupt: re-raised with the name of the file, after the file was finished as incomplete and the device
             was stopped.
     """

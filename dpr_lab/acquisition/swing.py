@@ -104,8 +104,8 @@ class SwingRecorder:
                 self._await_release(recording)
                 self.on_progress(Released(recording.release_tick or 0, path))
                 self._follow(recording)
-                unanswered = self._stop(recording)
-                report = recording.finish(self.device.clock(), (*self._notes(recording), *unanswered))
+                notes = self._stop(recording)
+                report = recording.finish(self.device.clock(), (*self._notes(recording), *notes))
             except BaseException as error:
                 recording.count_losses(self.device.losses)
                 with suppress(RunError):
@@ -177,20 +177,29 @@ class SwingRecorder:
     def _stop(self, recording: Recording) -> tuple[str, ...]:
         """Stop the stream; read the remaining samples and the status with the final counts.
 
-        The recording is complete, so it is kept even if the device does not answer: the result is then a note.
+        The recording is complete, so it is kept if the device does not answer or is lost: the result is then a note.
         """
-        unanswered: tuple[str, ...] = ()
+        notes: tuple[str, ...] = ()
         try:
             self.device.stop()
-        except LinkTimeout as error:
-            unanswered = (f"the recording is complete, but {error}",)
-        deadline = time.monotonic() + self.settings.last_status_s
-        counted = False
-        while not (counted or unanswered) and time.monotonic() < deadline:
-            messages = [message for batch in self._take(recording) for message in batch.messages]
-            counted = any(isinstance(message, Status) and message.state is State.IDLE for message in messages)
+            deadline = time.monotonic() + self.settings.last_status_s
+            counted = False
+            while not counted and time.monotonic() < deadline:
+                messages = [message for batch in self._take(recording) for message in batch.messages]
+                counted = any(isinstance(message, Status) and message.state is State.IDLE for message in messages)
+        except (LinkTimeout, DeviceLost) as error:
+            notes = (f"the recording is complete, but {self._stop_again(error)}{error}",)
         recording.count_losses(self.device.losses)
-        return unanswered
+        return notes
+
+    def _stop_again(self, error: LinkError) -> str:
+        """Repeat an unanswered STOP; return a warning if it is not answered either."""
+        if isinstance(error, LinkTimeout):  # a lost device stops by itself, because it receives no keepalives
+            try:
+                self.device.stop()
+            except DprError:
+                return "the device may still be sampling: "
+        return ""
 
 
 def _release(device: Device) -> None:

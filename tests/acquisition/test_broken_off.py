@@ -13,11 +13,11 @@ import pytest
 
 from dpr_lab.acquisition.batch import Batch
 from dpr_lab.acquisition.capture import CaptureOptions, Progress, Released, capture
-from dpr_lab.acquisition.device import Device
 from dpr_lab.acquisition.holding import raise_faults
 from dpr_lab.acquisition.interrupts import unbroken
 from dpr_lab.acquisition.recording import Recording
-from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, LinkTimeout, RunError
+from dpr_lab.acquisition.swing import Captured
+from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, RunError
 from dpr_lab.rig import Rig
 from dpr_lab.storage.inspect import recover, verify
 from dpr_lab.storage.layout import LIMITS
@@ -25,7 +25,20 @@ from dpr_lab.storage.metadata import RunMetadata
 from dpr_lab.storage.reader import load_run
 from dpr_lab.storage.spool import Spool, check_room
 from dpr_lab.storage.writer import RunWriter
-from firmware_protocol.messages import Event, EventKind, Fault, Message, State, Status
+from dpr_lab.transports.transport import Received
+from firmware_protocol.messages import (
+    NUMBERS,
+    Ack,
+    Event,
+    EventKind,
+    Fault,
+    Frame,
+    Message,
+    State,
+    Status,
+    Stop,
+    decode,
+)
 from firmware_protocol.stream import Row
 from tests.full_disk import full_disk
 
@@ -130,23 +143,65 @@ def test_full_disk_is_a_run_error_and_stops_the_device(
     assert len(load_run(sorted(tmp_path.glob("*.mcap"))[0]).t) > 500
 
 
-def test_a_complete_recording_is_kept_although_the_device_does_not_answer_stop(
+@pytest.mark.parametrize("ignored", [6, 1000])
+def test_a_complete_recording_is_kept_although_the_device_ignores_stop(
+    ignored: int, paper: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bench, agree
+) -> None:
+    """STOP does not reach the device, so the device continues to sample until a later STOP reaches it."""
+    with bench(clock="fast") as (device, link):
+        stops, forward = list[Frame](), link.send
+
+        def send(frame: Frame) -> None:
+            if frame.number == NUMBERS[Stop]:
+                stops.append(frame)
+            if frame.number != NUMBERS[Stop] or len(stops) > ignored:
+                forward(frame)
+
+        def ignore_stop(progress: Progress) -> None:
+            if isinstance(progress, Released):
+                monkeypatch.setattr(link, "send", send)
+
+        captured = capture(device, paper, "X1", SHORT, tmp_path, ignore_stop, agree)
+        device.poll(0)
+        streams = any(batch.rows for _ in range(9) for batch in device.poll(1.0))
+    assert len({frame.data for frame in stops}) == 2
+    assert streams == (ignored > 6)
+    assert ("the device may still be sampling" in captured.quality.sentence) == streams
+    assert "the recording is complete, but " in captured.quality.sentence
+    assert "STOP was sent 6 times and the device did not answer" in captured.quality.sentence
+    assert_complete(captured)
+
+
+def test_a_complete_recording_is_kept_although_the_port_is_lost_after_stop(
     paper: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bench, agree
 ) -> None:
-    def deaf() -> None:
-        Device.stop(device)
-        raise LinkTimeout("STOP was sent 6 times and the device did not answer: check its cable and power")
+    with bench(clock="fast") as (device, link):
+        stopped, read = list[Message](), link.receive
 
-    def turn_deaf(progress: Progress) -> None:
-        if isinstance(progress, Released):
-            monkeypatch.setattr(device, "stop", deaf)
+        def receive(timeout: float) -> Received:
+            if stopped:
+                raise DeviceLost("the port is lost (unplugged)")
+            received = read(timeout)
+            messages = [decode(frame) for frame in received.frames if frame.number == NUMBERS[Ack]]
+            stopped.extend(m for m in messages if isinstance(m, Ack) and m.command == NUMBERS[Stop])
+            return received
 
-    with bench(clock="fast") as (device, _):
-        captured = capture(device, paper, "X1", SHORT, tmp_path, turn_deaf, agree)
-        monkeypatch.undo()
-    assert captured.quality.ok
-    assert "the recording is complete, but STOP was sent 6 times" in captured.quality.sentence
-    assert load_run(captured.run_file).complete
+        def pull_after_stop(progress: Progress) -> None:
+            if isinstance(progress, Released):
+                monkeypatch.setattr(link, "receive", receive)
+
+        captured = capture(device, paper, "X1", SHORT, tmp_path, pull_after_stop, agree)
+        with pytest.raises(DeviceLost):
+            device.stop()
+    assert "the recording is complete, but the port is lost (unplugged)" in captured.quality.sentence
+    assert_complete(captured)
+
+
+def assert_complete(captured: Captured) -> None:
+    assert captured.quality.ok, captured.quality.sentence
+    run = load_run(captured.run_file)
+    assert run.complete
+    assert len(run.swing.t) == 1001
 
 
 def test_a_full_disk_of_the_temporary_file_names_the_run_file_and_its_recovery(
