@@ -88,6 +88,28 @@ def test_a_table_of_words_is_refused_with_the_forms_that_are_read(tmp_path):
         import_csv(tmp_path / "a.txt", RIG)
 
 
+@pytest.mark.parametrize(
+    ("head", "first", "sentence"),
+    [
+        ("t,a,b\n", "{t},{a},{b},go\n", "line 2 has 4 fields, but there are 3 columns"),
+        ("", "{t},{a},{b},go\n", "line 25 has 3 fields, but there are 4 columns"),
+        ("t,a,b\n", "note,{t}\n", "the header has 3 names .* but line 2 has 2 fields"),
+        ("t,a,b\n", "12:00:00.{t},{a}\n", "the header has 3 names .* but line 2 has 2 fields"),
+        ("t,a,b\n", "0 s,1 deg\n", "the header has 3 names .* but line 2 has 2 fields"),
+    ],
+)
+def test_rows_of_another_length_below_the_names_are_not_settings(tmp_path, head, first, sentence):
+    file = file_of(tmp_path, head + 24 * first.format(t=0, a=1, b=2), "{t},{a},{b}\n")
+    with pytest.raises(RunError, match=sentence):
+        import_csv(file, RIG)
+
+
+@pytest.mark.parametrize("first", ["0,1,2,go", "12:00:00.5,1", "0 s,1 deg"])
+def test_a_row_of_another_length_above_the_names_that_begins_with_a_value_is_no_setting(tmp_path, first):
+    with pytest.raises(RunError, match="line 2 has 3 fields, but there are"):
+        import_csv(file_of(tmp_path, f"{first}\nt,theta1,theta2\n", "{t},{a},{b}\n"), RIG)
+
+
 def test_a_header_of_one_name_has_one_column(tmp_path):
     with pytest.raises(RunError, match="has 3 fields, but there is 1 column: add the missing names"):
         import_csv(file_of(tmp_path, "swing\n", "{t},{a},{b}\n"), RIG)

@@ -191,7 +191,7 @@ def cells_of(path: Path, line: str, delimiter: str | None, labels: Sequence[str]
         raise RunError(f"{path}: is not a table: this line has no fields: {printable(line[:60])!r}") from error
 
 
-def is_data(row: list[str]) -> bool:
+def is_data(row: Sequence[str]) -> bool:
     """Check whether a row contains numbers rather than names or units.
 
     An additional column of words is accepted.
@@ -199,21 +199,29 @@ def is_data(row: list[str]) -> bool:
     row = [cell.strip() for cell in numbers_of(row)]
     numbers = sum(map(_is_number, row))
     empty = sum(cell.lower() in NOT_A_VALUE for cell in row)
-    quantities = sum(bool(match) and _is_number(match[1]) for match in map(QUANTITY.fullmatch, row))
-    clocks = sum(bool(CLOCK_TIME.fullmatch(cell) or DATE.fullmatch(cell)) for cell in row)
+    quantities = sum(map(_is_quantity, row))
+    clocks = sum(map(_is_clock, row))
     # A header may contain names such as `10 cm`.
     complete = numbers + quantities > 0 and numbers + quantities + empty + clocks == len(row)
     return complete or (numbers > 0 and 2 * (numbers + empty) >= len(row))
 
 
 def has_name(row: Sequence[str]) -> bool:
-    """Check whether a row contains a field that is neither a number nor a missing value."""
-    return any(cell.strip().lower() not in NOT_A_VALUE and not _is_number(cell.strip()) for cell in row)
+    """Check whether a row contains a field that is neither a value nor a missing value."""
+    cells = [cell.strip() for cell in numbers_of(row)]
+    return not all(c.lower() in NOT_A_VALUE or _is_number(c) or _is_quantity(c) or _is_clock(c) for c in cells)
 
 
-def usual_width(rows: Sequence[Sequence[str]]) -> int:
-    """Return the most frequent number of fields in rows."""
-    return Counter(map(len, rows)).most_common(1)[0][0]
+def rows_above_names(rows: Sequence[Sequence[str]]) -> int:
+    """Count the rows above the names of the columns.
+
+    The names are in the first row with the most frequent number of fields. The result is 0 if that row contains
+    numbers.
+    """
+    usual = Counter(map(len, rows)).most_common(1)[0][0]
+    full = (n for n, row in enumerate(rows) if len(row) == usual and any(map(str.strip, row[1:] or row)))
+    first = next(full, 0)
+    return 0 if is_data(rows[first]) else first
 
 
 def has_decimal_comma(cell: str) -> bool:
@@ -225,6 +233,15 @@ def has_decimal_comma(cell: str) -> bool:
 def _is_number(cell: str) -> bool:
     value = value_of(cell.replace(MINUS, "-"), decimal_comma=True)
     return value is not None and bool(np.isfinite(value))
+
+
+def _is_quantity(cell: str) -> bool:
+    match = QUANTITY.fullmatch(cell)
+    return match is not None and _is_number(match[1])
+
+
+def _is_clock(cell: str) -> bool:
+    return bool(CLOCK_TIME.fullmatch(cell) or DATE.fullmatch(cell))
 
 
 def value_of(word: str, decimal_comma: bool) -> float | None:

@@ -37,7 +37,7 @@ from dpr_lab.storage.tables.cells import (
     labels_of,
     names_of_numbers,
     numbers_of,
-    usual_width,
+    rows_above_names,
     value_of,
     with_unit,
 )
@@ -152,11 +152,11 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
             labels = labels_of([line for _, line in head])
             delimiter = "," if labels else delimiter_of([joined(line) for _, line in head])
             rows = ((number, cells_of(path, line, delimiter, labels)) for number, line in chain(head, lines))
-            usual = usual_width([cells_of(path, line, delimiter, labels) for _, line in head])
+            above = rows_above_names([cells_of(path, line, delimiter, labels) for _, line in head])
             early: list[list[str]] = []
             for begin in rows:
-                # A setting above the header, such as `amplitude,0.5`, also contains a number.
-                if is_data(begin[1]) and (len(begin[1]) == usual or not has_name(begin[1])):
+                # A setting above the names, such as `amplitude,0.5`, also contains a number.
+                if is_data(begin[1]) and (len(early) >= above or not has_name(begin[1][:1])):
                     break
                 early.append(begin[1])
                 if len(early) > LIMITS.head:
