@@ -146,7 +146,7 @@ def rod_values(
     visible = [i for i in visible_ratios(setups, fitted_b) if i != ON_ELBOW or covariance[i, i] > 0.0]
     if scale is not None and fitted_b:
         covariance = covariance.copy()  # the lower end of the interval may be clipped, to stay positive
-        covariance[SCALE, SCALE] = (unknown[SCALE] * (scale.interval90[1] / scale.b - 1.0) / NORMAL_Q90) ** 2
+        covariance[SCALE, SCALE] = (unknown[SCALE] * (scale.interval90_of_sizes[1] / scale.b - 1.0) / NORMAL_Q90) ** 2
     of_visible = covariance[np.ix_(visible, visible)]
     posterior = posterior_of(unknown, rig, visible, of_visible, alone=single, clamped=clamped_cosine(setups))
     scale = scale or posterior.scale(float(unknown[SCALE]))

@@ -168,7 +168,7 @@ def _scale(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, posterior: 
     The scale is the inertia `b`. Bounds of the rig file may shift it away from the estimate of the runs. The interval
     then contains both values.
     """
-    if SCALE not in ratio_fit.visible:
+    if SCALE not in ratio_fit.visible or posterior.clamped is not None:
         return posterior.scale()
     b = posterior.b
     low, high = ratio_uncertainty.interval90(list(ratio_fit.visible).index(SCALE))

@@ -126,7 +126,8 @@ class Posterior:
         of_body = low / share, high / share
         of_b = of_body if self.clamped is None else self._of_base(_B, b)
         sizes90 = None if self.clamped is None else of_body
-        return Scale(b=b, interval90=of_b, fixed_by="bound" if loose else "measured", sizes90=sizes90)
+        fixed_by = "data" if SCALE in self.visible else "bound" if loose else "measured"
+        return Scale(b=b, interval90=of_b, fixed_by=fixed_by, sizes90=sizes90)
 
     def parameters(
         self, scale: Scale, ratios: Mapping[str, EstimatedValue]

@@ -7,15 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios
+from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios, whole_parameters
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.gap.conclusion.ratios import determined
+from dpr_lab.fitting.estimate import SCALE, unknown_ratios
+from dpr_lab.gap.conclusion.ratios import determined, fitted_scale
 from dpr_lab.gap.conclusion.ratios import ratios as ratios_of
 from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.identify import identify
+from dpr_lab.identification.model import Model
+from dpr_lab.identification.prior_update import as_observed, clamped_cosine
 from dpr_lab.rig import PARAMETERS, Rig, load_rig, parse_rig
+from dpr_lab.rig_tables import AddedMass
 from dpr_lab.run import Run
 from dpr_lab.search import load_search
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
@@ -120,6 +124,49 @@ def test_stated_ratios_of_a_clamped_elbow_contain_the_uncertainty_of_undetermine
         assert 0.0 <= low < truth[RATIOS.index(name)] < high
         assert high - ratio.value == pytest.approx(NORMAL_Q90 * variance**0.5)
         assert ratio == ratios_of(problem, model, of_fit, rig)[name]
+
+
+def mass_on_a_clamped_elbow(paper: Rig) -> tuple[Rig, list[Run], float, float]:
+    """Releases without and with a mass; the true b and the true inertia of the whole body, kg m^2."""
+    plant = load_plant("paper")
+    rig = told_roughly(paper, plant.Z, 1, {"elbow": "clamped"})
+    rig = rig.model_copy(update={"poses": {"X1": rig.poses["X1"]}})
+    heavy = rig.model_copy(update={"added_mass": AddedMass(rod="outer", mass=0.05, position=0.3)})
+    alone, loaded = (record(plant, mounted, duration=2.0, rate_hz=200) for mounted in (rig, heavy))
+    runs = [*alone, *(replace(run, name=f"{run.name} with mass") for run in loaded)]
+    true = unknown_ratios(whole_parameters(plant.Z, paper.L1, paper.g))
+    return rig, runs, float(true[SCALE]), float(of_body(true, rig, runs))
+
+
+def of_body(unknown: np.ndarray, rig: Rig, runs: list[Run]) -> float:
+    """Inertia of the whole body with a clamped elbow, kg m^2."""
+    clamped = clamped_cosine(run.setup for run in runs)
+    return as_observed(unknown, rig, alone=False, clamped=clamped)[0][SCALE]
+
+
+def test_a_mass_on_a_clamped_elbow_determines_the_whole_body_and_not_b(paper: Rig, bare) -> None:
+    rig, runs, b, body = mass_on_a_clamped_elbow(paper)
+    problem, model = bare(runs, rig)
+    fitted = fitted_scale(problem, model.fit, covariance(problem, model, rig), rig)
+    assert fitted is not None
+    assert fitted.fixed_by == "data"
+    low, high = fitted.interval90
+    assert low < b < high
+    assert fitted.sizes90 is not None
+    share = of_body(model.fit.estimate.ratios, rig, runs) / fitted.b
+    assert fitted.b == pytest.approx(body / share, rel=0.02)
+    assert fitted.sizes90[1] - fitted.sizes90[0] < 0.1 * (high - low)
+
+
+def test_identify_states_one_interval_of_b_for_a_mass_on_a_clamped_elbow(paper: Rig) -> None:
+    rig, runs, b, _ = mass_on_a_clamped_elbow(paper)
+    model = identify(runs, rig, settings=load_search("segments").model_copy(update={"generations": 2}))
+    assert isinstance(model, Model)
+    assert model.scale is not None
+    assert model.scale.fixed_by == "data"
+    low, high = model.scale.interval90
+    assert low < b < high
+    assert model.base["b"].interval90 == (low, high)
 
 
 @pytest.mark.slow

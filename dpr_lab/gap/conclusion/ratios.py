@@ -140,14 +140,19 @@ def rig_posterior(problem: Problem, fit: Fit, covariance: Array, rig: Rig) -> Po
 def fitted_scale(problem: Problem, fit: Fit, covariance: Array, rig: Rig) -> Scale | None:
     """Return the inertia b that the recordings determine, with its interval; None if they do not determine it.
 
-    The arguments are those of `ratios`.
+    With an elbow clamped in all runs, b follows from the inertia of the whole body, a/b and d/b (`Scale.sizes90`). The
+    arguments are those of `ratios`.
     """
-    if not any(parameter.block == "ratios" and parameter.place == SCALE for parameter in fit.free):
+    is_scale = [parameter.block == "ratios" and parameter.place == SCALE for parameter in fit.free]
+    if not any(is_scale):
         return None
-    variance, b = float(unknown_covariance(fit, covariance)[SCALE, SCALE]), float(fit.estimate.ratios[SCALE])
-    driven = any(setup.torques is not None and setup.arm_moves for setup in problem.segments.setups)
+    b, setups = float(fit.estimate.ratios[SCALE]), problem.segments.setups
+    driven = any(setup.torques is not None and setup.arm_moves for setup in setups)
     of_drive = drive_gain(rig).relative_std if driven else 0.0
-    half_width = NORMAL_Q90 * float(np.hypot(variance**0.5, b * of_drive))
+    covariance = covariance + np.diag(np.where(is_scale, (b * of_drive) ** 2, 0.0))
+    if clamped_cosine(setups) is not None:
+        return rig_posterior(problem, fit, covariance, rig).scale(b).model_copy(update={"constants_std": of_drive})
+    half_width = NORMAL_Q90 * float(unknown_covariance(fit, covariance)[SCALE, SCALE]) ** 0.5
     return Scale(
         b=b, interval90=(max(b - half_width, 1e-3 * b), b + half_width), fixed_by="data", constants_std=of_drive
     )
