@@ -1,6 +1,7 @@
 """Acceptance test, report and certificate in Python: the calls that the command line uses."""
 
 import json
+from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import Mock
@@ -9,9 +10,12 @@ import pytest
 
 import dpr_lab as dpr
 from dpr_lab.acceptance.judge import Acceptance
+from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.gap.result.causes import EffectSize
+from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.workflows import accept as job
 from dpr_lab.workflows import certify as certificates
+from dpr_lab.workflows.reading import refuse_other_runs
 from tests.a_diagnosis import made
 
 LIMITS = '[effects.{}]\n{} = {{ max = 1e3, unit = "{}" }}\n'
@@ -36,13 +40,45 @@ def diagnosis_and_limits(folder: Path) -> tuple[dpr.Diagnosis, Path]:
     return diagnosis, file
 
 
+def of_rig(diagnosis: dpr.Diagnosis, rig: dpr.Rig) -> dpr.Diagnosis:
+    """Return a diagnosis with evidence that states only the rig."""
+    stated = {"rig": rig.name, "rig_sha256": rig.sha256, "rig_values_sha256": rig.values_sha256}
+    evidence = Evidence.model_construct(**stated, recordings=[], exclusions=[])
+    return diagnosis.model_copy(update={"evidence": evidence})
+
+
+def unread(name: str) -> dpr.Run:
+    """Return a run without readings."""
+    return dpr.Run(**{field.name: None for field in fields(dpr.Run)} | {"name": name, "sha256": ""})
+
+
 def test_limits_are_tested_in_python(tmp_path: Path) -> None:
-    diagnosis, file = diagnosis_and_limits(tmp_path)
+    plain, file = diagnosis_and_limits(tmp_path)
+    diagnosis = of_rig(plain, dpr.load_rig("paper"))
     acceptance = dpr.accept([], dpr.load_rig("paper"), str(file), diagnosis)
     assert isinstance(acceptance, dpr.Acceptance)
     assert (acceptance.answer, acceptance.limits[0].answer) == ("pass", "pass")
     with pytest.raises(dpr.DprError, match=r"none\.toml: cannot be read"):
         dpr.accept([], dpr.load_rig("paper"), tmp_path / "none.toml", diagnosis)
+
+
+def test_a_diagnosis_of_another_rig_or_of_other_runs_is_refused_in_python(tmp_path: Path) -> None:
+    plain, file = diagnosis_and_limits(tmp_path)
+    rig = dpr.load_rig("paper")
+    diagnosis = of_rig(plain, rig)
+    with pytest.raises(ConfigError, match=r"another file of rig paper .* omit the diagnosis"):
+        dpr.accept([], dpr.load_rig("multiarm"), file, diagnosis)
+    closed = diagnosis.gap.closed_held_out.model_copy(update={"per_run": {"X1": 1.0, "X1 (2)": 1.0}})
+    other = diagnosis.model_copy(update={"gap": diagnosis.gap.model_copy(update={"closed_held_out": closed})})
+    with pytest.raises(RunError, match=r"is a diagnosis of X1 and X1 \(2\), not of X3"):
+        dpr.accept([unread("X3")], rig, file, other)
+    refuse_other_runs("diagnosis", other, [unread("X1"), unread("X1")])
+
+
+def test_a_rig_created_in_memory_is_compared_by_its_values(tmp_path: Path) -> None:
+    diagnosis, file = diagnosis_and_limits(tmp_path)
+    rig = dpr.Rig.model_validate(dpr.load_rig("paper").model_dump(exclude_none=True))
+    assert dpr.accept([], rig, file, of_rig(diagnosis, rig)).answer == "pass"
 
 
 def test_the_command_uses_the_functions_of_the_interface(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ from dpr_lab.shown import counted
 from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose, save_report
 from dpr_lab.workflows.events import OnEvent, ignore
-from dpr_lab.workflows.reading import read_diagnosis, read_runs
+from dpr_lab.workflows.reading import read_diagnosis, read_runs, refuse_other_rig_file, refuse_other_runs
 
 if TYPE_CHECKING:
     from dpr_lab.acceptance.judge import Acceptance, JudgedLimit
@@ -89,8 +89,8 @@ def accept_runs(
         pass, fail or not decidable for each limit, and the releases that would decide further limits
 
     Raises:
-        ConfigError: the limits are not valid.
-        RunError: a run cannot be used, or belongs to another rig.
+        ConfigError: the limits are not valid, or the diagnosis was made with another description of the rig.
+        RunError: a run cannot be used, or belongs to another rig, or the diagnosis belongs to other runs.
 
     Source: docs/how-to/accept.md.
     """
@@ -100,7 +100,11 @@ def accept_runs(
 
     runs = as_runs(runs)
     requirements = read_limits(Path(limits), rig) if isinstance(limits, (Path, str)) else limits
-    diagnosis = diagnosis or diagnose(runs, rig)
+    if diagnosis is None:
+        diagnosis = diagnose(runs, rig)
+    else:
+        refuse_other_runs("diagnosis", diagnosis, runs)
+        refuse_other_rig_file("diagnosis", diagnosis, rig)
     acceptance = judged(diagnosis, requirements, runs, rig)
     if all(limit.answer != "not decidable" for limit in acceptance.limits):
         return acceptance
