@@ -2,6 +2,9 @@
 
 from typing import Any
 
+import numpy as np
+
+from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.result.checks import Quantity
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -60,8 +63,8 @@ def made(**changes: Any) -> Diagnosis:
         "remedies": [f"For {CLOCK}: divide the device's times by 1.005."],
         "advice": [],
         "checks": [measurement(CLOCK, CLOCK, 1), measurement(LENGTH, CLOCK, 2)],
-        "ratios": {},
-        "ratio_covariance": [],
+        "ratios": {name: interval(1.0) for name in RATIOS},
+        "ratio_covariance": (1e-4 * np.eye(len(RATIOS))).tolist(),
         "chi2_per_dof": 1.0,
         "segments": 10,
         "scale_b": 0.01,

@@ -233,7 +233,7 @@ def test_a_ratio_that_the_recordings_do_not_determine_states_those_that_do(
 
 
 def test_every_ratio_that_the_recordings_do_not_determine_has_a_reason() -> None:
-    diagnosis = with_friction([1e-5] * 2).model_copy(update={"determined": {}})
+    diagnosis = with_friction([1e-5] * 2).model_copy(update={"determined": {}, "ratios": {}})
     bound = {ratio: {"max": 9.0, "unit": unit} for ratio, unit in RATIO_UNITS.items()}
     for limit in judge(diagnosis, Limits.model_validate({"ratios": bound})).limits:
         assert f"not {limit.quantity}: record" in limit.reason

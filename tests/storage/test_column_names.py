@@ -53,7 +53,7 @@ def test_a_scaled_column_next_to_an_angle_is_not_used(tmp_path):
 def test_counts_whose_name_states_the_revolution_are_not_scaled(tmp_path, head):
     counts = np.round(RIG.positions(np.column_stack([0 * T, THETA1, THETA2]))).astype(int)
     file = file_of(tmp_path, f"t,{head}\n", "{t:.3f},{a},{b}\n", counts[:, 1], counts[:, 2])
-    columns = dict(zip(("theta1", "theta2"), head.split(","), strict=True))
+    columns: dict[str, str] = dict(zip(("theta1", "theta2"), head.split(","), strict=True))
     assert (import_csv(file, RIG, ImportOptions(columns=columns, unit="counts")).counts == counts).all()
 
 

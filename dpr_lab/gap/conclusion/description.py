@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import linregress
 
 from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS, named_params, without_effect
@@ -137,12 +136,12 @@ def rising_energy(problem: Problem, bare: Hypothesis) -> Description:
         return Description()
     begins, energy = problem.t[problem.segments.offsets[:-1]], energies(problem, bare.estimate)
     for run in range(problem.segments.run.max() + 1):
-        in_run = problem.segments.run == run
+        in_run = (problem.segments.run == run) & np.isfinite(energy)
         if np.count_nonzero(in_run) < DESCRIPTION.segments:
             continue
-        line = linregress(begins[in_run], energy[in_run])
-        change = line.slope * np.ptp(begins[in_run]) / np.mean(energy[in_run])
-        if change > DESCRIPTION.rise and line.slope > DESCRIPTION.rise_in_std * line.stderr:
+        (slope, _), covariance = np.polyfit(begins[in_run], energy[in_run], 1, cov=True)
+        change = slope * np.ptp(begins[in_run]) / np.mean(energy[in_run])
+        if change > DESCRIPTION.rise and slope > DESCRIPTION.rise_in_std * covariance[0, 0] ** 0.5:
             return Description(
                 f"The energy of the swing rises by {percent(change)}, although friction can only reduce it: a motor, a"
                 " hand, another rod or the base drives the rods. Record the torques of the motors, or a free swing.",
