@@ -64,11 +64,8 @@ class Understood:
 
     @property
     def rate_hz(self) -> float:
-        """Sample rate from the mean of the usual steps, Hz: rounded times hardly affect it, and gaps do not."""
-        steps = np.diff(self.t)
-        median = np.median(steps)
-        usual = steps[np.abs(steps - median) < 0.5 * median]
-        return round(float(1 / (usual.mean() if usual.size else median)), 6)
+        """Sample rate from the median step, Hz."""
+        return round(float(1 / np.median(np.diff(self.t))), 6)
 
     @property
     def joints(self) -> tuple[int, ...]:
@@ -98,6 +95,8 @@ class Understood:
             convention = f"{options.angles}, {options.zero} is 0"
         axes = ", ".join(f"{axis} = {name}" for axis, name in sorted(self.columns.items()) if name != NO_ROD)
         number = len(gaps(t))
+        # Rounded times hardly affect the mean rate. If rows are missing, the rate is computed from the median step.
+        rate_hz = self.rate_hz if number else (len(t) - 1) / float(t[-1] - t[0])
         steps = "steps {:.4g} to {:.4g} s".format(*self._steps_s)
         rest = f" and {-t[0]:.4g} s of rest before it" if t[0] else ""
         facts = {
@@ -106,7 +105,7 @@ class Understood:
             "angles": f"{options.unit}, {convention}",
             "time": f"{len(t):,} rows, {t[-1]:.6g} s from the release{rest}, unit {options.time_unit}",
             "recorded": self.recorded_at or "date unknown (--recorded-at)",
-            "rate": f"{self.rate_hz:.5g} Hz, {steps}; {number or 'no'} gap{'' if number == 1 else 's'}",
+            "rate": f"{rate_hz:.5g} Hz, {steps}; {number or 'no'} gap{'' if number == 1 else 's'}",
             "motion": "; ".join(f"{AXES[joint]} {_range(self.theta[:, joint])}" for joint in self.joints),
         }
         return facts | self._inputs()
