@@ -13,9 +13,6 @@ from numpy.typing import ArrayLike
 
 from dpr_lab.arrays import Array
 
-ANGLE_UNITS = {"rad": 1.0, "deg": math.radians(1.0), "turns": 2 * math.pi, "half turns": math.pi}
-"""Units in which a table may contain angles, rad. Import options name the first two; the others require a scale."""
-
 
 @dataclass(frozen=True, slots=True)
 class JointAngles:

@@ -114,43 +114,7 @@ def asked_for_degrees(folder: Path, rig: Rig, readings: np.ndarray, options: Imp
     return [question.sentence for question in read.questions if question.sentence.startswith("as an angle in rad")]
 
 
-@pytest.mark.parametrize(("zero_deg", "mend"), [(0.7, "--unit deg"), (3.0, "--unit deg --offset -3")])
-def test_degrees_of_a_small_swing_with_a_large_zero_error_are_questioned(
-    tmp_path: Path, one: Rig, zero_deg: float, mend: str
-) -> None:
-    file = table(tmp_path, "t,theta1", T, np.degrees(swing(0.12)) + zero_deg)
-    assert " ".join(understand(file, one, ImportOptions(zero="hanging")).mend) == mend
-
-
-def test_the_unit_of_a_slow_film_with_a_zero_error_is_the_nearest_interpretation(tmp_path: Path, one: Rig) -> None:
-    rows = slice(0, len(T), round(0.066 / (T[1] - T[0])))
-    readings = np.degrees(swing(0.12))[rows] + 0.7
-    readings += 0.15 * np.random.default_rng(0).standard_normal(len(readings))
-    file = table(tmp_path, "t,theta1", T[rows], readings)
-    questions = understand(file, one, ImportOptions(zero="hanging")).questions
-    assert any("if the angles are in deg (--unit deg)" in question.sentence for question in questions)
-
-
-def test_no_zero_in_degrees_is_proposed_if_the_column_names_radians(tmp_path: Path, one: Rig) -> None:
-    """The options would be a scale and an offset in rad."""
-    file = table(tmp_path, "t,theta1_rad", T, np.degrees(swing(0.12)) + 3.0)
-    assert understand(file, one, ImportOptions(zero="hanging")).mend == ()
-
-
-def test_counts_that_no_zero_explains_are_questioned_without_a_unit(tmp_path: Path, one: Rig) -> None:
-    file = table(tmp_path, "t,counts", T, np.round(400 * np.sign(np.sin(4 * T)) * T))
-    options = ImportOptions(unit="counts", columns={"theta1": "counts"})
-    assert understand(file, one, options).mend == ()
-
-
-def test_a_free_swing_in_degrees_far_from_the_zero_gets_its_unit_and_zero(tmp_path: Path, one: Rig) -> None:
-    readings = 24 + 8 * np.sin(7 * T) * np.exp(-T / 8)
-    read = understand(table(tmp_path, "t,theta1", T, readings), one, ImportOptions(zero="hanging", keep_rest=True))
-    assert read.mend[:3] == ("--unit", "deg", "--offset")
-    assert float(read.mend[3]) == pytest.approx(-24, abs=0.5)
-
-
-@pytest.mark.parametrize("readings", [HELD, 24 + 4 * np.sin(0.9 * T)])
+@pytest.mark.parametrize("readings", [HELD, 24 + 4 * np.sin(0.9 * T), 24 + 8 * np.sin(7 * T) * np.exp(-T / 8)])
 def test_degrees_without_a_stated_unit_are_noticed_although_a_drive_moves_the_rod(
     tmp_path: Path, one: Rig, readings: np.ndarray
 ) -> None:

@@ -144,7 +144,6 @@ def test_a_right_table_of_one_rod_is_not_questioned(one: Rig, tmp_path: Path) ->
         (0.5, 0.0, "--scale 2"),
         (2.0, 0.0, "--scale 0.5"),
         (180 / np.pi, 0.0, "--unit deg"),
-        (1 / np.pi, 0.0, "--scale 3.14159"),
     ],
 )
 def test_a_wrong_reading_of_one_rod_is_questioned(

@@ -1,5 +1,6 @@
 """Find the meaning of the columns of a table from options, names, or their order."""
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dpr_lab.errors import RunError
-from dpr_lab.joint_angles import ANGLE_UNITS
 from dpr_lab.storage.tables.cells import listed, names_no_angle, names_rate
 from dpr_lab.storage.tables.options import AXES, ImportOptions
 from dpr_lab.storage.tables.questions.frame_numbers import counter, refuse_row_numbers
@@ -15,7 +15,7 @@ from dpr_lab.storage.tables.questions.names import numbered, refuse_long_form, r
 from dpr_lab.storage.tables.table import LIMITS, Column, Table, bare, own_name
 from dpr_lab.storage.tables.time_stamps import different_times, never_falls, runs, varies, without_speed
 
-TO_RADIANS = {name: ANGLE_UNITS[name] for name in ("rad", "deg")}
+TO_RADIANS = {"rad": 1.0, "deg": math.pi / 180}
 TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 UNITS = ("rad", "deg", "counts")
 NO_ROD = "joint 2, without a rod"

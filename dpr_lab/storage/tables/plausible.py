@@ -10,7 +10,6 @@ import numpy as np
 
 from dpr_lab.arrays import Array, Flags, correlation
 from dpr_lab.errors import RunError
-from dpr_lab.joint_angles import ANGLE_UNITS
 from dpr_lab.rig import Rig
 from dpr_lab.storage.tables.columns import AXES, TO_RADIANS, TO_SECONDS
 from dpr_lab.storage.tables.options import ImportOptions
@@ -61,6 +60,8 @@ class Plausible:
     falls: float = -0.5
     """Maximum correlation of squared speed and height of a rod that falls from the upright pose. It is near -1 for a
     free rod whose zero is correct, and near 1 if hanging and upright are exchanged."""
+    turns: tuple[tuple[float, str], ...] = ((1.0, "turns"), (2.0, "half turns"))
+    """Periods at which angles in turns and in half turns wrap, and their units."""
     wrapped: tuple[float, int] = (0.4, 3)
     """Maximum step of a rod, in periods, and minimum number of wraps. A wrap shortens the period by such a step."""
     whole: float = 1e-6
@@ -181,18 +182,17 @@ def turn_notes(angles: Mapping[str, Array]) -> list[str]:
     leap = 1 - step
     for axis, x in angles.items():
         steps = np.abs(np.diff(x))
-        for unit in ("turns", "half turns"):
-            period = 2 * np.pi / ANGLE_UNITS[unit]
+        for period, unit in PLAUSIBLE.turns:
             leaps = steps >= leap * period
             if (
                 leap * period < np.ptp(x) <= period
                 and leaps.sum() >= fewest
                 and (leaps | (steps <= step * period)).all()
             ):
-                words = f"--wrap {period:g} --scale {ANGLE_UNITS[unit]:.6g}"
+                factor = 2 * np.pi / period
                 return [
                     f"{axis} jumps {leaps.sum()} times by almost {period:g} rad, as angles in {unit} do that a logger"
-                    f" wraps: if the angles are in {unit}, import with {words}"
+                    f" wraps: if the angles are in {unit}, import with --wrap {period:g} --scale {factor:.6g}"
                 ]
     return []
 

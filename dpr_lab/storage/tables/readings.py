@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from dpr_lab.arrays import without_turns
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, energy_zeros
-from dpr_lab.identification.misread.torque_balance import torque_balance
-from dpr_lab.joint_angles import ANGLE_UNITS
+from dpr_lab.identification.misread.torque_balance import TorqueBalance, torque_balance
 from dpr_lab.storage.tables.angles import Values
 from dpr_lab.storage.tables.columns import AXES, TO_RADIANS, TO_SECONDS, UNIT_IN_NAME
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
@@ -120,7 +119,7 @@ def better_readings(fit: EnergyFit, read: InterpretedTable) -> list[OtherReading
     limit = min(READ.sure, fit.residual / READ.better)
     tried = [(residual, reading) for residual, reading in residuals if residual < limit]
     free = read.torques is None and not read.drive
-    if not tried and free and (moved := _as_counts(read) or _with_other_zeros(read) or _in_other_unit(read)):
+    if not tried and free and (moved := _as_counts(read) or _with_other_zeros(read)):
         return [moved]
     best = min((residual for residual, _ in tried), default=np.inf)
     return fewest_changes([reading for residual, reading in tried if residual <= READ.alike * best])
@@ -188,20 +187,62 @@ def _with_other_zeros(read: InterpretedTable) -> OtherReading | None:
 
     The result is None without such zeros. It is also None if the zeros differ so little that a diagnosis fits them.
     """
-    if (added := conserving_zeros(read)) is None:
+    if (added := _conserving_zeros(read)) is None:
         return None
-    moved = in_options(read, added)
+    moved = _with_zeros(read, added)
     return moved if moved.mend or read.options.unit == "counts" else None
 
 
-def conserving_zeros(read: InterpretedTable) -> tuple[float, float] | None:
+def _conserving_zeros(read: InterpretedTable) -> tuple[float, float] | None:
     """Return the (2,) offsets, rad, with which a free swing conserves its energy, or None."""
     rods = read.rods(read.values, read.options)
     added = energy_zeros(read.t, rods, read.rig)
     return added if added is not None and _conserves(energy_fit(read.t, rods + added, None, read.rig)) else None
 
 
-def in_options(read: InterpretedTable, added: ArrayLike) -> OtherReading:
+def balanced_readings(read: InterpretedTable) -> list[OtherReading]:
+    """List interpretations with a clearly smaller residual of the torque balance, best first."""
+
+    def balance(values: Values, options: ImportOptions) -> TorqueBalance | None:
+        return torque_balance(read.t, read.rods(values, options), read.torques, read.rig)
+
+    equations = balance(read.values, read.options)
+    if equations is None or (residual := equations.residual()) <= READ.balanced:
+        return []
+    residuals: list[tuple[float, OtherReading]] = []
+    nearest = equations.zeros(nearest=True)
+    balancing = nearest if residual <= READ.near_balance else equations.zeros()
+    zeros = _with_zeros(read, _by_energy(read, balancing))
+    for reading in (*other_readings(read), *(() if read.drive else (zeros,))):
+        other = None if reading.time_factor != 1 else balance(reading.values, reading.options)
+        if other is not None:
+            residuals.append((other.residual(), reading))
+    best = min((unbalance for unbalance, _ in residuals), default=np.inf)
+    limit = min(READ.sure_balance, residual / READ.better_balance, READ.alike_balance * best)
+    balanced = [reading for unbalance, reading in sorted(residuals, key=lambda pair: pair[0]) if unbalance <= limit]
+    named = [reading for reading in balanced if reading is not zeros] or balanced
+    if named:
+        return fewest_changes(named)
+    wrong_zero = np.abs(nearest).max() >= READ.wrong_zero_rad and not read.drive
+    wrong_zero = wrong_zero and equations.residual(nearest) <= min(READ.sure_balance, residual / READ.better_zero)
+    return [_with_zeros(read, _by_energy(read, nearest))] if wrong_zero else []
+
+
+def _by_energy(read: InterpretedTable, balancing: tuple[float, float]) -> tuple[float, float]:
+    """Replace the zeros of the torque balance by nearby zeros with a better energy balance.
+
+    This is done only for a single free rod. Friction that stops the rod or changes its sign shifts the zeros of the
+    torque balance, but not the zeros of the energy balance.
+    """
+    if read.rig.rods.mounting == "both" or read.torques is not None:
+        return balancing
+    added = _conserving_zeros(read)
+    if added is None or abs(without_turns(added[0] - balancing[0])) > READ.wrong_zero_rad:
+        return balancing
+    return added
+
+
+def _with_zeros(read: InterpretedTable, added: ArrayLike) -> OtherReading:
     """Create an interpretation in which two offsets, rad, are added to the absolute angles.
 
     The offsets are stated by --zero, --offset or zero_counts.
@@ -270,53 +311,20 @@ def other_readings(read: InterpretedTable) -> Iterator[OtherReading]:
     for zero, reference, sign, swap in product(zeros, references, of_joints, of_joints):
         if zero or reference or sign or swap:
             yield _changed(read, zero=zero, reference=reference, sign=sign, swap=swap)
-    for unit, (zero, reference) in product(_other_units(read), product(zeros, references)):
-        yield _in_unit(_changed(read, zero=zero, reference=reference), unit, read)
+    for unit, (zero, reference) in product(() if counted else ("rad", "deg"), product(zeros, references)):
+        if unit != options.unit:
+            other = _changed(read, zero=zero, reference=reference)
+            yield replace(
+                other,
+                causes=(f"the angles are in {unit}", *other.causes),
+                words=(*unit_words(read), *other.words),
+                options=replace(other.options, unit=unit),
+            )
     yield from _scaled(read)
     for unit in TO_SECONDS if options.rate_hz is None else ():
         factor = TO_SECONDS[unit] / TO_SECONDS[options.time_unit or "s"]
         if factor != 1:
             yield OtherReading((f"the times are in {unit}",), ("--time-unit", unit), read.values, options, factor)
-
-
-def _other_units(read: InterpretedTable) -> tuple[str, ...]:
-    """Return the units in which the angles may be instead of the given one.
-
-    Counts and degrees are stated by options or names; turns usually are not. Turns are tried for a single rod only.
-    """
-    units = tuple(TO_RADIANS if read.rig.rods.mounting == "both" else ANGLE_UNITS)
-    return {"counts": (), "deg": ("rad",)}.get(read.options.unit or "rad", units[1:])
-
-
-def _in_unit(other: OtherReading, unit: str, read: InterpretedTable) -> OtherReading:
-    """Return an interpretation whose angles are in another unit than those of the table."""
-    causes = (f"the angles are in {unit}", *other.causes)
-    if unit in TO_RADIANS:
-        words, options = (*unit_words(read), *other.words), replace(other.options, unit=unit)
-        return replace(other, causes=causes, words=words, options=options)
-    factor = ANGLE_UNITS[unit]
-    scaled = {axis: factor * other.values[axis] for axis in AXES[1:]}
-    return replace(other, causes=causes, values={**other.values, **scaled}, scale=(factor, factor))
-
-
-def _in_other_unit(read: InterpretedTable) -> OtherReading | None:
-    """Return the unit, and if necessary another zero, with which a free rod conserves its energy, or None.
-
-    The result is also None if other zeros suffice, if a column names its unit, and for two rods, whose two zeros
-    explain noise in a wrong unit.
-    """
-    units = () if read.rig.rods.mounting == "both" else _other_units(read)
-    if not units or unit_words(read)[0] != "--unit" or conserving_zeros(read) is not None:
-        return None
-    for unit in units:
-        other = _in_unit(_changed(read), unit, read)
-        converted = replace(read, values=other.values, options=other.options)
-        if (added := conserving_zeros(converted)) is not None:
-            moved = in_options(converted, added)
-            words = (*other.words, *moved.words)
-            causes = (*other.causes, *(moved.causes if moved.mend else ()))
-            return replace(moved, causes=causes, words=words, scale=other.scale)
-    return None
 
 
 def unit_words(read: InterpretedTable) -> tuple[str, ...]:

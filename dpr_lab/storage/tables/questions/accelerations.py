@@ -7,23 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from dpr_lab.arrays import without_turns
 from dpr_lab.identification.misread.moving_arm_balance import arm_balance, is_unit, wrong_unit
-from dpr_lab.identification.misread.torque_balance import TorqueBalance, inertia_bounds, torque_balance
+from dpr_lab.identification.misread.torque_balance import inertia_bounds, torque_balance
 from dpr_lab.shown import percent
-from dpr_lab.storage.tables.angles import Values, angles
+from dpr_lab.storage.tables.angles import angles
 from dpr_lab.storage.tables.columns import TO_RADIANS
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
-from dpr_lab.storage.tables.options import ImportOptions
-from dpr_lab.storage.tables.readings import (
-    READ,
-    OtherReading,
-    conserving_zeros,
-    fewest_changes,
-    in_options,
-    other_readings,
-    read_otherwise,
-)
+from dpr_lab.storage.tables.readings import balanced_readings, read_otherwise
 
 
 def balance_questions(table: InterpretedTable) -> list[TableQuestion]:
@@ -33,48 +23,6 @@ def balance_questions(table: InterpretedTable) -> list[TableQuestion]:
     others = balanced_readings(table.beginning())
     broken = "the accelerations do not follow from gravity and friction, but they do"
     return [read_otherwise(broken, others, table.beginning())] if others else []
-
-
-def balanced_readings(read: InterpretedTable) -> list[OtherReading]:
-    """List interpretations with a clearly smaller residual of the torque balance, best first."""
-
-    def balance(values: Values, options: ImportOptions) -> TorqueBalance | None:
-        return torque_balance(read.t, read.rods(values, options), read.torques, read.rig)
-
-    equations = balance(read.values, read.options)
-    if equations is None or (residual := equations.residual()) <= READ.balanced:
-        return []
-    residuals: list[tuple[float, OtherReading]] = []
-    nearest = equations.zeros(nearest=True)
-    balancing = nearest if residual <= READ.near_balance else equations.zeros()
-    zeros = in_options(read, _by_energy(read, balancing))
-    for reading in (*other_readings(read), *(() if read.drive else (zeros,))):
-        other = None if reading.time_factor != 1 else balance(reading.values, reading.options)
-        if other is not None:
-            residuals.append((other.residual(), reading))
-    best = min((unbalance for unbalance, _ in residuals), default=np.inf)
-    limit = min(READ.sure_balance, residual / READ.better_balance, READ.alike_balance * best)
-    balanced = [reading for unbalance, reading in sorted(residuals, key=lambda pair: pair[0]) if unbalance <= limit]
-    named = [reading for reading in balanced if reading is not zeros] or balanced
-    if named:
-        return fewest_changes(named)
-    wrong_zero = np.abs(nearest).max() >= READ.wrong_zero_rad and not read.drive
-    wrong_zero = wrong_zero and equations.residual(nearest) <= min(READ.sure_balance, residual / READ.better_zero)
-    return [in_options(read, _by_energy(read, nearest))] if wrong_zero else []
-
-
-def _by_energy(read: InterpretedTable, balancing: tuple[float, float]) -> tuple[float, float]:
-    """Replace the zeros of the torque balance by nearby zeros with a better energy balance.
-
-    This is done only for a single free rod. Friction that stops the rod or changes its sign shifts the zeros of the
-    torque balance, but not the zeros of the energy balance.
-    """
-    if read.rig.rods.mounting == "both" or read.torques is not None:
-        return balancing
-    added = conserving_zeros(read)
-    if added is None or abs(without_turns(added[0] - balancing[0])) > READ.wrong_zero_rad:
-        return balancing
-    return added
 
 
 def rig_questions(table: InterpretedTable) -> list[TableQuestion]:

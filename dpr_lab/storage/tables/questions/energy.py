@@ -108,19 +108,11 @@ def _nearest(read: InterpretedTable, residual: float) -> str:
     """
     turned = _turned(read)
     others = (other for other in other_readings(read) if other.mend and (not turned or other.scale == (1.0, 1.0)))
-    fits = sorted((_residual_with_zero(read, other), other.sentence) for other in (*others, *turned))
+    fits = sorted((energy_residual(read, other), other.sentence) for other in (*others, *turned))
     (least, sentence), (second, _) = [*fits, *[(math.inf, "")] * 2][:2]
     lead, most = SETTINGS.nearest
     near = least <= min(most, residual / lead, second / lead)
     return f"; it changes by {percent(least)} if {sentence}" if near else ""
-
-
-def _residual_with_zero(read: InterpretedTable, other: OtherReading) -> float:
-    """Return the energy residual of an interpretation, for a single rod after a small correction of its zero."""
-    if read.rig.rods.mounting == "both":
-        return energy_residual(read, other)
-    rods = read.rods(other.values, other.options)
-    return residual_near(read.t * other.time_factor, rods, read.torques, read.rig, limit=math.inf)
 
 
 def _explained_part(table: InterpretedTable) -> str:
