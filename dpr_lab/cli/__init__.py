@@ -50,9 +50,8 @@ def main() -> None:
         Interrupt.heard = True
         _end(str(stopped) or "interrupted", INTERRUPTED)
     except Exception as error:
-        if not isinstance(error, OSError) or error.errno not in REFUSED:
-            traceback.print_exc()
-            _end(f"unexpected error, a bug of dpr-lab: {type(error).__name__}: {error}", UnexpectedError.exit_code)
+        if not (isinstance(error, OSError) and error.errno in REFUSED):
+            _end_with_bug(error)
         if error.filename is not None:
             message = f"{error.filename}: {error.strerror}: free some disk space, or choose another folder"
             _end(message, OutputError.exit_code)
@@ -62,6 +61,12 @@ def main() -> None:
 
             say(f"dpr-lab: the result cannot be written to the output: {error.strerror}")
         sys.exit(OutputError.exit_code)
+
+
+def _end_with_bug(error: Exception) -> NoReturn:
+    """Print the traceback of a bug and exit; with `--json` the message is an object, as for any other error."""
+    traceback.print_exc()
+    _end(f"unexpected error, a bug of dpr-lab: {type(error).__name__}: {error}", UnexpectedError.exit_code)
 
 
 def _end(message: str, exit_code: int) -> NoReturn:
