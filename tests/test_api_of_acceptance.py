@@ -1,6 +1,7 @@
 """Acceptance test, report and certificate in Python: the calls that the command line uses."""
 
 import json
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,9 +14,9 @@ from dpr_lab.acceptance.judge import Acceptance
 from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.gap.result.causes import EffectSize
 from dpr_lab.gap.result.evidence import Evidence
+from dpr_lab.gap.result.subject import refuse_other_subject
 from dpr_lab.workflows import accept as job
 from dpr_lab.workflows import certify as certificates
-from dpr_lab.workflows.reading import refuse_other_runs
 from tests.a_diagnosis import made
 
 LIMITS = '[effects.{}]\n{} = {{ max = 1e3, unit = "{}" }}\n'
@@ -66,13 +67,29 @@ def test_a_diagnosis_of_another_rig_or_of_other_runs_is_refused_in_python(tmp_pa
     plain, file = diagnosis_and_limits(tmp_path)
     rig = dpr.load_rig("paper")
     diagnosis = of_rig(plain, rig)
-    with pytest.raises(ConfigError, match=r"another file of rig paper .* omit the diagnosis"):
+    with pytest.raises(ConfigError, match=r"another file of rig paper .* diagnose the runs again"):
         dpr.accept([], dpr.load_rig("multiarm"), file, diagnosis)
     closed = diagnosis.gap.closed_held_out.model_copy(update={"per_run": {"X1": 1.0, "X1 (2)": 1.0}})
     other = diagnosis.model_copy(update={"gap": diagnosis.gap.model_copy(update={"closed_held_out": closed})})
     with pytest.raises(RunError, match=r"is a diagnosis of X1 and X1 \(2\), not of X3"):
         dpr.accept([unread("X3")], rig, file, other)
-    refuse_other_runs("diagnosis", other, [unread("X1"), unread("X1")])
+    refuse_other_subject(other, [unread("X1"), unread("X1")], rig)
+
+
+def test_plan_and_report_refuse_a_diagnosis_of_another_rig_or_of_other_runs_in_python(tmp_path: Path) -> None:
+    paper, multiarm = dpr.load_rig("paper"), dpr.load_rig("multiarm")
+    diagnosis = of_rig(diagnosis_and_limits(tmp_path)[0], paper)
+    closed = diagnosis.gap.closed_held_out.model_copy(update={"per_run": {"X1": 1.0}})
+    of_x1 = diagnosis.model_copy(update={"gap": diagnosis.gap.model_copy(update={"closed_held_out": closed})})
+    calls: tuple[Callable[[dpr.Diagnosis, dpr.Rig], object], ...] = (
+        lambda made, rig: dpr.plan(rig, [], made),
+        lambda made, rig: dpr.save_report(made, [], rig, tmp_path / "out"),
+    )
+    for call in calls:
+        with pytest.raises(ConfigError, match=r"^diagnosis: the diagnosis was made with another file of rig paper"):
+            call(diagnosis, multiarm)
+        with pytest.raises(RunError, match="is a diagnosis of X1, not of no runs: give its runs, or diagnose"):
+            call(of_x1, paper)
 
 
 def test_a_rig_created_in_memory_is_compared_by_its_values(tmp_path: Path) -> None:
@@ -99,6 +116,7 @@ def test_a_report_is_written_with_the_limits(tmp_path: Path, monkeypatch: pytest
     write = Mock(side_effect=lambda diagnosis, runs, rig, folder, *_: {"report": str(folder / "diagnosis.html")})
     monkeypatch.setattr("dpr_lab.report.saving.save_diagnosis", write)
     out, rig = tmp_path / "out", dpr.load_rig("paper")
+    monkeypatch.setattr("dpr_lab.gap.result.subject.refuse_other_subject", Mock())
     assert dpr.save_report(diagnosis, [], rig, str(out)) == {"report": str(out / "diagnosis.html")}
     files = dpr.save_report(diagnosis, [], rig, out, Acceptance("pass", "", ()))
     assert files == {"accept": str(out / "accept.json"), "report": str(out / "diagnosis.html")}

@@ -35,6 +35,7 @@ from dpr_lab.acceptance.friction import inaccurate_speeds, largest_estimate, lar
 from dpr_lab.acceptance.limits import Limits, free_run_quantity, friction_quantity
 from dpr_lab.acceptance.median_error import median90, what_decides
 from dpr_lab.acceptance.ratios import undetermined
+from dpr_lab.acceptance.reason import NONE, Obstacle, Reason, within
 from dpr_lab.acceptance.scale import open_by_scale, with_scale
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.evidence.joint_friction import laws_of
@@ -56,17 +57,11 @@ Answer = Literal["pass", "fail", "not decidable"]
 Range = tuple[float, float]
 Bounds = tuple[float | None, float | None]
 
-WITHIN = "the limit lies within the interval"
-"""Beginning of the reason of an undecided limit that further releases may decide."""
+FIND_CAUSE = "no release decides the limit before the diagnosis explains the gap; do its checks first"
+"""Remedy for a limit without a valid interval."""
 
-RECORD_MORE = ": record more releases"
-"""End of this reason, before the releases are known."""
-
-FIND_CAUSE = ": no release decides the limit before the diagnosis explains the gap; do its checks first"
-"""End of the reason of a limit without a valid interval."""
-
-SECOND_RELEASE = ": record a second release"
-"""End of the reason of a limit of an effect whose form one release does not test."""
+SECOND_RELEASE = "record a second release"
+"""Remedy for a limit of an effect whose form one release does not test."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +81,14 @@ class JudgedLimit:
     answer: Answer
     """Result of the test."""
     reason: str
-    """Reason why the limit is not decidable; empty otherwise."""
+    """Reason why the limit is not decidable, including the remedy; empty otherwise."""
+    remedy: str = ""
+    """Part of the reason that states what decides the limit, or why no further release does."""
+    obstacle: Obstacle = ""
+    """Kind of the reason: `interval` (too wide), `scale` (only b is uncertain), `cause` (uncertain), `alike`
+    (indistinguishable), `recordings` (missing) or `diagnosis` (no valid intervals); empty if the limit is decided."""
+    effects: tuple[str, ...] = ()
+    """Effects that the reason names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,41 +142,40 @@ def _effects(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 def _frictions(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
     for joint, limit in limits.friction.items():
-        interval, reason, bounds = (
-            None,
-            f"{joint} does not move in these recordings: record releases in which it moves",
-            (None, limit.max),
-        )
+        still = Reason(f"{joint} does not move in these recordings", "record releases in which it moves", "recordings")
+        interval, reason, bounds = None, still, (None, limit.max)
         curve = diagnosis.evidence.friction.get(joint) if diagnosis.evidence else None
         if curve is not None:
             reached = curve.speed_rad_per_s[-1]
-            slow = f"{joint} reaches only {reached:.3g} rad/s: record a faster swing, or lower speed_rad_s"
-            reason = slow if limit.speed_rad_s > reached else ""
+            faster = "record a faster swing, or lower speed_rad_s"
+            slow = Reason(f"{joint} reaches only {reached:.3g} rad/s", faster, "recordings")
+            reason = slow if limit.speed_rad_s > reached else NONE
             interval = None if reason else with_scale(diagnosis.scale, largest_friction(curve, limit, SURE), 1)
         reason = _untrusted(diagnosis) or reason or _other_friction(diagnosis, int(joint[-1]))
         answer = _answer(interval, *bounds)
         if curve is not None and curve.back_emf and answer != "pass":
-            reason = reason or "the torque contains the back-EMF of the voltage drive: record releases with a free arm"
+            back_emf = "the torque contains the back-EMF of the voltage drive"
+            reason = reason or Reason(back_emf, "record releases with a free arm", "recordings")
         if curve is not None and answer == "not decidable" and not reason:
             known, best = largest_friction(curve, limit, SURE), largest_estimate(curve, limit)
             reason = _only_scale(diagnosis.scale, bounds, known, best, 1)
             if not reason and (cause := inaccurate_speeds(curve, limit)):
-                reason = f"{WITHIN}, because {cause}{RECORD_MORE}"
+                reason = within(f", because {cause}")
         yield _judged(friction_quantity(joint, limit), limit.unit, bounds, interval, answer, reason)
 
 
-def _open_size(diagnosis: Diagnosis, effect: str, parameter: str, bounds: Bounds) -> str:
+def _open_size(diagnosis: Diagnosis, effect: str, parameter: str, bounds: Bounds) -> Reason:
     """Return a reason if only the uncertainty of the scale b leaves the limit of an amplitude undecided."""
     known, quantity = diagnosis.model_copy(update={"scale": None}), f"{effect}.{parameter}"
     interval, _ = _widened(known, quantity, _size(known, effect, parameter), bounds)
     if interval is None:
-        return ""
+        return NONE
     fitted = [named.parameters[parameter].value for named in diagnosis.effects if named.name == effect]
     best = fitted[0] if fitted else sum(interval) / 2
     return _only_scale(diagnosis.scale, bounds, interval, best, _power(effect, parameter))
 
 
-def _only_scale(scale: Scale | None, bounds: Bounds, interval: Range, best: float, power: int) -> str:
+def _only_scale(scale: Scale | None, bounds: Bounds, interval: Range, best: float, power: int) -> Reason:
     """Return a reason if only the uncertainty of the scale b leaves a limit undecided.
 
     The limit would be decided for a known b, and is undecided even for an exact estimate of the ratio to b.
@@ -187,28 +188,29 @@ def _only_scale(scale: Scale | None, bounds: Bounds, interval: Range, best: floa
         power: power of the scale in the quantity
     """
     if scale is None or _answer(interval, *bounds) == "not decidable":
-        return ""
+        return NONE
     exact = with_scale(scale, (best, best), power)
-    return open_by_scale(scale) if _answer(exact, *bounds) == "not decidable" else ""
+    return open_by_scale(scale) if _answer(exact, *bounds) == "not decidable" else NONE
 
 
-def _other_friction(diagnosis: Diagnosis, joint: int) -> str:
+def _other_friction(diagnosis: Diagnosis, joint: int) -> Reason:
     """Return the reason why the friction torque may depend on more than the speed.
 
-    One reason is that the named effect may not be a friction law. The text is empty if the friction torque certainly is
-    a function of the speed alone.
+    One reason is that the named effect may not be a friction law. There is no reason if the friction torque certainly
+    is a function of the speed alone.
     """
     laws = {*laws_of(joint)}
     for named in diagnosis.effects:
         if named.name in NOT_OF_SPEED and named.name.endswith(f"joint{joint}"):
-            return f"{named.name} is named, and its torque does not depend on the speed alone"
+            other = f"{named.name} is named, and its torque does not depend on the speed alone"
+            return Reason(other, obstacle="alike", effects=(named.name,))
         sure = sum(probability for name, probability in named.candidates.items() if name in laws)
         alternatives = [rival for rival in diagnosis.rivals if rival.instead_of == named.name]
         sure += sum(rival.probability for rival in alternatives if rival.name in laws)
         if 1 - SURE < sure < SURE:
-            law = f"a friction law of joint {joint} is {percent(sure)}{_because(named)}"
-            return f"the probability that {named.name} is {law}"
-    return ""
+            law = f"a friction law of joint {joint} is {percent(sure)}"
+            return _uncertain(f"the probability that {named.name} is {law}", named)
+    return NONE
 
 
 def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
@@ -216,7 +218,7 @@ def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
         stated = diagnosis.stated_ratios.get(name)
         interval, further = _widened(diagnosis, name, stated.interval90 if stated else None, limit.bounds)
         reason = _untrusted(diagnosis) or undetermined(diagnosis, name)
-        reason = reason or next(filter(None, map(_doubted, diagnosis.effects)), "")
+        reason = reason or next(filter(None, map(_doubted, diagnosis.effects)), NONE)
         answer = _answer(interval, *limit.bounds)
         yield _judged(name, limit.unit, limit.bounds, interval, answer, reason or further)
 
@@ -225,23 +227,19 @@ def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float])
     """Test the median free-run error of the releases."""
     if (limit := limits.free_run) is None:
         return
-    reason = f"the description of the recordings is probably wrong: {diagnosis.hints[0]}" if diagnosis.hints else ""
-    interval = None
+    reason, interval = _wrong_description(diagnosis), None
     failed = [name for name, error in errors.items() if not np.isfinite(error)]
     if failed:
-        reason = (
-            reason
-            or f"the simulation of {listed(failed)} fails before {limit.horizon_s:g} s: choose a shorter horizon_s"
-        )
+        fails = f"the simulation of {listed(failed)} fails before {limit.horizon_s:g} s"
+        reason = reason or Reason(fails, "choose a shorter horizon_s", "recordings")
     elif len(errors) < 2:
-        reason = (
-            reason or f"fewer than two recordings contain an undisturbed swing of {limit.horizon_s:g} s: record them"
-        )
+        few = f"fewer than two recordings contain an undisturbed swing of {limit.horizon_s:g} s"
+        reason = reason or Reason(few, "record them", "recordings")
     else:
         interval = median90([*errors.values()])
     answer = _answer(interval, None, limit.max)
     if answer == "not decidable" and not reason:
-        reason = f"{WITHIN}{what_decides(diagnosis, limit, [*errors.values()])}"
+        reason = what_decides(diagnosis, limit, [*errors.values()])
     yield _judged(free_run_quantity(limit), limit.unit, (None, limit.max), interval, answer, reason)
 
 
@@ -251,11 +249,13 @@ def _judged(
     bounds: Bounds,
     interval: Range | None,
     answer: Answer,
-    reason: str,
+    reason: Reason,
 ) -> JudgedLimit:
     if not reason and answer == "not decidable":
-        reason = f"{WITHIN}{RECORD_MORE}"
-    return JudgedLimit(quantity, unit, *bounds, interval, "not decidable" if reason else answer, reason)
+        reason = within()
+    answer = "not decidable" if reason else answer
+    detail = reason.text, reason.remedy, reason.obstacle, reason.effects
+    return JudgedLimit(quantity, unit, *bounds, interval, answer, *detail)
 
 
 def _answer(interval: Range | None, lower: float | None, upper: float | None) -> Answer:
@@ -285,20 +285,22 @@ def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
     return None
 
 
-def _widened(diagnosis: Diagnosis, quantity: str, interval: Range | None, bounds: Bounds) -> tuple[Range | None, str]:
+def _widened(
+    diagnosis: Diagnosis, quantity: str, interval: Range | None, bounds: Bounds
+) -> tuple[Range | None, Reason]:
     """Extend an interval to include those of the models with further effects.
 
-    If the first interval decides the limit and the widened interval does not, the text names the effects responsible.
-    Otherwise it is empty.
+    If the first interval decides the limit and the widened interval does not, the reason names the effects responsible.
     """
-    alone, reason = _answer(interval, *bounds), ""
+    alone, reason = _answer(interval, *bounds), NONE
     name, _, parameter = quantity.partition(".")
     fitted = not parameter or any(named.name == name for named in diagnosis.effects)
     for model in diagnosis.evidence.wider_models if diagnosis.evidence else ():
         if fitted and not model.intervals90 and alone != "not decidable":
             words = "together are" if len(model.effects) > 1 else "is"
             absent = "the interval holds only without them, and these recordings do not exclude them"
-            reason = reason or f"{listed(model.effects)} {words} indistinguishable from the fitted values: {absent}"
+            alike = f"{listed(model.effects)} {words} indistinguishable from the fitted values: {absent}"
+            reason = reason or Reason(alike, obstacle="alike", effects=tuple(model.effects))
         if interval is None or quantity not in model.intervals90:
             continue
         other = model.intervals90[quantity]
@@ -309,7 +311,7 @@ def _widened(diagnosis: Diagnosis, quantity: str, interval: Range | None, bounds
             further = f"common effects of undetectable sizes are present ({listed(model.effects)})"
             if model.probability is not None:
                 further = f"{listed(model.effects)} is present (probability {percent(model.probability)})"
-            reason = f"{WITHIN} if {further}{RECORD_MORE}"
+            reason = within(f" if {further}", effects=tuple(model.effects))
     return interval, reason
 
 
@@ -318,74 +320,81 @@ def _power(effect: str, parameter: str) -> int:
     return next(amplitude.scale_power for amplitude in EFFECTS[effect].amplitudes if amplitude.name == parameter)
 
 
-def _untrusted(diagnosis: Diagnosis) -> str:
-    """Return the reason why a diagnosis has no valid intervals; empty if they are valid."""
-    if diagnosis.hints:
-        return f"the description of the recordings is probably wrong: {diagnosis.hints[0]}"
+def _untrusted(diagnosis: Diagnosis) -> Reason:
+    """Return the reason why a diagnosis has no valid intervals, if they are not valid."""
+    if reason := _wrong_description(diagnosis):
+        return reason
     if diagnosis.only_uncertain and (untested := [named for named in diagnosis.effects if named.untested]):
-        return f"the cause is uncertain{_because(untested[0])}"
-    reasons = {
-        "inconclusive": "the recordings cannot show a gap, or cannot determine its cause: record longer releases",
-        "unexplained": f"no effect explains the gap, so the intervals are not valid{FIND_CAUSE}",
-        "partly_explained": f"part of the gap is unexplained, so the intervals are not valid{FIND_CAUSE}",
-    }
-    return reasons.get(diagnosis.verdict, "")
+        return _uncertain("the cause is uncertain", untested[0])
+    cause, remedy = {
+        "inconclusive": (
+            "the recordings cannot show a gap, or cannot determine its cause",
+            "record longer releases",
+        ),
+        "unexplained": ("no effect explains the gap, so the intervals are not valid", FIND_CAUSE),
+        "partly_explained": ("part of the gap is unexplained, so the intervals are not valid", FIND_CAUSE),
+    }.get(diagnosis.verdict, ("", ""))
+    return Reason(cause, remedy, "diagnosis")
 
 
-def _confused(diagnosis: Diagnosis, effect: str) -> str:
-    """Explain why an effect may be the cause instead of a named effect.
+def _wrong_description(diagnosis: Diagnosis) -> Reason:
+    """Return the first hint at a wrong description of the recordings, if there is one."""
+    wrong = "the description of the recordings is probably wrong"
+    return Reason(wrong, diagnosis.hints[0], "diagnosis") if diagnosis.hints else NONE
 
-    The text is empty if it cannot be the cause.
-    """
+
+def _confused(diagnosis: Diagnosis, effect: str) -> Reason:
+    """Explain why an effect may be the cause instead of a named effect, unless it cannot be the cause."""
     if any(named.name == effect for named in diagnosis.effects):
-        return ""
+        return NONE
     for named in diagnosis.effects:
         if effect in named.members:
-            return f"indistinguishable from {named.name}"
+            return _alike(named.name)
     for rival in diagnosis.rivals:
         if effect in (rival.name, *rival.members) and rival.probability > 1 - SURE:
             instead = rival.instead_of or "none"
-            return f"the probability that this effect is the cause instead of {instead} is {percent(rival.probability)}"
-    return "named, but not confirmed on other recordings: record more releases" if effect in diagnosis.withdrawn else ""
+            is_cause = f"the probability that this effect is the cause instead of {instead}"
+            return Reason(f"{is_cause} is {percent(rival.probability)}", obstacle="cause", effects=(instead,))
+    if effect in diagnosis.withdrawn:
+        return Reason("named, but not confirmed on other recordings", "record more releases", "recordings")
+    return NONE
 
 
-def _doubted(named: NamedEffect) -> str:
-    """Explain why the ratios depend on an uncertain named effect.
-
-    The text is empty if the class of the effect is certain.
-    """
+def _doubted(named: NamedEffect) -> Reason:
+    """Explain why the ratios depend on an uncertain named effect, unless the class of the effect is certain."""
     if named.probability >= SURE:
-        return ""
-    only = f"only {percent(named.probability)}{_because(named)}"
-    return f"the ratios depend on the cause, and {named.name} has a probability of {only}"
+        return NONE
+    only = f"{named.name} has a probability of only {percent(named.probability)}"
+    return _uncertain(f"the ratios depend on the cause, and {only}", named)
 
 
-def _because(named: NamedEffect) -> str:
-    """Return the reason for a limited probability and the remedy, or an empty text."""
-    return f", {UNTESTED}{SECOND_RELEASE}" if named.untested else ""
+def _uncertain(cause: str, named: NamedEffect) -> Reason:
+    """Return a reason with a limited probability of a named effect; a second release tests an untested form."""
+    if not named.untested:
+        return Reason(cause, obstacle="cause", effects=(named.name,))
+    return Reason(f"{cause}, {UNTESTED}", SECOND_RELEASE, "recordings", (named.name,))
 
 
-def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> str:
+def _alike(other: str) -> Reason:
+    return Reason(f"indistinguishable from {other}", obstacle="alike", effects=(other.partition(".")[0],))
+
+
+def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> Reason:
     if any(named.name == effect for named in diagnosis.effects):
-        return "this amplitude was not fitted and has no interval"
+        return Reason("this amplitude was not fitted and has no interval", obstacle="alike")
     if other := diagnosis.absorbed.get(effect, {}).get(parameter):
-        return f"indistinguishable from {other}"
-    if len(EFFECTS[effect].amplitudes) > 1:
-        return "the effect is not named, and the recordings do not give an interval for every amplitude of the effect"
-    return "the effect does not change these recordings"
+        return _alike(other)
+    several = "the effect is not named, and the recordings do not give an interval for every amplitude of the effect"
+    unseen = several if len(EFFECTS[effect].amplitudes) > 1 else "the effect does not change these recordings"
+    return Reason(unseen, obstacle="recordings")
 
 
-def _unsure(diagnosis: Diagnosis, effect: str) -> str:
+def _unsure(diagnosis: Diagnosis, effect: str) -> Reason:
     """Return the reason why the effect that exceeds its limit may not be the true cause.
 
-    The reason is empty if the effect is certain or was not named.
+    There is no reason if the effect is certain or was not named.
     """
     for named in diagnosis.effects:
-        if named.name == effect:
-            probability = named.candidates[effect]
-            return (
-                ""
-                if probability >= SURE
-                else f"the probability that this effect is the cause is {percent(probability)}{_because(named)}"
-            )
-    return ""
+        if named.name == effect and (probability := named.candidates[effect]) < SURE:
+            return _uncertain(f"the probability that this effect is the cause is {percent(probability)}", named)
+    return NONE

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.acceptance.limits import FreeRunLimit
+from dpr_lab.acceptance.reason import Reason, within
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.scaling.scale import Interval90
 from dpr_lab.shown import counted
@@ -67,13 +68,14 @@ def further_releases(errors: Sequence[float], limit: float) -> int | None:
     return next((number for number in range(MEDIAN.further + 1) if not undecided(errors, limit, number)[1]), None)
 
 
-def what_decides(diagnosis: Diagnosis, limit: FreeRunLimit, errors: Sequence[float]) -> str:
-    """Return the final clause of the reason why a limit is undecided.
+def what_decides(diagnosis: Diagnosis, limit: FreeRunLimit, errors: Sequence[float]) -> Reason:
+    """Return the reason why a limit is undecided.
 
     It states the number of releases that decide the limit, or the obstacle.
     """
     if (number := further_releases(errors, limit.max)) is not None:
-        return f": {counted(number, 'further release')} with the same mean and spread of the errors would decide it"
+        further = counted(number, "further release")
+        return within(remedy=f"{further} with the same mean and spread of the errors would decide it")
     cause, budget = "", diagnosis.evidence.budget if diagnosis.evidence else None
     horizons = [run.until_s for run in budget.runs if run.reaches_horizon] if budget else []
     if min(horizons, default=np.inf) < limit.horizon_s:
@@ -82,4 +84,4 @@ def what_decides(diagnosis: Diagnosis, limit: FreeRunLimit, errors: Sequence[flo
         cause = "; the unexplained remainder contributes to them, and further releases do not reduce it"
     factor = max(errors) / max(min(errors), MEDIAN.least)
     spread = f"the errors of the releases differ by up to a factor of {factor:.2g}"
-    return f", and {MEDIAN.further} further releases would probably not decide it: {spread}{cause}"
+    return within(f", and {MEDIAN.further} further releases would probably not decide it", f"{spread}{cause}")

@@ -1,10 +1,8 @@
 """Intervals of absolute sizes with an uncertain scale b, and how to reduce this uncertainty."""
 
+from dpr_lab.acceptance.reason import Reason
 from dpr_lab.identification.scaling.scale import Interval90, Scale
 from dpr_lab.shown import percent
-
-ONLY_SCALE = "only the uncertainty of"
-"""Beginning of the reason of an undecided limit that no further release of the same kind decides."""
 
 
 def with_scale(scale: Scale | None, interval: Interval90, power: int) -> Interval90:
@@ -17,7 +15,7 @@ def with_scale(scale: Scale | None, interval: Interval90, power: int) -> Interva
     return min(interval[0] * factor for factor in factors), max(interval[1] * factor for factor in factors)
 
 
-def open_by_scale(scale: Scale) -> str:
+def open_by_scale(scale: Scale) -> Reason:
     """Return the reason why only the uncertainty of b leaves a limit undecided, with the remedy."""
     low, high = scale.interval90_of_sizes
     uncertain = f"{scale.inertia} ({low:.3g} to {high:.3g} kg m^2)"
@@ -28,4 +26,5 @@ def open_by_scale(scale: Scale) -> str:
     if scale.constants_std:
         uncertain = f"the motor constants (standard deviation {percent(scale.constants_std)})"
         remedy = "motor constants in the rig file"
-    return f"{ONLY_SCALE} {uncertain} leaves the limit undecided: state more accurate {remedy}"
+    cause = f"only the uncertainty of {uncertain} leaves the limit undecided"
+    return Reason(cause, f"state more accurate {remedy}", "scale")

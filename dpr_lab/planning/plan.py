@@ -11,6 +11,7 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.estimation.usable_runs import refuse_long_gaps, refuse_other_rigs
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.subject import refuse_other_subject
 from dpr_lab.planning.candidates import cheapest_minutes
 from dpr_lab.planning.knowledge import Acting, Knowledge, known_after, known_before
 from dpr_lab.planning.limits import PlanLimits
@@ -67,8 +68,9 @@ def plan(
         the planned releases, their expected information, and whether further releases are necessary
 
     Raises:
-        ConfigError: the budget is too small for one release, or no pose can be reached.
-        RunError: a run cannot be used, or belongs to another rig.
+        ConfigError: the budget is too small for one release, or no pose can be reached; or the diagnosis was made with
+            another description of the rig.
+        RunError: a run cannot be used, or belongs to another rig, or the diagnosis belongs to other runs.
 
     Source: docs/theory.md, section 15.
     """
@@ -81,7 +83,9 @@ def plan(
             f" record {limits.recording.shortest_s:g} s). Raise the budget, or lower recording.shortest_s or"
             " minutes.place in the limits file"
         )
-    if runs and diagnosis is None:
+    if diagnosis is not None:
+        refuse_other_subject(diagnosis, runs, rig)
+    elif runs:
         diagnosis = diagnose(runs, rig)
     started, acting = time.perf_counter(), Acting.of(rig, limits)
     known = known_after(runs, rig, diagnosis, acting) if runs and diagnosis else known_before(rig, acting)

@@ -1,6 +1,5 @@
 """Test of a rig against the limits in a file."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from dpr_lab.shown import counted
 from dpr_lab.workflows.checks import check_folder_writable
 from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose, save_report
 from dpr_lab.workflows.events import OnEvent, ignore
-from dpr_lab.workflows.reading import read_diagnosis, read_runs, refuse_other_rig_file, refuse_other_runs
+from dpr_lab.workflows.reading import read_diagnosis, read_runs
 
 if TYPE_CHECKING:
     from dpr_lab.acceptance.judge import Acceptance, JudgedLimit
@@ -95,6 +94,7 @@ def accept_runs(
     Source: docs/how-to/accept.md.
     """
     from dpr_lab.gap.diagnose import diagnose
+    from dpr_lab.gap.result.subject import refuse_other_subject
     from dpr_lab.planning.plan import plan
     from dpr_lab.run import as_runs
 
@@ -103,8 +103,7 @@ def accept_runs(
     if diagnosis is None:
         diagnosis = diagnose(runs, rig)
     else:
-        refuse_other_runs("diagnosis", diagnosis, runs)
-        refuse_other_rig_file("diagnosis", diagnosis, rig)
+        refuse_other_subject(diagnosis, runs, rig)
     acceptance = judged(diagnosis, requirements, runs, rig)
     if all(limit.answer != "not decidable" for limit in acceptance.limits):
         return acceptance
@@ -150,39 +149,34 @@ def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
     that the planned releases would not decide it, or, if no release separates its possible causes, the bench check of
     the plan. The second statement is omitted if the interval covers all shapes of an effect, because the forecast
     refers to one shape. Any other reason without a remedy gets one by `with_remedy`. If only the uncertainty of the
-    scale leaves a limit undecided, a release with an added mass is needed, which determines the scale.
+    scale leaves a limit undecided, a release with an added mass is needed, which determines the scale. No release
+    decides a limit before the diagnosis has valid intervals.
     """
-    from dpr_lab.acceptance.judge import RECORD_MORE, WITHIN
-    from dpr_lab.acceptance.scale import ONLY_SCALE
-
     forecasts = {forecast.quantity: forecast for forecast in planned.limits}
     determines_scale = any(release.added_mass is not None for release in planned.releases)
-    decidable = (WITHIN, ONLY_SCALE) if determines_scale else (WITHIN,)
-    hopeless = f", and {counted(len(planned.releases), 'further release')} would probably not decide it"
+    decidable = ("interval", "scale") if determines_scale else ("interval",)
+    hopeless = f"{counted(len(planned.releases), 'further release')} would probably not decide it"
 
     def advised(limit: "JudgedLimit") -> "JudgedLimit":
         forecast = forecasts.get(limit.quantity)
-        if not limit.reason.startswith((WITHIN, ONLY_SCALE)):
+        if limit.obstacle not in ("interval", "scale"):
             return _with_bench_check(limit, planned)
-        if not limit.reason.startswith(decidable) or forecast is None:
+        if limit.obstacle not in decidable or forecast is None:
             return limit
-        cause, of_scale = limit.reason.removesuffix(RECORD_MORE), limit.reason.startswith(ONLY_SCALE)
+        cause, of_scale = limit.reason.removesuffix(f": {limit.remedy}"), limit.obstacle == "scale"
         if forecast.decides and forecast.release is not None:
-            mark = ";" if of_scale else ":"
-            return replace(limit, reason=f"{cause}{mark} release {forecast.release} alone is expected to decide it")
+            remedy = f"release {forecast.release} alone is expected to decide it"
+            return _ending(limit, f"{limit.reason}; " if of_scale else f"{cause}: ", remedy)
         unchanged = forecast.decides or forecast.all_shapes or of_scale
-        return limit if unchanged else replace(limit, reason=f"{cause}{hopeless}")
+        return limit if unchanged else _ending(limit, f"{cause}, and ", hopeless)
 
     limits = tuple(map(advised, acceptance.limits))
-    open_ones = [
+    decided = tuple(
         limit.quantity
         for before, limit in zip(acceptance.limits, limits, strict=True)
-        if limit.answer == "not decidable"
-        and (determines_scale or not limit.reason.startswith(ONLY_SCALE))
-        and "indistinguishable" not in limit.reason
-        and (limit.reason.startswith(decidable) or limit.reason == before.reason)
-    ]
-    decided = tuple(quantity for quantity in open_ones if quantity in forecasts and forecasts[quantity].decides)
+        if limit.quantity in forecasts and forecasts[limit.quantity].decides
+        if limit.obstacle in decidable or (limit.obstacle in ("cause", "recordings") and limit.reason == before.reason)
+    )
     texts = tuple(release.text for release in planned.releases) if decided else ()
     limits = tuple(limit if limit.quantity in decided else with_remedy(limit, planned) for limit in limits)
     return replace(acceptance, limits=limits, recordings=texts, would_decide=decided)
@@ -192,33 +186,28 @@ def with_remedy(limit: "JudgedLimit", planned: "Plan") -> "JudgedLimit":
     """Add what decides an undecided limit whose reason does not state it, or that no planned release does."""
     from dpr_lab.effects import EFFECTS
 
-    stated = (
-        ": record",
-        ": state",
-        ": choose",
-        ": limit",
-        ": no release",
-        ". No release",
-        "further release",
-        "probably wrong",
-    )
-    if limit.answer != "not decidable" or any(words in limit.reason for words in stated):
+    if limit.answer != "not decidable" or limit.remedy:
         return limit
-    if "probability" in limit.reason and planned.releases:
-        remedy = f": record {planned.releases[0].text}, which tests the causes, and diagnose again"
-    else:
-        names = re.findall(r"\w+", f"{limit.quantity} {limit.reason}")
-        check = next((EFFECTS[name].bench_check for name in names if name in EFFECTS), "Measure the quantity directly")
-        remedy = f". No planned release decides it. {check}".removesuffix(".")
-    return replace(limit, reason=f"{limit.reason}{remedy}")
+    if limit.obstacle == "cause" and planned.releases:
+        remedy = f"record {planned.releases[0].text}, which tests the causes, and diagnose again"
+        return _ending(limit, f"{limit.reason}: ", remedy)
+    checks = [EFFECTS[name].bench_check for name in _effects(limit) if name in EFFECTS]
+    check = (*checks, "Measure the quantity directly")[0]
+    return _ending(limit, f"{limit.reason}. ", f"No planned release decides it. {check}".removesuffix("."))
 
 
 def _with_bench_check(limit: "JudgedLimit", planned: "Plan") -> "JudgedLimit":
     """Add the bench check of the causes that the limit or its reason names, if no release separates them."""
-    from dpr_lab.acceptance.judge import SECOND_RELEASE
-
-    names = {*re.findall(r"\w+", f"{limit.quantity} {limit.reason}")}
-    checks = [pair for pair in planned.inseparable if limit.reason and names.intersection(pair.causes)]
-    if not checks or limit.reason.endswith(SECOND_RELEASE):
+    checks = [pair for pair in planned.inseparable if set(_effects(limit)).intersection(pair.causes)]
+    if not checks or limit.remedy or limit.answer != "not decidable":
         return limit
-    return replace(limit, reason=f"{limit.reason}. {checks[0].advice}".removesuffix("."))
+    return _ending(limit, f"{limit.reason}. ", checks[0].advice.removesuffix("."))
+
+
+def _ending(limit: "JudgedLimit", beginning: str, remedy: str) -> "JudgedLimit":
+    return replace(limit, reason=f"{beginning}{remedy}", remedy=remedy)
+
+
+def _effects(limit: "JudgedLimit") -> tuple[str, ...]:
+    """Return the effects of the limit and of its reason."""
+    return (limit.quantity.partition(".")[0], *limit.effects)

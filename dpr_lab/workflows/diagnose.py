@@ -176,16 +176,20 @@ def save_report(
         the files by name; `report` is the HTML page
 
     Raises:
+        ConfigError: the diagnosis was made with another description of the rig.
+        RunError: the diagnosis belongs to other runs.
         DprError: a file cannot be written.
     """
+    from dpr_lab.gap.result.subject import refuse_other_subject
     from dpr_lab.report.plain import write_json
     from dpr_lab.run import as_runs
 
-    out = Path(out)
+    out, runs = Path(out), as_runs(runs)
+    refuse_other_subject(diagnosis, runs, rig)
     with diagnosis_folder(diagnosis, out) as folder:
         if acceptance is not None:
             write_json(asdict(acceptance), folder / ACCEPTANCE)
-        files = dict(save_results(diagnosis, as_runs(runs), rig, folder, out, on_event, acceptance).files)
+        files = dict(save_results(diagnosis, runs, rig, folder, out, on_event, acceptance).files)
     return files if acceptance is None else {"accept": str(out / ACCEPTANCE), **files}
 
 

@@ -8,8 +8,9 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from dpr_lab.acceptance.judge import Acceptance, JudgedLimit, judge
+from dpr_lab.acceptance.judge import FIND_CAUSE, Acceptance, JudgedLimit, judge
 from dpr_lab.acceptance.limits import Limits
+from dpr_lab.acceptance.reason import Obstacle, Reason, within
 from dpr_lab.dynamics.base import RATIO_UNITS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.result.causes import EffectSize
@@ -85,6 +86,11 @@ def test_speeds_with_an_accurate_torque_are_not_called_inaccurate() -> None:
     assert even.reason == "the limit lies within the interval: record more releases"
 
 
+def undecided(quantity: str, reason: Reason) -> JudgedLimit:
+    stated = reason.text, reason.remedy, reason.obstacle, reason.effects
+    return JudgedLimit(quantity, "", -1.0, 1.0, (0.0, 2.0), "not decidable", *stated)
+
+
 def release(text: str, mass: AddedMass | None = None) -> SimpleNamespace:
     return SimpleNamespace(text=text, added_mass=mass)
 
@@ -155,10 +161,8 @@ def test_the_size_of_a_named_effect_decides_whether_the_scale_is_the_cause(value
 
 
 def test_a_limit_that_no_planned_release_decides_states_it_instead_of_advising_more_releases() -> None:
-    reason = "the limit lies within the interval: record more releases"
-    limits = [
-        JudgedLimit(name, "N m", -1.0, 1.0, (0.0, 2.0), "not decidable", reason) for name in ("far", "near", "shapes")
-    ]
+    reason = within()
+    limits = [undecided(name, reason) for name in ("far", "near", "shapes")]
     forecasts = [
         SimpleNamespace(quantity="far", decides=False, all_shapes=False, release=None),
         SimpleNamespace(quantity="near", decides=True, all_shapes=False, release=2),
@@ -169,7 +173,8 @@ def test_a_limit_that_no_planned_release_decides_states_it_instead_of_advising_m
     acceptance = with_recordings(Acceptance("not decidable", "", tuple(limits)), plan)
     far, near, shapes = acceptance.limits
     assert far.reason == "the limit lies within the interval, and 2 further releases would probably not decide it"
-    assert shapes.reason == reason
+    assert far.remedy == "2 further releases would probably not decide it"
+    assert shapes.reason == reason.text
     assert near.reason == "the limit lies within the interval: release 2 alone is expected to decide it"
     assert (acceptance.would_decide, acceptance.recordings) == (("near",), ("P1", "P2"))
 
@@ -185,7 +190,7 @@ def test_a_limit_with_an_uncertain_cause_asks_for_the_bench_check_and_not_for_re
     quantity: str, reason: str
 ) -> None:
     """A release can make the interval narrower, but does not separate the causes."""
-    limit = JudgedLimit(quantity, "", -3e-3, 3e-3, (4.19e-3, 4.21e-3), "not decidable", reason)
+    limit = undecided(quantity, Reason(reason, obstacle="cause", effects=("encoder_offset_joint2",)))
     pair = Inseparable(causes=("encoder_offset_joint2", "com_offset_link2"), check="Turn the rod.")
     plan: Any = SimpleNamespace(
         limits=[SimpleNamespace(quantity=quantity, decides=True, all_shapes=False, release=1)],
@@ -240,38 +245,38 @@ def test_every_ratio_that_the_recordings_do_not_determine_has_a_reason() -> None
 
 
 @pytest.mark.parametrize(
-    ("quantity", "reason", "remedy"),
+    ("quantity", "obstacle", "remedy"),
     [
-        (
-            "c1/b",
-            "the ratios depend on the cause, and base_tilt has a probability of only 80 %",
-            ": record P1, which tests",
-        ),
-        ("air_drag_both.torque", "indistinguishable from base_tilt", ". No planned release decides it. "),
-        (
-            "c1/b",
-            "base_tilt is indistinguishable from the fitted values: not excluded",
-            EFFECTS["base_tilt"].bench_check[:20],
-        ),
+        ("c1/b", "cause", ": record P1, which tests"),
+        ("air_drag_both.torque", "alike", ". No planned release decides it. "),
+        ("c1/b", "alike", EFFECTS["base_tilt"].bench_check[:20]),
     ],
 )
 def test_every_undecided_limit_states_a_recording_or_that_none_decides_it(
-    quantity: str, reason: str, remedy: str
+    quantity: str, obstacle: Obstacle, remedy: str
 ) -> None:
-    limit = JudgedLimit(quantity, "", -1.0, 1.0, (0.0, 2.0), "not decidable", reason)
+    reason = "any words: record, state, probability, further release"
+    limit = undecided(quantity, Reason(reason, obstacle=obstacle, effects=("base_tilt",)))
     plan: Any = SimpleNamespace(limits=[], releases=[release("P1")], inseparable=[])
     acceptance = with_recordings(Acceptance("not decidable", "", (limit, replace(limit, answer="pass"))), plan)
     assert acceptance.limits[0].reason.startswith(reason)
     assert remedy in acceptance.limits[0].reason
+    assert acceptance.limits[0].reason.endswith(acceptance.limits[0].remedy)
     assert acceptance.limits[1].reason == reason
 
 
 def test_a_limit_that_a_second_release_tests_asks_for_no_bench_check() -> None:
-    reason = "the probability is 64 %, because one release does not test its form: record a second release"
-    limit = JudgedLimit("spring_joint1.stiffness", "", -1.0, 1.0, (0.0, 2.0), "not decidable", reason)
+    reason = Reason("the probability is 64 %, because one release does not test its form", "record a second release")
+    limit = undecided("spring_joint1.stiffness", reason)
     pair = Inseparable(causes=("spring_joint1", "encoder_scale_joint1"), check="Turn the rod.")
     plan: Any = SimpleNamespace(limits=[], releases=[], inseparable=[pair])
     assert with_recordings(Acceptance("not decidable", "", (limit,)), plan).limits == (limit,)
+
+
+def test_no_release_is_expected_to_decide_a_limit_before_the_diagnosis_explains_the_gap() -> None:
+    (limit,) = judge(with_friction([3e-3] * 2).model_copy(update={"verdict": "unexplained"}), friction(4e-3)).limits
+    assert (limit.remedy, limit.obstacle) == (FIND_CAUSE, "diagnosis")
+    assert planned(limit) == Acceptance("not decidable", "", (limit,))
 
 
 def free_run(largest: float, errors: Sequence[float], horizon_s: float = 1.0, **gap: object) -> JudgedLimit:

@@ -7,13 +7,14 @@ import pytest
 
 from dpr_lab.cli.plan import commands, show
 from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.gap.result.evidence import Evidence
+from dpr_lab.gap.result.subject import refuse_other_subject
 from dpr_lab.planning.result import Inseparable, PairBits, Plan, PlannedRelease
-from dpr_lab.rig import load_rig
+from dpr_lab.rig import Rig, load_rig
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.run import Run
 from dpr_lab.workflows.plan import minutes, write_plan
 from dpr_lab.workflows.planned_rigs import planned_rigs
-from dpr_lab.workflows.reading import refuse_other_runs
 from tests.a_diagnosis import made
 from tests.schemas import validator
 
@@ -204,16 +205,17 @@ def test_a_driven_release_is_recorded_while_the_device_replays_its_input() -> No
     assert free.startswith("to record release 2: dpr-lab capture")
 
 
-def test_a_diagnosis_of_other_runs_is_refused(two_runs: list[Run]) -> None:
-    diagnosis = made()
+def test_a_diagnosis_of_other_runs_is_refused(two_runs: list[Run], paper: Rig) -> None:
+    stated = Evidence.model_construct(rig_sha256=paper.sha256, recordings=[])
+    diagnosis = made().model_copy(update={"evidence": stated})
     closed = diagnosis.gap.closed_held_out.model_copy(update={"per_run": {run.name: 1.0 for run in two_runs[:2]}})
     other = diagnosis.model_copy(update={"gap": diagnosis.gap.model_copy(update={"closed_held_out": closed})})
     with pytest.raises(RunError, match="is a diagnosis of X1 and X2, not of X2 and X3"):
-        refuse_other_runs(Path("diagnosis"), other, two_runs[1:])
-    refuse_other_runs(Path("diagnosis"), other, two_runs[:2])
+        refuse_other_subject(other, two_runs[1:], paper)
+    refuse_other_subject(other, two_runs[:2], paper)
     with_held_out = closed.model_copy(update={"held_out": {two_runs[2].name: 1.0}})
     other = other.model_copy(update={"gap": other.gap.model_copy(update={"closed_held_out": with_held_out})})
-    refuse_other_runs(Path("diagnosis"), other, two_runs)
+    refuse_other_subject(other, two_runs, paper)
 
 
 @pytest.mark.slow

@@ -226,5 +226,5 @@ def test_a_plan_refuses_a_diagnosis_of_another_rig_file(tmp_path: Path, monkeypa
     with pytest.raises(ConfigError, match=rf"^d.json: the diagnosis was made with {both}.*: give the rig file of the"):
         planned("moon.toml")
     diagnosis = plain.model_copy(update={"gap": gap})
-    with pytest.raises(ConfigError, match=r"state its rig file \(key evidence.rig_sha256\): omit the diagnosis"):
+    with pytest.raises(ConfigError, match=r"state its rig file \(key evidence.rig_sha256\): diagnose the runs again"):
         planned("paper.toml")

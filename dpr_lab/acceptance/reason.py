@@ -1,0 +1,43 @@
+"""Reason why a limit is not decidable: its cause, what decides the limit, and the effects that the cause concerns."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Obstacle = Literal["", "interval", "scale", "cause", "alike", "recordings", "diagnosis"]
+"""What leaves a limit undecided: the width of the interval, the scale b alone, an uncertain cause, an indistinguishable
+effect or value, missing recordings, or a diagnosis without valid intervals. Empty for a decided limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """Reason why a limit is not decidable; false if there is none."""
+
+    cause: str = ""
+    """Clause that states the cause."""
+    remedy: str = ""
+    """Clause that states what decides the limit, or why no further release does; empty if it is not yet known."""
+    obstacle: Obstacle = ""
+    """Kind of the cause."""
+    effects: tuple[str, ...] = ()
+    """Effects that the cause names."""
+
+    def __bool__(self) -> bool:
+        """Return whether there is a reason."""
+        return bool(self.cause)
+
+    @property
+    def text(self) -> str:
+        """Cause and remedy in one clause."""
+        return ": ".join(filter(None, (self.cause, self.remedy)))
+
+
+NONE = Reason()
+"""No reason: the limit is decided, or another rule gives the reason."""
+
+WITHIN = "the limit lies within the interval"
+"""Beginning of the cause of an undecided limit that further releases may decide."""
+
+
+def within(further: str = "", remedy: str = "record more releases", effects: tuple[str, ...] = ()) -> Reason:
+    """Return the reason of a limit that lies within the interval."""
+    return Reason(f"{WITHIN}{further}", remedy, "interval", effects)
