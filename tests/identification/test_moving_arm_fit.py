@@ -22,6 +22,7 @@ from dpr_lab.identification.moving_arm.identify import (
 )
 from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
 from dpr_lab.identification.moving_arm.scale import (
+    ArmScale,
     absolute_values,
     estimated,
     motor_notes,
@@ -32,6 +33,7 @@ from dpr_lab.identification.moving_arm.search import searched_start
 from dpr_lab.identification.moving_arm.unknowns import rod_inertias
 from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.identification.prior_update import posterior_of
+from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.report.data_frame import to_dataframe
 from dpr_lab.rig import NO_ENCODER, Rig, load_rig
 from dpr_lab.run import Run
@@ -157,6 +159,15 @@ def test_the_scale_of_one_rod_is_that_of_a_diagnosis_with_equal_ratios():
     diagnosed = posterior_of(unknown, rig, alone=True).scale(unknown[SCALE]).as_inertia("a", alone_share(unknown))
     identified = stated_scale(absolute_values({}, np.zeros((0, 0)), scale, "a", "")["a"], "a", scale.fixed_by)
     assert identified.sentence == diagnosed.sentence
+
+
+def test_absolute_values_have_the_interval_of_an_assumed_scale_at_its_edge():
+    scale = ArmScale.of(Scale(b=0.005, interval90=(0.005, 0.0062), fixed_by="measured"))
+    absolute = absolute_values({"e1": 40.0}, np.array([[0.01]]), scale, "b", "")
+    assert absolute["b"].interval90 == pytest.approx((0.005, 0.0062))
+    low, high = absolute["e1"].interval90
+    assert low == pytest.approx(0.2, rel=0.01)
+    assert high == pytest.approx(40.0 * 0.0062, rel=0.01)
 
 
 def test_the_bounds_of_a_nominal_kt_give_the_uncertainty_of_the_scale():

@@ -35,15 +35,15 @@ class ArmScale:
     errors of the ratios."""
     known: bool
     """Whether recordings or measured values determine the scale."""
-    interval90: tuple[float, float] | None = None
-    """90 % interval of the inertia; None: it follows from the standard deviations."""
+    of_rig: Scale | None = None
+    """The scale with its interval, which need not be symmetric; None: the gain of the drive determines it."""
 
     @classmethod
     def of(cls, scale: Scale) -> "ArmScale":
         """Return a scale that does not follow from the gain of the drive."""
         low, high = scale.interval90
         relative_std = float(np.arcsinh((high - low) / (2 * scale.b))) / NORMAL_Q90  # exact for a lognormal interval
-        return cls(scale.b, relative_std, by_gain=False, known=scale.known, interval90=scale.interval90)
+        return cls(scale.b, relative_std, by_gain=False, known=scale.known, of_rig=scale)
 
     @property
     def fixed_by(self) -> Literal["data", "measured", "bound"]:
@@ -120,10 +120,13 @@ def absolute_values(
             rows[absolute_name(parameter, kind)] = value, row + value * by_gain
     absolute = {}
     for name, (ratio, row) in rows.items():
-        std = np.sqrt(max(row @ covariance @ row, 0.0) + (ratio * scale.relative_std) ** 2)
-        absolute[name] = estimated(ratio * scale.value, float(scale.value * std), "data" if scale.known else "bound")
-    if scale.interval90 is not None:
-        absolute[inertia] = absolute[inertia].model_copy(update={"interval90": scale.interval90})
+        variance, value = max(row @ covariance @ row, 0.0), ratio * scale.value
+        std = np.sqrt(variance + (ratio * scale.relative_std) ** 2)
+        absolute[name] = estimated(value, float(scale.value * std), "data" if scale.known else "bound")
+        if scale.of_rig is not None:
+            fitted90 = estimated(value, float(scale.value * np.sqrt(variance))).interval90
+            wide = scale.of_rig.with_scale90(value, fitted90)
+            absolute[name] = absolute[name].model_copy(update={"interval90": wide})
     return absolute
 
 

@@ -119,6 +119,13 @@ class Scale(ModelPart):
         ends = [max(low, 1e-3) ** power, high**power]
         return min(ends), max(ends)
 
+    def with_scale90(self, value: float, interval: Interval90) -> Interval90:
+        """Compute the 90 % interval of a torque or inertia, as `absolute90`, from that of its ratio times this b.
+
+        The interval of a ratio contains no error of the scale, even if the recordings determine both.
+        """
+        return self.model_copy(update={"fixed_by": "measured"}).absolute90(value, interval)
+
     def absolute90(self, value: float, interval: Interval90, power: int = 1) -> Interval90:
         """Compute the 90 % interval of an absolute size, including the uncertainty of the scale.
 

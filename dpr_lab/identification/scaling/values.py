@@ -81,8 +81,7 @@ def base_alone(scale: Scale, gravity: EstimatedValue) -> dict[str, ParameterValu
     """
     value = gravity.value * scale.b
     low, high = (end * scale.b for end in gravity.interval90)
-    # the interval of a ratio contains no error of the scale, even if the recordings determine both
-    interval = scale.model_copy(update={"fixed_by": "measured"}).absolute90(value, (low, high))
+    interval = scale.with_scale90(value, (low, high))
     return {
         name: ParameterValue(
             value=middle,
