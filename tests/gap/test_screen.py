@@ -112,6 +112,19 @@ def test_a_rod_that_vibrates_stands_and_moves_on_but_one_that_is_not_read_again_
     assert np.flatnonzero(result[:, 0]).tolist() == [50, 80, 81]
 
 
+def test_readings_after_a_repeated_one_are_late_until_one_catches_up():
+    t, count = np.arange(0.0, 0.2, 0.001), 2 * np.pi / 16384
+    noise, true = np.full(2, count / np.sqrt(12)), 9.0 * t + 0.02 * np.sin(30 * t)
+    for late in (1, 2, 3):
+        readings = true.copy()
+        readings[50 : 51 + late] = true[49 : 50 + late]
+        joints = np.round(np.column_stack([readings, true]) / count) * count
+        result = repeated(t, joints, noise, 0.0, 0.001)
+        assert np.argwhere(result).tolist() == [[row, 0] for row in range(50, 51 + late)]
+    rested = np.append(true[:50], true[49:-1])  # never catches up: the rod stood for a moment
+    assert not repeated(t, np.round(np.column_stack([rested, true]) / count) * count, noise, 0.0, 0.001).any()
+
+
 def test_missing_samples_are_counted(clean: Run, paper: Rig, rng: np.random.Generator):
     keep = (rng.random(len(clean.t)) > 0.02) | (clean.t < 0)
     keep[-1] = True

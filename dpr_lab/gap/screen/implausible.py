@@ -16,6 +16,11 @@ class ImplausibleSettings:
     moved: float = 8.0
     """Minimum motion since the last new reading for which an unchanged reading counts as repeated, in standard
     deviations of a reading."""
+    late: float = 12.0
+    """Minimum motion that repeated readings lack if the next readings can be late, in standard deviations of a reading.
+
+    With a limit of 8, the readings of a vibrating rod were late.
+    """
     goes_on: float = 0.25
     """Minimum motion of the rod just before and after a repeated reading, relative to the usual motion per sample."""
     catches_up: float = 0.6
@@ -23,10 +28,13 @@ class ImplausibleSettings:
     reading.
 
     The change contains the motion that the repeated readings lack. In contrast, a vibrating rod that was at rest
-    continues from its last position.
+    continues from its last position. For late readings, the limit is relative to the missing motion.
     """
     reach: int = 4
-    """Number of samples on either side for the estimate of the speed; one wrong instant then has little influence."""
+    """Number of samples on either side for the estimate of the speed; one wrong instant then has little influence.
+
+    It is also the maximum number of late readings after repeated readings.
+    """
 
 
 IMPLAUSIBLE = ImplausibleSettings()
@@ -48,6 +56,9 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
     The rod moves if three conditions hold: its path since the last new reading is many standard deviations of a
     reading, it moves in the same direction before and after, and the next new reading contains the missing motion.
     Consecutive repeated readings are classified together. A jump after repeated readings is not a missed count.
+
+    In a queue, the readings after a repeated one are late, until one reading contains the missing motion. The late
+    readings are marked too. Apart from this jump, the rod moves regularly.
 
     Args:
         t: (n,) times, s
@@ -76,8 +87,18 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
     before, last, after = (np.take_along_axis(travelled, rows, axis=0) for rows in (last_new, next_new - 1, next_new))
     change = np.take_along_axis(joints, next_new, axis=0) - np.take_along_axis(joints, last_new, axis=0)
     catches_up = change * (after - before) > IMPLAUSIBLE.catches_up * (after - before) ** 2
-    moves = np.abs(last - before) > IMPLAUSIBLE.moved * np.hypot(std, jitter * np.abs(velocity))
-    return stands & goes_on & catches_up & moves
+    error, missing = np.hypot(std, jitter * np.abs(velocity)), last - before
+    held = stands & goes_on & (np.abs(missing) > IMPLAUSIBLE.moved * error)
+    stale = held & catches_up
+    queued = held & ~catches_up & (np.abs(missing) > IMPLAUSIBLE.late * error) & ~np.roll(stands, 1, axis=0)
+    for first, axis in np.argwhere(queued).tolist():
+        next_row, irregular = int(next_new[first, axis]), 1 - IMPLAUSIBLE.catches_up
+        surplus = (step - path)[:, axis] / missing[first, axis]
+        earlier, later = surplus[max(first - reach, 0) : first], surplus[next_row : next_row + reach + 1]
+        jump = int(np.argmax(np.abs(later) > irregular))
+        if jump > 0 and abs(later[jump] - 1) < irregular and (np.abs(earlier) < irregular).all():
+            stale[first : next_row + jump, axis] = True
+    return stale
 
 
 def _before(step: Array) -> Array:
