@@ -137,6 +137,10 @@ class ArmMotion:
     noise: float = 0.0
     """Standard deviation of the readings from which the motion was estimated, rad."""
 
+    def scaled(self, factor: float) -> ArmMotion:
+        """Return the motion with all angles multiplied by a factor."""
+        return replace(self, theta=factor * self.theta, omega=factor * self.omega)
+
     def mean_before(self, instants: ArrayLike, first: Flags | None = None) -> Array:
         """Return (m, 2) means over each interval: acceleration, rad/s^2, and squared speed, rad^2/s^2.
 

@@ -11,7 +11,7 @@ from dpr_lab.identification.scaling.scale import Scale
 
 def test_the_assumptions_of_a_single_rod_refer_to_a() -> None:
     rig = Fake(rig=Fake(L1_std=None), L1=0.4, g=9.81, joints=Fake(geared=()))
-    problem = Fake(segments=Fake(setups=[Fake(torques=None, added=())]), disturbance=None)
+    problem = Fake(segments=Fake(setups=[Fake(torques=None, added=(), arm=None)]), disturbance=None)
     recordings = Fake(
         rig=rig, records=[Fake(encoder0_moves=False)], arm_moves=False, torques_earlier=0.0, exact_torques=False
     )

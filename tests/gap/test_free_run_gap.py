@@ -3,13 +3,20 @@
 The cart is a long arm with recorded motion, and gaps of the logger shorten the segments. SciPy simulates the rod.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from dpr_lab.estimation.arm_motion import prescribed_arm
+from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.hypothesis.detectable import detectable_arm_scale
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.report.gap.next_steps import next_steps
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
@@ -79,7 +86,26 @@ def test_a_wrong_scale_of_the_recorded_cart_that_segments_absorb_is_a_gap() -> N
     rig, run = cart(1.0)
     right = diagnose(run, rig)
     assert (right.verdict, right.effects) == ("inconclusive", [])  # of 3 s at 94 Hz, most effects are undetectable
+    least = right.detectable["encoder_scale_joint0"]["excess"]
+    assert least
+    assert any(text.endswith(f"is detectable from {100 * least:.1f} % in the segments.") for text in right.assumptions)
     assert ratio(right) < 3.0
+
+
+def test_the_detectable_scale_error_of_the_cart_is_five_standard_deviations() -> None:
+    rig, run = cart(1.0)
+    _, problem, bare = fit_bare_model(Recordings((record(run, rig),), rig), nominal_ratios(rig))
+    size = detectable_arm_scale(problem, bare)
+    assert size
+    assert size > 0.3  # so the segments absorb the error of the next test
+    (setup,) = problem.segments.setups
+    assert setup.arm
+    wrong = replace(problem.segments, setups=(replace(setup, arm=setup.arm.scaled(1 + size / 20)),))
+    readings = replace(problem, segments=wrong).predict(bare.estimate)
+    refitted = fit(replace(problem, measured=readings), bare.estimate, bare.fit.free)
+    assert refitted.linear.chi2 == pytest.approx(bare.inflation * (5 / 20) ** 2, rel=0.05)
+    clamped = replace(problem.segments, setups=(replace(setup, arm=None),))
+    assert detectable_arm_scale(replace(problem, segments=clamped), bare) is None
 
 
 @pytest.mark.slow

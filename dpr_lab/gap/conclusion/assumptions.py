@@ -7,11 +7,12 @@ import numpy as np
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
+from dpr_lab.effects.encoder_scale import ENCODER_SCALE_JOINT0
 from dpr_lab.fitting.disturbance import most_noise
 from dpr_lab.gap.result.evidence import DetectableSizes
 from dpr_lab.gap.state import Transferred
 from dpr_lab.identification.scaling.scale import Scale
-from dpr_lab.shown import listed
+from dpr_lab.shown import listed, percent
 
 SURELY = 3.0
 """Maximum deviation of the fitted L1 from the rig file, in standard uncertainties. A larger deviation means that the
@@ -35,7 +36,7 @@ def assumptions(state: Transferred, least: DetectableSizes, scale: Scale) -> Ite
         " over at most 5 ms."
     )
     yield "The initial states of all segments are free; the first 30 ms after each release are excluded."
-    yield from _arm(state)
+    yield from _arm(state, least)
     yield from _torques(state)
     yield from _zeros(state)
     yield from _geared(state)
@@ -73,11 +74,17 @@ def _scale(state: Transferred, assumed: Scale) -> str:
     return f"{assumed.sentence} A release with a known added mass fixes {assumed.inertia}."
 
 
-def _arm(state: Transferred) -> Iterator[str]:
-    """State whether the arm moves, stood still, or was not recorded."""
+def _arm(state: Transferred, least: DetectableSizes) -> Iterator[str]:
+    """State whether the arm moves, is prescribed, stood still, or was not recorded."""
     records = state.fitted.recordings.records
     if state.fitted.recordings.arm_moves:
         yield _moving_arm(state)
+    elif any(setup.arm for setup in state.fitted.problem.segments.setups):
+        size = least.get(ENCODER_SCALE_JOINT0.name, {}).get("excess")
+        yield (
+            "The arm moves exactly as its readings state, and L0 is as measured. A relative error of their product is"
+            f" detectable {f'from {percent(size, 1)}' if size else 'at no size'} in the segments."
+        )
     elif all(record.encoder0_moves is False for record in records):
         yield "According to encoder 0 the arm stood still, so compliance of the arm was not considered."
     elif any(record.encoder0_moves is None for record in records):

@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 
 from dpr_lab.effects import EFFECTS, named_params
+from dpr_lab.effects.encoder_scale import ENCODER_SCALE_JOINT0
 from dpr_lab.gap.advice.expected import expected_size
 from dpr_lab.gap.classes.posterior import probabilities
 from dpr_lab.gap.conclusion.assumptions import assumptions
@@ -15,7 +16,7 @@ from dpr_lab.gap.conclusion.notes import notes
 from dpr_lab.gap.conclusion.ratios import ratio_fields, scale
 from dpr_lab.gap.conclusion.sentence import sentence
 from dpr_lab.gap.conclusion.verdict import VERDICT, listed_causes, verdict
-from dpr_lab.gap.hypothesis.detectable import count_detectable
+from dpr_lab.gap.hypothesis.detectable import count_detectable, detectable_arm_scale
 from dpr_lab.gap.result.checks import AdvisedCheck, recommended
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Evidence
@@ -41,6 +42,8 @@ def conclude(state: Transferred, advised: Sequence[AdvisedCheck], evidence: Evid
     chosen, minimum_sizes = state.selection.chosen, state.selection.detectable
     withheld, transfer = state.description.withholds, state.transfer
     visible_counts = count_detectable(minimum_sizes, state.fitted.recordings.prior.limits)
+    if arm_scale := detectable_arm_scale(state.fitted.problem, chosen):
+        minimum_sizes = {**minimum_sizes, ENCODER_SCALE_JOINT0.name: {"excess": arm_scale}}
     kind = verdict(state, visible_counts, evidence.budget)
     shown = state.posteriors if kind == "named" else listed_causes(state.posteriors)
     names_causes, assumed = kind in ("named", "partly_explained", "too_short"), scale(state)

@@ -1,6 +1,7 @@
 """Minimum detectable size of each effect in these recordings."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from statistics import NormalDist
 
@@ -9,7 +10,9 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS, param_index
 from dpr_lab.effects.effect import Effect, EffectParameter
+from dpr_lab.fitting.covariance import shifted
 from dpr_lab.fitting.prior import prior_of
+from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import TINY
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
@@ -60,6 +63,29 @@ def detectable(model: Hypothesis, test: ScoreTest) -> DetectableSizes:
             p.name: _size(spread, s, remaining) for p, s, remaining in parameters if p.effect == name and p.amplitude
         }
     return {name: least[name] for name in EFFECTS if name in least}
+
+
+def detectable_arm_scale(problem: Problem, model: Hypothesis, step: float = 1e-3) -> float | None:
+    """Return the minimum detectable relative error of the angle of prescribed arms.
+
+    This angle is an input of the model, so its error is no effect of the library. The result is None if no arm moves as
+    prescribed, or if the fitted values absorb the error.
+
+    Args:
+        problem: segments and noise
+        model: the fitted model
+        step: relative change of the angle from which the change of the readings is computed
+    """
+    fit, setups = model.fit, problem.segments.setups
+    if not any(setup.arm for setup in setups):
+        return None
+    scaled = tuple(replace(setup, arm=setup.arm.scaled(1 + step)) if setup.arm else setup for setup in setups)
+    other = replace(problem, segments=replace(problem.segments, setups=scaled))
+    change = np.nan_to_num((other.predict(fit.estimate) - problem.predict(fit.estimate)) / step)
+    column = problem.whitened(change)
+    remaining = fit.linear.projected(column[:, :, None])[:, :, 0] + fit.linear.A @ shifted(fit, column)
+    visible = float(np.sum(remaining**2))
+    return SIGMAS * float(model.inflation / visible) ** 0.5 if visible > SEEN * float(np.sum(column**2)) else None
 
 
 def _size(spread: float, scale: float, remaining: float) -> float | None:
