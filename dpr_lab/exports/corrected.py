@@ -171,7 +171,11 @@ def rod_values(
 
 
 def _estimated(interval: Interval, value: float, std: float) -> EstimatedValue:
-    """Return a value with the interval of another value, shifted by the difference."""
+    """Return a value with the interval of another value, shifted by the difference.
+
+    The interval may be wider than `std`, the error of the fit alone, by ratios that the recordings do not determine.
+    """
+    std = max(std, (interval.interval90[1] - interval.value) / NORMAL_Q90)
     return EstimatedValue(value=interval.value, std=std, interval90=interval.interval90).moved(value)
 
 

@@ -234,7 +234,11 @@ class Model(FittedModel):
     results.
     """
     covariance: Covariance
-    """Covariance of the unknowns that the runs determine."""
+    """Covariance of the unknowns that the runs determine.
+
+    Ratios that they do not determine, for example with a clamped elbow, are treated as known. Standard deviations and
+    intervals contain their uncertainty.
+    """
     cramer_rao_std: Annotated[dict[str, float], AfterValidator(lambda ratios: ratios and of_rods(ratios))]
     """Cramer-Rao bound of the standard deviation of each ratio at this noise; empty in a corrected model of one rod."""
     parameters: Annotated[dict[str, ParameterValue], AfterValidator(by_name(PARAMETERS))]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.base import RATIOS, whole_parameters
+from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.exports.corrected import corrected_arm_model, corrected_model
 from dpr_lab.fitting.estimate import unknown_ratios
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -72,6 +73,16 @@ def test_absolute_values_of_a_clamped_arm_have_the_inertia_that_the_recordings_d
         assert value.fixed_by == "data", name
         assert value.interval90 == pytest.approx((0.999 * value.value, 1.001 * value.value), rel=1e-5)
     assert {name for name, value in model.parameters.items() if value.fixed_by == "data"} == {"c1", "c2"}
+
+
+def test_a_ratio_with_a_wide_interval_has_no_smaller_standard_deviation(paper: Rig) -> None:
+    """With a clamped elbow, the covariance of the fit treats ratios of the rig file as known."""
+    diagnosis = diagnosed(paper)
+    wide = diagnosis.ratios | {"d/b": Interval(value=1.5, interval90=(1.3, 1.7))}
+    gap = Gap.model_construct(floor_rad={}, after_rad={"joint1": 0.0, "joint2": 0.0})
+    changes = {"gap": gap, "ratios": wide}
+    model = corrected_model(diagnosis.model_copy(update=changes), [recorded(paper, "clamped")], paper)
+    assert model.ratios["d/b"].std == pytest.approx(0.2 / NORMAL_Q90)
 
 
 def test_a_weighed_outer_rod_does_not_determine_the_scale_of_the_inner_rod_alone() -> None:

@@ -107,7 +107,11 @@ class Diagnosis(Shown, Saved):
     results.
     """
     ratio_covariance: list[list[float]]
-    """(5, 5) covariance of the ratios a/b, d/b, e1/b, c1/b, c2/b."""
+    """(5, 5) covariance of the ratios a/b, d/b, e1/b, c1/b, c2/b.
+
+    It is zero for ratios that the recordings do not determine, which are treated as known; `ratios` contains their
+    uncertainty.
+    """
     determined: dict[str, Interval] = {}
     """Ratios that the recordings determine: to b, or to a if only the inner rod is mounted.
 
