@@ -64,9 +64,9 @@ def _scale(state: Transferred, assumed: Scale) -> str:
     setups = state.fitted.problem.segments.setups
     if drives := [setup.torques for setup in setups if setup.torques and setup.torques.scaled]:
         kinds = " and ".join(sorted({drive.kind for drive in drives} - {""}))
-        return f"The known torques{f', as {kinds},' if kinds else ''} fix the scale of all torques."
+        return f"The known torques{f', as {kinds},' if kinds else ''} fix the scale of all torques.{assumed.condition}"
     if any(setup.added for setup in setups):
-        return "The known added mass fixes the scale of all torques."
+        return f"The known added mass fixes the scale of all torques.{assumed.condition}"
     if ("", "b") in state.intervals:
         return "Load-dependent friction fixes the scale of all torques, because the masses were weighed."
     if assumed.known:

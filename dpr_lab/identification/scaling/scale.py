@@ -73,13 +73,21 @@ class Scale(ModelPart):
         return f"assuming {self.inertia} = {self.b:.4g} kg m^2 (not measured)"
 
     @property
+    def condition(self) -> str:
+        """Condition of the interval if a known torque or added mass determines the scale; otherwise empty."""
+        if self.fixed_by != "data" or self.constants_std:
+            return ""
+        exact = "Known torques and added masses are treated as exact"
+        return f" {exact}: an error of 1 % in them changes all sizes by 1 %, and no interval contains this error."
+
+    @property
     def sentence(self) -> str:
         """Sentence that states the scale of absolute sizes and the interval of b."""
         low, high = self.interval90
         known = f"{self.inertia} = {self.b:.4g} kg m^2 (90 % interval {low:.4g} to {high:.4g})"
         if self.fixed_by == "data":
             sources = "The recordings" + (" and measured motor constants" if self.constants_std else "")
-            return f"{sources} determine the scale of masses, inertias and torques: {known}."
+            return f"{sources} determine the scale of masses, inertias and torques: {known}.{self.condition}"
         if self.fixed_by == "measured":
             return f"Measured values of the rig file determine the scale of masses, inertias and torques: {known}."
         values = "recorded input of the motor and its nominal constants in" if self.constants_std else "values of"
