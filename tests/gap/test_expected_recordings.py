@@ -8,7 +8,7 @@ import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.advice.expected_recordings import MENU, simulated_release
-from dpr_lab.gap.advice.recording import DISTINGUISHED, _apart_after_fits
+from dpr_lab.gap.advice.recording import DISTINGUISHED, _distance_after_fits
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.rig import load_rig
 from sim_device.plant.config import load_plant
@@ -54,8 +54,8 @@ def test_a_simpler_form_is_fitted_to_readings_of_the_richer_one(
     """Any other fit is an error, because `fits` contains only the necessary ones."""
 
     class Release:
-        def apart_after_fit(self, name: str, other: str) -> float:
+        def distance_after_fit(self, name: str, other: str) -> float:
             return fits[name, other]
 
     release: Any = Release()
-    assert _apart_after_fits(release, *pair) == min(fits.values())
+    assert _distance_after_fits(release, *pair) == min(fits.values())

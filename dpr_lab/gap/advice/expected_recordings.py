@@ -80,7 +80,7 @@ class ExpectedRecording:
     estimate: Estimate
     """Estimate with which the release is simulated."""
 
-    def apart(self, name: str, other: str) -> float:
+    def distance(self, name: str, other: str) -> float:
         """Return the distance between the signature of effect `name` and its best approximation by effect `other`.
 
         The distance is in standard deviations of the noise.
@@ -89,10 +89,10 @@ class ExpectedRecording:
         explained = ColumnSpace.of(np.hstack([self.known, self.influences[other].changes]), signal).gain()
         return float(np.sqrt(max(signal @ signal - explained, 0.0)))
 
-    def apart_after_fit(self, name: str, other: str) -> float:
+    def distance_after_fit(self, name: str, other: str) -> float:
         """Simulate readings with effect `name`, fit effect `other`, and return the remaining distance.
 
-        The distance is in standard deviations of the noise. Unlike `apart`, it does not depend on the derivatives at
+        The distance is in standard deviations of the noise. Unlike `distance`, it does not depend on the derivatives at
         the estimate, which are inaccurate near the reversals of a law with memory.
         """
         cause, fitted = self.influences[name], self.influences[other]

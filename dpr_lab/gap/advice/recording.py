@@ -14,7 +14,6 @@ from dpr_lab.gap.advice.check_kind import CheckAnswer, OpenQuestion, Result, exp
 from dpr_lab.gap.advice.expected_recordings import ExpectedRecording
 from dpr_lab.gap.advice.measurement import CHECK
 from dpr_lab.gap.bare_model import fit_bare_model
-from dpr_lab.gap.damage.steps import recorded_properties
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.hypothesis.refits import refit, refit_with, shaped
@@ -62,17 +61,17 @@ def _most_different(question: OpenQuestion, pairs: Sequence[tuple[str, str]]) ->
     The distance is in standard deviations of the noise. Members of a class are indistinguishable in the recordings. For
     them, a fit to simulated readings must confirm the difference. The release is None if none distinguishes the causes.
     """
-    separations = [max(expected.apart(*pair) for pair in pairs) for expected in question.expected]
+    separations = [max(expected.distance(*pair) for pair in pairs) for expected in question.expected]
     for best in np.argsort(separations)[::-1].tolist():
         expected, separation = question.expected[best], separations[best]
         if question.one_class and separation >= DISTINGUISHED:
-            separation = min(separation, _apart_after_fits(expected, *pairs[0]))
+            separation = min(separation, _distance_after_fits(expected, *pairs[0]))
         if separation >= DISTINGUISHED:
             return expected, separation
     return None, 0.0
 
 
-def _apart_after_fits(expected: ExpectedRecording, name: str, other: str) -> float:
+def _distance_after_fits(expected: ExpectedRecording, name: str, other: str) -> float:
     """Fit one of two causes to a simulation of the other, and return the distance.
 
     A richer form can imitate its simpler form, so only the simpler form is fitted to readings of the richer one. Other
@@ -80,11 +79,11 @@ def _apart_after_fits(expected: ExpectedRecording, name: str, other: str) -> flo
     distance counts, because a fit may end before its minimum.
     """
     if name in EFFECTS[other].nested:
-        return expected.apart_after_fit(other, name)
-    first = expected.apart_after_fit(name, other)
+        return expected.distance_after_fit(other, name)
+    first = expected.distance_after_fit(name, other)
     if first < DISTINGUISHED or other in EFFECTS[name].nested:
         return first
-    return min(first, expected.apart_after_fit(other, name))
+    return min(first, expected.distance_after_fit(other, name))
 
 
 def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior: Mapping[str, float]) -> Result:
@@ -195,5 +194,4 @@ def _with_effects(problem: Problem, start: Estimate, effects: Mapping[str, Mappi
 
 def _test(recordings: Recordings, problem: Problem, model: Hypothesis, names: Sequence[str]) -> ScoreTest:
     """Compute the score test of the candidates that a fit to the new runs lacks."""
-    known = recorded_properties(recordings.records, problem, model.fit)
-    return score_test(problem, model.fit, [EFFECTS[name] for name in names], known)
+    return score_test(problem, model.fit, [EFFECTS[name] for name in names], recordings.properties)

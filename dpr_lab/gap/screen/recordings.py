@@ -11,6 +11,7 @@ from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
+from dpr_lab.effects.effect import Recorded
 from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.cut import cut
@@ -167,6 +168,16 @@ class Recordings:
     def may_be_films(self) -> bool:
         """Whether the readings of all recordings may come from videos."""
         return all(record.may_be_film for record in self.records)
+
+    @property
+    def properties(self) -> Recorded:
+        """Properties of the recordings from which shapes of effects are proposed."""
+        return Recorded(
+            arm_moves=tuple(record.encoder0_moves for record in self.records),
+            steps=lambda: [
+                (axis, run, at) for run, record in enumerate(self.records) for at, axis in record.screened.breaks
+            ],
+        )
 
     def with_tracking_noise(self, noise: TrackingNoise | None) -> "Recordings":
         """Add correlated errors to the noise of films whose noise was not measured."""

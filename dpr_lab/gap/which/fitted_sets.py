@@ -16,7 +16,6 @@ from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.gauss_newton import GaussNewton, descend, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.robust import relative_chi2
-from dpr_lab.gap.damage.steps import recorded_properties
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.hypothesis.imitation import substitute_curve
 from dpr_lab.gap.hypothesis.refits import (
@@ -157,8 +156,7 @@ class FittedSets:
             fitted = model.fit if test is None or outdated else test.fit
             tested = effects if test is None else effects | test.tested
             library = [effect for name, effect in self.library.items() if name in tested]
-            known = recorded_properties(self.recordings.records, self.problem, fitted)
-            self._tests[model.key] = test = score_test(self.problem, fitted, library, known)
+            self._tests[model.key] = test = score_test(self.problem, fitted, library, self.recordings.properties)
         return test
 
     def with_one(self, model: Hypothesis, score: Score) -> Hypothesis:
