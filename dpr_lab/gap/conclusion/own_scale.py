@@ -6,7 +6,7 @@ of the change of b. The fits and score tests are therefore converted without a f
 this is an approximation: with a change of b by 5 %, its influence on the readings changes by at most 1.2 %.
 """
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -35,7 +35,7 @@ def at_own_scale(selection: Selection, problem: Problem, rig: Rig) -> Selection:
     The selection is unchanged if the recordings determine b, or if measured values do not.
     """
     fit = selection.chosen.fit
-    if _fits_scale(fit.free) or any(setup.torques or setup.arm_moves for setup in problem.segments.setups):
+    if _fits_scale(fit) or any(setup.torques or setup.arm_moves for setup in problem.segments.setups):
         return selection
     scale = rig_posterior(problem, fit, covariance(problem, selection.chosen, rig), rig).scale()
     if not scale.known:
@@ -46,83 +46,76 @@ def at_own_scale(selection: Selection, problem: Problem, rig: Rig) -> Selection:
     for name, effect in EFFECTS.items():
         for parameter in effect.parameters:
             factors[EFFECTS_BEGIN + param_index(name, parameter.name)] = change**parameter.scale_power
-    return _Conversion(factors).selection(selection)
+    converted = _Conversion(factors)
+    chosen, final_test = converted(selection.chosen), converted(selection.final_test)
+    return replace(
+        selection,
+        bare=converted(selection.bare),
+        chosen=chosen,
+        fitted=converted(selection.fitted),
+        final_test=final_test,
+        detectable=detectable(chosen, final_test),
+        without=converted(selection.without),
+        without_substitute=converted(selection.without_substitute),
+        tests_without=converted(selection.tests_without),
+        path=converted(selection.path),
+    )
 
 
-def _fits_scale(free: tuple[FreeParameter, ...]) -> bool:
-    return any(parameter.place == SCALE for parameter in free)
+def _fits_scale(fit: Fit) -> bool:
+    return any(parameter.place == SCALE for parameter in fit.free)
 
 
 @dataclass(frozen=True, slots=True)
 class _Conversion:
-    """Conversion of fits and score tests; each object is converted once, so that shared objects remain shared."""
+    """Conversion of sets, score tests and their parts to another b."""
 
     factors: Array
     """(n,) factor of each entry of `Estimate.vector`."""
-    _done: dict[int, Any] = field(default_factory=dict)
+    _results: dict[int, Any] = field(default_factory=dict)
+    """Converted objects by the identity of the original, so that shared objects remain shared."""
 
-    def selection(self, selection: Selection) -> Selection:
-        """Convert all sets and score tests."""
-        chosen, final_test = self.model(selection.chosen), self.test(selection.final_test)
-        return replace(
-            selection,
-            bare=self.model(selection.bare),
-            chosen=chosen,
-            fitted={key: self.model(model) for key, model in selection.fitted.items()},
-            final_test=final_test,
-            detectable=detectable(chosen, final_test),
-            without={name: self.model(model) for name, model in selection.without.items()},
-            without_substitute={name: self.model(model) for name, model in selection.without_substitute.items()},
-            tests_without={name: self.test(test) for name, test in selection.tests_without.items()},
-            path=tuple((name, self.model(model)) for name, model in selection.path),
-        )
+    def __call__(self, value: T) -> T:
+        """Convert a value and everything in it; values that do not depend on b are returned unchanged."""
+        if id(value) not in self._results:
+            self._results[id(value)] = self._converted(value)
+        return self._results[id(value)]
 
-    def model(self, model: Hypothesis) -> Hypothesis:
-        """Convert a set."""
-        return self._once(model, lambda: replace(model, fit=self._fit(model.fit)))
-
-    def test(self, test: ScoreTest) -> ScoreTest:
-        """Convert a score test."""
-        return self._once(test, lambda: self._test(test))
+    def _converted(self, value: Any) -> Any:
+        match value:
+            case Mapping():
+                return {key: self(part) for key, part in value.items()}
+            case tuple():
+                return tuple(self(part) for part in value)
+            case Estimate():
+                return replace(value, vector=value.vector * self.factors)
+            case FreeParameter():
+                return self._parameter(value)
+            case Hypothesis():
+                return replace(value, fit=self(value.fit))
+            case Fit() if not _fits_scale(value):  # otherwise load-dependent friction determines b of this set
+                prior = value.prior / self._units(value.free) if value.prior.size else value.prior
+                linear = self._linear(value.linear, value.free)
+                return replace(value, estimate=self(value.estimate), free=self(value.free), linear=linear, prior=prior)
+            case ScoreTest():
+                return self._test(value)
+            case Score():
+                sizes = value.amplitudes * self._units(value.free)[len(value.free) - len(value.amplitudes) :]
+                return replace(value, free=self(value.free), amplitudes=sizes)
+        return value
 
     def _test(self, test: ScoreTest) -> ScoreTest:
-        free, per = self._free(test.free), self._of(test.free)
-        prior = test.prior
+        units, free, prior = self._units(test.free), self(test.free), test.prior
         return replace(
             test,
-            fit=self._fit(test.fit),
-            linear=self._linear(test.linear, per),
+            fit=self(test.fit),
+            linear=self._linear(test.linear, test.free),
             free=free,
-            space=replace(test.space, scale=test.space.scale * per),
-            prior=replace(prior, estimate=self._estimate(prior.estimate), free=free, A=prior.A / per),
-            ranking=tuple(map(self._score, test.ranking)),
-            shaped={name: tuple(map(self._score, scores)) for name, scores in test.shaped.items()},
+            space=replace(test.space, scale=test.space.scale * units),
+            prior=replace(prior, estimate=self(prior.estimate), free=free, A=prior.A / units),
+            ranking=self(test.ranking),
+            shaped=self(test.shaped),
         )
-
-    def _score(self, score: Score) -> Score:
-        sizes = score.amplitudes * self._of(score.free[len(score.free) - len(score.amplitudes) :])
-        return self._once(score, lambda: replace(score, free=self._free(score.free), amplitudes=sizes))
-
-    def _fit(self, fit: Fit) -> Fit:
-        if _fits_scale(fit.free):  # b of this set follows from load-dependent friction
-            return fit
-        per = self._of(fit.free)
-        return self._once(
-            fit,
-            lambda: replace(
-                fit,
-                estimate=self._estimate(fit.estimate),
-                free=self._free(fit.free),
-                linear=self._linear(fit.linear, per),
-                prior=fit.prior / per if fit.prior.size else fit.prior,
-            ),
-        )
-
-    def _estimate(self, estimate: Estimate) -> Estimate:
-        return replace(estimate, vector=estimate.vector * self.factors)
-
-    def _free(self, free: tuple[FreeParameter, ...]) -> tuple[FreeParameter, ...]:
-        return tuple(map(self._parameter, free))
 
     def _parameter(self, parameter: FreeParameter) -> FreeParameter:
         factor = float(self.factors[parameter.place])
@@ -135,15 +128,12 @@ class _Conversion:
             overrides=tuple((place, float(self.factors[place]) * value) for place, value in parameter.overrides),
         )
 
-    def _of(self, free: tuple[FreeParameter, ...]) -> Array:
+    def _units(self, free: tuple[FreeParameter, ...]) -> Array:
+        """Return the (free,) factors of some parameters."""
         return self.factors[[parameter.place for parameter in free]]
 
-    @staticmethod
-    def _linear(linear: Linearisation, per: Array) -> Linearisation:
-        coefficients = linear.initial_state_coefficients / per
-        return replace(linear, A=linear.A / per, initial_state_coefficients=coefficients)
-
-    def _once(self, converted: T, conversion: Callable[[], T]) -> T:
-        if id(converted) not in self._done:
-            self._done[id(converted)] = conversion()
-        return self._done[id(converted)]
+    def _linear(self, linear: Linearisation, free: tuple[FreeParameter, ...]) -> Linearisation:
+        """Convert derivatives with respect to some parameters."""
+        units = self._units(free)
+        coefficients = linear.initial_state_coefficients / units
+        return replace(linear, A=linear.A / units, initial_state_coefficients=coefficients)
