@@ -23,10 +23,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dpr_lab.arrays import Array
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.hypothesis.cross_validation import folds, split
+from dpr_lab.gap.hypothesis.cross_validation import Fold, folds, split
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +51,8 @@ def between_recordings(problem: Problem, fit: Fit) -> Array:
         problem: segments and noise
         fit: the common fit
     """
-    inside, followed = list(fit.inside), np.isfinite(fit.linear.chi2_by_segment)
+    inside, parts = _by_recording(fit, folds(problem))
     covariance = np.zeros((len(fit.free), len(fit.free)))
-    A, e = fit.linear.A[followed][:, :, inside], fit.linear.e[followed]
-    parts = split(A, e, folds(problem)[followed])
     normal = sum((part.H for part in parts), np.zeros((len(inside), len(inside))))
     if len(parts) < 2 or not inside or not np.isfinite(normal).all():
         return covariance
@@ -91,9 +89,7 @@ def left_out_values(problem: Problem, fit: Fit) -> Array:
         problem: segments and noise
         fit: the common fit
     """
-    inside, followed = list(fit.inside), np.isfinite(fit.linear.chi2_by_segment)
-    A = np.where(followed[:, None, None], fit.linear.A[:, :, inside], 0.0)
-    parts = split(A, np.where(followed[:, None], fit.linear.e, 0.0), problem.segments.run)
+    inside, parts = _by_recording(fit, problem.segments.run)
     if len(parts) < 2:
         return np.zeros((0, len(fit.free)))
     values = np.repeat(fit.values[None], len(parts), axis=0)
@@ -106,3 +102,13 @@ def left_out_values(problem: Problem, fit: Fit) -> Array:
         inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=SCATTER.singular, hermitian=True)
         values[row, inside] -= inverse @ (part.gradient / scale) / scale
     return np.clip(values, [p.lower for p in fit.free], [p.upper for p in fit.free])
+
+
+def _by_recording(fit: Fit, recording: Integers) -> tuple[list[int], list[Fold]]:
+    """Return the indices of the values inside their bounds, and the normal equations of each recording.
+
+    A segment that cannot be simulated contributes nothing.
+    """
+    inside, followed = fit.inside, np.isfinite(fit.linear.chi2_by_segment)
+    A = np.where(followed[:, None, None], fit.linear.A[:, :, inside], 0.0)
+    return inside, split(A, np.where(followed[:, None], fit.linear.e, 0.0), recording)

@@ -29,7 +29,7 @@ from numpy.polynomial.chebyshev import chebpts1, chebvander
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
 from dpr_lab.effects import param_index
-from dpr_lab.effects.effect import Effect
+from dpr_lab.effects.effect import Effect, Shape
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.linearise import Linearisation, linearise
@@ -39,7 +39,7 @@ from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.fitting.uncompiled import RIDGE
 from dpr_lab.gap.hypothesis.detectable import SEEN, linear_exclusions
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.scan import SCAN, FittedColumns, one_amplitude
+from dpr_lab.gap.hypothesis.scan import FittedColumns, shape_columns
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.result.evidence import DetectableSizes, Exclusion
 
@@ -68,18 +68,22 @@ def exclusions(problem: Problem, model: Hypothesis, test: ScoreTest, least: Dete
 
 
 def _intervals(all_shapes: "AllShapes", score: Score, space: ColumnSpace) -> dict[str, tuple[float, float]]:
-    """Return the 90 % interval of each amplitude.
+    """Return the 90 % interval of each amplitude in a joint fit of all amplitudes of an effect.
 
     The result is empty if the recordings do not separate the amplitudes. If the shapes of an effect come from the
-    recordings, such as an instant, the interval applies to its best shape.
+    recordings, such as an instant, the interval applies to its best shape. In `space`, the model is projected out of
+    the columns of the amplitudes.
     """
-    names = [p.name for p in score.effect.amplitudes if p.name not in score.absorbed]
-    every = all_shapes.intervals(score.effect) if score.effect.shapes else None
-    if every is not None:
-        return dict(zip((p.name for p in score.effect.amplitudes), every, strict=True))
-    if score.effect.shapes and len(score.columns) > 1:
-        return {}
-    return dict(zip(names, joint_intervals(space, all_shapes.model.inflation) or (), strict=False))
+    names = [p.name for p in score.effect.amplitudes]
+    intervals = all_shapes.intervals(score.effect) if score.effect.shapes else None
+    if intervals is None:
+        if score.effect.shapes and len(score.columns) > 1:
+            return {}
+        names = [name for name in names if name not in score.absorbed]
+        ridged = space.H + RIDGE * np.eye(len(space))
+        one_shape = SmallSets(space.scale[None], ridged[None], space.gradient[None])
+        intervals = _union(one_shape, all_shapes.model.inflation)
+    return {} if intervals is None else {name: (low, high) for name, (low, high) in zip(names, intervals, strict=False)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,15 +122,14 @@ class AllShapes:
         values = _values(effect, swings.problem)
         if not 0 < len(values) <= SHAPES.most:
             return None
-        blocks: list[Array] = []
         of_frequencies = swings.at_frequencies(effect, values) if _is_frequency(effect) else None
-        for columns in swings.columns_of_shapes(effect, values) if of_frequencies is None else (of_frequencies,):
-            of_block = _union(columns, self.model.inflation)
-            if of_block is None:
+        ends = list[Array]()
+        for columns in swings.of_shapes(effect, values) if of_frequencies is None else (of_frequencies,):
+            intervals = _union(columns, self.model.inflation)
+            if intervals is None:
                 return None
-            blocks.append(of_block)
-        lower, upper = np.min(blocks, axis=0)[:, 0].tolist(), np.max(blocks, axis=0)[:, 1].tolist()
-        return list(zip(lower, upper, strict=True))
+            ends.append(np.array(intervals))
+        return [(float(low.min()), float(high.max())) for low, high in np.stack(ends, axis=2)]
 
     @cached_property
     def _whole(self) -> "_Swings":
@@ -142,22 +145,8 @@ class AllShapes:
         return _Swings.of(problem, estimate, linearise(problem, estimate, self.model.fit.free))
 
 
-def joint_intervals(space: ColumnSpace, inflation: float) -> list[tuple[float, float]] | None:
-    """Return the 90 % interval of each amplitude in a joint fit of all amplitudes.
-
-    The result is None if the amplitudes are inseparable.
-
-    Args:
-        space: columns of the amplitudes, with the model projected out
-        inflation: variance inflation n / n_eff
-    """
-    ridged = space.H + RIDGE * np.eye(len(space))
-    intervals = _union(SmallSets(space.scale[None], ridged[None], space.gradient[None]), inflation)
-    return None if intervals is None else [(low, high) for low, high in intervals.tolist()]
-
-
-def _union(columns: SmallSets, inflation: float) -> Array | None:
-    """Return the union (n, 2) of the 90 % intervals in all shapes, for n amplitudes.
+def _union(columns: SmallSets, inflation: float) -> list[tuple[float, float]] | None:
+    """Return the union of the 90 % intervals in all shapes, for each amplitude.
 
     The result is None if the amplitudes are inseparable in one of the shapes.
 
@@ -170,7 +159,8 @@ def _union(columns: SmallSets, inflation: float) -> Array | None:
     inverse = np.linalg.inv(columns.H)
     x = columns.scale * (inverse @ columns.gradient[:, :, None])[:, :, 0]
     half_width = NORMAL_Q90 * columns.scale * np.sqrt(inflation * np.diagonal(inverse, axis1=1, axis2=2))
-    return np.stack([(x - half_width).min(axis=0), (x + half_width).max(axis=0)], axis=1)
+    lower, upper = (x - half_width).min(axis=0), (x + half_width).max(axis=0)
+    return list(zip(lower.tolist(), upper.tolist(), strict=True))
 
 
 def _is_frequency(effect: Effect) -> bool:
@@ -214,14 +204,10 @@ class _Swings:
         """Create the swings at the estimate of the linearised problem."""
         return cls(problem, trajectory(problem, estimate, spacing=TRAJECTORY.coarse_s), FittedColumns.of(linear))
 
-    def columns_of_shapes(self, effect: Effect, values: Array) -> Iterator[SmallSets]:
-        """Yield the columns of the amplitudes for blocks of several shapes.
-
-        The model is projected out of the columns.
-        """
-        count = len(effect.amplitudes)
+    def of_shapes(self, effect: Effect, values: Array) -> Iterator[SmallSets]:
+        """Yield the amplitudes for blocks of several shapes, with the model projected out."""
         for columns in self._columns(effect, values, self.reference):
-            yield self.fitted.projected(columns, count)
+            yield self.fitted.projected(columns, len(effect.amplitudes))
 
     def at_frequencies(self, effect: Effect, values: Array) -> SmallSets | None:
         """Return the columns of a cosine and a sine, for evenly spaced frequencies.
@@ -259,11 +245,7 @@ class _Swings:
         return self.fitted.of_products(pairs, squares.transpose(2, 0, 1), 2)
 
     def _columns(self, effect: Effect, values: Array, reference: Trajectory) -> Iterator[Array]:
-        """Yield the columns of the amplitudes for blocks of several shapes, along a trajectory."""
-        count, place = len(effect.amplitudes), param_index(effect.name, effect.shapes[0].name)
-        at_once = max(1, SCAN.block // count)
-        for first in range(0, len(values), at_once):
-            shapes = [((place, value),) for value in values[first : first + at_once].tolist()]
-            params = one_amplitude(effect, [1.0] * count, shapes)
-            torques = reference.torques(effect.stage, self.problem.model.constants, params)
-            yield reference.response(self.problem, torques)
+        """Return the columns of unit amplitudes for blocks of several shapes, along a trajectory."""
+        place = param_index(effect.name, effect.shapes[0].name)
+        shapes = list[Shape](((place, value),) for value in values.tolist())
+        return shape_columns(self.problem, reference, effect, [1.0] * len(effect.amplitudes), shapes)

@@ -1,6 +1,6 @@
 """Scan of shape parameters: orders, frequencies, and times of steps in a reading."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -180,17 +180,11 @@ class ShapeScan:
 
         Only the first amplitudes of the effect are used. The fitted model is projected out of their columns.
         """
-        amplitudes, problem = effect.amplitudes[: SCAN.amplitudes], self.problem
-        count = len(amplitudes)
+        amplitudes = effect.amplitudes[: SCAN.amplitudes]
         positive = [p.sign == "positive" for p in amplitudes] == [True]
-        gains: list[Array] = []
-        for first in range(0, len(candidates), SCAN.block // count):
-            chosen = candidates[first : first + SCAN.block // count]
-            params = one_amplitude(effect, [p.typical for p in amplitudes], chosen)
-            torques = self.reference.torques(effect.stage, problem.model.constants, params)
-            projected = self._fitted.projected(self.reference.response(problem, torques), count)
-            gains.append(projected.gains(positive=positive))
-        return np.concatenate(gains)
+        sizes = [p.typical for p in amplitudes]
+        blocks = shape_columns(self.problem, self.reference, effect, sizes, candidates)
+        return np.concatenate([self._fitted.projected(block, len(sizes)).gains(positive=positive) for block in blocks])
 
 
 def arc(angle: Array) -> float:
@@ -230,17 +224,26 @@ def _within(columns: Array, others: Array, count: int) -> Array:
     return blocks
 
 
-def one_amplitude(effect: Effect, sizes: Sequence[float], shapes: Sequence[Shape]) -> Array:
-    """Return parameters in which one amplitude of an effect is not zero.
+def shape_columns(
+    problem: Problem, reference: Trajectory, effect: Effect, sizes: Sequence[float], shapes: Sequence[Shape]
+) -> Iterator[Array]:
+    """Yield the (segments, m, block * sizes) changes of the readings by an effect, for blocks of its shapes.
 
     Args:
-        effect: the effect
-        sizes: size of each of the leading amplitudes
+        problem: segments and noise
+        reference: trajectory along which the effect acts
+        effect: a torque along the trajectory
+        sizes: size of each of the leading amplitudes; each column contains one of them
         shapes: shapes of the effect
-
-    Returns:
-        (shapes * sizes, SIZE) a row for each shape and each amplitude
     """
+    at_once = max(1, SCAN.block // len(sizes))
+    for first in range(0, len(shapes), at_once):
+        params = _one_amplitude(effect, sizes, shapes[first : first + at_once])
+        yield reference.response(problem, reference.torques(effect.stage, problem.model.constants, params))
+
+
+def _one_amplitude(effect: Effect, sizes: Sequence[float], shapes: Sequence[Shape]) -> Array:
+    """Return (shapes * sizes, SIZE) parameters: in each row, one amplitude of an effect is not zero."""
     params = np.tile(effect_params({}), (len(shapes), len(sizes), 1))
     for i, size in enumerate(sizes):
         params[:, i, param_index(effect.name, effect.amplitudes[i].name)] = size
