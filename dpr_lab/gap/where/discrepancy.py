@@ -140,21 +140,21 @@ def _scaled(problem: Problem, fit: Fit, reference: Trajectory) -> tuple[list[Fre
 def _discrepancy(
     groups: list[FreeFunctions], columns: Array, m: Array, reference: Trajectory, axes: int
 ) -> Discrepancy:
-    torque, reading, slow, first = [0.0] * axes, [0.0] * axes, [1.0] * axes, 0
+    torque, reading, slow = [0.0] * axes, [0.0] * axes, [1.0] * axes
     sums: dict[tuple[int, bool], Array] = {}
-    for free in groups:
-        last, key = first + free.values.shape[1], (free.joint, free.kind != "error")
-        sums[key] = sums.get(key, 0.0) + free.values @ m[first:last]
-        first = last
+    for free, sizes in zip(groups, np.split(m, np.cumsum([len(free.knots) for free in groups])[:-1]), strict=True):
+        key = free.joint, free.kind != "error"
+        sums[key] = sums.get(key, 0.0) + free.values @ sizes
     for (joint, of_torque), values in sums.items():
-        rms = float(np.sqrt(np.mean(values**2)))
+        (torque if of_torque else reading)[joint] = float(np.sqrt(np.mean(values**2)))
         if of_torque:
-            speed = np.abs(reference.joint_speed[:, joint])
-            slower = speed < np.median(speed)
-            torque[joint] = rms
-            if slower.any() and not slower.all():
-                fast = max(float(np.mean(values[~slower] ** 2)), np.finfo(np.float64).tiny)
-                slow[joint] = float(np.mean(values[slower] ** 2)) / fast
-        else:
-            reading[joint] = rms
+            slow[joint] = _slow_to_fast(values**2, np.abs(reference.joint_speed[:, joint]))
     return Discrepancy(columns, tuple(torque), tuple(reading), tuple(slow))
+
+
+def _slow_to_fast(squares: Array, speed: Array) -> float:
+    """Return the mean of (n,) squares in the slower half of the samples, divided by that in the faster half."""
+    slower = speed < np.median(speed)
+    if not slower.any() or slower.all():
+        return 1.0
+    return float(np.mean(squares[slower])) / max(float(np.mean(squares[~slower])), np.finfo(np.float64).tiny)
