@@ -175,7 +175,9 @@ class Recordings:
         return Recorded(
             arm_moves=tuple(record.encoder0_moves for record in self.records),
             steps=lambda: [
-                (axis, run, at) for run, record in enumerate(self.records) for at, axis in record.screened.breaks
+                (axis, run, instant)
+                for run, record in enumerate(self.records)
+                for instant, axis in record.screened.breaks
             ],
         )
 
