@@ -130,6 +130,8 @@ class Knowledge:
     """Indices of the ratios that no release determines."""
     free_run_rad: tuple[float, ...] = ()
     """Error of the free run along each run over the horizon of a limit, rad; empty without such a limit."""
+    open_limits: tuple[str, ...] = ()
+    """Quantities of the limits that the runs do not decide; empty before any recording."""
 
     @property
     def amplitudes(self) -> Array:

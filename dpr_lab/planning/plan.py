@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dpr_lab.acceptance.free_run import free_run_errors
+from dpr_lab.acceptance.gain import with_gain
+from dpr_lab.acceptance.judge import judge
 from dpr_lab.errors import ConfigError
 from dpr_lab.estimation.usable_runs import refuse_long_gaps, refuse_other_rigs
 from dpr_lab.gap.diagnose import diagnose
@@ -16,10 +18,11 @@ from dpr_lab.planning.candidates import cheapest_minutes
 from dpr_lab.planning.knowledge import Acting, Knowledge, known_after, known_before
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Plan
-from dpr_lab.planning.sequence import Planner
+from dpr_lab.planning.sequence import Planner, SequenceStep
 from dpr_lab.planning.signals import driven_releases
-from dpr_lab.planning.stopping import decided, reservation
-from dpr_lab.planning.summary import summed_up
+from dpr_lab.planning.stopping import STOPPING, decided, reservation
+from dpr_lab.planning.summary import NOTICEABLE, reason_for, summed_up
+from dpr_lab.planning.worth.criteria import ratio_std
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_runs
@@ -89,21 +92,37 @@ def plan(
         diagnosis = diagnose(runs, rig)
     started, acting = time.perf_counter(), Acting.of(rig, limits)
     known = known_after(runs, rig, diagnosis, acting) if runs and diagnosis else known_before(rig, acting)
-    if diagnosis is not None and limits.free_run is not None:
-        errors = free_run_errors(runs, rig, diagnosis, limits.free_run.horizon_s)
-        known = replace(known, free_run_rad=tuple(errors.values()))
+    if runs and diagnosis and limits.has_any:
+        free = limits.free_run
+        errors = free_run_errors(runs, rig, diagnosis, free.horizon_s) if free else {}
+        tested = judge(with_gain(diagnosis, runs, rig), limits, errors).limits
+        undecided = tuple(limit.quantity for limit in tested if limit.answer == "not decidable")
+        known = replace(known, free_run_rad=tuple(errors.values()), open_limits=undecided)
     objective = Objective.of(known, limits)
     planner = Planner(objective, limits, np.random.default_rng(seed), driven_releases(known.model, limits, rig))
-    most = count or (usual_count(known, limits) if budget_min is None else LENGTH.most)
-    steps = planner.sequence(most, budget_min) if most else []
+    most = count or (usual_count(known) if budget_min is None else LENGTH.most)
+    steps = worthwhile(objective, planner.sequence(most, budget_min) if most else [])
     return summed_up(objective, steps, limits, time.perf_counter() - started)
 
 
-def usual_count(known: Knowledge, limits: PlanLimits) -> int:
+def worthwhile(objective: Objective, steps: Sequence[SequenceStep]) -> list[SequenceStep]:
+    """Leave out the releases, after the first two, that add no noticeable information to the earlier ones."""
+    known, useful = objective.known, list(steps[: STOPPING.fewest])
+    F = known.information + sum(step.information for step in useful)
+    for step in steps[STOPPING.fewest :]:
+        then = F + step.information
+        share = 1 - float(np.exp(np.log(ratio_std(known, then) / ratio_std(known, F)).mean()))
+        if share >= NOTICEABLE.ratios or reason_for(objective.gain(F), objective.gain(then)):
+            useful.append(step)
+            F = then
+    return useful
+
+
+def usual_count(known: Knowledge) -> int:
     """Return the number of releases that a plan without a budget contains.
 
-    The number is smaller if the causes are decided and no limit must be tested.
+    The number is smaller if the causes and all limits are decided.
     """
-    if known.diagnosis is None or not decided(known.diagnosis) or limits.has_any:
+    if known.diagnosis is None or not decided(known.diagnosis) or known.open_limits:
         return LENGTH.usual
     return LENGTH.optional if reservation(known.diagnosis) else 0

@@ -19,7 +19,7 @@ again. Causes that two releases decide remain decided even if other effects are 
 then list these effects, and an optional release that tests them (`reservation`).
 """
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -149,6 +149,26 @@ def by_prior(diagnosis: Diagnosis) -> str:
     excluded = listed([name for effect in classes for name in effect.only_by_prior])
     causes = listed([effect.name for effect in classes])
     return f"Only a small prior probability excludes {excluded}: indistinguishable from {causes} in these recordings."
+
+
+def enough_sentence(diagnosis: Diagnosis, open_limits: Sequence[str], release: str) -> str:
+    """Return the main sentence of a plan after recordings that decide the causes.
+
+    Args:
+        diagnosis: diagnosis of the runs recorded so far
+        open_limits: quantities of the limits that the runs do not decide
+        release: name of the release that tests the effects that are not excluded
+    """
+    causes = [effect.name for effect in diagnosis.effects]
+    answer = f"the causes are decided ({listed(causes)})" if causes else "no gap of a detectable size"
+    sentences = [f"Enough: {answer}.", by_prior(diagnosis)]
+    if untested := reservation(diagnosis):
+        sentences += [untested, f"Optional: record {release} to test this."]
+    if open_limits:
+        sentences.append(f"Not decided by these recordings: the limits of {listed(open_limits)}.")
+    if not untested and not open_limits:
+        sentences.append("Further releases only improve the accuracy of sizes and ratios.")
+    return " ".join(filter(None, sentences))
 
 
 def recorded_releases(diagnosis: Diagnosis) -> int:

@@ -22,7 +22,7 @@ from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Detectable, Inseparable, LimitForecast, PairBits, Plan, PlannedRelease
 from dpr_lab.planning.sequence import SequenceStep
-from dpr_lab.planning.stopping import STOPPING, by_prior, decided, recorded_releases, reservation, undecided
+from dpr_lab.planning.stopping import STOPPING, decided, enough_sentence, recorded_releases, undecided
 from dpr_lab.planning.worth.criteria import OpenAmplitudes, detectable, library_bits, ratio_std, shown_ratio_std
 from dpr_lab.planning.worth.objective import Gain, Objective, limit_forecasts
 from dpr_lab.shown import counted, listed, percent
@@ -32,11 +32,12 @@ State = Literal["first", "record", "enough", "bench check"]
 
 @dataclass(frozen=True, slots=True)
 class Noticeable:
-    """Minimum gains of information that a reason mentions, bits."""
+    """Minimum gains that a reason mentions, bits, and reduction of the standard deviations of the ratios."""
 
     causes: float = 0.05
     library: float = 0.02
     limits: float = 0.1
+    ratios: float = 0.02
 
 
 NOTICEABLE = Noticeable()
@@ -272,12 +273,7 @@ def plan_sentence(
     """
     diagnosis = known.diagnosis
     if diagnosis is not None and state == "enough":
-        causes = [effect.name for effect in diagnosis.effects]
-        answer = f"the causes are decided ({listed(causes)})" if causes else "no gap of a detectable size"
-        next_step = "Further releases only improve the accuracy of sizes and ratios."
-        if untested := reservation(diagnosis):
-            next_step = f"{untested} Optional: record {'release 1' if releases else 'a further release'} to test this."
-        return " ".join(filter(None, (f"Enough: {answer}.", by_prior(diagnosis), next_step)))
+        return enough_sentence(diagnosis, known.open_limits, "release 1" if releases else "a further release")
     if not releases:
         return "No release fits the budget."
     note = only_ratios_sentence(reasons, state == "record")

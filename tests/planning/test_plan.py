@@ -284,6 +284,10 @@ def test_once_the_causes_are_decided_nothing_is_planned_without_a_budget(
     made = plan(paper, two_runs, settled, limits=limits())
     assert (made.state, made.releases, made.minutes) == ("enough", [], 0.0)
     assert len(plan(paper, two_runs, settled, limits=limits(), count=1).releases) == 1
+    for largest, releases in ((5.0, 0), (1e-3, 0), (settled.stated_ratios["c2/b"].value, 3)):  # met, violated, open
+        bounded = plan(paper, two_runs, settled, limits=limits(ratios={"c2/b": {"max": largest, "unit": "1/s"}}))
+        assert len(bounded.releases) == releases
+        assert ("Not decided by these recordings: the limits of c2/b." in bounded.sentence) is bool(releases)
 
 
 @pytest.mark.slow

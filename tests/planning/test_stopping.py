@@ -17,7 +17,7 @@ from dpr_lab.planning.forecast import FORECAST
 from dpr_lab.planning.information import informed
 from dpr_lab.planning.knowledge import known_before
 from dpr_lab.planning.limits import PlanLimits
-from dpr_lab.planning.plan import usual_count
+from dpr_lab.planning.plan import usual_count, worthwhile
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import Inseparable, PairBits, PlannedRelease
 from dpr_lab.planning.sequence import Planner, SequenceStep
@@ -154,7 +154,7 @@ def test_enough_names_the_effects_that_are_not_excluded_and_offers_an_optional_r
     for exclusions, is_listed in (([], False), ([tested], True)):
         two = of_runs(one_cause(advice=[]), "P1", "P2", exclusions=exclusions)
         known = replace(known, diagnosis=two)
-        assert usual_count(known, PlanLimits()) == is_listed
+        assert usual_count(known) == is_listed
         steps = [SequenceStep(turn.release, turn.information, 1.0, 1.0)] * is_listed
         made = summed_up(Objective.of(known), steps, PlanLimits(), 0.0)
         assert (made.state, made.forecast) == ("enough", [])
@@ -163,6 +163,10 @@ def test_enough_names_the_effects_that_are_not_excluded_and_offers_an_optional_r
         assert (f"The causes are decided. {words}" in step) is is_listed
         assert ("No further recording" in step) is not is_listed
     assert "tests the effects that are not excluded yet" in made.releases[0].reason
+    open_limit = replace(known, open_limits=("c2/b",))
+    made = summed_up(Objective.of(open_limit), steps, PlanLimits(), 0.0)
+    assert usual_count(open_limit) == 3
+    assert made.sentence.endswith("to test this. Not decided by these recordings: the limits of c2/b.")
     assert not reservation(of_runs(one_cause(), "P1", exclusions=[tested]))  # one release: not decided
 
 
@@ -363,3 +367,14 @@ def test_a_release_separates_causes_in_its_reason_only_if_the_plan_counts_them_a
 def test_a_reason_agrees_with_the_rounded_shares_of_the_table(shares: tuple[float, float], words: str) -> None:
     before, after = (Gain({}, *np.array([0.0, share, 0.0, 0.0])) for share in shares)
     assert words in reason_for(before, after)
+
+
+def test_a_plan_leaves_out_releases_without_a_noticeable_benefit(paper: Rig) -> None:
+    """A thousandth of the information of a recorded release adds nothing to it."""
+    known = known_before(paper)
+    objective = Objective.of(known)
+    wide, other = informed([CandidateRelease(0.3, 5.6, 5.0), CandidateRelease(2.0, 4.0, 5.0)], known.model)
+    steps = [SequenceStep(one.release, one.information, 1.0, 1.0) for one in (wide, other, other)]
+    useless = SequenceStep(wide.release, 1e-3 * wide.information, 1.0, 1.0)
+    assert worthwhile(objective, [*steps[:2], useless, steps[2], useless]) == steps
+    assert worthwhile(objective, [useless, useless]) == [useless, useless]
