@@ -4,14 +4,11 @@ Large libraries are imported only in these processes, not in the process that dr
 """
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.errors import DprError
 from dpr_lab.tui.jobs.job_control import JobControl
-from dpr_lab.tui.jobs.kept_comparison import KeptComparison
 from dpr_lab.workflows.compare import CompareRequest
 from dpr_lab.workflows.compare import compare as compare_runs
 from dpr_lab.workflows.events import OnEvent
@@ -35,17 +32,9 @@ def workflow(control: JobControl, *, job: Callable[[Any, OnEvent], Any], request
     return job(request, control.report)
 
 
-def compare(control: JobControl, *, request: CompareRequest, keep: KeptComparison | None = None) -> tuple[Path, ...]:
-    """Compare runs with the model, and return the runs that cannot be compared.
-
-    Without such runs, the comparisons are stored for a faster display. Errors of this file are ignored, because missing
-    comparisons are simulated again.
-    """
-    result = compare_runs(request, control.report)
-    if keep is not None and not result.left_out:
-        with suppress(DprError):
-            keep.save(result.comparisons)
-    return result.left_out
+def compare(control: JobControl, *, request: CompareRequest) -> tuple[Path, ...]:
+    """Compare runs with the model, and return the runs that cannot be compared."""
+    return compare_runs(request, control.report).left_out
 
 
 @dataclass(frozen=True, slots=True)

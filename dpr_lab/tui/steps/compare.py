@@ -15,7 +15,6 @@ from dpr_lab.errors import RunError
 from dpr_lab.report.run_names import compared_name, run_name
 from dpr_lab.shown import counted
 from dpr_lab.tui.jobs import jobs
-from dpr_lab.tui.jobs.kept_comparison import KeptComparison
 from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps import arm_results
@@ -102,20 +101,11 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         if self.missing():
             self.say(self.missing())
         elif not self._compared and self._compared_subject != self._subject():
-            if comparison := self._kept.load():
-                self._compared_subject = self._subject()
-                self.show(comparison)
-            else:
-                self.start_work()
+            self.start_work()
 
     def report(self) -> Path | None:
         """Report of the comparison, as `dpr-lab compare` writes it."""
         return self.workspace.out / "report" / "report.html"
-
-    def pace(self, now: float) -> str:
-        """Return the remaining time as text, estimated from the number of finished runs."""
-        done, net = len(self._compared), now - self._started - self._compiled_s
-        return f"about {net * (self._runs - done) / done:.0f} s left" if 0 < done < self._runs else ""
 
     def stale(self) -> str:
         """Return a message if the model, runs or torques changed since the last comparison.
@@ -144,7 +134,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         out = self.workspace.out / "report"
         runs, record = tuple(self.workspace.runs), out / "comparison.json"
         request = CompareRequest(runs, model, out, leave_out=True, record=record, torque=self.workspace.driven_by)
-        self.begin(jobs.compare, request=request, keep=self._kept)
+        self.begin(jobs.compare, request=request)
 
     def progressed(self, value: Any) -> None:
         """Show a compared or skipped run."""
@@ -211,11 +201,6 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
     def _subject(self) -> tuple[Path, float, tuple[Path, ...], str | None]:
         model = self.workspace.model or Path()
         return model, model.stat().st_mtime, tuple(self.workspace.runs), self.workspace.driven_by
-
-    @property
-    def _kept(self) -> KeptComparison:
-        """Stored comparisons of this model and these runs."""
-        return KeptComparison(self.workspace.out / "report" / "compared.npz", repr(self._subject()))
 
     @property
     def _names(self) -> list[str]:

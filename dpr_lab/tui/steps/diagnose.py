@@ -1,7 +1,5 @@
 """Step Diagnose: verdict, causes and location of the gap, gap reduction, and recommendations."""
 
-import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +15,6 @@ from dpr_lab.gap.result import RECORD
 from dpr_lab.progress import FitBegan, ScoreTestBegan, StageBegan
 from dpr_lab.shown import percent
 from dpr_lab.tui.jobs import jobs
-from dpr_lab.tui.jobs.stage_pace import StagePace
 from dpr_lab.tui.keys import bindings
 from dpr_lab.tui.services import Services
 from dpr_lab.tui.steps.arm_results import start_of_diagnosis
@@ -35,23 +32,6 @@ if TYPE_CHECKING:
 
 TABS = {"which": "Causes", "where": "Location", "far": "Gap reduction", "next": "Next steps"}
 
-STAGES_S: Mapping[str, float] = {
-    "reading": 0.8,
-    "screen": 0.03,
-    "bare model": 0.1,
-    "where": 0.03,
-    "which": 5.0,
-    "classes": 0.03,
-    "transfer": 0.2,
-    "advice": 0.01,
-    "evidence": 0.1,
-    "report": 2.0,
-}
-"""Typical duration of each stage on two cores, s, per release of 10 s with one or two named effects."""
-
-STEADY = ("bare model", "transfer", "evidence")
-"""Stages whose duration does not depend on the result."""
-
 NONE_LEFT = (
     "every selected run is held out: hold out fewer runs ({diagnose.hold_out}), or select more runs ({app.browse})"
 )
@@ -64,6 +44,7 @@ class DiagnoseStep(ResultStep["Diagnosis"]):
     PURPOSE = "shows where the simulation differs from the rig, which effect causes it, and with which probability"
     RESULT = "diagnosis"
     RESTS_ON = ("the rig", "the runs", "the held-out runs", "the model", "the torques")
+    TYPICAL_S = 9.3  # release of 10 s, on two cores
     HELP = """
 Shows where the simulation differs from the rig, and which unmodelled effects cause the gap, with probabilities and
 alternatives. Also shows by how much the gap decreases on held-out data, and what to record or measure next.
@@ -92,7 +73,6 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
     def __init__(self, services: Services) -> None:
         super().__init__(services)
         self._stage: StageBegan | None = None
-        self._pace: StagePace | None = None
 
     def compose(self) -> ComposeResult:
         """Build the form, the verdict, and the tabs with details."""
@@ -152,28 +132,14 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
             out=self._record.parent,
         )
         self._stage = None
-        self._pace = StagePace({name: s * self._runs for name, s in STAGES_S.items()}, STEADY, time.monotonic())
         self.say(READING)
         self.begin(jobs.workflow, job=diagnose, request=request)
-
-    def pace(self, now: float) -> str:
-        """Return the remaining time as text, estimated from the durations of the stages."""
-        left = self._pace.left(now) if self._pace is not None else None
-        return f"about {left:.0f} s left" if left is not None else ""
-
-    def compiling(self, now: float) -> None:
-        """Report, once, that compilation prolongs this stage."""
-        super().compiling(now)
-        if self._pace is not None:
-            self._pace.compiling(now)
 
     def progressed(self, value: Any) -> None:
         """Show the progress of the diagnosis."""
         match value:
             case StageBegan(number, of, name):
                 self._stage = value
-                if self._pace is not None:
-                    self._pace.begin(name, time.monotonic())
                 self.say(f"{_progress(number, of)}: {name}")
             case FitBegan() | ScoreTestBegan() if self._stage is not None:
                 from dpr_lab.report.words import in_words

@@ -3,9 +3,7 @@
 The search can be stopped with its best result so far.
 """
 
-import time
 from pathlib import Path
-from statistics import median
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -77,8 +75,6 @@ starts from the values of the rig file. The model is written to `model.json` in 
     def __init__(self, services: Services) -> None:
         super().__init__(services)
         self._history: list[GenerationDone] = []
-        self._instants: list[float] = []
-        self._fitting = False
 
     def compose(self) -> ComposeResult:
         """Build the form, the progress display and the tabs of results."""
@@ -130,21 +126,11 @@ starts from the values of the rig file. The model is written to `model.json` in 
             seed=self.whole_number("seed"),
             torque=self.workspace.driven_by,
         )
-        self._history, self._instants, self._fitting = [], [], False
+        self._history = []
         self._draw_convergence()
         self.say(READING)
         self.query_one(TabbedContent).active = TABS[0]
         self.begin(jobs.identify, request=request)
-
-    def pace(self, now: float) -> str:
-        """Return the upper limit of the remaining time of the search as text.
-
-        The text is empty if the limit is unknown. The search may end before its maximum number of generations.
-        """
-        if self._fitting or not self._history:
-            return ""
-        left = time_left(self._instants, self._history[-1].at_most - self._history[-1].number)
-        return f"search at most {left:.0f} s more" if left is not None else ""
 
     def progressed(self, value: Any) -> None:
         """Show a run that was read, a finished generation, or the end of the search."""
@@ -154,11 +140,9 @@ starts from the values of the rig file. The model is written to `model.json` in 
                     self.say(f"{value.name}: {note}")
             case GenerationDone():
                 self._history.append(value)
-                self._instants.append(time.monotonic())
                 self.say(self._standing(value))
                 self._draw_convergence()
             case LocalFitBegan():
-                self._fitting = True
                 self.say("search finished; the local fit follows")
 
     def finished(self, result: Any) -> None:
@@ -234,19 +218,6 @@ starts from the values of the rig file. The model is written to `model.json` in 
             y_label="fitness",
             y_range=(0.0, 1.05),
         )
-
-
-def time_left(instants: list[float], generations: int, recent: int = 8) -> float | None:
-    """Estimate the time of the remaining generations, s; None without data.
-
-    Args:
-        instants: end of each generation since the start, s
-        generations: maximum number of remaining generations
-        recent: number of generations used for the estimate
-    """
-    if len(instants) < 2:
-        return None
-    return float(median(np.diff(instants[-recent - 1 :]).tolist())) * generations
 
 
 def _history(model: "Model") -> list[GenerationDone]:

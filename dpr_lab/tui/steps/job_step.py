@@ -33,6 +33,9 @@ class JobStep(Step):
     """Description of the job in a few words."""
     RESTS_ON: ClassVar[tuple[str, ...]] = ()
     """Inputs on which the result depends: keys of `Workspace.basis`."""
+
+    TYPICAL_S: ClassVar[float] = 0.0
+    """Typical duration of the first job of a workspace, s for each run; 0 if it is unknown."""
     CAN_STOP: ClassVar[bool] = False
     """Whether the job can be stopped (`JobControl.proceed`)."""
 
@@ -74,19 +77,12 @@ class JobStep(Step):
         if self.job is None:
             return ""
         now = time.monotonic()
-        text, last = f"{self.NAME} {now - self._started:.0f} s", self.workspace.took.get(self.NAME, 0.0) * self._runs
+        text = f"{self.NAME} {now - self._started:.0f} s"
         if self._compiling is not None:
             return f"{text}, compiling"
-        left = self._started + self._compiled_s + last - now
-        pace = f"about {left:.0f} s left" if left > 0 else self.pace(now)
-        return f"{text}, {pace}" if pace else text
-
-    def pace(self, now: float) -> str:
-        """Return the remaining time as text, estimated only from the progress of this job.
-
-        The text is empty if the time is unknown. Durations of earlier jobs are not used.
-        """
-        return ""
+        duration_s = self.workspace.took.get(self.NAME, self.TYPICAL_S) * self._runs
+        left = self._started + self._compiled_s + duration_s - now
+        return f"{text}, about {left:.0f} s left" if left > 0 else text
 
     def store_inputs(self) -> None:
         """Store the inputs of the new result, and the duration of the job without compilation."""

@@ -1,7 +1,6 @@
 """Step 5: measured and simulated angles, the noise band, and free runs."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ from textual.widgets import Select, Static
 
 from dpr_lab.identification.compare import Comparison
 from dpr_lab.identification.model import load_model
-from dpr_lab.tui.jobs.kept_comparison import KeptComparison
 from dpr_lab.tui.steps.compare import CompareStep
 from dpr_lab.tui.steps.second_curve import SecondCurve
 from dpr_lab.tui.widgets.chart import Chart
@@ -235,28 +233,6 @@ async def test_another_models_file_is_simulated_as_second_curve(
         assert (pilot.app.workspace.out / "report" / "report.html").stat().st_mtime_ns == before
         await pilot.press("escape", "i", *["backspace"] * len(str(other)), *"gone.json", "enter")
         await until(pilot, lambda: any("gone.json" in notice.message for notice in pilot.app.notices))
-
-
-@pytest.mark.slow
-async def test_what_was_compared_before_is_shown_without_simulating(lab, fixed_model: Path, tmp_path: Path) -> None:
-    run = tmp_path / "first.mcap"
-    run.write_bytes(b"")
-    async with lab(CompareStep, runs=[run]) as pilot:
-        pilot.app.workspace.model = fixed_model
-        folder = pilot.app.workspace.out / "report"
-        folder.mkdir(parents=True)
-        compared = replace(swing("first", 3.2), pose=None)
-        step(pilot.app)._kept.save([compared, swing("second", 9.0)])
-        step(pilot.app).enter()
-        await pilot.pause()
-        assert step(pilot.app).job is None
-        assert step(pilot.app).outcome() == "2 runs"
-        (one, two) = step(pilot.app)._compared
-        assert np.array_equal(one.free_run, compared.free_run)
-        assert (one.run, one.pose, one.held_out, one.horizon_s, two.pose) == ("first", None, False, 3.2, "X1")
-        assert not KeptComparison(folder / "compared.npz", "another model").load()
-        (folder / "compared.npz").write_bytes(b"PK something else")
-        assert not step(pilot.app)._kept.load()
 
 
 @pytest.mark.slow

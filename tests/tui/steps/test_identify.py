@@ -15,7 +15,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.storage.metadata import RunMetadata, RunSummary
 from dpr_lab.storage.writer import RunWriter
 from dpr_lab.tui.steps.compare import CompareStep
-from dpr_lab.tui.steps.identify import IdentifyStep, time_left
+from dpr_lab.tui.steps.identify import IdentifyStep
 
 
 def text(app: App[None], widget: str) -> str:
@@ -164,14 +164,6 @@ async def test_a_damaged_model_is_reported_and_the_step_continues(lab, tmp_path:
         (notice,) = pilot.app.notices
         assert "is not a model of dpr-lab" in notice.message
         assert step(pilot.app).job is None
-
-
-@pytest.mark.parametrize(
-    ("instants", "generations", "expected"),
-    [([], 5, None), ([1.0], 5, None), ([0.0, 1.0, 2.0], 5, 5.0), ([0.0, 1.0, 2.0, 60.0], 5, 5.0)],
-)
-def test_time_left_follows_the_usual_pace(instants, generations, expected) -> None:
-    assert time_left(instants, generations) == expected
 
 
 @pytest.mark.slow
