@@ -113,22 +113,12 @@ def test_times_that_fall_by_no_counter_still_run_backwards(tmp_path: Path, paper
         import_csv(file, paper, ImportOptions(time_wrap=1.0))
 
 
-@pytest.mark.parametrize(
-    ("wrong", "mend"),
-    [
-        ({0: 6.5}, "delete line 2"),
-        ({1: 6.5}, "delete line 3"),
-        ({1: 6.5, 2: 6.6}, "delete lines 3 to 4"),
-        ({-1: 0.1}, f"delete line {len(T) + 1}"),
-        ({-3: 0.1, -2: 0.2}, f"delete lines {len(T) - 1} to {len(T)}"),
-        ({-1: T[-2], -2: T[-1]}, "exchange this row and the one before, or delete the wrong one"),
-    ],
-)
-def test_a_few_wrong_times_are_no_counter(tmp_path: Path, paper, wrong: dict[int, float], mend: str) -> None:
+@pytest.mark.parametrize("wrong", [{0: 6.5}, {1: 6.5, 2: 6.6}, {-1: 0.1}, {-1: T[-2], -2: T[-1]}])
+def test_a_few_wrong_times_are_no_counter(tmp_path: Path, paper, wrong: dict[int, float]) -> None:
     times = T.copy()
     for row, time in wrong.items():
         times[row] = time
-    with pytest.raises(RunError, match=rf": {mend}$"):
+    with pytest.raises(RunError, match=r"line \d+: time decreases .* or correct or delete rows with a wrong time"):
         import_csv(table(tmp_path / "a.csv", times, "t", "g"), paper, ImportOptions())
 
 

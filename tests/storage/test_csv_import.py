@@ -254,7 +254,7 @@ HEAD = "t,theta1,theta2\n"
         (b"t,theta1\n0,\x00\n", "binary file"),
         (f"{HEAD}0,1,2\n".encode(), "only 1 row remains"),
         (f"{HEAD}0,1,2\n0,1,2\n".encode(), "only 1 row remains"),
-        (f"{HEAD}0,1,2\n1,1,2\n0.5,1,2\n2,1,2\n".encode(), "line 4: time decreases by 0.5 s: exchange"),
+        (f"{HEAD}0,1,2\n1,1,2\n0.5,1,2\n2,1,2\n".encode(), "line 4: time decreases by 0.5 s, to 0.5 s: split"),
         (f"{HEAD}0,1,2\n1,1\n2,1,2\n".encode(), "line 3 has 2 fields, but there are 3 columns"),
         (
             b"t,theta1\n0,1.5,2.5\n1,1.5,2.5\n",

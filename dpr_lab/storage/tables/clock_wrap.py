@@ -28,10 +28,6 @@ class CounterSettings:
     falling: float = 0.25
     """Minimum share of decreases among the changes of durations. It is 1/2 for random durations, and small for times
     with a few wrong rows or for a counter that wraps."""
-    edge_rows: int = 3
-    """Maximum number of rows before or after a decrease that are probably wrong instead of another recording."""
-    edge_share: float = 10.0
-    """Minimum number of rows of the table for each of them."""
 
 
 SETTINGS = CounterSettings()
@@ -100,39 +96,13 @@ def check_forwards(table: Table, t: Array, options: ImportOptions) -> None:
             raise RunError(f"{place}: {decrease}, like a wrapping counter: import with --time-wrap {wrap:.10g}")
         if len(backwards) == len(known) - 1:
             raise RunError(f"{place}: time decreases in all rows: sort the rows by time")
-        wrong = _wrong_rows(t[known], int(backwards[0])) if len(backwards) == 1 else []
-        if wrong and wrong[0] > wrong[-1]:
-            raise RunError(f"{place}: {decrease}: exchange this row and the one before, or delete the wrong one")
-        if wrong:
-            raise RunError(
-                f"{place}: {decrease}. Rows there probably have a wrong time, or belong to another recording: delete"
-                f" {_lines(table, known[wrong])}"
-            )
         period = t[before] - t[row] + np.median(np.diff(t[known]))
         value = f" {period / unit:.6g}" if np.ptp(t[known]) < period else ""
         raise RunError(
-            f"{place}: {decrease}, to {t[row]:.10g} s: split the table there if another recording"
-            f" begins. If the same swing continues, give the period of its counter (--time-wrap{value})"
+            f"{place}: {decrease}, to {t[row]:.10g} s: split the table there if another recording begins, or correct or"
+            " delete rows with a wrong time. If the same swing continues, give the period of its counter"
+            f" (--time-wrap{value})"
         )
-
-
-def _wrong_rows(t: Array, before: int) -> list[int]:
-    """List the rows whose removal ends the only decrease of the times (n,), which is after row `before`.
-
-    If either of the rows next to the decrease can be removed, the later one is first. The list is empty if more than a
-    few rows at the start or the end would have to be removed.
-    """
-    row, n = before + 1, len(t)
-    alone = [
-        *([row] if row + 1 == n or t[before] <= t[row + 1] else []),
-        *([before] if before == 0 or t[before - 1] <= t[row] else []),
-    ]
-    if alone:
-        return alone
-    edge = min(row, n - row)
-    if edge > SETTINGS.edge_rows or n <= SETTINGS.edge_share * edge:
-        return []
-    return [k for k in range(row) if t[k] > t[row]] if edge == row else [k for k in range(row, n) if t[k] < t[before]]
 
 
 def _lines(table: Table, rows: Integers) -> str:

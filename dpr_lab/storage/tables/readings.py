@@ -187,17 +187,12 @@ def _with_other_zeros(read: InterpretedTable) -> OtherReading | None:
 
     The result is None without such zeros. It is also None if the zeros differ so little that a diagnosis fits them.
     """
-    if (added := _conserving_zeros(read)) is None:
+    rods = read.rods(read.values, read.options)
+    added = energy_zeros(read.t, rods, read.rig)
+    if added is None or not _conserves(energy_fit(read.t, rods + added, None, read.rig)):
         return None
     moved = _with_zeros(read, added)
     return moved if moved.mend or read.options.unit == "counts" else None
-
-
-def _conserving_zeros(read: InterpretedTable) -> tuple[float, float] | None:
-    """Return the (2,) offsets, rad, with which a free swing conserves its energy, or None."""
-    rods = read.rods(read.values, read.options)
-    added = energy_zeros(read.t, rods, read.rig)
-    return added if added is not None and _conserves(energy_fit(read.t, rods + added, None, read.rig)) else None
 
 
 def balanced_readings(read: InterpretedTable) -> list[OtherReading]:
@@ -212,7 +207,7 @@ def balanced_readings(read: InterpretedTable) -> list[OtherReading]:
     residuals: list[tuple[float, OtherReading]] = []
     nearest = equations.zeros(nearest=True)
     balancing = nearest if residual <= READ.near_balance else equations.zeros()
-    zeros = _with_zeros(read, _by_energy(read, balancing))
+    zeros = _with_zeros(read, balancing)
     for reading in (*other_readings(read), *(() if read.drive else (zeros,))):
         other = None if reading.time_factor != 1 else balance(reading.values, reading.options)
         if other is not None:
@@ -225,21 +220,7 @@ def balanced_readings(read: InterpretedTable) -> list[OtherReading]:
         return fewest_changes(named)
     wrong_zero = np.abs(nearest).max() >= READ.wrong_zero_rad and not read.drive
     wrong_zero = wrong_zero and equations.residual(nearest) <= min(READ.sure_balance, residual / READ.better_zero)
-    return [_with_zeros(read, _by_energy(read, nearest))] if wrong_zero else []
-
-
-def _by_energy(read: InterpretedTable, balancing: tuple[float, float]) -> tuple[float, float]:
-    """Replace the zeros of the torque balance by nearby zeros with a better energy balance.
-
-    This is done only for a single free rod. Friction that stops the rod or changes its sign shifts the zeros of the
-    torque balance, but not the zeros of the energy balance.
-    """
-    if read.rig.rods.mounting == "both" or read.torques is not None:
-        return balancing
-    added = _conserving_zeros(read)
-    if added is None or abs(without_turns(added[0] - balancing[0])) > READ.wrong_zero_rad:
-        return balancing
-    return added
+    return [_with_zeros(read, nearest)] if wrong_zero else []
 
 
 def _with_zeros(read: InterpretedTable, added: ArrayLike) -> OtherReading:
