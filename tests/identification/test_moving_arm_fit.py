@@ -161,6 +161,21 @@ def test_the_scale_of_one_rod_is_that_of_a_diagnosis_with_equal_ratios():
     assert identified.sentence == diagnosed.sentence
 
 
+def test_measured_rods_on_a_free_arm_have_the_inertia_of_their_fitted_ratios():
+    table = load_rig("paper").model_dump(exclude_none=True)
+    for name in ("m2", "l2"):
+        nominal = table["parameters"][name]["nominal"]
+        table["parameters"][name] |= {"measured": nominal, "std": 1e-4 * nominal}
+    rig = Rig.model_validate(table)
+    a, b, d, e1, c1, c2 = rod_inertias(rig.nominal, rig)
+    values = {"a": a / b, "d": 1.05 * d / b, "e1": e1 / b, "c1": c1 / b, "c2": c2 / b}  # J2 is smaller than in the file
+    unknowns = SimpleNamespace(scale="b", free=tuple(values))
+    fit: Any = SimpleNamespace(problem=SimpleNamespace(unknowns=unknowns), value=values.get)
+    scale = scale_of_arm(fit, np.zeros((5, 5)), rig)
+    assert scale.fixed_by == "measured"
+    assert scale.value == pytest.approx(b / 1.05, rel=1e-3)
+
+
 def test_absolute_values_have_the_interval_of_an_assumed_scale_at_its_edge():
     scale = ArmScale.of(Scale(b=0.005, interval90=(0.005, 0.0062), fixed_by="measured"))
     absolute = absolute_values({"e1": 40.0}, np.array([[0.01]]), scale, "b", "")

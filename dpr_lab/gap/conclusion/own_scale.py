@@ -35,7 +35,7 @@ def at_own_scale(selection: Selection, problem: Problem, rig: Rig) -> Selection:
     The selection is unchanged if the recordings determine b, or if measured values do not.
     """
     fit = selection.chosen.fit
-    if _fits_scale(fit) or any(setup.torques or setup.arm_moves for setup in problem.segments.setups):
+    if _fits_scale(fit) or any(setup.torques for setup in problem.segments.setups):
         return selection
     scale = rig_posterior(problem, fit, covariance(problem, selection.chosen, rig), rig).scale()
     if not scale.known:

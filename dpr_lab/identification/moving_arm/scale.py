@@ -83,7 +83,9 @@ def _of_rig(fit: ArmFit, covariance: Array, rig: Rig) -> Scale:
     if alone:
         unknown[RATIOS.index("e1/b")] += unknown[ON_ELBOW] * rig.g / rig.L1
     errors = share**2 * covariance[np.ix_(places, places)]
-    scale = posterior_of(unknown, rig, visible, errors, alone=alone).scale(float(unknown[SCALE]))
+    posterior = posterior_of(unknown, rig, visible, errors, alone=alone)
+    probable = posterior.scale()
+    scale = probable if probable.known else posterior.scale(float(unknown[SCALE]))
     return scale.as_inertia("a", share) if alone else scale
 
 
