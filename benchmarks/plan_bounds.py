@@ -26,7 +26,7 @@ from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.planning.candidates import minutes, mounted_now, mountings, spread_poses
 from dpr_lab.planning.forecast import FORECAST
 from dpr_lab.planning.information import informed
-from dpr_lab.planning.knowledge import RATIO_COLUMNS, Acting, Knowledge, given, known_before
+from dpr_lab.planning.knowledge import RATIO_COLUMNS, Acting, Knowledge, known_before, schur_complement
 from dpr_lab.planning.limits import AllowedRods, PlanLimits, RecordingTimes
 from dpr_lab.planning.plan import plan
 from dpr_lab.planning.release import CandidateRelease, MountedParts
@@ -132,7 +132,7 @@ def powers(known: Knowledge, H: Array) -> dict[str, Array]:
     The first number is the whole information. The second is the part orthogonal to the most similar other effect.
     """
     columns = list(range(RATIO_COLUMNS, len(known.prior)))
-    G = given(known.prior + H, known.fitted, columns) - known.prior[np.ix_(columns, columns)]
+    G = schur_complement(known.prior + H, known.fitted, columns) - known.prior[np.ix_(columns, columns)]
     result: dict[str, Array] = {}
     for name, places in known.places.items():
         for k in (place - RATIO_COLUMNS for place in places):

@@ -222,7 +222,7 @@ def tested() -> Callable[..., Any]:
     from dpr_lab.effects.effect import Recorded
     from dpr_lab.gap.hypothesis.score_test import score_test
 
-    nothing = Recorded((None,), lambda: [])
+    nothing = Recorded((None,))
     return lambda problem, fit, effects: score_test(problem, fit, effects, nothing)
 
 

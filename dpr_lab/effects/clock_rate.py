@@ -24,7 +24,7 @@ CLOCK_RATE = Effect(
     corrects="t",
     remedy=lambda params, rig, joint: (
         f"divide the device's times by {1.0 + params['excess']:.6f}: its clock has a rate error of"
-        f" {1e6 * params['excess']:+.0f} ppm, if L1 and g of the rig file are right"
+        f" {1e6 * params['excess']:+.0f} ppm, if L1 and g of the rig file are correct"
     ),
     twins=("wrong_length_L1",),
     quantities=(

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
@@ -189,8 +189,8 @@ class Recorded:
 
     arm_moves: tuple[bool | None, ...]
     """For each run, whether encoder 0 detected a motion of the arm; None if the angle of the arm was not measured."""
-    steps: Callable[[], list[tuple[int, int, float]]]
-    """Function that returns joint (0 or 1), run and instant (s) of apparent steps in the readings, best first."""
+    steps: Sequence[tuple[int, int, float]] = ()
+    """Joint (0 or 1), run and instant (s) of each lasting step of a reading."""
 
 
 Words = Mapping[str, Any]

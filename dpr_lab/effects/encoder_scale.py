@@ -29,7 +29,7 @@ def remedy(params: Params, rig: RigConstants, joint: int, exact: float = 5e-3) -
     words = f"set counts_per_rev of joint {joint + 1} in the rig file to {correct:.0f} (now {configured:.0f})"
     usual = usual_counts(correct)
     if usual and usual != usual_counts(configured):
-        words += f"; an encoder of {usual // 4} lines, read fourfold, has {usual}"
+        words += f"; an encoder of {usual // 4} lines, with four counts per line, has {usual}"
     elif abs(params["excess"]) > exact:
         words += "; no usual encoder has this number: without a potentiometer, belt or gear, another cause is probable"
     return words

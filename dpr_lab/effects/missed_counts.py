@@ -19,8 +19,8 @@ def stepped(encoder: EncoderReading, counts: float, joint: float, run: float, ti
 
 
 def propose(recorded: Recorded) -> list[dict[str, float]]:
-    """Propose joint, run and time of each apparent step of a reading, as shape parameters."""
-    return [{"joint": 1.0 + joint, "run": float(run), "time_s": t} for joint, run, t in recorded.steps()]
+    """Propose joint, run and time of each step of a reading, as shape parameters."""
+    return [{"joint": 1.0 + joint, "run": float(run), "time_s": t} for joint, run, t in recorded.steps]
 
 
 MISSED_COUNTS = Effect(

@@ -46,8 +46,8 @@ STRIBECK = pair(
         " with Coulomb friction."
     ),
     bench_check=(
-        "Pull the rod beyond joint {j} slowly with a spring scale (torque = force times distance from the joint): the"
-        " torque at which it breaks loose, minus the torque while it slides, is the extra friction at rest."
+        "Pull rod {j} slowly with a spring scale (torque = force times distance from joint {j}): the torque at which it"
+        " breaks loose, minus the torque while it slides, is the extra friction at rest."
     ),
     source="Armstrong-Helouvry, Dupont & Canudas de Wit (1994), Automatica 30(7), 1083-1138 (Gaussian form).",
 )

@@ -66,14 +66,14 @@ class ColumnSpace:
         scale = 1 / np.maximum(np.sqrt(np.diag(H)), TINY)
         return ColumnSpace(scale, H * scale[:, None] * scale, (self.gradient / self.scale + A.T @ e) * scale)
 
-    def given(self, held: Indices, columns: Indices) -> "ColumnSpace":
+    def projected_out(self, held: Indices, columns: Indices) -> "ColumnSpace":
         """Return the problem of `columns` with the columns `held` projected out, in the same scales."""
         across = self.H[held][:, columns]
         out = np.linalg.solve(_ridged(self.H[held][:, held]), np.column_stack([across, self.gradient[held]]))
         H = self.H[columns][:, columns] - across.T @ out[:, :-1]
         return ColumnSpace(self.scale[columns], H, self.gradient[columns] - across.T @ out[:, -1])
 
-    def given_sets(self, across: Array, within: Array, gradient: Array) -> "SmallSets":
+    def projected_out_of_sets(self, across: Array, within: Array, gradient: Array) -> "SmallSets":
         """Project the columns of this space out of many small sets of n columns.
 
         Args:

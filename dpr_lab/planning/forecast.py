@@ -76,7 +76,7 @@ from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
-from dpr_lab.planning.knowledge import given
+from dpr_lab.planning.knowledge import schur_complement
 from dpr_lab.planning.worth.criteria import OpenAmplitudes, OpenPairs
 
 
@@ -272,5 +272,5 @@ def _distances(information: Array, largest: Sequence[int], columns: Sequence[Seq
         largest: column of the amplitude of unit size, for each effect
         columns: columns of all amplitudes of each effect
     """
-    remaining = [np.diag(given(information, of_effect, largest)) for of_effect in columns]
+    remaining = [np.diag(schur_complement(information, of_effect, largest)) for of_effect in columns]
     return np.maximum(np.stack(remaining, axis=1), 0.0)

@@ -230,7 +230,7 @@ def _of_scale(known: Knowledge, F: Array, scale: Scale | None) -> Array:
     if scale is not None:
         others = [i for i in known.fitted if i != SCALE]
         std = known.model.estimate.ratios[SCALE] * max(scale.log_std, 1e-3)
-        change[SCALE, SCALE] = std**-2 - given(F, others, [SCALE])[0, 0]
+        change[SCALE, SCALE] = std**-2 - schur_complement(F, others, [SCALE])[0, 0]
     return change
 
 
@@ -339,7 +339,7 @@ def information_of_runs(recordings: Recordings, model: PresentModel) -> Array:
     return H[:k, :k]
 
 
-def given(F: Array, fitted: Sequence[int], columns: Sequence[int]) -> Array:
+def schur_complement(F: Array, fitted: Sequence[int], columns: Sequence[int]) -> Array:
     """Return the information about some unknowns if the other unknowns are fitted (Schur complement).
 
     Args:

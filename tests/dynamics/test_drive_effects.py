@@ -148,7 +148,7 @@ def test_the_order_of_a_ripple_is_scanned_along_the_swing(problem):
     truth, problem, initial = problem
     known = effect_params({name: values for name, values in truth.items() if name != "torque_ripple_joint2"})
     fitted = fit(problem, Estimate.of(unknown_ratios(WHOLE), known, initial), (), iterations=5)
-    ripple, nothing = EFFECTS["torque_ripple_joint2"], Recorded((None,), lambda: [])
+    ripple, nothing = EFFECTS["torque_ripple_joint2"], Recorded((None,))
     kept = ShapeScan(problem, fitted, trajectory(problem, fitted.estimate), nothing).shapes(ripple)
     assert ((param_index("torque_ripple_joint2", "order"), 9.0),) in kept
     names = ["torque_scale_joint1", "torque_ripple_joint2", "coulomb_joint2", "rotor_inertia_joint2"]

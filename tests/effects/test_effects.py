@@ -204,7 +204,7 @@ def test_internal_states_are_in_the_order_of_the_table():
 
 
 def test_shapes_are_proposed_from_the_recording():
-    still, moving = (Recorded((moves, False), lambda: [(1, 0, 2.5), (0, 1, 0.7)]) for moves in (False, None))
+    still, moving = (Recorded((moves, False), [(1, 0, 2.5), (0, 1, 0.7)]) for moves in (False, None))
     counts, arm = EFFECTS["missed_counts"], EFFECTS["arm_compliance"]
     first = proposed_shapes(counts, still)[0]
     assert dict(first) == {param_index(counts.name, n): v for n, v in [("joint", 2.0), ("run", 0.0), ("time_s", 2.5)]}

@@ -86,7 +86,7 @@ def test_the_conditional_reduction_of_columns_agrees_with_a_joint_solution(rng):
     whole = np.linalg.lstsq(A, e, rcond=None)[0]
     assert space.solution() == pytest.approx(whole, rel=1e-6)
     assert space.gain() == pytest.approx(np.sum((A @ whole) ** 2))
-    others_removed = space.given(held, own)
+    others_removed = space.projected_out(held, own)
     assert others_removed.solution() == pytest.approx(whole[own], rel=1e-6)
     assert others_removed.covariance() == pytest.approx(np.linalg.inv(A.T @ A)[np.ix_(own, own)], rel=1e-6)
     assert space.chosen(held).gain() + others_removed.gain() == pytest.approx(space.gain())
@@ -100,13 +100,13 @@ def test_many_small_sets_gain_what_each_gains_alone(rng):
     sets[4, :, 1] = held[:, 0] + 1e-6 * sets[4, :, 1]  # nearly what is fitted already
     space, across = ColumnSpace.of(held, e), np.einsum("rk,srn->ksn", held, sets)
     own, gradient = np.einsum("sri,srj->sij", sets, sets), np.einsum("srn,r->sn", sets, e)
-    result = space.given_sets(across, own, gradient).gains(positive=False)
+    result = space.projected_out_of_sets(across, own, gradient).gains(positive=False)
     left = [np.linalg.lstsq(A, e, rcond=None)[1][0] for A in (held, *(np.column_stack([held, own]) for own in sets))]
     assert result == pytest.approx(left[0] - np.array(left[1:]), rel=1e-3)
     single = np.ix_(range(5), [0], [0])
-    result = space.given_sets(across[:, :, :1], own[single], gradient[:, :1]).gains(positive=True)
+    result = space.projected_out_of_sets(across[:, :, :1], own[single], gradient[:, :1]).gains(positive=True)
     alone = [ColumnSpace.of(np.column_stack([held, one[:, :1]]), e) for one in sets]
-    wrong = np.array([space.given([0, 1, 2], [3]).solution()[0] < 0 for space in alone])
+    wrong = np.array([space.projected_out([0, 1, 2], [3]).solution()[0] < 0 for space in alone])
     assert wrong.any()
     assert (result[wrong] == 0).all()
     assert result[~wrong] == pytest.approx([alone[i].gain() - space.gain() for i in np.flatnonzero(~wrong)])

@@ -26,7 +26,7 @@ from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
 
 RIGS = sorted(path.stem for path in (Path(__file__).parents[2] / "configs" / "rigs").glob("*.toml"))
-NOTHING = Recorded(arm_moves=(None,), steps=lambda: [(0, 0, 0.5)])
+NOTHING = Recorded(arm_moves=(None,), steps=[(0, 0, 0.5)])
 
 
 def small_rig() -> Rig:

@@ -57,7 +57,7 @@ def test_the_scan_finds_the_arms_frequency_between_the_points_of_its_grid(record
     truth = {"arm_compliance": {"coupling_per_kg": 0.06, "frequency_hz": 7.2, "damping_ratio": 0.08}}
     problem, base = bare(recorded(truth))
     along = trajectory(problem, base.fit.estimate)
-    result = ShapeScan(problem, base.fit, along, Recorded((None,), lambda: [])).shapes(EFFECTS["arm_compliance"])
+    result = ShapeScan(problem, base.fit, along, Recorded((None,))).shapes(EFFECTS["arm_compliance"])
     assert dict(result[0])[param_index("arm_compliance", "frequency_hz")] == pytest.approx(7.2, rel=0.1)
 
 
@@ -66,7 +66,7 @@ def test_a_scan_does_not_lose_the_order_that_is_nearly_gravity(recorded, bare, m
     monkeypatch.setattr(scan, "arc", lambda angle: 4 * np.pi)  # as if the rods had turned twice
     problem, base = bare(recorded({"com_offset_link1": {"offset_m": 2e-3}}))
     along = trajectory(problem, base.fit.estimate)
-    recorded_shapes = Recorded((None,), lambda: [])
+    recorded_shapes = Recorded((None,))
     next_to_fit = ShapeScan(problem, base.fit, along, recorded_shapes)
     free = next_to_fit.shapes(EFFECTS["detent_joint1"])
     order = param_index("detent_joint1", "order")

@@ -25,7 +25,7 @@ def scores(paper: Rig, seed: int, *released: tuple[str, str]) -> ScoreTest:
     recordings = Recordings(tuple(screened(run, paper) for run in runs), paper)
     _, problem, bare = fit_bare_model(recordings, nominal_ratios(paper))
     library = [EFFECTS[name] for pair in PAIRS for name in pair]
-    return score_test(problem, bare.fit, library, Recorded((False,) * len(runs), list))
+    return score_test(problem, bare.fit, library, Recorded((False,) * len(runs)))
 
 
 @pytest.mark.slow

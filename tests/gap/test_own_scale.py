@@ -25,7 +25,7 @@ from dpr_lab.rig_tables import Parameter
 from sim_device.plant.config import load_plant
 
 FRICTION, SIZE, TESTED = "coulomb_joint1", "torque_Nm", "spring_joint1"
-NOTHING = Recorded(arm_moves=(None,), steps=lambda: [(0, 0, 0.5)])
+NOTHING = Recorded(arm_moves=(None,), steps=[(0, 0, 0.5)])
 
 
 TRUE = load_plant("paper").parameters

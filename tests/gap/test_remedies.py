@@ -53,7 +53,7 @@ def test_in_a_film_a_base_tilt_may_be_a_turned_camera(named):
 def test_a_usual_resolution_near_the_fitted_one_is_named(named, paper: Rig, excess: float, usual: bool):
     rig = rig_constants(paper)._replace(counts_per_rev1=4096.0)
     (sentence,) = remedies([named("encoder_scale_joint1")], {"encoder_scale_joint1": {"excess": excess}}, rig)
-    assert ("an encoder of 1000 lines, read fourfold, has 4000" in sentence) is usual
+    assert ("an encoder of 1000 lines, with four counts per line, has 4000" in sentence) is usual
     assert ("another cause is probable" in sentence) is (excess == -0.05)
 
 

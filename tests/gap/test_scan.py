@@ -27,7 +27,7 @@ def test_the_arc_of_joint_1_is_that_of_its_readings_if_the_fit_swings_further() 
     problem: Any = SimpleNamespace(measured=np.c_[readings, readings], read=np.ones((50, 2), dtype=np.bool_))
     reference: Any = SimpleNamespace(joint_angle=np.linspace([-0.3, -0.3], [0.3, 0.3], 50))
     fit: Any = None
-    proposed = ShapeScan(problem, fit, reference, Recorded((None, None), list)).shapes(EFFECTS["detent_joint1"])
+    proposed = ShapeScan(problem, fit, reference, Recorded((None, None))).shapes(EFFECTS["detent_joint1"])
     assert [order for ((_, order),) in proposed] == [39.0, 40.0]
 
 
@@ -37,7 +37,7 @@ def scan_at_5_hz(lengths: list[int], read: np.ndarray) -> ShapeScan:
     segments = SimpleNamespace(t=times, owner=owner, run=np.zeros(len(lengths), dtype=np.int64))
     problem: Any = SimpleNamespace(segments=segments, read=read)
     unused: Any = None
-    return ShapeScan(problem, unused, unused, Recorded((None, None), list))
+    return ShapeScan(problem, unused, unused, Recorded((None, None)))
 
 
 def test_a_vibration_is_proposed_only_below_half_the_sampling_rate() -> None:
@@ -68,7 +68,7 @@ def test_a_vibration_does_not_imitate_the_zero_error_of_a_slow_log(
     rig, runs = one_rod.recorded(rod, 1, tmp_path)
     problem, base = bare(runs, rig)
     along = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)
-    proposed = ShapeScan(problem, base.fit, along, Recorded((None, None), list)).shapes(EFFECTS["base_vibration"])
+    proposed = ShapeScan(problem, base.fit, along, Recorded((None, None))).shapes(EFFECTS["base_vibration"])
     assert all(frequency < 5.2 for ((_, frequency),) in proposed)
 
 
@@ -81,7 +81,7 @@ def test_a_pattern_is_proposed_only_where_it_repeats(
     rig, runs = one_rod.recorded(one_rod.Rod(duration=4.0), 1, tmp_path)
     problem, base = bare(runs, rig)
     along = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)
-    proposed = ShapeScan(problem, base.fit, along, Recorded((None, None), list)).shapes(EFFECTS[name])
+    proposed = ShapeScan(problem, base.fit, along, Recorded((None, None))).shapes(EFFECTS[name])
     orders = [order for ((_, order),) in proposed]
     assert orders
     assert min(orders) * 0.56 >= 2 * 2 * math.pi * 0.97

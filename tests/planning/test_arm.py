@@ -8,7 +8,7 @@ import pytest
 from dpr_lab.errors import ConfigError
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.planning.information import informed, simulated_states
-from dpr_lab.planning.knowledge import Acting, given, known_before
+from dpr_lab.planning.knowledge import Acting, known_before, schur_complement
 from dpr_lab.planning.limits import PlanLimits, load_plan_limits
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.signals import driven_releases
@@ -55,7 +55,7 @@ def test_a_free_arm_shows_its_inertia_and_a_held_one_does_not() -> None:
     inertia = known.places["free_arm"][0]
     held, free = informed([CandidateRelease(2.3, 2.3, 5.0, arm=arm) for arm in ("held", "free")], known.model)
     assert held.information[inertia, inertia] == pytest.approx(0.0, abs=1e-9)
-    std = 1 / np.sqrt(given(free.information + known.prior, known.fitted[:-2], [inertia])[0, 0])
+    std = 1 / np.sqrt(schur_complement(free.information + known.prior, known.fitted[:-2], [inertia])[0, 0])
     assert std < 0.01 * known.amplitudes[inertia]
     prior, expected = (shown_ratio_std(known, known.prior + F) for F in (0.0 * free.information, free.information))
     assert {"a/b", "A/b", "c0/b"} <= set(expected)

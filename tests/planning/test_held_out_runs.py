@@ -14,7 +14,7 @@ from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.planning import knowledge
 from dpr_lab.planning.information import PresentModel
-from dpr_lab.planning.knowledge import given, known_after
+from dpr_lab.planning.knowledge import known_after, schur_complement
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from tests.one_cause import of_runs, one_cause
@@ -71,5 +71,5 @@ def test_the_scale_is_as_uncertain_as_in_the_diagnosis(
     known = known_after([run], paper, of_runs(made, run.name).model_copy(update={"scale": scale}))
     b = float(known.model.estimate.ratios[SCALE])
     others = [i for i in known.fitted if i != SCALE]
-    of_b = given(known.information, others, [SCALE])
+    of_b = schur_complement(known.information, others, [SCALE])
     assert b * float(of_b[0, 0]) ** 0.5 == pytest.approx(1.645 / np.log(factor), rel=1e-3)

@@ -174,7 +174,7 @@ class Recordings:
         """Properties of the recordings from which shapes of effects are proposed."""
         return Recorded(
             arm_moves=tuple(record.encoder0_moves for record in self.records),
-            steps=lambda: [
+            steps=[
                 (axis, run, instant)
                 for run, record in enumerate(self.records)
                 for instant, axis in record.screened.breaks

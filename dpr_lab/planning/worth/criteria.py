@@ -42,7 +42,7 @@ from dpr_lab.gap.advice.check_kind import expected_bits
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.evidence import Exclusion
-from dpr_lab.planning.knowledge import RATIO_COLUMNS, Knowledge, diagonal, given
+from dpr_lab.planning.knowledge import RATIO_COLUMNS, Knowledge, diagonal, schur_complement
 from dpr_lab.planning.stopping import Causes, not_excluded, recurring
 
 
@@ -101,7 +101,7 @@ class OpenPairs:
         others = tuple(i for i in known.fitted if i not in about)
         sizes, spreads = [], []
         for of_cause in places:
-            G, n = given(known.information, others, list(dict.fromkeys((*of_cause, *about)))), len(of_cause)
+            G, n = schur_complement(known.information, others, list(dict.fromkeys((*of_cause, *about)))), len(of_cause)
             spreads.append(np.linalg.pinv(G[:n, :n], 1e-12, hermitian=True))
             sizes.append(target if of_cause == about else spreads[-1] @ (G[:n, n:] @ target))
         p = np.array([*probable.values()])
@@ -114,7 +114,7 @@ class OpenPairs:
         An entry is the distance of the readings under one cause (row) from the nearest readings under another (column).
         """
         columns = list(dict.fromkeys(i for places in self.places for i in places))
-        G = given(F, self.fitted, columns)
+        G = schur_complement(F, self.fitted, columns)
         rows = [[columns.index(i) for i in places] for places in self.places]
         moments = np.zeros((len(rows), *G.shape[-2:]))  # E[a a^T] of the amplitudes of each cause
         squared = np.zeros((*G.shape[:-2], len(rows), len(rows)))
@@ -159,7 +159,7 @@ def library_bits(known: Knowledge, F: Array) -> Array:
     The mean covers all comparisons of two amplitudes, and all comparisons of one amplitude with no effect.
     """
     columns = [i for i in range(RATIO_COLUMNS, F.shape[-1]) if known.model.columns[i].effect not in known.named]
-    G = given(F, known.fitted, columns)
+    G = schur_complement(F, known.fitted, columns)
     power = np.maximum(diagonal(G), 0.0)
     typical = np.array([known.model.columns[i].size for i in columns])
     effects = np.array([known.model.columns[i].effect for i in columns])
@@ -201,7 +201,9 @@ class OpenAmplitudes:
                     places[i] = test
         if not places:
             return cls((), np.zeros((0, 0)), np.zeros((*F.shape[:-2], 0, 0)))
-        before, after = (given(information, known.fitted, [*places]) for information in (known.information, F))
+        before, after = (
+            schur_complement(information, known.fitted, [*places]) for information in (known.information, F)
+        )
         visible = np.flatnonzero(np.diag(before) > 0.0)  # an amplitude without information has no estimate
         tests, rows = [*places.values()], np.ix_(visible, visible)
         return cls(tuple(tests[i] for i in visible), before[rows], after[..., *rows])
@@ -236,7 +238,7 @@ def ratio_std(known: Knowledge, F: Array) -> Array:
 
 def _ratio_information(known: Knowledge, F: Array) -> Array:
     """Return the (..., 5, 5) information about the ratios with the other unknowns of the model fitted."""
-    return given(F, [i for i in known.fitted if i >= len(RATIOS)], range(len(RATIOS)))
+    return schur_complement(F, [i for i in known.fitted if i >= len(RATIOS)], range(len(RATIOS)))
 
 
 def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
@@ -249,7 +251,7 @@ def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
     of_arm = [place for name in sorted(known.always) for place in known.places.get(name, ())]
     places = [*(place for place in range(len(RATIOS)) if place not in known.hidden_ratios), *of_arm]
     nuisance = [place for place in known.fitted if place not in (*places, SCALE)]
-    covariance = np.linalg.inv(given(F, nuisance, [*places, SCALE]))
+    covariance = np.linalg.inv(schur_complement(F, nuisance, [*places, SCALE]))
     shown: dict[str, float] = {}
     for i, place in enumerate(places):
         ratio = ratio_of(known.model.columns[place], estimate, known.rig, alone=alone)
@@ -280,7 +282,7 @@ def detectable(
     fitted = [i for i in known.fitted if not (at_assumed_scale and i == SCALE)]
     for name in known.places if names is None else names:
         places = list(known.places.get(name, ()))
-        power = np.diag(given(F, [i for i in fitted if i not in places], places))
+        power = np.diag(schur_complement(F, [i for i in fitted if i not in places], places))
         prior = np.diag(known.prior)[places]
         visible = power - prior > np.maximum(WORTH.seen * np.diag(F)[places], prior)
         for i, place in enumerate(places):

@@ -22,7 +22,7 @@ from dpr_lab.gap.evidence.joint_friction import GRID, curve_basis, linear_torque
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.planning.information import reached_speeds
-from dpr_lab.planning.knowledge import Knowledge, given
+from dpr_lab.planning.knowledge import Knowledge, schur_complement
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import LimitForecast
 from dpr_lab.planning.worth.criteria import (
@@ -198,7 +198,7 @@ def _fitted_together(known: Knowledge, F: Array, name: str) -> dict[str, float]:
     """
     if not (places := list(known.places.get(name, ()))):
         return {}
-    amplitudes = given(F, [i for i in known.fitted if i not in places], places)
+    amplitudes = schur_complement(F, [i for i in known.fitted if i not in places], places)
     of_recordings = amplitudes - known.prior[np.ix_(places, places)]
     size = np.diag(of_recordings)
     # rounding leaves a size of either sign, and entries next to it, for an amplitude that the fitted values replace
@@ -284,5 +284,5 @@ def _with_common_effects(known: Knowledge, F: Array) -> tuple[Knowledge, Array]:
     """
     names = {name for name in known.places if EFFECTS[name].common} - known.named
     places, wider = [i for name in sorted(names) for i in known.places[name]], F.copy()
-    wider[places, places] += np.diag(given(F, known.fitted, places)) / SIGMAS**2
+    wider[places, places] += np.diag(schur_complement(F, known.fitted, places)) / SIGMAS**2
     return replace(known, named=known.named | names), wider
