@@ -14,7 +14,7 @@ from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.robust import refit_lost, student_weights
 from dpr_lab.gap.damage.disturbances import without_disturbances
-from dpr_lab.gap.damage.outliers import lone_readings
+from dpr_lab.gap.damage.outliers import isolated_outliers
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.screen.tracking_noise import tracking_noise
@@ -57,7 +57,7 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
     setups = short.segments.setups
     alone, clamped = only_inner(setups), clamped_cosine(setups)
     b = float(ratios[SCALE]) if driven else posterior_of(ratios, recordings.rig, alone=alone, clamped=clamped).b
-    recordings = recordings.without(short, lone_readings(short, first.estimate))
+    recordings = recordings.without(short, isolated_outliers(short, first.estimate))
     estimate = first.estimate.changed(ratios=with_scale(ratios, b))
     recordings = replace(recordings, ratios=None if recordings.exact_torques else estimate.ratios)
     problem, bare = _in_working_segments(recordings, short, estimate)

@@ -119,13 +119,13 @@ def _screened(request: Request) -> ScreenedRuns:
     for run in (*request.runs, *request.held_out):
         refuse_without_motion(run, request.rig)
     _begin(request, "screen")
-    runs, held_out, cut = in_pieces(request.runs, request.held_out)
+    runs, held_out, division = in_pieces(request.runs, request.held_out)
     request = replace(request, runs=runs, held_out=held_out)
     to_fit, to_predict = (
         Recordings(tuple(record(run, request.rig) for run in group), request.rig) for group in (runs, held_out)
     )
     refuse_wrong_input(to_fit, request.start)
-    return ScreenedRuns(request=request, recordings=to_fit, held_out=to_predict, cut=cut)
+    return ScreenedRuns(request=request, recordings=to_fit, held_out=to_predict, division=division)
 
 
 def _fitted(screened: ScreenedRuns) -> Fitted:
@@ -143,7 +143,7 @@ def _fitted(screened: ScreenedRuns) -> Fitted:
         request=request,
         recordings=recordings,
         held_out=held_out,
-        cut=screened.cut,
+        division=screened.division,
         problem=problem,
         bare=bare,
         held_out_prediction=prediction,

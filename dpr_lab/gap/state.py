@@ -59,8 +59,8 @@ class ScreenedRuns:
     recordings: Recordings
     held_out: Recordings
     """Recordings that no fit uses."""
-    cut: str
-    """Sentence on the pieces of a divided record, or empty."""
+    division: str
+    """Sentence on the division of a long record into pieces, or empty."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,7 +17,7 @@ def test_the_assumptions_of_a_single_rod_refer_to_a() -> None:
     )
     chosen = Fake(estimate=Fake(zeros=np.zeros((0, 2))), effects=())
     state: Any = Fake(
-        fitted=Fake(cut="", problem=problem, recordings=recordings),
+        fitted=Fake(division="", problem=problem, recordings=recordings),
         selection=Fake(
             chosen=chosen, expected=(), misleading=(), absorbed={"rotor_inertia_joint1": {"inertia_kgm2": "e1/b"}}
         ),

@@ -10,7 +10,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.saved import Interval
-from dpr_lab.gap.transfer.lone_recording import LoneRecording, alone
+from dpr_lab.gap.transfer.lone_recording import LoneRecording, exceptional
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.transfer.transfer import judged
 from tests.background_rigs import law, record, rig_and_base
@@ -22,7 +22,7 @@ from tests.background_rigs import law, record, rig_and_base
     ids=["clear", "near the noise", "noise", "all alike", "above small unknown causes"],
 )
 def test_only_a_remainder_that_the_other_recordings_lack_is_alone(remainder, others, is_alone):
-    assert alone("run1", remainder, others) == (LoneRecording("run1", remainder, others) if is_alone else None)
+    assert exceptional("run1", remainder, others) == (LoneRecording("run1", remainder, others) if is_alone else None)
 
 
 def test_no_effect_is_sure_while_one_recording_contradicts():

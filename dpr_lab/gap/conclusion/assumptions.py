@@ -27,8 +27,8 @@ def assumptions(state: Transferred, least: DetectableSizes, scale: Scale) -> Ite
         least: minimum detectable size by effect and amplitude; None if the amplitude is undetectable at any size
         scale: value of b that absolute sizes assume
     """
-    if state.fitted.cut:
-        yield state.fitted.cut
+    if state.fitted.division:
+        yield state.fitted.division
     yield _length(state)
     yield _scale(state, scale)
     yield (

@@ -147,7 +147,7 @@ def _shifts(problem: Problem, fit: Fit, inflation: float) -> Iterator[Array]:
     for k in at_bound:
         direction = _direction(space, inside, k, inward=1.0 if room[0, k] == 0.0 else -1.0)
         farthest = _farthest(room, direction)
-        alone = space.given(inside, [k])
+        alone = space.projected_out(inside, [k])
         step = min(farthest, inflation**0.5 * float(alone.scale[0]) / float(alone.H[0, 0]) ** 0.5)
         states = fit.linear.initial_steps(step * direction) - fit.linear.initial_steps(np.zeros(len(direction)))
         changed = Estimate(fit.estimate.vector.copy(), fit.estimate.initial + states)
@@ -157,7 +157,7 @@ def _shifts(problem: Problem, fit: Fit, inflation: float) -> Iterator[Array]:
         A = np.append(fit.linear.A[:, :, inside], fit.linear.projected(column[:, :, None]), axis=2)
         rows = np.column_stack([prior[:, inside], prior @ direction])
         columns = ColumnSpace.of(A, fit.linear.e).with_prior(rows, np.zeros(len(rows)))
-        reduced = columns.given(range(len(inside)), [len(inside)])
+        reduced = columns.projected_out(range(len(inside)), [len(inside)])
         K, g = float(reduced.H[0, 0]) / reduced.scale[0] ** 2, float(reduced.gradient[0]) / reduced.scale[0]
         yield direction * _mean_square(g / inflation, K / inflation, farthest) ** 0.5
 

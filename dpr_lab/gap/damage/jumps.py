@@ -106,27 +106,29 @@ def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
 def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[Jump]]:
     """Return the best kick and the best step of a reading in each segment.
 
-    A step has a joint only if neither a kick of finite duration nor a single wrong reading explains the residual
-    equally well.
+    Constant torques are projected out before kicks, parabolic torques before steps. A step has a joint only if neither
+    a kick of finite duration nor a single wrong reading explains the residual equally well.
     """
     reference = trajectory(problem, fitted.estimate, spacing=TRAJECTORY.coarse_s)
-    rough = _Changes.of(problem, fitted, reference, JUMP.kick_torques)
-    smooth = _Changes.of(problem, fitted, reference, JUMP.step_torques)
-    of_kick, impulses = rough.kicks()
-    of_steps, sizes = np.stack([smooth.steps(joint) for joint in range(2)], axis=1)  # both (joints, samples)
-    joints, of_step = np.argmax(of_steps, axis=0).tolist(), np.max(of_steps, axis=0)
-    beyond_kick = np.max([rough.steps(joint)[0] for joint in range(2)], axis=0) > _highest_near(problem.t, of_kick)
-    certain = beyond_kick & (of_step > smooth.lone())
+    with_constant = _Changes.of(problem, fitted, reference, JUMP.kick_torques)
+    with_parabola = _Changes.of(problem, fitted, reference, JUMP.step_torques)
+    kick_gain, impulses = with_constant.kicks()
+    gains, sizes = np.stack([with_parabola.steps(joint) for joint in range(2)], axis=1)  # both (joints, samples)
+    joints, step_gain = np.argmax(gains, axis=0).tolist(), np.max(gains, axis=0)
+    beyond_kick = np.max([with_constant.steps(joint)[0] for joint in range(2)], axis=0) > _highest_near(
+        problem.t, kick_gain
+    )
+    certain = beyond_kick & (step_gain > with_parabola.lone())
     instants = problem.t - 0.5 * np.diff(problem.t, prepend=problem.t[0])
-    of_rods, of_readings, ends = list[Jump](), list[Jump](), pairwise(problem.segments.offsets.tolist())
+    kicks, steps, ends = list[Jump](), list[Jump](), pairwise(problem.segments.offsets.tolist())
     for run, (first, last) in zip(problem.segments.run.tolist(), ends, strict=True):
         span = float(problem.t[first]), float(problem.t[last - 1])
-        i = first + int(np.argmax(of_kick[first:last]))
-        of_rods.append(Jump(float(of_kick[i]), run, float(instants[i]), None, _speeds(reference, i, impulses[i]), span))
-        i = first + int(np.argmax(of_step[first:last]))
+        i = first + int(np.argmax(kick_gain[first:last]))
+        kicks.append(Jump(float(kick_gain[i]), run, float(instants[i]), None, _speeds(reference, i, impulses[i]), span))
+        i = first + int(np.argmax(step_gain[first:last]))
         joint, size = joints[i] if certain[i] else None, (float(sizes[joints[i], i]),)
-        of_readings.append(Jump(float(of_step[i]), run, float(instants[i]), joint, size, span))
-    return of_rods, of_readings
+        steps.append(Jump(float(step_gain[i]), run, float(instants[i]), joint, size, span))
+    return kicks, steps
 
 
 def _highest_near(t: Array, values: Array) -> Array:

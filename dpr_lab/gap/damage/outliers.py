@@ -28,7 +28,7 @@ class OutlierRules:
 OUTLIERS = OutlierRules()
 
 
-def lone_readings(problem: Problem, estimate: Estimate) -> Flags:
+def isolated_outliers(problem: Problem, estimate: Estimate) -> Flags:
     """Return the (samples, 2) mask of isolated outliers of up to three readings.
 
     A robust straight line (Theil and Sen) is fitted to the seven residuals around a reading. An outlier is far from

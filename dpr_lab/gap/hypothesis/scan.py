@@ -101,7 +101,7 @@ class FittedColumns:
     def of_products(self, products: Array, within: Array, count: int) -> SmallSets:
         """Project the fitted columns out of sets of columns, whose `products` are summed over all segments."""
         across = products.reshape(len(products), -1, count)
-        return self.space.given_sets(across[:-1], within, across[-1])
+        return self.space.projected_out_of_sets(across[:-1], within, across[-1])
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,7 @@ class ScoreTest:
 
     def projected(self, columns: Sequence[int]) -> ColumnSpace:
         """Return the space of columns with the fitted parameters projected out."""
-        return self.space.given(list(self.fitted_columns), list(columns))
+        return self.space.projected_out(list(self.fitted_columns), list(columns))
 
     def cosine(self, target: Score, other: Score) -> float:
         """Return the cosine between the signature of `target` and the nearest signature of `other`."""

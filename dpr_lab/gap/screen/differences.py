@@ -44,7 +44,7 @@ def sixth(values: Array, stride: int = 1) -> Array:
     return np.diff(values[::stride], ORDER, axis=0) / math.sqrt(math.comb(2 * ORDER, ORDER))
 
 
-def tamed_rms(values: Array, wildest: float = 8.0) -> float:
+def clipped_rms(values: Array, wildest: float = 8.0) -> float:
     """Return the root mean square of values clipped at `wildest` robust standard deviations."""
     most = wildest * spread(values)
     return float(np.sqrt(np.mean(np.minimum(np.abs(values), most) ** 2)))
@@ -95,7 +95,7 @@ def noise_by_speed(
     level = spread
     if keep is not None:
         evenly_spaced &= sliding_window_view(keep.all(axis=1), ORDER + 1).all(axis=1)
-        level = tamed_rms
+        level = clipped_rms
     lines = [_line(speed2[evenly_spaced, axis], residual[evenly_spaced, axis], floor[axis], level) for axis in range(2)]
     weights = [1 / error**2 for _, error in lines]
     if not any(weights):

@@ -67,10 +67,10 @@ def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) ->
     common = remainders(fit.linear.chi2_by_segment)
     largest = int(np.argmax(common))
     others = np.delete(remainders(_refitted(fit, run != largest)), largest)
-    return alone(names[largest], float(common[largest]), float(others.max()))
+    return exceptional(names[largest], float(common[largest]), float(others.max()))
 
 
-def alone(name: str, remainder: float, others: float) -> LoneRecording | None:
+def exceptional(name: str, remainder: float, others: float) -> LoneRecording | None:
     """Return the recording if its remainder far exceeds all others, otherwise None.
 
     Args:

@@ -117,7 +117,7 @@ def encoder_speed(reference: Trajectory, joint: int) -> Array:
 def beyond_fit(linear: Linearisation, fitted: Sequence[int], columns: Array) -> ColumnSpace:
     """Return the space of further columns (segments, m, k) with the fitted columns projected out."""
     space = ColumnSpace.of(np.concatenate([linear.A[:, :, fitted], columns], axis=2), linear.e)
-    return space.given(slice(0, len(fitted)), slice(len(fitted), None))
+    return space.projected_out(slice(0, len(fitted)), slice(len(fitted), None))
 
 
 def under_torque(problem: Problem, reference: Trajectory, joint: int, torque: Array) -> Array:
