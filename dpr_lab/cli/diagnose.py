@@ -142,6 +142,8 @@ def show(diagnosis: "Diagnosis", out: Path | None = None, *, verbose: bool = Fal
     if causes := tables.summary_table(diagnosis, brief=not verbose):
         note = f"{summary_note(diagnosis)} {scale_note(diagnosis)}".strip()
         report_table("Causes", causes, note)
+    if common := tables.common_table(diagnosis):
+        report_table("Fit of the common effects alone", common)
     for text_below in (*diagnosis.notes, *diagnosis.remedies):
         line(in_words(text_below))
     if diagnosis.where and diagnosis.open_gap and not diagnosis.only_uncertain:

@@ -32,7 +32,7 @@ Reading order. About 9,000 words contain the rules of this choice:
     `classes.posterior`          the probabilities of X and Y, if both remain
 
 About 7,000 words contain the stages: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`, `which.select`,
-`corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 74,000 words. Each has the
+`corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 75,000 words. Each has the
 computations of one decision; read it when you change it. Two of them belong to no single stage: `damage`
 (outliers, kicks, and rods moved by a hand, which the fit of the bare model excludes; steps of a reading) and
 `films` (corrections of films).

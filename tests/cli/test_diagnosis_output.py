@@ -44,6 +44,15 @@ def test_a_step_names_its_check_and_the_command_its_file(capsys: pytest.CaptureF
     assert "dpr-lab check out/diagnosis.json CHECK, followed by --value " in short
 
 
+def test_sizes_of_the_common_effects_follow_the_verdict(capsys: pytest.CaptureFixture[str]) -> None:
+    size = {"value": -0.0212, "interval90": [-0.0361, -0.00629]}
+    zero = {"name": "encoder_offset_joint1", "class": ["encoder_offset_joint1"], "parameters": {"offset_rad": size}}
+    show(made(verdict="unexplained", effects=[], common=[{**zero, "share": 0.44}]))
+    _, verdict, common = capsys.readouterr().out.partition("Fit of the common effects alone")
+    assert verdict
+    assert all(words in common for words in ("encoder offset, joint 1", "offset -21.2 mrad (-36.1 to -6.29)", "44 %"))
+
+
 def test_sensor_faults_are_counted_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     fault = {"name": "outlier", "run": "run0", "axis": "joint1", "evidence": "one reading deviates"}
     faults = [{**fault, "at_s": 0.1 * k, "count": 2} for k in range(3)]

@@ -26,7 +26,6 @@ def named_effect(state: Transferred, posterior: EffectPosterior, scale: Scale) -
     """Describe a selected effect: class, sizes, and share of the excess chi-square."""
     selection = state.selection
     values = named_params(selection.chosen.estimate.params).get(posterior.name, {})
-    errors = {name: state.intervals.get((posterior.name, name), 0.0) for name in values}
     return NamedEffect.model_validate(
         {
             "name": posterior.name,
@@ -36,13 +35,26 @@ def named_effect(state: Transferred, posterior: EffectPosterior, scale: Scale) -
             "probability": posterior.probability,
             "outside": posterior.outside,
             "untested": posterior.untested,
-            "parameters": {
-                name: _size(scale, posterior.name, name, value, errors[name]) for name, value in values.items()
-            }
-            | _implied(EFFECTS[posterior.name], values, errors),
+            "parameters": effect_sizes(scale, posterior.name, values, state.intervals),
             "share": selection.unique_share(posterior.name),
         }
     )
+
+
+def effect_sizes(
+    scale: Scale, effect: str, values: Params, half_widths: Mapping[tuple[str, str], float]
+) -> dict[str, EffectSize]:
+    """Return the fitted and the derived sizes of an effect, with their intervals.
+
+    Args:
+        scale: inertia that absolute sizes assume
+        effect: name of the effect
+        values: fitted value of each parameter
+        half_widths: half width of the 90 % interval of each value, by effect and parameter
+    """
+    errors = {name: half_widths.get((effect, name), 0.0) for name in values}
+    sizes = {name: _size(scale, effect, name, value, errors[name]) for name, value in values.items()}
+    return sizes | _implied(EFFECTS[effect], values, errors)
 
 
 def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import hashlib
 import time
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.encoder_scale import ENCODER_SCALE_JOINT0
@@ -10,7 +11,8 @@ from dpr_lab.gap.advice.expected import expected_size
 from dpr_lab.gap.classes.posterior import probabilities
 from dpr_lab.gap.conclusion.assumptions import assumptions
 from dpr_lab.gap.conclusion.at_rest import at_rest, held_angles
-from dpr_lab.gap.conclusion.causes import families, named_effect, of_camera, remedies, rivals
+from dpr_lab.gap.conclusion.causes import effect_sizes, families, named_effect, of_camera, remedies, rivals
+from dpr_lab.gap.conclusion.common_fit import common_fit, common_note
 from dpr_lab.gap.conclusion.components import components
 from dpr_lab.gap.conclusion.notes import notes
 from dpr_lab.gap.conclusion.ratios import ratio_fields, scale
@@ -49,7 +51,7 @@ def conclude(state: Transferred, advised: Sequence[AdvisedCheck], evidence: Evid
     names_causes, assumed = kind in ("named", "partly_explained", "too_short"), scale(state)
     probable = () if withheld or kind == "inconclusive" else state.posteriors
     named = [named_effect(state, posterior, assumed) for posterior in shown] if names_causes else []
-    named_families = families(state, named)
+    named_families, common = families(state, named), common_fit(kind, state, partial(effect_sizes, assumed))
     sizes, residuals = named_params(chosen.estimate.params), chosen.residuals
     constants = state.fitted.recordings.constants
     probable_names = [effect.name for effect in named if effect.probability >= VERDICT.rather]
@@ -59,7 +61,11 @@ def conclude(state: Transferred, advised: Sequence[AdvisedCheck], evidence: Evid
     return Diagnosis(
         verdict="inconclusive" if kind == "too_short" else kind,
         sentence=sentence(kind, state, visible_counts, evidence.budget),
-        notes=notes(state, "partly_explained" if kind == "too_short" else kind, named_families),
+        notes=[
+            *([] if common is None else [common_note(common)]),
+            *notes(state, "partly_explained" if kind == "too_short" else kind, named_families),
+        ],
+        common=common or [],
         hints=[state.description.hint] if state.description.hint else [],
         basis=transfer.basis,
         transfer={effect: dict(shares) for effect, shares in transfer.effects.items()},

@@ -38,13 +38,35 @@ class EffectSize(Interval):
     """90 % interval of the absolute value, including the uncertainty of b; None in a file of an older version."""
 
 
-class NamedEffect(Saved):
-    """One effect of the selected set, with its size and probability."""
+class FittedEffect(Saved):
+    """A fitted effect with its class and its sizes."""
 
     name: str
     """Name of the effect, a key of `dpr_lab.effects.EFFECTS`."""
     members: list[str] = Field(alias="class")
     """The effect and the effects that are indistinguishable from it in these recordings."""
+    parameters: dict[str, EffectSize]
+    """Size of each parameter, SI, by the name of the parameter."""
+
+    @property
+    def insignificant(self) -> set[str]:
+        """Amplitudes whose intervals contain zero; empty if this applies to all amplitudes."""
+        amplitudes = {p.name for p in EFFECTS[self.name].amplitudes} & set(self.parameters)
+        ends = {name: self.parameters[name].interval90 for name in amplitudes}
+        unclear = {name for name, (low, high) in ends.items() if low <= 0 <= high}
+        return unclear if unclear != amplitudes else set()
+
+
+class CommonEffect(FittedEffect):
+    """One effect of a fit of the common effects alone, which is not confirmed as a cause."""
+
+    share: float
+    """Share of the excess that this effect and the effects before it explain together."""
+
+
+class NamedEffect(FittedEffect):
+    """One effect of the selected set, with its size and probability."""
+
     odds: dict[str, float] = {}
     """Share of each member of the class in the probability, by the plausibility of its size."""
     forms: list[str] = []
@@ -58,8 +80,6 @@ class NamedEffect(Saved):
     """Probability that a cause outside the library replaces the effect; None in a file of an older version."""
     untested: bool = False
     """Whether the probability is limited because one release of a single rod is a weak test of its form."""
-    parameters: dict[str, EffectSize]
-    """Size of each parameter, SI, by the name of the parameter."""
     share: float
     """Unique contribution: share of the excess that returns without the effect."""
 
@@ -77,14 +97,6 @@ class NamedEffect(Saved):
         """Other members of the class, if together they are improbable because of their sizes or rarity."""
         others = [name for name in self.members if name != self.name]
         return others if self.odds.get(self.name, 0.0) > 1 - PROBABLE else []
-
-    @property
-    def insignificant(self) -> set[str]:
-        """Amplitudes whose intervals contain zero; empty if this applies to all amplitudes."""
-        amplitudes = {p.name for p in EFFECTS[self.name].amplitudes} & set(self.parameters)
-        ends = {name: self.parameters[name].interval90 for name in amplitudes}
-        unclear = {name for name, (low, high) in ends.items() if low <= 0 <= high}
-        return unclear if unclear != amplitudes else set()
 
 
 class NamedFamily(Saved):

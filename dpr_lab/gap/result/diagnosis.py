@@ -13,7 +13,7 @@ from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
 from dpr_lab.gap.result import RECORD
-from dpr_lab.gap.result.causes import NamedEffect, NamedFamily, RivalEffect
+from dpr_lab.gap.result.causes import CommonEffect, NamedEffect, NamedFamily, RivalEffect
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
 from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.finding import SensorFinding
@@ -51,8 +51,8 @@ class Diagnosis(Shown, Saved):
     notes: list[str] = []
     """Notes in addition to the verdict, in sentences.
 
-    They state effects that do not carry over or differ between recordings, components that several effects form, and
-    the unmodelled remainder.
+    They state the share of the common effects, effects that do not carry over or differ between recordings, components
+    that several effects form, and the unmodelled remainder.
     """
     hints: list[str] = []
     """Signs that the recordings are described wrongly, each with the option or key of the rig file that corrects it."""
@@ -70,6 +70,8 @@ class Diagnosis(Shown, Saved):
     """Location of the gap in one sentence."""
     effects: list[NamedEffect]
     """Named effects, in the order in which they were selected."""
+    common: list[CommonEffect] = []
+    """Fit of the common effects alone, if no cause with a tested form is claimed; it does not confirm a cause."""
     families: list[NamedFamily] = []
     """Components that several of the named effects form."""
     rivals: list[RivalEffect]

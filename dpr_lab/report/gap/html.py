@@ -103,6 +103,7 @@ def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
     yield tables.summary_table(diagnosis, brief=True)
     if note := summary_note(diagnosis):
         yield note
+    yield tables.common_table(diagnosis)
     yield Items([in_words(text) for text in diagnosis.notes])
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.exports.corrected import significant_values
-from dpr_lab.gap.result.causes import NamedEffect
+from dpr_lab.gap.result.causes import FittedEffect, NamedEffect
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, superscripts, three, with_interval, with_unit
@@ -38,7 +38,7 @@ def scale_note(diagnosis: Diagnosis) -> str:
     return superscripts(diagnosis.scale.sentence) if diagnosis.scale else ""
 
 
-def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RADIANS, *, brief: bool = False) -> str:
+def sizes_cell(diagnosis: Diagnosis, effect: FittedEffect, angles: AngleUnit = RADIANS, *, brief: bool = False) -> str:
     """Format the parameters of an effect with intervals for a table cell.
 
     Ratios come first if only ratios are identified. Parameters that are held at zero come last, followed by the sizes
@@ -65,7 +65,8 @@ def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RA
     signs = [negative_words(effect.name, name, size.value) for name, size in sizes.items()]
     at_zero = f"at zero: {zeros}" if zeros else ""
     around_zero = f"not distinguishable from zero: {open_words}" if open_words else ""
-    ends = [*signs, around_zero, at_zero, _in_models(diagnosis, effect.name, angles)]
+    in_models = _in_models(diagnosis, effect.name, angles) if isinstance(effect, NamedEffect) else ""
+    ends = [*signs, around_zero, at_zero, in_models]
     return "; ".join([*_ratios_first(diagnosis, effect.name, words, ratios), *filter(None, ends)])
 
 

@@ -26,6 +26,7 @@ EFFECT_NOTE = (
     " others are refitted. The excess is proportional to the square of the gap. Effects can partly replace"
     " each other, so the shares need not add up to 100 %. Indistinguishable effects share one probability."
 )
+COMMON_NOTE = "The effects are added one at a time. The share is cumulative, and the sizes are those of the last fit."
 STEP_NOTE = (
     "Gap: rms of a reading above the noise, over all joints, in segments of 0.5 s (longer for single rods)."
     " Effects are added one at a time, the largest contribution first. The excess explained is cumulative."
@@ -117,6 +118,13 @@ def summary_table(diagnosis: Diagnosis, *, brief: bool = False) -> Rows:
         (words, sizes_cell(diagnosis, effect, brief=brief), percent(effect.probability))
         for words, effect in causes(diagnosis).items()
     ]
+
+
+@page_table("common effect alone", "size, 90 % interval", "share of the excess", caption=COMMON_NOTE, style="prose")
+def common_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> Rows:
+    """Return one row for each common effect of the fit without other effects."""
+    rows = [(" or ".join(map(named, e.members)), sizes_cell(diagnosis, e, angles), e.share) for e in diagnosis.common]
+    return [(members, sizes, percent(share)) for members, sizes, share in rows]
 
 
 @page_table(

@@ -30,6 +30,8 @@ def which_view(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
     ]
     shown.append("  ".join(f"{name.replace('_', ' ')}: {percent(p)}" for name, p in others.items()))
     shown += [in_words(note) for note in diagnosis.notes]
+    if common := gap_tables.common_table(diagnosis, unit):
+        shown += ["", report_table("Fit of the common effects alone", common)]
     if alternatives := gap_tables.standing_table(diagnosis):
         shown += ["", report_table("Alternatives", alternatives), Text(alternatives.caption, "dim")]
     if faults := findings.finding_table(diagnosis):

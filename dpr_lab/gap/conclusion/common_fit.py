@@ -1,0 +1,153 @@
+"""Fit of the common effects alone, which a diagnosis shows if it claims no cause.
+
+A fit of textbook equations contains zero errors, a tilt, dry friction and air drag. With few segments or correlated
+noise such effects may be insignificant as causes, although they explain much of the gap. Their sizes are nevertheless
+useful, and their share shows whether the cause can be one of them.
+
+Starting from the bare model, the common effect that reduces chi2 most is added in each step. A step must reduce the
+excess as much as the search requires of an additional effect (`most_excess`), but need not be significant.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from dpr_lab.effects import EFFECTS, named_params
+from dpr_lab.effects.effect import Effect, Params
+from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.gap.conclusion.uncertainty import whole_covariance
+from dpr_lab.gap.conclusion.verdict import VERDICT, DetailedVerdict, gap_is_small
+from dpr_lab.gap.damage.steps import recorded_properties
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.refits import REFITS, refit_with
+from dpr_lab.gap.hypothesis.score_test import score_test
+from dpr_lab.gap.hypothesis.significance import most_excess
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
+from dpr_lab.gap.result.causes import CommonEffect, EffectSize
+from dpr_lab.gap.state import Fitted, Transferred
+from dpr_lab.gap.where.discrepancy import discrepancy
+from dpr_lab.gap.which.sizes import rises, significantly_oversized
+from dpr_lab.shown import percent
+
+
+@dataclass(frozen=True, slots=True)
+class CommonFitRules:
+    """Effort of the fit of the common effects."""
+
+    candidates: int = 2
+    """Number of effects that are fitted in each step, because their scores are only linear predictions."""
+
+
+COMMON_FIT = CommonFitRules()
+
+DescribeSizes = Callable[[str, Params, Mapping[tuple[str, str], float]], dict[str, EffectSize]]
+
+
+class CommonSet(NamedTuple):
+    """A set with one more common effect."""
+
+    model: Hypothesis
+    members: tuple[str, ...]
+    """The added effect and the common effects that are indistinguishable from it."""
+
+
+def common_fit(kind: DetailedVerdict, state: Transferred, described: DescribeSizes) -> list[CommonEffect] | None:
+    """Return the common effects that explain the gap best, in the order of their shares.
+
+    The list is empty if no common effect explains enough. The result is None if a cause with a tested form is claimed,
+    if the segments show no gap, or if the selected set contains the same effects.
+
+    Args:
+        kind: the verdict
+        state: results of all stages
+        described: function (effect, values, half widths) that describes the sizes of an effect
+    """
+    problem, selection = state.fitted.problem, state.selection
+    if not _shown(kind, state):
+        return None
+    tested = selection.final_test.tested | selection.chosen.key
+    steps = [*common_steps(state.fitted, selection.bare, tested, selection.fitted)]
+    if not steps:
+        return []
+    model = steps[-1].model
+    if model.key == selection.chosen.key:
+        return None
+    covariance = whole_covariance(problem, model, state.fitted.request.rig, discrepancy(problem, model))
+    half_widths = NORMAL_Q90 * np.sqrt(np.diag(covariance))
+    errors = {(p.effect, p.name): float(r) for p, r in zip(model.fit.free, half_widths, strict=True)}
+    values, excess = named_params(model.estimate.params), selection.bare.residuals.excess
+    return [
+        CommonEffect.model_validate(
+            {
+                "name": step.members[0],
+                "class": list(step.members),
+                "parameters": described(step.members[0], values[step.members[0]], errors),
+                "share": float(np.clip(1 - step.model.residuals.excess / excess, 0.0, 1.0)),
+            }
+        )
+        for step in steps
+    ]
+
+
+def common_note(effects: Sequence[CommonEffect]) -> str:
+    """State how much of the excess the common effects explain without other effects."""
+    if not effects:
+        return f"Fit of the common effects alone: none explains more than {percent(THRESHOLDS.large)} of the excess."
+    (first, share), *others = [(" or ".join(effect.members), percent(effect.share)) for effect in effects]
+    added = "".join(f"; with {words} added, {larger}" for words, larger in others)
+    return (
+        f"Fit of the common effects alone: {first} explains {share} of the excess{added}. This fit does not confirm a"
+        " cause."
+    )
+
+
+def _shown(kind: DetailedVerdict, state: Transferred) -> bool:
+    """Return whether segments show a gap, but no cause with a tested form is claimed."""
+    if kind in ("no_gap", "inconclusive") or state.description.withholds or gap_is_small(state.selection.bare):
+        return False
+    claimed = any(cause.probability >= VERDICT.rather and not cause.untested for cause in state.posteriors)
+    return kind in ("unexplained", "too_short") or not claimed
+
+
+def common_steps(
+    fitted: Fitted, bare: Hypothesis, tested: Set[str], known: Mapping[frozenset[str], Hypothesis]
+) -> Iterator[CommonSet]:
+    """Yield sets of common effects, each with one effect more, until no effect explains enough of the remainder.
+
+    There are at most as many effects as segments.
+
+    Args:
+        fitted: recordings and segments
+        bare: model without effects
+        tested: names of the effects that the recordings may show
+        known: sets that were fitted before
+    """
+    model = bare
+    while not model.at_noise_floor and len(model.effects) < len(fitted.problem.segments):
+        library = [EFFECTS[name] for name in sorted(tested - model.key) if EFFECTS[name].common]
+        best = min(_larger(fitted, model, library, known), key=lambda step: step.model.fit.chi2, default=None)
+        if best is None or best.model.bounded_excess >= most_excess(bare, model):
+            return
+        model = best.model
+        yield best
+
+
+def _larger(
+    fitted: Fitted, model: Hypothesis, library: Sequence[Effect], known: Mapping[frozenset[str], Hypothesis]
+) -> Iterator[CommonSet]:
+    """Yield the possible sets with one of the most promising effects, one of each class."""
+    problem = fitted.problem
+    test = score_test(problem, model.fit, library, recorded_properties(fitted.recordings.records, problem, model.fit))
+    scores = [score for score in test.ranking if score.gain > 0]
+    for _ in range(COMMON_FIT.candidates):
+        if not scores:
+            return
+        alike = [score for score in scores if score is scores[0] or test.indistinguishable(scores[0], score)]
+        alike.sort(key=lambda score: (not score.effect.stage.startswith("encoder"), score.effect.name))
+        scores = [score for score in scores if score not in alike]
+        members = tuple(score.effect.name for score in alike)
+        larger = known.get(model.key | {members[0]}) or refit_with(problem, model, test, alike[0], REFITS.without)
+        if not significantly_oversized(larger, problem.limits) and not rises(problem, larger):
+            yield CommonSet(larger, members)
