@@ -22,7 +22,9 @@ def described(effect: str, values: Any, half_widths: Any) -> dict[str, EffectSiz
 
 
 @pytest.fixture(scope="module")
-def state(paper: Rig, bare: Callable[..., Any], screened: Callable[..., Any], recorded: Callable[..., list[Run]]) -> Any:
+def state(
+    paper: Rig, bare: Callable[..., Any], screened: Callable[..., Any], recorded: Callable[..., list[Run]]
+) -> Any:
     """State of a diagnosis that selected no effect, of a rig with a zero error and dry friction."""
     runs = recorded({ZERO: {"offset_rad": 0.02}, FRICTION: {"torque_Nm": 2e-3}}, duration=1.0)
     problem, model = bare(runs)
@@ -71,6 +73,6 @@ def test_the_note_states_cumulative_shares_and_confirms_no_cause() -> None:
     )
     assert common_note([]) == "Fit of the common effects alone: none explains more than 4 % of the excess."
     assert common_note([first, second]) == (
-        f"Fit of the common effects alone: {ZERO} or base_tilt explains 44 % of the excess; with {FRICTION} added, 72 %."
-        " This fit does not confirm a cause."
+        f"Fit of the common effects alone: {ZERO} or base_tilt explains 44 % of the excess; with {FRICTION} added,"
+        " 72 %. This fit does not confirm a cause."
     )
