@@ -19,7 +19,6 @@ from dpr_lab.effects.effect import Effect, Params
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.conclusion.uncertainty import whole_covariance
 from dpr_lab.gap.conclusion.verdict import VERDICT, DetailedVerdict, gap_is_small
-from dpr_lab.gap.damage.steps import recorded_properties
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.refits import REFITS, refit_with
 from dpr_lab.gap.hypothesis.score_test import score_test
@@ -137,17 +136,21 @@ def common_steps(
 def _larger(
     fitted: Fitted, model: Hypothesis, library: Sequence[Effect], known: Mapping[frozenset[str], Hypothesis]
 ) -> Iterator[CommonSet]:
-    """Yield the possible sets with one of the most promising effects, one of each class."""
+    """Yield the possible sets with one more effect, one of each class.
+
+    The most promising sets are fitted. Of the others, those that were fitted before are yielded.
+    """
     problem = fitted.problem
-    test = score_test(problem, model.fit, library, recorded_properties(fitted.recordings.records, problem, model.fit))
-    scores = [score for score in test.ranking if score.gain > 0]
-    for _ in range(COMMON_FIT.candidates):
-        if not scores:
-            return
+    test = score_test(problem, model.fit, library, fitted.recordings.properties)
+    scores, to_fit = list(test.ranking), COMMON_FIT.candidates
+    while scores:
         alike = [score for score in scores if score is scores[0] or test.indistinguishable(scores[0], score)]
         alike.sort(key=lambda score: (not score.effect.stage.startswith("encoder"), score.effect.name))
         scores = [score for score in scores if score not in alike]
         members = tuple(score.effect.name for score in alike)
-        larger = known.get(model.key | {members[0]}) or refit_with(problem, model, test, alike[0], REFITS.without)
-        if not significantly_oversized(larger, problem.limits) and not rises(problem, larger):
+        larger = known.get(model.key | {members[0]})
+        if larger is None and to_fit and alike[0].gain > 0:
+            larger = refit_with(problem, model, test, alike[0], REFITS.without)
+        to_fit = max(to_fit - 1, 0)
+        if larger is not None and not (significantly_oversized(larger, problem.limits) or rises(problem, larger)):
             yield CommonSet(larger, members)
