@@ -87,14 +87,13 @@ def identified_model(
     setups, unknown = [prepared.run.setup for prepared in runs], ratio_fit.fit.estimate.ratios
     alone, clamped = only_inner(setups), clamped_cosine(setups)
     posterior = posterior_of(unknown, rig, ratio_fit.visible, ratio_uncertainty.of_runs, alone=alone, clamped=clamped)
-    scale = _scale(ratio_fit, ratio_uncertainty, posterior)
+    # parts that are not mounted have no influence on a and on ratios to a
+    mounted_alone = replace(ratio_uncertainty, assumed=0.0) if alone else ratio_uncertainty
+    scale = _scale(ratio_fit, mounted_alone, posterior)
     parameters, base = posterior.parameters(scale, ratios)
     p_over_b = float(unknown[ON_ELBOW])
     std = dict.fromkeys(RATIOS, 0.0) | _of_ratios(ratio_uncertainty.names, ratio_uncertainty.cramer_rao_std)
     share = float(unknown[RATIOS.index("a/b")]) - p_over_b
-    mounted_alone = (
-        replace(ratio_uncertainty, assumed=0.0) if alone else ratio_uncertainty
-    )  # parts that are not mounted have no influence on ratios to a
     shown = {name: _ratio(ratio_fit, mounted_alone, rig, name, profile) for name in RATIOS} if alone else ratios
     return Model(
         rig=RigFacts.of(rig),

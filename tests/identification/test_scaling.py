@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -5,11 +7,15 @@ from dpr_lab.dynamics.base import BASE, RATIOS, base_parameters, whole_parameter
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, alone_share, unknown_ratios
+from dpr_lab.identification.identify import identify
 from dpr_lab.identification.model import EstimatedValue
 from dpr_lab.identification.prior_update import posterior_of
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import PARAMETERS, Rig, load_rig
-from dpr_lab.rig_tables import Parameter
+from dpr_lab.rig_tables import AddedMass, Parameter
+from dpr_lab.search import load_search
+from sim_device.plant.config import load_plant
+from sim_device.trials.offline_recorder import record
 from tests.thinned import FULL
 
 WEIGHED = 1e-4
@@ -208,3 +214,16 @@ def test_a_scale_from_a_known_torque_or_mass_states_that_its_error_is_in_no_inte
     assert "treated as exact" in of_data.sentence
     assert "treated as exact" not in of_data.model_copy(update={"constants_std": 0.02}).sentence
     assert "treated as exact" not in of_data.model_copy(update={"fixed_by": "measured"}).sentence
+
+
+def test_a_mass_on_the_inner_rod_alone_determines_its_inertia_without_the_outer_rod(paper: Rig) -> None:
+    rig = paper.with_rods("inner").model_copy(update={"poses": {"X2": paper.poses["X2"]}})
+    heavy = rig.model_copy(update={"added_mass": AddedMass(rod="inner", mass=0.05, position=0.3)})
+    plant = load_plant("paper")
+    (alone,), (loaded,) = (record(plant, mounted, duration=2.0, rate_hz=200) for mounted in (rig, heavy))
+    quick = load_search("segments").model_copy(update={"generations": 2})
+    model = identify([alone, replace(loaded, name="with mass")], rig, settings=quick)
+    assert model.scale is not None
+    without_outer = plant.Z * (np.array(PARAMETERS) != "m2")
+    (low, high), true = model.scale.interval90, base_parameters(without_outer, paper.L1, paper.g)[BASE.index("a")]
+    assert 0.97 * true < low < true < high < 1.03 * true
