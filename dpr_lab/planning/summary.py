@@ -54,7 +54,7 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     """
     known = objective.known
     after = np.cumsum([known.information, *(step.information for step in steps)], axis=0)
-    stds, gained = [ratio_std(known, F) for F in after], [objective.gained(F) for F in after]
+    stds, gained = [ratio_std(known, F) for F in after], [objective.separated(F) for F in after]
     knowledge = [Objective.of(replace(known, information=F)) for F in after]
     alike = [inseparable_pairs(then, steps, d2) for then, d2 in zip(knowledge, gained, strict=True)]
     stuck = [inseparable(objective, pairs) for pairs in alike]
@@ -215,7 +215,7 @@ def inseparable_pairs(
     if not steps:
         return [np.zeros(d2.shape, np.bool_) for d2 in earlier]
     F = objective.known.information + FORECAST.repeats * np.mean([step.information for step in steps], axis=0)
-    later = objective.gained(F)
+    later = objective.separated(F)
     pairs = [np.maximum(d2, before) for d2, before in zip(later, earlier or later, strict=True)]
     return [np.maximum(d2, d2.T) < FORECAST.separable for d2 in pairs]
 

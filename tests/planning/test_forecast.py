@@ -7,7 +7,10 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
+from dpr_lab.effects import effect_params
+from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
+from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.planning.forecast import FORECAST, settled_probabilities
@@ -19,7 +22,7 @@ from dpr_lab.planning.result import Plan
 from dpr_lab.planning.sequence import SequenceStep
 from dpr_lab.planning.stopping import Causes, causes_of
 from dpr_lab.planning.summary import summed_up
-from dpr_lab.planning.worth.criteria import OpenAmplitudes, OpenPairs
+from dpr_lab.planning.worth.criteria import OpenAmplitudes, OpenPairs, detectable
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.rig import Rig
 from tests.one_cause import latency, of_runs, one_cause
@@ -218,3 +221,23 @@ def test_a_remainder_at_the_limit_of_noise_disappears_by_chance_about_as_often_a
         chances.append(float(np.mean(later < limit)))
     assert chances == pytest.approx([0.05, 0.10, 0.14], abs=0.01)
     assert chances[0] < FORECAST.revealed < chances[-1]
+
+
+@pytest.mark.parametrize(("share", "separates"), [(1.1, True), (0.9, False)])
+def test_a_richer_form_is_separated_as_soon_as_its_additional_amplitude_is_detectable(
+    share: float, separates: bool, paper: Rig
+) -> None:
+    """A diagnosis leaves the form out if this amplitude is detectable at half the size of the named effect."""
+    pair, known = ("coulomb_joint2", "stribeck_joint2"), known_before(paper)
+    (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
+    F, named = known.information + swing.information, replace(known, named=frozenset(pair[:1]))
+    least = min(filter(None, detectable(named, F, SIGMAS, pair[1:], at_assumed_scale=True)[pair[1]].values()))
+    params = effect_params({pair[0]: {"torque_Nm": share * least / CALIBRATION.hidden}})
+    now = known.model.estimate
+    model = replace(known.model, estimate=Estimate.of(now.vector[: -len(params)], params, now.initial))
+    named = replace(named, model=model, causes=(Causes(pair[0], {pair[0]: 0.64, pair[1]: 0.34}, 0.02),))
+    objective = Objective.of(named)
+    (d2,), (before,) = objective.separated(F), objective.gained(F)
+    assert before[0, 1] < FORECAST.separable
+    assert bool(d2[0, 1] > FORECAST.separable) is separates
+    assert d2[1, 0] == before[1, 0]

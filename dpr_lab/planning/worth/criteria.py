@@ -37,9 +37,11 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.gap.advice.check_kind import expected_bits
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
+from dpr_lab.gap.hypothesis.detectable import SIGMAS, comparable_size
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.planning.knowledge import RATIO_COLUMNS, Knowledge, diagonal, schur_complement
@@ -68,6 +70,8 @@ class Worth:
 
     An amplitude with a smaller share is not detectable.
     """
+    certain: float = 1e3
+    """d^2 of causes that a diagnosis separates by rule."""
 
 
 WORTH = Worth()
@@ -126,6 +130,18 @@ class OpenPairs:
             remaining[..., places, :] = remaining[..., places] = 0.0
             squared[..., nearest] = np.maximum(np.einsum("...ij,cij->...c", remaining, moments), 0.0)
         return squared
+
+
+def is_detectably_richer(known: Knowledge, F: Array, name: str, other: str) -> bool:
+    """Return whether the other effect is a richer form of a named effect with a detectable additional amplitude.
+
+    The rule is that of a diagnosis (`dpr_lab.gap.classes.posterior`).
+    """
+    if name not in known.named or name not in EFFECTS[other].nested:
+        return False
+    params, least = known.model.estimate.params, detectable(known, F, SIGMAS, [other], at_assumed_scale=True)[other]
+    sizes = ((least[p.name], comparable_size(params, EFFECTS[name], p)) for p in EFFECTS[other].amplitudes)
+    return any(size is not None and size <= CALIBRATION.hidden * of_named for size, of_named in sizes)
 
 
 def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], Array]:

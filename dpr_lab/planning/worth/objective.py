@@ -30,6 +30,7 @@ from dpr_lab.planning.worth.criteria import (
     OpenPairs,
     cause_bits,
     detectable,
+    is_detectably_richer,
     library_bits,
     open_bits,
     ratio_bits,
@@ -83,6 +84,19 @@ class Objective:
         """
         added = [pair.distances(F) - before for pair, before in zip(self.pairs, self.before, strict=True)]
         return [np.maximum(D2, 0.0) / CALIBRATION.temperature for D2 in added]
+
+    def separated(self, F: Array) -> list[Array]:
+        """Return the (n, n) squared distances d^2 added by further information, as a diagnosis separates the causes.
+
+        Readings under a named effect never contradict its richer form, which contains it. As soon as an additional
+        amplitude of the richer form is detectable at a given share of the named size, a diagnosis leaves the form out.
+        """
+        gained = self.gained(F)
+        for pair, d2 in zip(self.pairs, gained, strict=True):
+            for i, j in np.ndindex(*d2.shape):
+                if is_detectably_richer(self.known, F, pair.names[i], pair.names[j]):
+                    d2[i, j] = WORTH.certain
+        return gained
 
     def bits(self, gained: list[Array]) -> dict[tuple[str, str], Array]:
         """Return the expected bits about each undecided pair, given the result of `gained`."""
