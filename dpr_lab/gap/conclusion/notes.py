@@ -2,9 +2,9 @@
 
 from collections.abc import Collection, Iterator, Sequence
 
-from dpr_lab.effects import EFFECTS
+from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.families import FAMILIES
-from dpr_lab.gap.conclusion.verdict import causes_named, listed_causes, small_causes, small_effects
+from dpr_lab.gap.conclusion.verdict import VERDICT, causes_named, listed_causes, small_causes, small_effects
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.result.causes import NamedFamily
 from dpr_lab.gap.result.diagnosis import Verdict
@@ -33,6 +33,7 @@ def notes(state: Transferred, kind: Verdict, named_families: Sequence[NamedFamil
         *_varying_sizes(state),
         *_lone_recording(state),
         *_remainder(state, kind),
+        *_undetermined_sizes(state, kind),
     ]
 
 
@@ -121,3 +122,21 @@ def _remainder(state: Transferred, kind: Verdict) -> Iterator[str]:
         )
     elif state.remainder:
         yield state.remainder.sentence
+
+
+def _undetermined_sizes(state: Transferred, kind: Verdict) -> Iterator[str]:
+    """Yield a sentence on probable causes whose intervals contain zero because of the remainder."""
+    if kind not in ("named", "partly_explained") or state.remainder is None:
+        return
+    values = named_params(state.selection.chosen.estimate.params)
+    names = [
+        cause.name
+        for cause in causes_named(state)
+        if cause.probability >= VERDICT.rather
+        if all(abs(size) <= state.intervals.get((cause.name, p), 0.0) for p, size in values[cause.name].items())
+    ]
+    if names:
+        yield (
+            f"The 90 % interval of {listed(names)} contains zero, because the cause of the remainder may change its"
+            " size. The probability does not contain this uncertainty."
+        )
