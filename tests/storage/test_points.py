@@ -11,6 +11,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.estimation.noise import noise_floor, rest_correlation
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.readers.circle import most_of_a_circle
+from dpr_lab.storage.readers.exchanged import exchanged
 from dpr_lab.storage.readers.points import read_text
 from tests.storage.swing_files import GUESSED, RIG, THETA1, THETA2, N, T, is_the_swing, read, text
 
@@ -332,3 +333,36 @@ def test_noise_does_not_make_the_circle_of_a_small_swing_smaller() -> None:
         assert circle is not None
         radii.append(np.hypot(*(points - circle[0]).T).mean())
     assert np.mean(radii) == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_exchanged_marks_are_put_back(tmp_path: Path, named: bool) -> None:
+    """A detector of two equal marks exchanges elbow and tip in whole parts of the film and in single frames."""
+    pivot, elbow, tip = pixels(noise=0.3)
+    correct = np.column_stack([T, pivot, elbow, tip] if named else [T, elbow, tip])
+    mask = (np.arange(N) // (N // 5)) % 2 == 1
+    mask[::17] ^= True
+    first, second = np.where(mask[:, None], tip, elbow), np.where(mask[:, None], elbow, tip)
+    mixed = np.column_stack([T, pivot, first, second] if named else [T, first, second])
+    head = "t,x1,y1,x2,y2" + (",x3,y3\n" if named else "\n")
+    expected, run = (
+        read(text(tmp_path / name, rows, head=head)) for name, rows in (("a.csv", correct), ("b.csv", mixed))
+    )
+    np.testing.assert_array_equal(run.theta, expected.theta)
+    says = f"exchanged in {100 * mask.mean():.0f} % of the frames"
+    assert any(says in note for note in run.notes)
+    assert not any("exchanged" in note for note in expected.notes)
+
+
+@pytest.mark.parametrize("pivot", [None, np.zeros(2)])
+@pytest.mark.parametrize("tip_first", [True, False])
+def test_in_a_small_swing_the_elbow_is_the_mark_near_the_pivot(pivot: np.ndarray | None, tip_first: bool) -> None:
+    """Both marks move on circles; the tip is farther from the pivot. A tracker confused them from frame 150 on."""
+    swing = 0.1 * np.sin(np.linspace(0, 20, 300))
+    way = np.column_stack([np.sin(swing), np.cos(swing)])
+    noise = np.random.default_rng(5).normal(0, 0.3, (2, 300, 2))
+    elbow, tip = 180 * way + noise[0], 300 * way + noise[1]
+    mask = (np.arange(300) > 180) ^ tip_first
+    first, second = np.where(mask[:, None], tip, elbow), np.where(mask[:, None], elbow, tip)
+    np.testing.assert_array_equal(exchanged(first, second, pivot), mask)
+    assert not exchanged(elbow, tip, pivot).any()

@@ -28,6 +28,9 @@ class CircleSettings:
     near: float = 6.0
     """Maximum distance from the circle at which a point counts as on the circle, in median distances. It is about 4
     standard deviations."""
+    pairs: int = 400
+    """Number of circles through three random marks, if only one of the two marks of each frame is on the circle. An
+    eighth of these circles pass only through marks on the circle."""
     fits: int = 20
     """Maximum number of least-squares fits. Each fit uses the points near the previous circle."""
     rounding: float = 1e-9
@@ -69,6 +72,44 @@ def most_of_a_circle(points: Array) -> tuple[Array, Flags] | None:
             break
         centre = refitted
     return _nearest(points[near], centre), near
+
+
+def circle_of_one(marks: Array, centre: Array | None) -> tuple[Array, float] | None:
+    """Fit a circle on which one of two marks lies in each frame, whichever it is.
+
+    Returns the centre (2,) and the radius, or None if the marks lie on a line. Among the circles through random marks,
+    the one with the smallest median distance of the nearer mark is chosen.
+
+    Args:
+        marks: (2, n, 2) finite coordinates of both marks
+        centre: (2,) centre of the circle; None if it is unknown
+    """
+    rng = np.random.default_rng(0)
+    either = marks.reshape(-1, 2)
+
+    def circle(points: Array) -> tuple[Array, float] | None:
+        middle = _centre(points) if centre is None else centre
+        return None if middle is None else (middle, float(np.median(np.hypot(*(points - middle).T))))
+
+    def off(circle: tuple[Array, float]) -> Array:
+        return np.abs(np.hypot(*(marks - circle[0]).transpose(2, 0, 1)) - circle[1])
+
+    size = 3 if centre is None else 1
+    drawn = (circle(either[rng.choice(len(either), size, replace=False)]) for _ in range(SETTINGS.pairs))
+    circles = [candidate for candidate in drawn if candidate is not None]
+    if not circles:
+        return None
+    best = min(circles, key=lambda candidate: float(np.median(off(candidate).min(axis=0))))
+    for _ in range(SETTINGS.fits):
+        mark = off(best).argmin(axis=0)
+        points = np.take_along_axis(marks, mark[None, :, None], axis=0)[0]
+        fitted = most_of_a_circle(points) if centre is None else (centre, None)
+        if fitted is None:
+            break
+        best = fitted[0], float(np.median(np.hypot(*(points - fitted[0]).T)))
+        if np.array_equal(off(best).argmin(axis=0), mark):
+            break
+    return best
 
 
 def _nearest(points: Array, centre: Array) -> Array:

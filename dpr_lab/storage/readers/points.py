@@ -26,6 +26,7 @@ from dpr_lab.storage.readers.circle import SETTINGS as CIRCLE
 from dpr_lab.storage.readers.circle import most_of_a_circle, radius_error
 from dpr_lab.storage.readers.coordinates import OTHER, coordinate, in_plane, only_coordinate
 from dpr_lab.storage.readers.downwards import points_downwards
+from dpr_lab.storage.readers.exchanged import exchanged
 from dpr_lab.storage.readers.rod_lengths import WANTED, rod_length
 from dpr_lab.storage.tables.columns import is_time
 from dpr_lab.storage.tables.questions.frame_numbers import numbers
@@ -86,7 +87,7 @@ class _Point:
     at: Array
     """(n, 2) coordinates, x to the right and y upwards; NaN if the point was not detected."""
     doubt: str = ""
-    """Warning about an estimated point; empty if there is none."""
+    """Warning about an estimated or corrected point; empty if there is none."""
 
 
 def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched, *, points: bool = True) -> Table:
@@ -221,7 +222,7 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     angles = [_direction(rod) for rod in rods]
     lengths = [rod_length(table.path, axis, rods[: k + 1]) for k, axis in enumerate(axes)]
     choice = "--take selects other points; `--take origin,NAME` takes the origin of the coordinates as pivot"
-    notes = [f"points used: {used} ({choice})", *filter(None, [pivot.doubt])]
+    notes = [f"points used: {used} ({choice})", *filter(None, [point.doubt for point in (pivot, *ends)])]
     for axis, angle, length in zip(axes, angles, lengths, strict=True):
         if length.wrong.any():
             angle[length.wrong] = np.nan
@@ -315,9 +316,30 @@ def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Po
     if len(chosen) > 3:
         raise RunError(f"{table.path}: contains the points {available}: select with --take {WANTED}")
     if len(chosen) == 1 or (len(chosen) == 2 and _moved(chosen[0]) > SETTINGS.at_rest * _moved(chosen[1])):
-        return [_pivot_of(table, chosen[0]), *chosen]
+        ends = _put_back(chosen, None)
+        return [_pivot_of(table, ends[0]), *ends]
     pivot = np.nanmedian(chosen[0].at, axis=0)  # the pivot rests, so its noise differs from that of the rods
-    return [_Point(chosen[0].name, np.broadcast_to(pivot, chosen[0].at.shape)), *chosen[1:]]
+    return [_Point(chosen[0].name, np.broadcast_to(pivot, chosen[0].at.shape)), *_put_back(chosen[1:], pivot)]
+
+
+def _put_back(ends: list[_Point], pivot: Array | None) -> list[_Point]:
+    """Put elbow and tip back in the frames in which the tracker exchanged them."""
+    if len(ends) != 2:
+        return ends
+    elbow, tip = ends
+    mask = exchanged(elbow.at, tip.at, pivot)
+    if not mask.any():
+        return ends
+    doubt = (
+        f"the points {elbow.name} and {tip.name} are exchanged in {percent(float(mask.mean()))} of the frames, as by a"
+        " tracker that detects two equal marks: they were put back, so that the elbow moves on a circle and both points"
+        " move little from frame to frame"
+    )
+    swap = mask[:, None]
+    return [
+        _Point(elbow.name, np.where(swap, tip.at, elbow.at), doubt),
+        _Point(tip.name, np.where(swap, elbow.at, tip.at)),
+    ]
 
 
 def _by_number(points: list[_Point]) -> list[_Point]:
