@@ -104,33 +104,18 @@ def recover(
 def export(
     file: RunFile,
     out: Annotated[
-        Path | None,
-        typer.Option(help="File to write; its suffix is the format: .csv .parquet .h5 .hdf5 .nc .mat .mcap"),
-    ] = None,
-    xarray: Annotated[
-        bool,
-        typer.Option(
-            "--xarray",
-            help="Write NetCDF for xarray. Without --out, the file is written next"
-            " to the run file, with the suffix .nc.",
-        ),
-    ] = False,
+        Path, typer.Option(help="File to write; its suffix is the format: .csv .parquet .h5 .hdf5 .nc .mat .mcap")
+    ],
     as_json: Json = False,
 ) -> None:
     """Write a run as CSV, Parquet, HDF5, NetCDF, MATLAB or JointState (MCAP, ROS 2). Angles are absolute, upright = 0.
 
     Example: dpr-lab run export runs/20261121T101500Z_X1_1a2b3c4d.mcap --out run.csv
-
-    Example: dpr-lab run export runs/20261121T101500Z_X1_1a2b3c4d.mcap --xarray
     """
-    if out is None and not xarray:
-        raise typer.BadParameter("give --out FILE, whose suffix determines the format, or --xarray")
-    if out is not None and xarray and out.suffix.lower() != ".nc":
-        raise typer.BadParameter(f"--xarray writes NetCDF, but {out.name} does not end with .nc")
     from dpr_lab.storage.export import export as export_run
     from dpr_lab.storage.reader import load_run
 
-    written = export_run(load_run(file), out or file.with_suffix(".nc"))
+    written = export_run(load_run(file), out)
     if as_json:
         emit({"out": written})
     else:
