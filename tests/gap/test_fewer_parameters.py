@@ -303,3 +303,18 @@ def test_after_the_last_revision_the_more_probable_form_is_named_and_its_fit_con
     state: Any = select.refined(SearchState(richer, cast("FittedSets", fitted_sets), 4))
     assert [step.tried for step in state.trace] == [[FRICTION], [HYSTERESIS], [FRICTION], [FRICTION]]
     assert state.current is converged
+
+
+@pytest.mark.parametrize(
+    ("pair", "fitted"), [(("spring_joint1", "base_vibration"), 2), ((FRICTION, "base_vibration"), 1)]
+)
+def test_a_smaller_set_that_two_effects_replaced_is_also_fitted_to_full_segments(
+    monkeypatch: pytest.MonkeyPatch, pair: tuple[str, str], fitted: int
+) -> None:
+    single, chosen = (Mock(effects=effects, key=frozenset(effects)) for effects in ((FRICTION,), pair))
+    short = Mock(fitted_sets=Mock(fits={model.key: model for model in (single, chosen)}))
+    short.trace = [Mock(tried=list(model.effects), accepted=True) for model in (single, chosen)]
+    monkeypatch.setattr(select, "apply_moves", lambda moves, state: Mock(current=chosen, trace=()))
+    monkeypatch.setattr(select, "fitted_to_working_segments", lambda fitted_sets, model: model)
+    proposals = select.short_segments(short).propose(Mock(), Mock())
+    assert [proposal.model for proposal in proposals] == [chosen, single][:fitted]

@@ -83,23 +83,38 @@ def _one_search(state: SearchState) -> Selection:
 
 
 def short_segments(short: SearchState) -> Move:
-    """Create the move that refines the set selected with short segments, and fits it to full segments."""
+    """Create the move that refines the set selected with short segments, and fits it to full segments.
+
+    Two effects may have replaced one effect. Which of the two sets is better then depends on the length of the
+    segments, so that the smaller set is fitted, too.
+    """
 
     def propose(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
         state = apply_moves(SHORT, short)
-        model = fitted_to_working_segments(fitted_sets, state.current) if state.current.effects else fitted_sets.bare
-        yield Proposal(model, trials=state.trace)
+        chosen = state.current
+        yield Proposal(_at_full_length(fitted_sets, chosen), trials=state.trace)
+        best = [short.fitted_sets.fits[frozenset(step.tried)] for step in short.trace if step.accepted]
+        smaller = [model for model in best if len(model.effects) < len(chosen.effects)]
+        for replaced in [model for model in smaller if not model.key <= chosen.key][-1:]:
+            yield Proposal(_at_full_length(fitted_sets, replaced))
 
     return Move(
         "short segments",
         "if the gap is far above the noise, the set that was selected with short segments is fitted to the"
-        " full segments",
+        " full segments, and so is a smaller set that it replaced",
         propose,
         _predicts_whole_segments,
+        then="go on",
     )
 
 
+def _at_full_length(fitted_sets: FittedSets, short: Hypothesis) -> Hypothesis:
+    return fitted_to_working_segments(fitted_sets, short) if short.effects else fitted_sets.bare
+
+
 def _predicts_whole_segments(fitted_sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    if explains_as_much(fitted_sets.bare, proposal.model, current):
+        return Decision(True, "explains about as much with fewer parameters in the full segments")
     better = proposal.model.cost < current.cost
     return Decision(better, f"the criterion {'falls' if better else 'does not fall'} in the full segments")
 
