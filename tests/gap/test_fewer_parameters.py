@@ -306,12 +306,19 @@ def test_after_the_last_revision_the_more_probable_form_is_named_and_its_fit_con
 
 
 @pytest.mark.parametrize(
-    ("pair", "fitted"), [(("spring_joint1", "base_vibration"), 2), ((FRICTION, "base_vibration"), 1)]
+    ("pair", "noise", "fitted"),
+    [
+        (("spring_joint1", "base_vibration"), False, 2),
+        ((FRICTION, "base_vibration"), False, 1),
+        (("spring_joint1", "base_vibration"), True, 1),
+    ],
 )
 def test_a_smaller_set_that_two_effects_replaced_is_also_fitted_to_full_segments(
-    monkeypatch: pytest.MonkeyPatch, pair: tuple[str, str], fitted: int
+    monkeypatch: pytest.MonkeyPatch, pair: tuple[str, str], noise: bool, fitted: int
 ) -> None:
-    single, chosen = (Mock(effects=effects, key=frozenset(effects)) for effects in ((FRICTION,), pair))
+    single, chosen = (
+        Mock(effects=effects, key=frozenset(effects), at_noise_floor=noise) for effects in ((FRICTION,), pair)
+    )
     short = Mock(fitted_sets=Mock(fits={model.key: model for model in (single, chosen)}))
     short.trace = [Mock(tried=list(model.effects), accepted=True) for model in (single, chosen)]
     monkeypatch.setattr(select, "apply_moves", lambda moves, state: Mock(current=chosen, trace=()))

@@ -86,13 +86,16 @@ def short_segments(short: SearchState) -> Move:
     """Create the move that refines the set selected with short segments, and fits it to full segments.
 
     Two effects may have replaced one effect. Which of the two sets is better then depends on the length of the
-    segments, so that the smaller set is fitted, too.
+    segments, so that the smaller set is fitted, too, unless the chosen one leaves only noise.
     """
 
     def propose(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
         state = apply_moves(SHORT, short)
         chosen = state.current
-        yield Proposal(_at_full_length(fitted_sets, chosen), trials=state.trace)
+        model = _at_full_length(fitted_sets, chosen)
+        yield Proposal(model, trials=state.trace)
+        if model.at_noise_floor:
+            return
         best = [short.fitted_sets.fits[frozenset(step.tried)] for step in short.trace if step.accepted]
         smaller = [model for model in best if len(model.effects) < len(chosen.effects)]
         for replaced in [model for model in smaller if not model.key <= chosen.key][-1:]:
