@@ -62,7 +62,7 @@ def plan(
         str | None,
         typer.Option(
             callback=_budget,
-            help="Available time at the rig: 10min, 90s or 1h; a number alone is in minutes. Default: three releases.",
+            help="Available time at the rig: 10min, 90s or 1h; a number alone is in minutes. Default: up to three.",
         ),
     ] = None,
     limits: Annotated[

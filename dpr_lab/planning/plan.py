@@ -14,14 +14,21 @@ from dpr_lab.estimation.usable_runs import refuse_long_gaps, refuse_other_rigs
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.subject import refuse_other_subject
-from dpr_lab.planning.candidates import cheapest_minutes
+from dpr_lab.planning.candidates import cheapest_minutes, minutes, mounted_now
 from dpr_lab.planning.knowledge import Acting, Knowledge, known_after, known_before
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Plan
 from dpr_lab.planning.sequence import Planner, SequenceStep
 from dpr_lab.planning.signals import driven_releases
 from dpr_lab.planning.stopping import STOPPING, decided, reservation
-from dpr_lab.planning.summary import NOTICEABLE, reason_for, summed_up
+from dpr_lab.planning.summary import (
+    NOTICEABLE,
+    inseparable,
+    inseparable_pairs,
+    reason_for,
+    separable_gain,
+    summed_up,
+)
 from dpr_lab.planning.worth.criteria import ratio_std
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.rig import Rig
@@ -33,7 +40,7 @@ class PlanLength:
     """Number of releases in a plan."""
 
     usual: int = 3
-    """Number of releases in a plan without a budget; three releases distinguish most effects."""
+    """Maximum number of releases in a plan without a budget; three releases distinguish most effects."""
     optional: int = 1
     """Number of releases once the causes are decided, if some effects are not excluded."""
     most: int = 12
@@ -55,8 +62,8 @@ def plan(
 ) -> Plan:
     """Plan the next recordings of a rig.
 
-    If there is no budget, three releases are planned. Once the causes are decided, the plan contains no release, or one
-    release that tests the effects that are not excluded.
+    If there is no budget, up to three releases are planned. Once the causes and all limits are decided, the plan
+    contains no release, or one release that tests the effects that are not excluded.
 
     Args:
         rig: the rig
@@ -101,20 +108,22 @@ def plan(
     objective = Objective.of(known, limits)
     planner = Planner(objective, limits, np.random.default_rng(seed), driven_releases(known.model, limits, rig))
     most = count or (usual_count(known) if budget_min is None else LENGTH.most)
-    steps = worthwhile(objective, planner.sequence(most, budget_min) if most else [])
+    steps = worthwhile(objective, planner.sequence(most, budget_min) if most else [], limits)
     return summed_up(objective, steps, limits, time.perf_counter() - started)
 
 
-def worthwhile(objective: Objective, steps: Sequence[SequenceStep]) -> list[SequenceStep]:
+def worthwhile(objective: Objective, steps: Sequence[SequenceStep], limits: PlanLimits) -> list[SequenceStep]:
     """Leave out the releases, after the first two, that add no noticeable information to the earlier ones."""
-    known, useful = objective.known, list(steps[: STOPPING.fewest])
-    F = known.information + sum(step.information for step in useful)
-    for step in steps[STOPPING.fewest :]:
+    known, useful = objective.known, list[SequenceStep]()
+    F, mounted = known.information, mounted_now(known.rig)
+    stuck = inseparable(objective, inseparable_pairs(objective, steps))
+    for step in steps:
         then = F + step.information
+        gains = (separable_gain(objective, matrix, stuck) for matrix in (F, then))
         share = 1 - float(np.exp(np.log(ratio_std(known, then) / ratio_std(known, F)).mean()))
-        if share >= NOTICEABLE.ratios or reason_for(objective.gain(F), objective.gain(then)):
-            useful.append(step)
-            F = then
+        if len(useful) < STOPPING.fewest or share >= NOTICEABLE.ratios or reason_for(*gains):
+            useful.append(replace(step, minutes=minutes(step.release, mounted, limits)))
+            F, mounted = then, step.release.mounted
     return useful
 
 

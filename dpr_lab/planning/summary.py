@@ -58,7 +58,7 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
     knowledge = [Objective.of(replace(known, information=F)) for F in after]
     alike = [inseparable_pairs(then, steps, d2) for then, d2 in zip(knowledge, gained, strict=True)]
     stuck = [inseparable(objective, pairs) for pairs in alike]
-    gains = [_separable(objective.gain(F), stuck[0]) for F in after]
+    gains = [separable_gain(objective, F, stuck[0]) for F in after]
     reasons = [
         reason_for(before, then, 1 < number <= STOPPING.fewest, known.diagnosis is not None)
         for number, (before, then) in enumerate(pairwise(gains), len(known.made) + 1)
@@ -220,10 +220,10 @@ def inseparable_pairs(
     return [np.maximum(d2, d2.T) < FORECAST.separable for d2 in pairs]
 
 
-def _separable(gain: Gain, stuck: Sequence[Inseparable]) -> Gain:
-    """Set the bits about pairs of causes that no release separates to zero."""
-    pairs = [{*pair.causes} for pair in stuck]
-    return replace(gain, causes={causes: bits for causes, bits in gain.causes.items() if {*causes} not in pairs})
+def separable_gain(objective: Objective, F: Array, stuck: Sequence[Inseparable]) -> Gain:
+    """Return the gain as a diagnosis separates the causes, without pairs of causes that no release separates."""
+    pairs, bits = [{*pair.causes} for pair in stuck], objective.bits(objective.separated(F))
+    return replace(objective.gain(F), causes={causes: bits[causes] for causes in bits if {*causes} not in pairs})
 
 
 def inseparable(objective: Objective, inseparable_pairs: Sequence[Flags]) -> list[Inseparable]:

@@ -39,7 +39,7 @@ class PlanRequest:
     limits: Path | None = None
     """Limits file."""
     budget: str | None = None
-    """Time at the rig, for example `10min`; None: three releases."""
+    """Time at the rig, for example `10min`; None: up to three releases."""
     seed: int = 0
     """Seed of the search; the same seed gives the same plan."""
     out: Path | None = None

@@ -7,6 +7,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
+from dpr_lab.arrays import Array
 from dpr_lab.effects import effect_params
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
@@ -15,8 +16,9 @@ from dpr_lab.gap.hypothesis.hypothesis import PENALTY
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.planning.forecast import FORECAST, settled_probabilities
 from dpr_lab.planning.information import informed
-from dpr_lab.planning.knowledge import known_before
+from dpr_lab.planning.knowledge import Knowledge, known_before
 from dpr_lab.planning.limits import PlanLimits
+from dpr_lab.planning.plan import worthwhile
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import Plan
 from dpr_lab.planning.sequence import SequenceStep
@@ -223,21 +225,54 @@ def test_a_remainder_at_the_limit_of_noise_disappears_by_chance_about_as_often_a
     assert chances[0] < FORECAST.revealed < chances[-1]
 
 
+def with_friction(known: Knowledge, pair: tuple[str, str], torque_Nm: float) -> Objective:
+    """Return the objective if Coulomb friction is named and the other effect may be the cause instead."""
+    params, now = effect_params({pair[0]: {"torque_Nm": torque_Nm}}), known.model.estimate
+    model = replace(known.model, estimate=Estimate.of(now.vector[: -len(params)], params, now.initial))
+    causes = (Causes(pair[0], dict(zip(pair, (0.64, 0.34), strict=True)), 0.02),)
+    return Objective.of(replace(known, model=model, named=frozenset(pair[:1]), causes=causes))
+
+
+def hidden_torque(known: Knowledge, F: Array) -> float:
+    """Return the torque of Coulomb friction at which additional Stribeck friction becomes detectable."""
+    named = replace(known, named=frozenset({"coulomb_joint2"}))
+    sizes = detectable(named, F, SIGMAS, ["stribeck_joint2"], at_assumed_scale=True)["stribeck_joint2"]
+    return min(filter(None, sizes.values())) / CALIBRATION.hidden
+
+
 @pytest.mark.parametrize(("share", "separates"), [(1.1, True), (0.9, False)])
 def test_a_richer_form_is_separated_as_soon_as_its_additional_amplitude_is_detectable(
     share: float, separates: bool, paper: Rig
 ) -> None:
     """A diagnosis leaves the form out if this amplitude is detectable at half the size of the named effect."""
-    pair, known = ("coulomb_joint2", "stribeck_joint2"), known_before(paper)
+    known = known_before(paper)
     (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
-    F, named = known.information + swing.information, replace(known, named=frozenset(pair[:1]))
-    least = min(filter(None, detectable(named, F, SIGMAS, pair[1:], at_assumed_scale=True)[pair[1]].values()))
-    params = effect_params({pair[0]: {"torque_Nm": share * least / CALIBRATION.hidden}})
-    now = known.model.estimate
-    model = replace(known.model, estimate=Estimate.of(now.vector[: -len(params)], params, now.initial))
-    named = replace(named, model=model, causes=(Causes(pair[0], {pair[0]: 0.64, pair[1]: 0.34}, 0.02),))
-    objective = Objective.of(named)
+    F = known.information + swing.information
+    objective = with_friction(known, ("coulomb_joint2", "stribeck_joint2"), share * hidden_torque(known, F))
     (d2,), (before,) = objective.separated(F), objective.gained(F)
     assert before[0, 1] < FORECAST.separable
     assert bool(d2[0, 1] > FORECAST.separable) is separates
     assert d2[1, 0] == before[1, 0]
+
+
+def test_a_plan_keeps_the_release_that_separates_a_richer_form(paper: Rig) -> None:
+    """The additional amplitude is detectable only after the third release; then the fourth one is useless."""
+    known, pair = known_before(paper), ("coulomb_joint2", "stribeck_joint2")
+    (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
+    torque = hidden_torque(known, known.information + 52.5 * swing.information)
+    recorded = replace(known, information=known.information + 50 * swing.information)
+    objective = with_friction(recorded, pair, torque)
+    steps = [SequenceStep(swing.release, swing.information, 1.0, 1.0)] * 4
+    assert len(worthwhile(objective, steps, PlanLimits())) == 3
+    reasons = [release.reason for release in summed_up(objective, steps, PlanLimits(), 0.0).releases]
+    assert ["separates" in reason for reason in reasons] == [False, False, True, False]
+
+
+def test_a_plan_leaves_out_releases_that_inform_only_about_inseparable_causes(paper: Rig) -> None:
+    known = known_before(paper)
+    (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
+    recorded = replace(known, information=known.information + 200 * swing.information)
+    objective = with_friction(recorded, ("coulomb_joint2", "air_drag_both"), 1e-5)
+    steps = [SequenceStep(swing.release, swing.information, 1.0, 1.0)] * 4
+    assert summed_up(objective, steps, PlanLimits(), 0.0).inseparable
+    assert len(worthwhile(objective, steps, PlanLimits())) == 2

@@ -370,11 +370,14 @@ def test_a_reason_agrees_with_the_rounded_shares_of_the_table(shares: tuple[floa
 
 
 def test_a_plan_leaves_out_releases_without_a_noticeable_benefit(paper: Rig) -> None:
-    """A thousandth of the information of a recorded release adds nothing to it."""
-    known = known_before(paper)
+    """A thousandth of the information of a recorded release adds nothing to it; the next one includes its mounting."""
+    known, limits = known_before(paper), PlanLimits()
     objective = Objective.of(known)
-    wide, other = informed([CandidateRelease(0.3, 5.6, 5.0), CandidateRelease(2.0, 4.0, 5.0)], known.model)
-    steps = [SequenceStep(one.release, one.information, 1.0, 1.0) for one in (wide, other, other)]
-    useless = SequenceStep(wide.release, 1e-3 * wide.information, 1.0, 1.0)
-    assert worthwhile(objective, [*steps[:2], useless, steps[2], useless]) == steps
-    assert worthwhile(objective, [useless, useless]) == [useless, useless]
+    swings = [CandidateRelease(0.3, 5.6, 5.0), CandidateRelease(2.0, 0.0, 5.0, mounting="inner")]
+    wide, inner = [SequenceStep(one.release, one.information, 1.0, 1.0) for one in informed(swings, known.model)]
+    useless, last = [replace(inner, information=factor * inner.information) for factor in (1e-3, 30.0)]
+    kept = worthwhile(objective, [wide, wide, useless, last, useless], limits)
+    assert [step.information for step in kept] == [wide.information, wide.information, last.information]
+    place = limits.minutes.place + 5 / 60
+    assert [step.minutes for step in kept] == pytest.approx([place, place, place + limits.minutes.mount])
+    assert len(worthwhile(objective, [useless, useless], limits)) == 2

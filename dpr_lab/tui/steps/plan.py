@@ -52,7 +52,7 @@ based only on the rig file, later plans also on the runs and their diagnosis. Ru
 diagnosed first.
 
 - **limits file**: the poses that can be reached, the parts that can be mounted, and the duration of each step.
-- **budget**: time at the rig, such as `10min`; if it is empty, three releases are planned.
+- **budget**: time at the rig, such as `10min`; if it is empty, up to three releases are planned.
 - **distinguished**: mean expected information about a pair of effects of the library, from all releases up to this one.
   0 %: no pair is distinguished; 100 %: all pairs are.
 - **P(decided)**: probability that the causes are decided after this release. Causes that no release separates count as
