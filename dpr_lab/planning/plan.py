@@ -116,7 +116,7 @@ def worthwhile(objective: Objective, steps: Sequence[SequenceStep], limits: Plan
     """Leave out the releases, after the first two, that add no noticeable information to the earlier ones."""
     known, useful = objective.known, list[SequenceStep]()
     F, mounted = known.information, mounted_now(known.rig)
-    stuck = inseparable(objective, inseparable_pairs(objective, steps))
+    stuck = inseparable(objective, inseparable_pairs(objective, steps, objective.separated(F)))
     for step in steps:
         then = F + step.information
         gains = (separable_gain(objective, matrix, stuck) for matrix in (F, then))

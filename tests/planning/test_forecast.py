@@ -276,3 +276,4 @@ def test_a_plan_leaves_out_releases_that_inform_only_about_inseparable_causes(pa
     steps = [SequenceStep(swing.release, swing.information, 1.0, 1.0)] * 4
     assert summed_up(objective, steps, PlanLimits(), 0.0).inseparable
     assert len(worthwhile(objective, steps, PlanLimits())) == 2
+    assert worthwhile(objective, [], PlanLimits()) == []
