@@ -254,7 +254,7 @@ def _judged(
     if not reason and answer == "not decidable":
         reason = within()
     answer = "not decidable" if reason else answer
-    detail = reason.text, reason.remedy, reason.obstacle, reason.effects
+    detail = reason.text, reason.remedy, reason.obstacle, tuple(filter(EFFECTS.__contains__, reason.effects))
     return JudgedLimit(quantity, unit, *bounds, interval, answer, *detail)
 
 

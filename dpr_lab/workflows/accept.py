@@ -178,12 +178,18 @@ def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
         if limit.obstacle in decidable or (limit.obstacle in ("cause", "recordings") and limit.reason == before.reason)
     )
     texts = tuple(release.text for release in planned.releases) if decided else ()
-    limits = tuple(limit if limit.quantity in decided else with_remedy(limit, planned) for limit in limits)
+    limits = tuple(with_remedy(limit, planned, limit.quantity in decided) for limit in limits)
     return replace(acceptance, limits=limits, recordings=texts, would_decide=decided)
 
 
-def with_remedy(limit: "JudgedLimit", planned: "Plan") -> "JudgedLimit":
-    """Add what decides an undecided limit whose reason does not state it, or that no planned release does."""
+def with_remedy(limit: "JudgedLimit", planned: "Plan", decided: bool) -> "JudgedLimit":
+    """Add what decides an undecided limit whose reason does not state it, or that no planned release does.
+
+    Args:
+        limit: the limit
+        planned: the planned releases
+        decided: whether the releases are expected to decide the limit
+    """
     from dpr_lab.effects import EFFECTS
 
     if limit.answer != "not decidable" or limit.remedy:
@@ -191,6 +197,8 @@ def with_remedy(limit: "JudgedLimit", planned: "Plan") -> "JudgedLimit":
     if limit.obstacle == "cause" and planned.releases:
         remedy = f"record {planned.releases[0].text}, which tests the causes, and diagnose again"
         return _ending(limit, f"{limit.reason}: ", remedy)
+    if decided:
+        return _ending(limit, f"{limit.reason}: ", "record the planned releases")
     checks = [EFFECTS[name].bench_check for name in _effects(limit) if name in EFFECTS]
     check = (*checks, "Measure the quantity directly")[0]
     return _ending(limit, f"{limit.reason}. ", f"No planned release decides it. {check}".removesuffix("."))

@@ -27,6 +27,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.workflows.accept import with_recordings
 from tests.a_diagnosis import made
+from tests.one_cause import of_runs, one_cause
 
 
 def friction(size: float) -> Limits:
@@ -203,7 +204,22 @@ def test_a_limit_with_an_uncertain_cause_asks_for_the_bench_check_and_not_for_re
     assert stated == f"{reason}. No release separates {pair.causes[0]} from {pair.causes[1]}. Turn the rod"
     plan.inseparable = []
     separable = with_recordings(Acceptance("not decidable", "", (limit,)), plan)
-    assert (separable.limits, separable.recordings) == ((limit,), ("P1",))
+    assert (separable.would_decide, separable.recordings) == ((quantity,), ("P1",))
+    assert separable.limits[0].remedy == "record P1, which tests the causes, and diagnose again"
+    assert separable.limits[0].reason == f"{reason}: {separable.limits[0].remedy}"
+    (unseen,) = with_recordings(Acceptance("", "", (replace(limit, obstacle="recordings"),)), plan).limits
+    assert unseen.reason == f"{reason}: record the planned releases"
+
+
+def test_the_effects_of_a_reason_are_effects_of_the_library() -> None:
+    """An unnamed effect may be the cause of a detectable gap, and an initial state may look like an effect."""
+    rival = {"name": "spring_joint1", "class": ["spring_joint1"], "probability": 0.3, "cosine": 1.0}
+    result = of_runs(one_cause(effects=[], verdict="no_gap", rivals=[rival]), "P1", "P2")
+    result = result.model_copy(update={"absorbed": {"coulomb_joint1": {"torque_Nm": "initial states"}}})
+    spring = {"stiffness_Nm_per_rad": {"max": 1e-3, "unit": "N m/rad"}}
+    sizes = {"spring_joint1": spring, "coulomb_joint1": {"torque_Nm": {"max": 1e-3, "unit": "N m"}}}
+    judged = judge(result, Limits.model_validate({"effects": sizes})).limits
+    assert [(limit.obstacle, limit.effects) for limit in judged] == [("cause", ()), ("alike", ())]
 
 
 @pytest.mark.parametrize(
