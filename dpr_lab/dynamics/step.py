@@ -170,9 +170,9 @@ def _stage(
     drive: float,
     directions: Three,
 ) -> SteppedStage:
-    """Return one stage of a step in which the joints slide in given directions.
+    """Return one stage of a Runge-Kutta step with prescribed sliding directions.
 
-    The directions are those of joint 1, joint 2 and the arm, and 0 at rest.
+    The directions of joint 1, joint 2 and the arm are the signs of their speeds, and 0 for a joint that sticks.
     """
     motion = motion_of(
         t,
@@ -258,7 +258,11 @@ def _margins(stage: SteppedStage, model: RigModel, directions: Three) -> Three:
 
 
 class TriedStep(NamedTuple):
-    """Trial step with unchanged directions: end state, accelerations, and margins at both ends."""
+    """Trial step with unchanged sliding directions.
+
+    It contains the state and the accelerations at its end, and the stiction margins (`_margins`) at its first and last
+    stage.
+    """
 
     end: RigState
     alphas: Three

@@ -180,8 +180,8 @@ def named_params(params: Array, among: Iterable[str] = EFFECTS) -> dict[str, dic
 def plausibility(params: Array, effect: str) -> float:
     """Return the prior weight of an effect with its fitted size.
 
-    The weight is nearly the prior odds of the effect if its size is below its scale, and falls with the fourth power of
-    the size above it.
+    The weight is nearly the prior odds of the effect if its size is below the scale of the prior, and falls with the
+    fourth power of a larger size.
     """
     amplitudes = EFFECTS[effect].amplitudes
     u = max(abs(float(params[place])) / p.prior_scale for place, p in zip(_AMPLITUDES[effect], amplitudes, strict=True))

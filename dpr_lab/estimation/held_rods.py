@@ -258,9 +258,9 @@ def _still_intervals(motion: RodMotion, band: float) -> list[tuple[int, int]]:
 def _turns(motion: RodMotion, first: int, stop: int) -> bool:
     """Return whether an interval contains a turning point of a swing.
 
-    The criterion is a significant parabola that accelerates towards hanging. Near a turning point, a slow rod with
-    noisy readings, for example from a video, stays within the band for a long time. These readings look like those of a
-    rod at rest.
+    A parabola is fitted to the angles. Its quadratic term must be significant and accelerate the rod towards hanging,
+    and a fall from rest must not fit better. Near a turning point, a slow rod with noisy readings, for example from a
+    video, stays within the band of rest (`still_band`) for a long time. It then looks like a rod at rest.
     """
     t, rods = motion.t[first:stop], motion.rods[first:stop]
     if not _free(motion) or len(t) < HELD.fewest:

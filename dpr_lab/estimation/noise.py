@@ -266,7 +266,7 @@ def difference_std(t: Array, values: Array) -> Array:
 
         r = sum_j w_j x_j / sqrt(sum_j w_j^2),    w_j = 1 / prod_{i != j} (t_j - t_i).
 
-    The median of |r| gives the standard deviation. Windows with a gap are excluded.
+    The median of |r| gives the standard deviation. Windows with missing samples are excluded.
 
     Args:
         t: (n,) increasing times, s
@@ -276,7 +276,7 @@ def difference_std(t: Array, values: Array) -> Array:
         (m,) standard deviations in the unit of the signals
 
     Raises:
-        RunError: there are fewer than seven samples without a gap.
+        RunError: there are fewer than seven samples.
     """
     return NORMAL_MAD * np.median(np.abs(_differences(t, values)), axis=0)
 

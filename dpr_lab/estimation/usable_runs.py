@@ -14,37 +14,37 @@ from dpr_lab.run import Run, clock_error
 
 @dataclass(frozen=True, slots=True)
 class GapSettings:
-    """Limits of gaps in which the motion is predicted (decision 101)."""
+    """Limits of the interruptions in which the motion is predicted (decision 101)."""
 
     longest_s: float = 3.0
-    """Longest gap without an error, s. After a longer gap, smoothed states can be infinite."""
+    """Longest interruption that is not refused, s. After a longer one, smoothed states can be infinite."""
     steps: float = 20.0
-    """Number of median steps up to which a gap is never too long, because the unit of time may be wrong."""
+    """Number of median steps up to which an interruption is permitted, because the unit of time may be wrong."""
 
 
 GAP = GapSettings()
 
 
 def long_gap(t: Array) -> tuple[int, str]:
-    """Return the first sample after the first gap that is too long, and a description of this gap.
+    """Return the first sample after the first interruption that is too long, and a description of the interruption.
 
-    Without such a gap the sample is 0, and the description is empty.
+    If no interruption is too long, the sample is 0 and the description is empty.
     """
     steps = np.diff(t)
     limit = max(GAP.longest_s, GAP.steps * np.median(steps)) if len(steps) else np.inf
     for before in np.flatnonzero(steps > limit)[:1].tolist():
         return before + 1, (
-            f"has a gap of {steps[before]:.3g} s at {t[before]:.5g} s, which is too long for a prediction. Import the"
-            " parts before and after the gap as separate runs"
+            f"has an interruption of {steps[before]:.3g} s at {t[before]:.5g} s, which is too long for a prediction."
+            " Import the parts before and after the interruption as separate runs"
         )
     return 0, ""
 
 
 def refuse_long_gaps(runs: Iterable[Run]) -> None:
-    """Check that no run contains a gap after its release in which its motion cannot be predicted.
+    """Refuse runs with an interruption after the release that is too long to predict the motion.
 
     Raises:
-        IdentificationError: a run contains such a gap.
+        IdentificationError: a run has an interruption that is too long.
     """
     for run in runs:
         _, words = long_gap(run.swing.t)

@@ -6,7 +6,7 @@ The model of each rod is a chain of integrators driven by white noise in the fou
 
 This model requires no knowledge of the rig. Both rods are combined in one state vector, because their measurement noise
 is correlated if the encoder of joint 2 is relative. Transition matrix and process noise are exact for any interval, so
-uneven times and gaps need no resampling. The size of the accelerations varies within a swing and decays. For a
+uneven times and interruptions need no resampling. The size of the accelerations varies within a swing and decays. For a
 complete recording, the strength `snap` is therefore estimated by maximum likelihood in sections (`tuned_snap`).
 
 The filter has a memory of about T = (sigma^2 h / snap)^(1/8), with sigma the standard deviation of the noise and h the

@@ -42,7 +42,7 @@ def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
 
 
 def partition(run: Run, length: float) -> list[slice]:
-    """Cut a run from the release on into about equal segments, which may contain gaps.
+    """Cut a run from the release on into about equal segments, in which samples may be missing.
 
     Args:
         run: the run from the release on

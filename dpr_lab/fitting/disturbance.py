@@ -183,10 +183,11 @@ def _push_of_inner(reference: Trajectory, problem: Problem) -> Array:
 def _derivatives(push: Array, reference: Trajectory) -> tuple[Array, Array]:
     """Return the first and second time derivative, (n, 4) each, of `push`.
 
-    `push` is the change of the initial state that is equivalent to a push. An error e of a prescribed angle acts
-    through the second derivative of e. Two integrations by parts move both derivatives from e to `push`. The readings
-    then change by -out push' e at the same instant, and by out times the integral of push'' e afterwards. Here out is
-    the derivative of the readings with respect to the initial state.
+    push(s) is the change of the initial state that is equivalent to a unit impulse at the instant s. An error e of a
+    prescribed angle acts as the acceleration e''. With out(t), the derivative of the readings with respect to the
+    initial state, two integrations by parts of out(t) times the integral of push e'' give the change of the readings
+
+        dy(t) = -out(t) push'(t) e(t) + out(t) * integral of push''(s) e(s) ds up to t
     """
     slope, bend = np.empty_like(push), np.empty_like(push)
     for first, last in pairwise(reference.edges):

@@ -112,7 +112,7 @@ class Fit:
     prior: Array = field(default_factory=lambda: np.zeros((0, 0)))
     """(n, free) rows of the prior for the free parameters; empty if there is no prior."""
     absorbed: tuple[int, ...] = ()
-    """Indices of the amplitudes that are indistinguishable from earlier unknowns (`Prior.absorbed`)."""
+    """Indices of the amplitudes that the preceding unknowns absorb (`Prior.absorbed`)."""
 
     @property
     def converged(self) -> bool:
@@ -233,14 +233,14 @@ class RigPrior:
         return float(np.sum((self.e - self.A @ step) ** 2))
 
     def absorbed(self, space: ColumnSpace) -> Flags:
-        """Return the (free,) mask of the amplitudes that are indistinguishable from earlier unknowns."""
+        """Return the (free,) mask of the amplitudes that the preceding unknowns absorb (`Prior.absorbed`)."""
         if self.problem.prior is None:
             return np.zeros(len(self.free), dtype=np.bool_)
         return self.problem.prior.absorbed(space, self.estimate, self.free, (self.A, self.e))
 
 
 def _amplitude_changed(end: Iteration, free: Sequence[FreeParameter], settings: GaussNewton) -> bool:
-    """Return whether the change of an amplitude made a shape derivative outdated."""
+    """Return whether an amplitude changed so much that frozen shape derivatives must be recomputed."""
     shaped = {parameter.effect for parameter in free if not parameter.amplitude}
     amplitudes = [parameter for parameter in free if parameter.amplitude and parameter.effect in shaped]
     pairs = [(parameter.read(end.linearised_at), parameter.read(end.estimate)) for parameter in amplitudes]

@@ -102,13 +102,14 @@ class Prior:
         free: Sequence[FreeParameter],
         rows: tuple[Array, Array],
     ) -> Flags:
-        """Return the (free,) mask of amplitudes that are indistinguishable from earlier unknowns.
+        """Return the (free,) mask of the amplitudes that the preceding unknowns absorb.
 
-        The order of the unknowns is initial states, ratios, zeros of encoders, amplitudes. An amplitude is absorbed if
-        the recordings, with the prior of the earlier unknowns, contain less information on it than its own prior.
+        The order of the unknowns is initial states, ratios, zeros of encoders, amplitudes. The information about an
+        amplitude is what remains if all preceding unknowns are fitted, with their priors. The amplitude is absorbed if
+        the recordings contain less information about it than its own prior.
 
         An amplitude of zero, whose effect is not in the model yet, is also absorbed if its column is almost zero after
-        the earlier columns are projected out. This rule does not apply to other amplitudes, because a torque and the
+        the preceding columns are projected out. This rule does not apply to other amplitudes, because a torque and the
         ratios may share only the unknown scale.
 
         Args:

@@ -105,7 +105,7 @@ class ColumnSpace:
         return float(2 * unit @ self.gradient - unit @ _ridged(self.H) @ unit)
 
     def gain(self) -> float:
-        """Return by how much the unbounded solution reduces the squared residual |e|^2."""
+        """Return the reduction of the squared residual |e|^2 by the unbounded solution."""
         return self.reduction(self.solution())
 
     def unabsorbed(self, order: Sequence[int], *, rounding: float = 1e-9) -> Array:

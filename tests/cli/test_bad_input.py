@@ -227,7 +227,8 @@ def test_every_command_refuses_a_long_gap(tmp_path: Path, model: Path, runs: lis
     later = [f"{300 + float(time)},{angles}" for time, _, angles in (row.partition(",") for row in rows)]
     table = tmp_path / "gap.csv"
     table.write_text("\n".join([header, *rows, *later]))
-    assert "has a gap of 298 s at 1.995 s" in cli("import", "table", table, "--rig", "paper", "--out", tmp_path).err
+    message = cli("import", "table", table, "--rig", "paper", "--out", tmp_path).err
+    assert "has an interruption of 298 s at 1.995 s" in message
     out, gap = ("--rig", "paper", "--out", tmp_path / "out"), tmp_path / "gap.mcap"
     for command in (
         ("identify", gap, *out),

@@ -15,7 +15,7 @@ def run_at(t: np.ndarray) -> Run:
 
 
 def test_a_gap_too_long_for_a_prediction_is_refused() -> None:
-    with pytest.raises(IdentificationError, match=r"swing: has a gap of 5 s at 1 s.*--start-s, --duration-s"):
+    with pytest.raises(IdentificationError, match=r"swing: has an interruption of 5 s at 1 s.*--start-s, --duration-s"):
         refuse_long_gaps([run_at(T), run_at(T + 5.0 * (T > 1.001))])
 
 

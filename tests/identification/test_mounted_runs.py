@@ -125,5 +125,5 @@ def test_a_joint_that_turns_though_no_rod_hangs_there_is_refused(runs: dict[str,
 def test_a_gap_too_long_for_a_prediction_is_named(paper: Rig, runs: dict[str, list[Run]]) -> None:
     run = runs["inner"][0]
     apart = replace(run, t=run.t + 500.0 * (run.t > 1.001))
-    with pytest.raises(IdentificationError, match=r"has a gap of 500 s.*--start-s, --duration-s"):
+    with pytest.raises(IdentificationError, match=r"has an interruption of 500 s.*--start-s, --duration-s"):
         identify(apart, paper, settings=load_search("segments").model_copy(update={"generations": 1}))

@@ -66,7 +66,7 @@ def test_both_parts_of_a_table_with_a_long_gap_are_named(tmp_path, one, start, s
     np.savetxt(tmp_path / "a.csv", np.concatenate(parts), "%.5f", ",", header="t,theta", comments="")
     options = ImportOptions(zero="hanging", start_s=start)
     (question,) = understand(tmp_path / "a.csv", one, options).questions
-    assert "has a gap of 300 s at" in question.sentence
+    assert "has an interruption of 300 s at" in question.sentence
     assert f"(--duration-s {5 - start:g}; --start-s 305)" in question.sentence
     first = import_csv(tmp_path / "a.csv", one, replace(options, duration_s=5 - start))
     later = import_csv(tmp_path / "a.csv", one, replace(options, start_s=305))

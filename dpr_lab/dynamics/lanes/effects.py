@@ -26,9 +26,9 @@ from dpr_lab.kernels import subroutine
 
 
 class _LaneNotation(dict[str, str]):
-    """Notation of lanes: a name denotes one lane of a workspace row.
+    """Expressions for the variables of lane k in a workspace w, by the names of the variables.
 
-    For lane k, `params_3` denotes lane k of row 3 of `params`.
+    For example, `params_3` becomes `w.params[3, k]`.
     """
 
     def __missing__(self, name: str) -> str:

@@ -152,7 +152,7 @@ def _hand_over(
     required: Requirements,
     after: Array,
 ) -> None:
-    """Store the internal states for the next segment if it starts in this step.
+    """Store the internal states for the next segment, if that segment starts in this step.
 
     The backlash of joints 1 and 2 is stored as it is at the end of the step.
     """
