@@ -94,7 +94,7 @@ class Run(Shown):
     `rate_ppm_std`, ...) and from the arrival times of its samples (`arrival_ppm`, `arrival_margin_ppm`). Empty if
     neither is known."""
     file: Path | None = None
-    """Run file or table from which it was read; None for a run created in memory."""
+    """Run file or table from which the run was read; None for a run created in memory."""
     sha256: str = ""
     """SHA-256 of `file`, or of the readings of a table that was imported in memory; empty otherwise."""
     recorded_utc: str = ""
@@ -110,7 +110,7 @@ class Run(Shown):
     at_edges: bool = False
     """Whether the table has one row per encoder edge, so that each angle is exactly at the edge between two counts."""
     notes: tuple[str, ...] = ()
-    """Notes of the reader or importer for the operator, for example on gaps or on removed rows."""
+    """Notes of the reader or importer for the operator, for example on interruptions or on removed rows."""
 
     def _heading(self) -> str:
         pose = f", pose {self.pose}" if self.pose else ""

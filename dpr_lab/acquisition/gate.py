@@ -213,7 +213,7 @@ def _gap(judged: JudgedRun) -> Check | None:
     if not len(steps):
         return None
     worst = float(np.round(steps.max())) - 1
-    sentence = f"the longest gap has {worst:.0f} missing samples (limit {limit}): check cable and rate"
+    sentence = f"the longest interruption has {worst:.0f} missing samples (limit {limit}): check cable and rate"
     return Check("gap", worst <= limit, worst, limit, "samples", sentence)
 
 

@@ -1,4 +1,4 @@
-"""Reduction of curves for drawing: extremes of long records, gaps, axis range."""
+"""Reduction of curves for drawing: extremes of long records, interruptions, axis range."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,10 @@ def trace(t: Array, y: Array, points: int = POINTS, gap_steps: float = 10.0) -> 
         t: (n,) increasing times, s
         y: (n,) values; missing values are NaN
         points: approximate maximum number of points
-        gap_steps: minimum interval between samples that is drawn as a gap, in median sample steps
+        gap_steps: minimum interval between samples that interrupts the curve, in median sample steps
 
     Returns:
-        Instants and values to draw. They equal the input if n <= `points` and there are no gaps.
+        Instants and values to draw. They equal the input if n <= `points` and no sample is missing.
     """
     points_kept = _extremes(y, points)
     breaks = _gaps(t, gap_steps)
@@ -46,7 +46,7 @@ def _extremes(y: Array, points: int) -> NDArray[np.intp]:
 
 
 def _gaps(t: Array, gap_steps: float) -> NDArray[np.intp]:
-    """Return the indices of the last sample before each gap."""
+    """Return the indices of the last sample before each interruption."""
     if len(t) < 3:
         return np.empty(0, dtype=np.intp)
     steps = np.diff(t)

@@ -79,7 +79,7 @@ def test_info_names_the_facts_of_an_import_in_words() -> None:
 def test_info_names_quantities_in_words_with_units(runs: list[Path], cli) -> None:
     rows = [line for line in cli("run", "info", runs[0]).out.splitlines() if "│" in line]
     names = {row.split("│")[1].strip() for row in rows}
-    assert {"sample rate (Hz)", "longest gap (s)", "lost samples by cause"} <= names
+    assert {"sample rate (Hz)", "longest interruption (s)", "lost samples by cause"} <= names
     assert not [name for name in names if "_" in name]
 
 

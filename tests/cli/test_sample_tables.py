@@ -106,7 +106,7 @@ def test_an_infinite_value_counts_as_missing(tmp_path: Path) -> None:
     (tmp_path / "infinite.csv").write_text("\n".join(lines))
     options = ImportOptions(angles="relative", zero="hanging")
     run = import_csv(tmp_path / "infinite.csv", load_rig(tmp_path / "bench.toml"), options)
-    assert any("rows without a value (NaN), treated as gaps: 2" in note for note in run.notes)
+    assert any("rows without a value (NaN), treated as missing: 2" in note for note in run.notes)
 
 
 def test_a_second_import_of_a_table_names_the_first_one(tmp_path: Path) -> None:

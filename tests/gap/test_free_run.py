@@ -53,7 +53,7 @@ def test_it_begins_after_breaks_that_come_too_soon(paper: Rig) -> None:
 def test_a_recording_in_pieces_too_short_is_refused(paper: Rig) -> None:
     t = np.concatenate([k + np.arange(0, 0.02, 0.005) for k in range(8)])
     run = Run("x", t, np.full((len(t), 3), np.pi), None, None, paper.name, "", 200.0)
-    with pytest.raises(RunError, match="x: no sequence of 8 valid samples without a gap"):
+    with pytest.raises(RunError, match="x: no sequence of 8 valid samples without an interruption"):
         record(run, paper)
 
 

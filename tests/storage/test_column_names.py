@@ -178,7 +178,7 @@ def test_one_gap_is_not_plural(tmp_path, one):
     file = file_of(tmp_path, "t,theta1,x\n", "{t:.3f},{a:.12g},{b}\n")
     lines = file.read_text().splitlines()
     file.write_text("\n".join([*lines[:80], *lines[120:]]))
-    assert understand(file, one, ImportOptions()).facts()["rate"].endswith("; 1 gap")
+    assert understand(file, one, ImportOptions()).facts()["rate"].endswith("; 1 interruption")
 
 
 @pytest.mark.parametrize(

@@ -180,9 +180,9 @@ def test_uneven_times_doubled_rows_gaps_and_nan_survive_to_the_file(tmp_path):
     expected = np.array([float(f"{value:.12g}") for value in t])[kept]
     np.testing.assert_allclose(run.t, expected - expected[0], rtol=0, atol=1e-12)
     np.testing.assert_allclose(run.theta[:, 1], THETA1[kept], atol=1e-9)
-    assert any(note == "rows without a value (NaN), treated as gaps: 1" for note in run.notes)
+    assert any(note == "rows without a value (NaN), treated as missing: 1" for note in run.notes)
     assert any(note == "rows with the same time as the previous row, removed: 1" for note in run.notes)
-    assert any(note.startswith("gaps kept: ") and "the longest 0.50" in note for note in run.notes)
+    assert any(note.startswith("interruptions kept: ") and "the longest 0.50" in note for note in run.notes)
     assert verify(tmp_path / "a.mcap").ok
     extra = info(tmp_path / "a.mcap").extra
     assert float(extra["t_offset_s"]) == pytest.approx(t[0])
@@ -227,7 +227,7 @@ def test_a_column_of_words_and_an_empty_first_row_are_accepted(tmp_path):
     file.write_text("\n".join([head + ",state", "-0.005,,,held", *rows]))
     run = read(file)
     assert_the_swing(run)
-    assert run.notes[:-1] == ("rows without a value (NaN), treated as gaps: 1",)
+    assert run.notes[:-1] == ("rows without a value (NaN), treated as missing: 1",)
 
 
 def test_an_incomplete_last_row_is_left_out_and_reported(tmp_path):

@@ -64,4 +64,4 @@ def test_the_import_names_the_lost_frames(tmp_path: Path, kept: np.ndarray, warn
     rows = "\n".join(f"{t:.6f},{a:.6f},{b:.6f}" for t, (a, b) in zip(evenly_stamped(kept), THETA[kept], strict=True))
     (tmp_path / "film.csv").write_text(f"t,theta1,theta2\n{rows}\n", encoding="utf-8")
     notes = import_csv(tmp_path / "film.csv", RIG).notes
-    assert any("frames or rows were lost without a gap in the times" in note for note in notes) == warned
+    assert any("frames or rows were lost without an interruption of the times" in note for note in notes) == warned

@@ -38,7 +38,7 @@ def test_frames_that_are_missing_in_their_column_are_gaps(tmp_path: Path, every:
         import_csv(file, RIG)
     run = import_csv(file, RIG, ImportOptions(rate_hz=FPS))
     np.testing.assert_allclose(run.t, T[kept], atol=1e-9)
-    assert any(note == "gaps kept: 2, the longest 0.04 s" for note in run.notes)
+    assert any(note == "interruptions kept: 2, the longest 0.04 s" for note in run.notes)
     assert any("of the camera, give --rate-hz 33.3333" in note for note in run.notes) == (every == 3)
 
 

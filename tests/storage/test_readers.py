@@ -124,7 +124,7 @@ def test_a_preview_shows_the_interpretation_and_writes_nothing(tmp_path: Path) -
     facts = result.facts()
     assert facts["columns"] == "t = t, theta1 = theta1, theta2 = theta2"
     assert facts["angles"] == "rad, absolute, upright is 0"
-    assert facts["rate"].startswith("200 Hz, steps 0.005 to 0.205 s; 1 gap")
+    assert facts["rate"].startswith("200 Hz, steps 0.005 to 0.205 s; 1 interruption")
     assert result.first_rows()[0] == pytest.approx((0.0, THETA1[0], THETA2[0]))
     assert [path.name for path in tmp_path.iterdir()] == ["a.mat"]
     fast = text(tmp_path / "b.csv", np.column_stack([T, np.degrees(ROWS[:, 1:])]), head="t,theta1,theta2\n")

@@ -127,7 +127,7 @@ def test_rows_without_values_are_no_repeated_header(tmp_path, one, empty):
     (tmp_path / "a.csv").write_text("\n".join(["theta1,other", empty, *rows]) + "\n")
     swing = understand(tmp_path / "a.csv", one, ImportOptions(zero="hanging", rate_hz=100))
     assert swing.since_first_s[-1] == pytest.approx(T[-1])
-    assert "gaps kept: 1, the longest 0.04 s" in swing.notes
+    assert "interruptions kept: 1, the longest 0.04 s" in swing.notes
     assert not any("header" in note for note in swing.notes)
 
 

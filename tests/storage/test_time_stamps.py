@@ -48,7 +48,7 @@ def test_stamps_on_the_wrong_side_of_a_gap_are_moved(seed: int, side: str) -> No
     # a rod near a turning point reads nearly the same on both sides: such a stamp matters little and may remain
     assert moved.sum() >= 3
     assert np.abs(np.delete(corrected - t, wrong)).max() == 0.0
-    assert note.startswith(f"time stamps on the wrong side of a gap: {moved.sum()}.")
+    assert note.startswith(f"time stamps on the wrong side of an interruption: {moved.sum()}.")
 
 
 @pytest.mark.parametrize("seed", thinned(range(20), 2))
@@ -84,7 +84,7 @@ def test_counts_of_an_unsigned_number_are_unwrapped_before_their_stamps_are_test
     np.savetxt(file, np.column_stack([written, counts % 65536]), delimiter=",", header="t,counts", comments="")
     options = ImportOptions(zero="hanging", unit="counts", columns={"theta1": "counts"}, wrap=65536.0)
     run = import_csv(file, one, options)
-    assert any("stamps on the wrong side of a gap" in note for note in run.notes)
+    assert any("stamps on the wrong side of an interruption" in note for note in run.notes)
     assert np.abs(run.theta[:, 1] - np.pi).max() < 2.1
 
 
@@ -121,7 +121,7 @@ def test_rows_with_one_stamp_are_spread_over_the_gap(stale: bool) -> None:
     written[waiting] = true[waiting[:, :1] if stale else waiting[:, -1:]]
     times, note = spread_times(written, {"theta1": np.sin(6 * true)})
     np.testing.assert_allclose(times, true, atol=1e-9)
-    assert note.startswith(f"{3 * len(waiting)} rows next to a gap have the time of the previous row")
+    assert note.startswith(f"{3 * len(waiting)} rows next to an interruption have the time of the previous row")
 
 
 def test_neighbouring_groups_of_rows_share_no_gap() -> None:

@@ -79,7 +79,7 @@ def noise_by_speed(
         t: (n,) times, s
         joints: (n, 2) angles, rad
         floor: (2,) standard deviation at rest, rad; while a rod is slow, an intact coarse encoder can show less noise
-        period: nominal sampling interval, s; neighbourhoods with a gap are excluded
+        period: nominal sampling interval, s; neighbourhoods with missing readings are excluded
         keep: (n, 2) mask of the readings without a fault. If given, the noise level is a root mean square, which
             includes rare large time-stamp errors; if None, it is a robust estimate
 

@@ -29,7 +29,7 @@ from dpr_lab.run import Run
 from dpr_lab.setup import Setup
 
 AFTER_READING_S = 1e-6
-"""Delay of a break after the last reading before a gap, s; the break lies between two readings at any rate."""
+"""Delay of a break after the last reading before missing readings, s; at any rate it lies between two readings."""
 
 RATE_HZ = 200.0
 """Rate of a thinned record, Hz: blocks of 5 ms, over which most swings are a parabola."""
@@ -45,9 +45,9 @@ class ThinningSettings:
     Earlier, the latch may touch the rod, and an initial state lies 20 ms before its segment.
     """
     gap_s: float = 0.03
-    """Longest gap that a segment may contain, s."""
+    """Longest interruption that a segment may contain, s."""
     gap_spacings: float = 4.5
-    """Maximum duration of a gap within a segment, in median sampling intervals, for slow recordings.
+    """Longest interruption within a segment, in median sampling intervals, for slow recordings.
 
     The larger of the two limits applies. The frames of a camera are 33 ms apart, and a few of them may be lost.
     """
@@ -183,7 +183,7 @@ def record(run: Run, rig: Rig) -> Record:
     """Screen a run, and reduce its sampling rate to about 200 Hz.
 
     Raises:
-        RunError: too few readings for a segment follow the release, or no sequence without a gap is long enough.
+        RunError: too few readings follow the release, or no sequence without an interruption is long enough.
     """
     if (run.t >= THINNING.after_release_s).sum() < MIN_SAMPLES:
         raise RunError(f"{run.name}: fewer than {MIN_SAMPLES} samples after the release: nothing to diagnose")
@@ -200,7 +200,9 @@ def record(run: Run, rig: Rig) -> Record:
     holes = np.flatnonzero(~without_gap(run, t))
     breaks = np.sort(np.concatenate([[instant for instant, _ in screened.breaks], t[holes] + AFTER_READING_S]))
     if not cut(t, np.inf, breaks):
-        raise RunError(f"{run.name}: no sequence of {MIN_SAMPLES} valid samples without a gap: nothing to diagnose")
+        raise RunError(
+            f"{run.name}: no sequence of {MIN_SAMPLES} valid samples without an interruption: nothing to diagnose"
+        )
     step = min(STEP, THINNING.turn / max(fastest, 1e-3))
     thinned = max(1, round(run.rate_hz / (rate_hz or run.rate_hz)))
     correlation = float(rest_correlation(run, rig, thinned).mean())
@@ -212,7 +214,7 @@ def without_gap(run: Run, t: Array) -> Flags:
     """Return the (n - 1,) mask of the intervals without missing readings.
 
     The intervals lie between the times t, s. If a run has one row for each count, the interval between rows depends on
-    the speed, so that a long interval is not a gap.
+    the speed, so that no reading is missing in a long interval.
     """
     intervals = np.diff(t)
     if run.at_edges or not len(intervals):

@@ -345,7 +345,7 @@ def _with_arm(record: Record, slices: Sequence[slice], relative2: bool) -> Array
 
 
 def _near(record: Record, starts: Integers, begins: Array) -> tuple[Integers, Integers]:
-    """Return the range of the readings near each instant; the range does not extend across a gap.
+    """Return the range of the readings near each instant; the range does not extend across an interruption.
 
     If these readings are too few, the range contains the readings near the start of the segment.
 

@@ -6,7 +6,7 @@ A swing is smooth over a few milliseconds, so an encoder fault is visible in nei
     outlier                     one reading that deviates from its neighbours
     missed_counts               a lasting step
     jitter                      noise that increases with speed: sigma^2 = sigma_0^2 + (s omega)^2, s the timing error
-    gap                         missing samples
+    gap                         missing samples: an interruption of the readings
     non_white_noise             correlated errors of neighbouring readings
     noise_level                 noise that differs from the rig file
     undithered_quantisation     constant counts at rest: rounding does not average out
@@ -64,7 +64,7 @@ class ScreenSettings:
     significance: float = 6.0
     """Minimum significance of an increase of the noise with speed, in standard errors."""
     repeating: float = 0.5
-    """Minimum fraction of repeated readings at one position of a cycle for readings that are repeated, not late."""
+    """Fraction of repeated readings at one position of a cycle above which all of these readings count as repeated."""
     repeating_in_part: float = 0.05
     """Minimum excess of the fraction of repeated readings at one position of a cycle, if only some readings repeat."""
     rows_in_short_period: float = 80.0
@@ -308,7 +308,8 @@ def _gaps(name: str, t: Array, period: float) -> list[SensorFinding]:
     if not len(wide):
         return []
     evidence = (
-        f"{missing[wide].sum():.0f} of {len(t)} samples missing; the longest gap is {1e3 * spacing[wide].max():.3g} ms"
+        f"{missing[wide].sum():.0f} of {len(t)} samples missing; the longest interruption is"
+        f" {1e3 * spacing[wide].max():.3g} ms"
     )
     return [SensorFinding("gap", name, None, float(t[wide[0]]), evidence, count=len(wide))]
 

@@ -55,7 +55,7 @@ _ANGLES = {"rad": 1.0, "deg": 180 / math.pi}
 
 @dataclass(frozen=True, slots=True)
 class InputSettings:
-    """Limit of the input of a driven arm, and description of the rail of a cart."""
+    """Limit of the input of a driven arm, and length of the arm that represents a cart."""
 
     rail_m: float = 10.0
     """Length of the arm that represents a cart, m. At 1 m/s the arm turns at 0.1 rad/s; g / L1 is more than a thousand

@@ -189,7 +189,7 @@ def _no_text(path: Path, *, compressed: bool) -> str:
         )
     if kind == "image":
         return "is a picture: a recording is a table of times and angles"
-    instruction = "unpack it with gunzip" if compressed else "export it as CSV (UTF-8) from its program"
+    instruction = "unpack it with gunzip" if compressed else "export it as CSV (UTF-8) from the program that wrote it"
     return f"is a binary file and not a text table: {instruction} first"
 
 

@@ -74,10 +74,10 @@ class QuestionSettings:
     """Maximum variance, relative to the variance of a column, that is not a function of the angle, for a column of the
     same rod. A point on the rod has 1e-5, and simulated carts have 0.06 to 0.98."""
     carried: float = 0.1
-    """Smallest motion of a cart that sets a rod in motion, relative to the length of the pendulum times the excursion
-    in its first period. Simulated carts have 0.7 to 5."""
+    """Minimum travel of a cart that sets a rod in motion, relative to the length of the pendulum times the excursion of
+    the rod in its first period. Simulated carts have 0.7 to 5."""
     jitter: float = 3.0
-    """Smallest ratio of this motion to the range of the position at rest."""
+    """Minimum ratio of this travel to the range of the position of the cart at rest."""
     near_rate: float = 1.5
     """Maximum factor between the rate that conserves the energy best and the rate of the rows in a film of which not
     every frame has a row. The rates that are compared differ by factors of two."""
@@ -117,11 +117,11 @@ class InterpretedTable:
     ignored: tuple[str, Array] | None
     """Kind and (n, 2) torques of the table that the options ignore, N m; None if no torques are ignored."""
     drive: str = ""
-    """Sign in the table that an unknown torque drives the rods; empty if there is none."""
+    """Evidence in the table that an unknown torque drives the rods; empty without evidence."""
     sections: tuple[float, ...] = ()
     """Times at which the header is repeated, in a table whose times follow from the rate, s."""
     every: int = 1
-    """Number of frames per row, if a column of such a table counts the frames."""
+    """Number of frames per row, if the times follow from the rate and a column counts the frames."""
     unit_stated: bool = False
     """Whether the options state the unit or a scale of the angles."""
 

@@ -119,10 +119,10 @@ class ImportOptions:
     """Delay from the logged to the acting torques, s; positive if they act later than logged."""
     intersample: Annotated[
         Literal["held", "continuous"],
-        Typed("Torques and input between rows: held until the next row, or samples of a continuous signal."),
+        Typed("Torques and input between rows: zero-order hold until the next row, or samples of a continuous signal."),
     ] = "held"
-    """Torques and input of a driven arm between rows: each value is held until the next row, or the rows are samples of
-    a continuous signal."""
+    """Torques and input of a driven arm between rows: zero-order hold until the next row, or samples of a continuous
+    signal."""
     arm: Annotated[
         Literal["clamped", "free", "prescribed", "driven"] | None,
         Typed(

@@ -49,8 +49,8 @@ class Plausible:
     widths: tuple[float, ...] = (2.0**16, 2.0**32)
     """Periods of unsigned integers in which a logger may store a signed counter."""
     gap_steps: float = 1.51
-    """Minimum step between two rows that is reported as a gap, in median steps. It differs from 1.5, so that the
-    rounding of the times has no influence."""
+    """Minimum step between two rows that is reported as an interruption, in median steps. It differs from 1.5, so that
+    the rounding of the times has no influence."""
     speed: float = 100.0
     """Maximum speed of the faster rod, rad/s: sixteen turns per second. If nine of ten rows exceed it, degrees were
     probably read as radians."""
@@ -294,15 +294,15 @@ def _leaps(angles: Array, rows: int) -> Flags:
 
 
 def gaps(t: Array) -> Array:
-    """Return the lengths (gaps,) of the gaps between times (n,), s."""
+    """Return the lengths (k,) of the k interruptions between times (n,), s."""
     steps = np.diff(t)
     return steps[steps > PLAUSIBLE.gap_steps * np.median(steps)]
 
 
 def gap_notes(t: Array) -> list[str]:
-    """Return a note about gaps between times (n,), s; the list is empty without gaps."""
+    """Return a note about the interruptions between times (n,), s, or an empty list if there are none."""
     long = gaps(t)
-    return [f"gaps kept: {len(long)}, the longest {long.max():.4g} s"] if len(long) else []
+    return [f"interruptions kept: {len(long)}, the longest {long.max():.4g} s"] if len(long) else []
 
 
 def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool) -> list[str]:

@@ -33,7 +33,7 @@ class ReadingSettings:
     """Minimum stated uncertainty of a proposed zero, rad. The zeros of energy and accelerations differ by at most 0.007
     on 10 recordings of real rigs with ball bearings, by 0.03 to 0.09 with geared joints or a hand."""
     usual_zero_rad: float = np.pi / 12
-    """Step of usual zero errors, rad: a wrong zero is usually a multiple of this step."""
+    """Angle of which the zero error of an encoder is usually a multiple, rad."""
     alike: float = 2.0
     """Maximum ratio of two residuals for which the interpretations count as equally good. The one with fewer changes is
     then preferred."""
@@ -311,7 +311,8 @@ def other_readings(read: InterpretedTable) -> Iterator[OtherReading]:
 def unit_words(read: InterpretedTable) -> tuple[str, ...]:
     """Return the options that exchange degrees and radians.
 
-    If the name of a column states its unit, `--unit` would contradict it, and a scale converts the angles.
+    If the name of a column states its unit, `--unit` would contradict the name. The options are then factors for
+    `--scale`.
     """
     unit = "deg" if read.options.unit == "rad" else "rad"
     if not any(UNIT_IN_NAME.search(name.lower()) for axis, name in read.columns.items() if axis in AXES):

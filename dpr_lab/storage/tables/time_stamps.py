@@ -4,12 +4,12 @@ Too few digits: several rows have the same time, for example in a spreadsheet th
 evenly spaced, their number determines the times t_i = t_0 + i T. Apart from a constant, each written time then differs
 from t_i by at most half of the resolution of the times. Unevenly sampled or lost rows violate this condition.
 
-One stamp for several rows: a clock is read once for several rows, or rows wait and are stamped together. A gap after or
-before these rows then contains their times.
+One stamp for several rows: a clock is read once for several rows, or rows wait and are stamped together. The true times
+of these rows are in the interruption after or before them.
 
-Stamps at gaps: a logger that pauses, for example while it writes to a card, may take the stamp of a row before the
-pause and the reading of the row after the pause, or vice versa. The reading then continues the motion on the other side
-of the gap.
+Stamps at interruptions: a logger that pauses, for example while it writes to a card, may take the stamp of a row before
+the pause and the reading of the row after the pause, or vice versa. The reading then continues the motion on the other
+side of the interruption.
 
 Full second in the wrong row: a stamp may be composed of two counters that are not read at one instant, for example the
 second of a clock and the milliseconds of the processor. Rows between the changes of the two counters are then a second
@@ -38,15 +38,16 @@ class StampSettings:
     digits: int = 6
     """Maximum number of significant digits of a rounded time."""
     spacing: float = 0.7
-    """Minimum spacing of rows that are spread over a gap, in units of the mean spacing. A row that is written twice has
-    about 1/2 and real rows have about 1; the limit is their geometric mean."""
+    """Minimum spacing of rows that are spread over an interruption, in units of the mean spacing. A row that is written
+    twice has about 1/2 and real rows have about 1; the limit is their geometric mean."""
     gap_steps: float = 3.0
-    """Minimum length of a gap, in median steps. At a shorter gap the instants on both sides are nearly equal."""
+    """Minimum length of an interruption, in median steps. In a shorter one, the instants of both stamps are nearly
+    equal."""
     fitted: int = 6
-    """Number of rows on one side of a gap to which a parabola is fitted. The parabola predicts the reading next to the
-    gap."""
+    """Number of rows before or after an interruption to which a parabola is fitted. The parabola predicts the reading
+    next to the interruption."""
     usual: float = 0.95
-    """Quantile of the prediction errors elsewhere in the table that serves as their usual size."""
+    """Usual size of a prediction error: this quantile of the prediction errors elsewhere in the table."""
     elsewhere: int = 1000
     """Maximum number of rows, evenly spaced over the table, that determine the usual size of the prediction errors."""
     far: float = 1e3
@@ -61,8 +62,8 @@ class StampSettings:
     """Maximum step before and after a corrected row, in median steps. A longer step may be the start of a new
     recording."""
     fit: float = 2.0
-    """Maximum prediction error with the stamp on the other side of the gap, in units of the usual size, in every
-    column."""
+    """Maximum prediction error with the stamp on the other side of the interruption, in units of the usual size, in
+    every column."""
     speed_correlation: float = 0.9
     """Minimum correlation of the steps of an angle with its speed; it is 0.95 for exact speeds at six rows per
     period."""
@@ -171,10 +172,10 @@ def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
 
 
 def spread_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Spread the times of successive new readings with one time stamp evenly over the adjacent gap.
+    """Spread the times of successive new readings with one time stamp evenly over the adjacent interruption.
 
-    The result contains the times and a note. Rows are not spread if the gap is too short for them, for example after a
-    row that was written twice.
+    The result contains the times and a note. Rows are not spread if the interruption is too short for them, for example
+    after a row that was written twice.
 
     Args:
         t: (n,) s, not decreasing
@@ -201,8 +202,8 @@ def spread_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
             spread[first:end] = t[first] + gap * places
             moved += rows - 1
     note = (
-        f"{moved} rows next to a gap have the time of the previous row but other readings: their times are spread"
-        " evenly over the gap"
+        f"{moved} rows next to an interruption have the time of the previous row but other readings: their times are"
+        " spread evenly over the interruption"
     )
     return (spread, note) if moved else (t, "")
 
@@ -222,9 +223,9 @@ def _of_digits(t: Array) -> Array:
 
 
 def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Move stamps at a gap to the side that their reading continues; add a note.
+    """Move stamps at an interruption to the side that their reading continues; add a note.
 
-    The reading next to a gap is predicted from both sides, each by the parabola through the nearest rows.
+    The reading next to an interruption is predicted from both sides, each by the parabola through the nearest rows.
 
     Args:
         t: (n,) times, s; known times increase
@@ -266,8 +267,9 @@ def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]
         return t, ""
     first, instant = moved[0]
     return corrected, (
-        f"time stamps on the wrong side of a gap: {len(moved)}. The readings of these rows continue the motion on"
-        f" the other side of the gap, so the rows are moved there, the first from {t[first]:.7g} to {instant:.7g} s"
+        f"time stamps on the wrong side of an interruption: {len(moved)}. The readings of these rows continue the"
+        " motion on the other side of the interruption, so the rows are moved there, the first from"
+        f" {t[first]:.7g} to {instant:.7g} s"
     )
 
 
@@ -285,7 +287,7 @@ def _error(t: Array, x: Array, fitted: slice, row: int, instant: float) -> Array
 
 
 def without_speed(columns: Mapping[str, Array], t: Array) -> list[str]:
-    """Return the names of two columns, without the name of one that is the speed of the other.
+    """Return the names of two columns, or only that of the angle if the other column is its speed.
 
     The steps of an angle are proportional to speed times time step, in any unit. The steps of the speed of a swing have
     the opposite sign of the angle.

@@ -1,7 +1,7 @@
 """Interpretation of a table: columns, units, zeros, release, and warnings.
 
-The rows are not resampled: uneven steps and gaps are kept. Rows without a value and rows with the same time as the
-previous row are removed, counted and reported. Times change only if they wrap, or by
+The rows are not resampled: uneven steps and interruptions are kept. Rows without a value and rows with the same time as
+the previous row are removed, counted and reported. Times change only if they wrap, or by
 `dpr_lab.storage.tables.time_stamps`.
 """
 
@@ -357,7 +357,7 @@ def _rows_to_keep(
     if len(distinct) < 2:
         raise RunError(f"{path}: only {len(distinct)} row remains: a run needs at least two instants")
     new, note = new_readings(t[distinct], [column[distinct] for column in readings.values()])
-    notes = [f"rows without a value (NaN), treated as gaps: {empty}" if empty else "", note]
+    notes = [f"rows without a value (NaN), treated as missing: {empty}" if empty else "", note]
     if doubled.any():
         notes.insert(1, f"rows with the same time as the previous row, removed: {doubled.sum()}")
     return distinct[new], list(filter(None, notes))

@@ -105,7 +105,7 @@ class Understood:
             "angles": f"{options.unit}, {convention}",
             "time": f"{len(t):,} rows, {t[-1]:.6g} s from the release{rest}, unit {options.time_unit}",
             "recorded": self.recorded_at or "date unknown (--recorded-at)",
-            "rate": f"{rate_hz:.5g} Hz, {steps}; {number or 'no'} gap{'' if number == 1 else 's'}",
+            "rate": f"{rate_hz:.5g} Hz, {steps}; {number or 'no'} interruption{'' if number == 1 else 's'}",
             "motion": "; ".join(f"{AXES[joint]} {_range(self.theta[:, joint])}" for joint in self.joints),
         }
         return facts | self._inputs()

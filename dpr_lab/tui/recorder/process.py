@@ -149,7 +149,7 @@ class _IdleWatch:
         self._outbox.add_if_read(self._last)
 
     def _still(self) -> bool:
-        """Return whether no encoder reading differs from its last report beyond the noise."""
+        """Return whether all encoder readings equal their last reported values, within the noise."""
         noise = 1 + SETTINGS.noises * self._rig.encoders.noise_counts
         return all(
             joint in self._last_reported and abs(n - self._last_reported[joint]) <= noise

@@ -349,7 +349,7 @@ def _about(known: RunSurveyed) -> str:
     reasons = info.gate if ":" in info.gate else ""  # why the quality gate did not rate the run "ok"
     lines = [
         f"{info.samples} samples at {info.rate_hz:g} Hz, rig {info.rig}, {info.source} {info.url}",
-        f"lost {lost or 'nothing'}; {info.gaps} gaps, the longest {1e3 * info.longest_gap_s:.1f} ms",
+        f"lost {lost or 'nothing'}; {info.gaps} interruptions, the longest {1e3 * info.longest_gap_s:.1f} ms",
         *filter(None, (reasons, info.damage, info.stopped, info.note, *info.notes)),
     ]
     return "\n".join(lines)

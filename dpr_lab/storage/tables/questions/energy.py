@@ -142,7 +142,8 @@ def _explained_part(table: InterpretedTable) -> str:
         if later:
             begins = f"{round(t[np.searchsorted(t, t[0] + safe)] + before, 2):g}"
             return (
-                f"use only the swing from {begins} s on (--start-s {begins}): before, a drive or a hand probably acted"
+                f"use only the swing from {begins} s on (--start-s {begins}): before that time, a drive or a hand"
+                " probably acted"
             )
         ends = f"{round(t[np.searchsorted(t, t[-1] - safe, 'right') - 1] - table.t[0], 2):g}"
         return f"use only the first {ends} s (--duration-s {ends}): later, a drive or a hand probably acted"
@@ -152,9 +153,8 @@ def _explained_part(table: InterpretedTable) -> str:
 def _turned(read: InterpretedTable) -> list[OtherReading]:
     """List the interpretation in which a free rod hangs at an angle other than 0 or half a turn.
 
-    The list is empty if there is no such interpretation. If the rod
-    hangs at 90 degrees of the table, the doubled angles also look like an energy-conserving swing about the hanging
-    position.
+    The list is empty if the rod does not hang at such an angle. If it hangs at 90 degrees of the table, the doubled
+    angles also look like an energy-conserving swing about the hanging position.
     """
     if read.torques is not None or read.drive or read.rig.rods.mounting == "both" or read.options.unit == "counts":
         return []

@@ -17,18 +17,18 @@ from dpr_lab.storage.tables.plausible import PLAUSIBLE
 
 @dataclass(frozen=True, slots=True)
 class JoinSettings:
-    """Limits beyond which the two sides of a gap do not belong to one motion."""
+    """Limits beyond which the readings before and after an interruption do not belong to one motion."""
 
     rows: int = 4
-    """Number of rows on each side of a gap that are compared with one polynomial."""
+    """Number of rows before, and number of rows after an interruption to which one polynomial is fitted."""
     degree: int = 4
     """Degree of the polynomial."""
     lost: int = 3
-    """Maximum number of missing rows in a gap. The motion in a longer gap cannot be predicted."""
+    """Maximum number of missing rows. The motion in a longer interruption cannot be predicted."""
     times: float = 5.0
-    """Minimum ratio of the residual at the gap to the usual residual at other places with as many rows left out."""
+    """Minimum ratio of the residual at the interruption to the reference residual."""
     usual: float = 0.95
-    """Quantile of the residuals at other places that serves as the usual residual."""
+    """Reference residual: this quantile of the residuals at other places, with as many rows left out."""
     share: float = 0.02
     """Minimum residual relative to the range of the angle."""
     margin: float = 0.25
@@ -42,7 +42,7 @@ JOIN = JoinSettings()
 
 
 def joined_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about the first gap after which a further recording seems to begin."""
+    """Warn about the first interruption after which a further recording seems to begin."""
     t, theta = table.t[table.swing], table.theta[table.swing, 1:]
     steps = np.diff(t)
     lost = np.rint(steps / np.median(steps)).astype(np.intp) - 1
@@ -54,15 +54,16 @@ def joined_questions(table: InterpretedTable) -> list[TableQuestion]:
             part = slice(after - JOIN.rows, after + JOIN.rows)
             if (_residual(t[part], theta[part]) > most).any():
                 sentence = (
-                    f"the readings before and after the gap at {t[after - 1]:.5g} s do not belong to one motion: if"
-                    f" another swing begins there, import both separately ({_gap_parts(table, t, after)})"
+                    f"the readings before and after the interruption at {t[after - 1]:.5g} s do not belong to one"
+                    " motion: if another swing begins there, import both swings separately"
+                    f" ({_gap_parts(table, t, after)})"
                 )
                 return [TableQuestion(sentence)]
     return []
 
 
 def gap_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about the first gap in which the motion cannot be predicted."""
+    """Warn about the first interruption in which the motion cannot be predicted."""
     t = table.t[table.swing]
     after, words = long_gap(t)
     return [TableQuestion(f"the table {words} ({_gap_parts(table, t, after)})")] if words else []
@@ -102,7 +103,9 @@ def rise_questions(table: InterpretedTable) -> list[TableQuestion]:
     rises_by = f"the energy of the rods rises by {amount} the energy exchanged by gravity"
     force = "a drive or a hand probably acted"
     if not long[:-1].any():
-        sentence = f"use only the swing from {after} s on (--start-s {after}): before, {force}, because {rises_by}"
+        sentence = (
+            f"use only the swing from {after} s on (--start-s {after}): before that time, {force}, because {rises_by}"
+        )
     elif not long[1:].any():
         sentence = f"use only the first {before} s (--duration-s {before}): later, {force}, because {rises_by}"
     else:
@@ -119,7 +122,7 @@ def rise_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def _gap_parts(table: InterpretedTable, t: Array, after: int) -> str:
-    """Return the import options of the two parts of a table: before and after the gap that ends at row `after`."""
+    """Return the import options of the parts before and after the interruption that ends at row `after`."""
     begin, end = (t[[after - 1, after]] - table.t[0]).tolist()
     lasts = begin + float(np.median(np.diff(t)))  # the row at the end of a duration is excluded
     return "; ".join(_parts(table, [(lasts, end)]))
@@ -139,7 +142,7 @@ def _parts(table: InterpretedTable, cuts: Sequence[tuple[float, float]]) -> list
 
 
 def _usual(t: Array, theta: Array, whole: Flags, lost: int) -> float:
-    """Return the largest residual that a gap within one motion can have, rad.
+    """Return the largest residual that an interruption within one motion can have, rad.
 
     The result is infinite if the table has too few places to estimate the residual.
 

@@ -26,7 +26,7 @@ class LostFrameSettings:
     frames: int = 3
     """Maximum number of frames per step."""
     even: float = 0.3
-    """Maximum relative deviation of a time between rows from their median."""
+    """Maximum relative deviation of a sampling interval from the median interval."""
     counts: float = 6.0
     """Minimum median step of an angle, in units of its smallest change."""
     rounding_rad: float = 1e-9
@@ -63,7 +63,7 @@ def lost_frame_questions(table: InterpretedTable) -> list[TableQuestion]:
     return [
         TableQuestion(
             f"{long} of {steps} steps of the angles are two or three times as long as the steps around them, but the"
-            " times are even: frames or rows were lost without a gap in the times. Use the times at which the"
+            " times are even: frames or rows were lost without an interruption of the times. Use the times at which the"
             " frames were taken, or the numbers of the frames (a column 'frame' and --rate-hz)"
         )
     ]
