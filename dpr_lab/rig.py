@@ -263,9 +263,10 @@ class Rig(Shown, RigTable):
 
     @property
     def values_sha256(self) -> str:
-        """Hash of the values on which a diagnosis depends, in any order of the tables.
+        """Hash of the values on which a diagnosis depends, independent of the order of the tables.
 
-        Poses and link describe future recordings. The other excluded values are taken from each recording.
+        Excluded are poses and link, which describe future recordings, and the values that each recording states: rods,
+        added mass, modes of arm and inner rod, and zero counts of the encoders.
         """
         of_recordings = {"poses", "link", "rods", "added_mass"}
         nested = {"arm": {"mode"}, "joints": {"inner"}, "encoders": {"zero_counts"}}

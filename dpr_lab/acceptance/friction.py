@@ -49,7 +49,7 @@ def inaccurate_speeds(curve: JointFriction, limit: FrictionLimit) -> str:
         return ""
     places = [f"{1e3 * std[side].max():.2g} mN m {_range(speed[side])}" for side in sides.values()]
     return (
-        f"with a friction curve of any shape, the standard deviation of the torque is {listed(places)},"
+        f"with a free-form friction curve, the standard deviation of the torque is {listed(places)},"
         f" but {1e3 * std[best]:.2g} mN m at {speed[best]:.2g} rad/s: {'; '.join(sides)}"
     )
 

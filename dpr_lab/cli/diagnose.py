@@ -43,7 +43,7 @@ def diagnose(
     joints: Annotated[
         str | None,
         typer.Option(
-            help="With --simulator: joints of the rods, the inner one first, and of an arm, separated by commas."
+            help="With --simulator: names of the joints, separated by commas: inner, outer, then arm if present."
         ),
     ] = None,
     model: Annotated[

@@ -50,7 +50,7 @@ def export(
     ] = None,
     joints: Annotated[
         str | None,
-        typer.Option(help="With --into: joints of the rods, the inner one first, and of an arm, separated by commas."),
+        typer.Option(help="With --into: names of the joints, separated by commas: inner, outer, then arm if present."),
     ] = None,
     ensemble: Annotated[
         int | None,

@@ -156,7 +156,7 @@ def arm_torques(data, motion):
 
 @dataclass(frozen=True, slots=True)
 class EngineFile:
-    """Simulator file for a module of passive forces, by default that of `mjcf`."""
+    """Simulator file for which a module of passive forces is written; by default the file of `mjcf`."""
 
     name: str = XML
     joints: tuple[str, str] = ("joint1", "joint2")

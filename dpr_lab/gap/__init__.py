@@ -18,7 +18,7 @@
 Why was cause X preferred to Y? The field `search` of a diagnosis lists all trials of the search. The trial that rejects
 Y, or that replaces Y by X, states its move and the reason.
 
-Reading order. About 9,000 words contain the rules of this choice:
+Reading order. The rules of this choice are in modules of about 9,000 words:
 
     `hypothesis.hypothesis`      the cost, by which sets are compared
     `hypothesis.thresholds`      the numbers in the rules
@@ -31,11 +31,11 @@ Reading order. About 9,000 words contain the rules of this choice:
     `which.replacements`
     `classes.posterior`          the probabilities of X and Y, if both remain
 
-About 7,000 words contain the stages: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`, `which.select`,
-`corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 75,000 words. Each has the
-computations of one decision; read it when you change it. Two of them belong to no single stage: `damage`
-(outliers, kicks, and rods moved by a hand, which the fit of the bare model excludes; steps of a reading) and
-`films` (corrections of films).
+The stages are in modules of about 7,000 words: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`,
+`which.select`, `corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 75,000 words.
+Each has the computations of one decision; read it when you change it. Two of them belong to no single stage: `damage`
+(outliers, kicks, and rods moved by a hand, which the fit of the bare model excludes; steps of a reading) and `films`
+(corrections of films).
 
 Terms of all modules:
 
@@ -51,8 +51,8 @@ Terms of all modules:
     expected, known   effects that the rig file implies, for example of a geared motor; all others are `unexpected`
     universal         effects that every rig has, for example a zero error of an encoder
     common            effects that are visible on most rigs: the universal ones, base tilt, Coulomb friction, air drag
-    own share         part of an effect's reduction of chi2 that the other effects, in any form, do not explain
-    possible          a set whose sizes and gravity torque a rig can have
+    own share         unique contribution: part of an effect's reduction of chi2 that no form of the others explains
+    possible          physically feasible: a set whose sizes and gravity torque a rig can have
     shape             values of the nonlinear parameters of an effect, for example of its order, frequency or instant
     held out          not fitted: `Request.held_out` contains the runs, `Fitted.held_out` the screened runs
 

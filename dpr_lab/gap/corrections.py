@@ -95,7 +95,7 @@ def _with_earlier_torques(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | N
 
 
 def _no_worse(before: ForwardSelected, after: ForwardSelected) -> bool:
-    """Return whether torques that act before their rows fit as well as delayed torques, within the noise."""
+    """Return whether torques that act before their rows fit no worse than delayed torques, within the noise."""
     held, earlier = before.search.current, after.search.current
     return earlier.cost < held.cost + held.chance
 

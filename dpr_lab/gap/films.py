@@ -51,9 +51,9 @@ ORDINARY = (*COULOMB, AIR_DRAG_BOTH, BASE_TILT)
 
 
 def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesis) -> RollingShutter | None:
-    """Return the rolling shutter that explains most of a model's residual.
+    """Return the rolling shutter whose correction reduces the chi2 of a model most.
 
-    The result is None if encoders gave the readings, or if no shutter explains enough.
+    The result is None for readings of encoders, or if no correction reduces chi2 enough.
     """
     if not recordings.may_be_films:
         return None

@@ -43,8 +43,8 @@ class Search:
     least_deg: float = 2.0
     """Minimum deflection from hanging of a released rod, deg, unless the limits of the plan permit only less."""
     upright_deg: float = 10.0
-    """Minimum distance of a start pose from an unstable equilibrium, deg, unless the limits permit only less. Nearer to
-    it, placement error and static friction determine when and to which side the rods fall."""
+    """Minimum distance of a start pose from an unstable equilibrium, deg, unless the limits permit only less.
+    Closer to the equilibrium, placement error and static friction determine when and to which side the rods fall."""
     repeated: float = 0.5
     """Fraction by which the value of a release falls if it repeats another release, because a model error affects
     both releases."""
@@ -74,8 +74,8 @@ def swinging(releases: Sequence[CandidateRelease], e: Sequence[float] = (1.0, 1.
 def upright_rad(release: CandidateRelease, e: Sequence[float]) -> float:
     """Return the distance of a start pose from the nearest unstable equilibrium, rad.
 
-    Both rods have three such equilibria. A single rod or a clamped elbow has one, with its centre of mass above the
-    joint; e are the gravity torques of both rods, N m.
+    A double pendulum has three unstable equilibria. A single rod or a clamped elbow has one, with its centre of mass
+    above the joint; e contains the gravity torques of both rods, N m.
     """
     theta = release.start[:2]
     if release.mounting != "both":
@@ -87,7 +87,7 @@ def upright_rad(release: CandidateRelease, e: Sequence[float]) -> float:
 def hanging_rad(release: CandidateRelease, e: Sequence[float]) -> float:
     """Return the distance of a start pose from the stable equilibrium, rad.
 
-    Both rods hang there. For a clamped elbow, their centre of mass is below the joint.
+    In this equilibrium, both rods hang. With a clamped elbow, the centre of mass of the rods is below the joint.
     """
     if release.mounting != "both":
         return np.pi - upright_rad(release, e)

@@ -53,7 +53,7 @@ RATIO_COLUMNS = len(UNKNOWN_RATIOS)
 
 
 HELD = 1e6
-"""Value of a ratio that no release determines, divided by the standard deviation of its prior."""
+"""Size of a ratio that no release determines, divided by the standard deviation of the prior that fixes the ratio."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -140,7 +140,7 @@ class LimitForecast(_Record):
     unknown: str = ""
     """Reason why there is no forecast; otherwise empty."""
     release: int | None = None
-    """Number of the release that decides this alone and most accurately; None if no single release decides it."""
+    """Number of the release that alone decides the limit most accurately; None if no single release decides it."""
 
 
 class Plan(Shown, _Record):

@@ -75,7 +75,7 @@ def test_an_undecided_friction_limit_states_the_inaccurate_speeds_and_their_caus
     std_Nm: list[float], stated: str, remedies: list[str]
 ) -> None:
     (limit,) = judge(with_friction(std_Nm), friction(4e-3)).limits
-    assert f"with a friction curve of any shape, the standard deviation of the torque is {stated}" in limit.reason
+    assert f"with a free-form friction curve, the standard deviation of the torque is {stated}" in limit.reason
     assert [remedy for remedy in ("ends at rest", "faster") if remedy in limit.reason] == remedies
 
 

@@ -110,12 +110,12 @@ class BodyChange:
 
     @property
     def moves(self) -> bool:
-        """Whether the centre of mass moves."""
+        """Whether the centre of mass differs from that in the file."""
         return float(np.linalg.norm(self.shift)) > PATCH.negligible
 
     @property
     def scales(self) -> bool:
-        """Whether the inertia changes."""
+        """Whether the inertia differs from that in the file."""
         return abs(self.factor - 1) > PATCH.negligible
 
 

@@ -1,7 +1,7 @@
 """Recommended recordings and bench measurements that distinguish the remaining causes.
 
-For each named effect and its alternatives, the releases of a menu are simulated with the fitted estimate. The
-recommended release has the largest discrimination between the effect and the alternative,
+For each named effect and its alternatives, the predefined releases (`expected_recordings.MENU`) are simulated with
+the fitted estimate. The recommended release has the largest discrimination between the effect and the alternative,
 
     discrimination = |s| sqrt(1 - cos^2),
 

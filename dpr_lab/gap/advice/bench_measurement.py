@@ -108,9 +108,9 @@ def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained
 
     The text is empty if the value is plausible.
 
-    A value is doubtful if no candidate predicts it. If the recordings do not determine the measured quantity, two other
-    values are also doubtful: a value that equals the estimate of another quantity, and a value that is much larger than
-    all fitted amplitudes with the same unit.
+    A value is doubtful if no candidate predicts it. If the recordings do not determine the measured quantity, a value
+    is doubtful in two further cases: it equals the estimate of another quantity, or it is much larger than all fitted
+    amplitudes with the same unit.
     """
     quantity, estimate, fitted = check.measurand, predicted.estimate, _same_unit(diagnosis, check)
     confused = [

@@ -54,7 +54,7 @@ class _Influence:
     changes: Array
     """(n, p) whitened changes of the readings by the parameters."""
     compensation: Array
-    """(segments, 4, p) change of the initial states that compensates a change of the parameters."""
+    """(segments, 4, p) change of the initial states that compensates for a change of the parameters."""
 
     @property
     def signal(self) -> Array:
@@ -114,7 +114,7 @@ class ExpectedRecording:
 
 
 def expected_recordings(recordings: Recordings, chosen: Hypothesis, names: Sequence[str]) -> list[ExpectedRecording]:
-    """Predict the changes of the readings by some effects, for each release of the menu.
+    """Predict the changes of the readings by some effects, for each predefined release.
 
     Args:
         recordings: recordings that define the noise and the setup of the releases

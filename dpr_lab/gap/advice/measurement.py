@@ -114,7 +114,7 @@ class Predictions:
     largest: float
     """Largest value and largest uncertainty that are accepted."""
     estimate: Interval | None
-    """Prediction of the recordings if the measured effect is the cause."""
+    """Value that the recordings predict, with its interval, if the measured effect is the cause."""
 
     def log_densities(self, value: float, std: float) -> dict[str, float]:
         """Return the log predictive density under each candidate and under an outside cause."""

@@ -119,7 +119,7 @@ def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: Chec
     The fits start from the bare model and, if the named effect is part of the diagnosed model, also from this model.
     """
     if answer.rig is None:
-        raise RunError("give the rig of the runs")
+        raise RunError("state the rig file of the recorded runs")
     rig = answer.rig
     refuse_other_rigs(answer.runs, rig)
     if diagnosis.evidence is not None and rig.name != diagnosis.evidence.rig:

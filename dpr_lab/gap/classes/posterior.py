@@ -185,7 +185,7 @@ def _undetectably_richer(selection: Selection, effect: Effect) -> tuple[str, ...
 
 
 def _adds_nothing(replacements: _Replacements, richer: str) -> bool:
-    """Return whether the additional amplitudes of a richer form are excluded and do not reduce the cost."""
+    """Return whether a richer form adds only excluded amplitudes, which do not reduce the cost."""
     selection, fitted = replacements.selection, replacements.with_other(richer)
     score = selection.final_test.best_score(richer)
     better = fitted is not None and fitted.cost_at(selection.chosen.inflation) < selection.chosen.cost
@@ -256,7 +256,7 @@ def prior_odds(selection: Selection, model: Hypothesis, members: Collection[str]
     Args:
         selection: the selected set
         model: the other set
-        members: the class of the named effect; it is common if one of its members is
+        members: the class of the named effect; the named effect counts as common if a member of its class is common
     """
     if follows_decay(selection.bare, model, selection.chosen):
         return CALIBRATION.drifting

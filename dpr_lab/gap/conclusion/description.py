@@ -42,7 +42,7 @@ class DescriptionRules:
     """Limits beyond which the diagnosis reports a wrong description of the recordings instead of causes."""
 
     gap: float = 3.0
-    """chi2 per degree of freedom of the bare model above which other descriptions are tested.
+    """chi2 per degree of freedom of the bare model above which alternative interpretations are tested.
 
     The value is 8 for a swing of 20 degrees whose angles were imported at half their size.
     """
@@ -71,7 +71,7 @@ DESCRIPTION = DescriptionRules()
 def description(
     records: Sequence[Record], rig: Rig, problem: Problem, selection: Selection, transfer: Transfer
 ) -> Description:
-    """Test other descriptions of the recordings, unless the effects plausibly explain the gap.
+    """Test alternative interpretations of the recordings, unless the effects plausibly explain the gap.
 
     The test is made if a gap above the noise remains, or if only effects of an impossible size close it.
 

@@ -52,8 +52,9 @@ def determined(problem: Problem, fit: Fit, covariance: Array, rig: Rig) -> tuple
     """Return the ratios that the recordings determine.
 
     The ratios refer to the inertia b, or to a if only the inner rod is mounted. The value and the covariance of a
-    fitted parameter are divided by this inertia. Both include the uncertainty of undetermined ratios; e1/a and c1/a of
-    the inner rod alone do not depend on them. The arguments are those of `ratios`.
+    fitted parameter are divided by this inertia. The intervals and the covariance
+    include the uncertainty that undetermined ratios cause; e1/a and c1/a of the inner rod alone do not depend on
+    undetermined ratios. The arguments are those of `ratios`.
 
     Returns:
         the ratios, and their (n, n) covariance

@@ -43,9 +43,9 @@ SCATTER = ScatterSettings()
 
 
 def between_recordings(problem: Problem, fit: Fit) -> Array:
-    """Return the (free, free) covariance of the values of a new recording about the common values.
+    """Return the (free, free) covariance of the parameters between recordings (random effects).
 
-    The covariance is zero for values at a bound.
+    It describes the values of a new recording about the common values, and is zero for values at a bound.
 
     Args:
         problem: segments and noise

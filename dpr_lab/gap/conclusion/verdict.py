@@ -79,7 +79,7 @@ def verdict(state: Transferred, visible_counts: tuple[int, int], budget: Budget)
 
 
 def _too_short_to_decide(state: Transferred) -> bool:
-    """Return whether the only release is too short for the signed-rank test, and no cause is probable.
+    """Return whether the only release is too short to test its causes, none of which is probable.
 
     If the set contains only effects that every rig of this kind has, the verdict is not open.
     """
@@ -120,7 +120,7 @@ def gap_is_small(model: Hypothesis) -> bool:
 
 
 def only_held_out_gap(chosen: Hypothesis, transfer: Transfer) -> bool:
-    """Return whether the held-out recordings show a gap, but not the fitted recordings."""
+    """Return whether only the held-out recordings, and not the fitted ones, show a gap."""
     on_held_out = transfer.basis == "held-out runs" and transfer.gap_ratio > VERDICT.held_out_gap
     return on_held_out and gap_is_small(chosen)
 
@@ -149,7 +149,7 @@ def fitted_only(posteriors: Sequence[EffectPosterior], transfer: Transfer) -> bo
 
 
 def held_out_gap_invisible(transfer: Transfer) -> bool:
-    """Return whether held-out data show no gap, and neither confirm nor refute the effects."""
+    """Return whether the gap is invisible in held-out data, which then neither confirm nor refute the effects."""
     return transfer.closed.value <= 0 and transfer.closed.interval90[1] >= VERDICT.closes
 
 
@@ -184,7 +184,7 @@ def small_causes(state: Transferred) -> list[EffectPosterior]:
 
 
 def small_effects(bare: Hypothesis, path: Sequence[tuple[str, Hypothesis]]) -> frozenset[str]:
-    """Return the effects that together add less than `THRESHOLDS.small` of the gap to the larger effects.
+    """Return the smallest effects that together explain less than the share `THRESHOLDS.small` of the excess.
 
     Args:
         bare: the bare model

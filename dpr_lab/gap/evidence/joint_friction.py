@@ -110,10 +110,9 @@ def joint_friction(problem: Problem, model: Hypothesis, *, back_emf: bool) -> di
 
 
 def curve_basis(H: Array, free: Sequence[FreeParameter], curve: Sequence[FreeParameter]) -> Array:
-    """Return a basis of the fitted values, in its columns.
+    """Return a matrix whose columns are a basis of the determined fitted values.
 
-    If the other values absorb a difference of the curve between the directions, the basis does not contain this
-    difference.
+    If the other values absorb the difference between the curves of the two directions, the basis omits this difference.
 
     Args:
         H: (k, k) normal matrix of the fitted values

@@ -62,8 +62,8 @@ def wider_models(state: Transferred) -> list[WiderModel]:
 def _intervals(state: Transferred, added: Sequence[int], stds: Sequence[float] = ()) -> dict[str, tuple[float, float]]:
     """Return the 90 % interval of each ratio and amplitude of the fit, with further columns of the score test.
 
-    It also contains that of b, or of a for the inner rod alone, if this inertia was fitted. The result is empty if the
-    fitted values absorb a further amplitude.
+    The intervals include that of the inertia b, or of a for the inner rod alone, if it was fitted. The result is empty
+    if the fitted values absorb a further amplitude.
 
     Args:
         state: the result of the selection

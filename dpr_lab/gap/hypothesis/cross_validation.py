@@ -54,7 +54,7 @@ def folds(problem: Problem) -> Integers:
 
     A fold is a run or, if there is a single run, a quarter of it. Quarters have equally many segments. If a known input
     drives the run, the joints cover equal paths in each quarter. A controller may keep the joints at rest for most of
-    the recording, and data at rest cannot predict the other quarters. The indices begin at 0 and have no gaps.
+    the recording, and data at rest cannot predict the other quarters. The indices are consecutive and begin at 0.
     """
     run, starts = problem.segments.run, problem.segments.offsets[:-1]
     if run.min() < run.max():

@@ -57,7 +57,7 @@ class ResidualStatistics:
 
     @property
     def independent_noise(self) -> float:
-        """Equivalent white-noise variance for the errors of fitted values, relative to the assumed noise.
+        """Variance of white noise with the same parameter covariance as the residuals, relative to the assumed noise.
 
         The value is level (1 + rho) / (1 - rho), where rho is the correlation of the errors of neighbouring readings.
         """

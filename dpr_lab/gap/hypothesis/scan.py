@@ -44,7 +44,7 @@ class ScanSettings:
     """Minimum number of periods that a joint must cover. A pattern that does not repeat is not evidence of a periodic
     effect."""
     gap_rad: float = 0.5
-    """Largest gap in the visited angles of a joint that counts as revolving, rad."""
+    """Largest interval of unvisited angles of a joint that counts as revolving, rad."""
 
 
 SCAN = ScanSettings()
@@ -211,9 +211,10 @@ def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
 
 
 def _within(columns: Array, others: Array, count: int) -> Array:
-    """Return the (segments, sets, n, n) inner products between the columns of each set.
+    """Return the (segments, sets, n, n) inner products of `columns` with `others` within each set, with n = `count`.
 
-    `columns` and `others` have the shape (segments, rows, sets * n).
+    Both arguments have the shape (segments, rows, sets * n). The products of a set are symmetric, so only products with
+    the same or a later column are computed.
     """
     diagonals = [
         np.einsum("smk,smk->sk", columns[:, :, : columns.shape[2] - i], others[:, :, i:]) for i in range(count)

@@ -176,7 +176,7 @@ def form_indifference(bare: Hypothesis, model: Hypothesis) -> float:
 
 
 def adds_less_than_remains(richer: Hypothesis, simpler: Hypothesis | None) -> bool:
-    """Return whether a richer form leaves more excess than it removes from that of a simpler form.
+    """Return whether a richer form reduces the excess of a simpler form by less than half.
 
     The result is False if the richer form leaves only noise, or if the simpler form was not fitted.
     """

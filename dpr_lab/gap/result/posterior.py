@@ -15,9 +15,9 @@ class PosteriorComponent(ModelPart):
     probability: Annotated[float, Field(ge=0, le=1)]
     """Probability of the set among the fitted sets, given that the cause is in the library."""
     ratios: dict[str, float]
-    """Ratios a/b, d/b, e1/b, c1/b, c2/b, and b, kg m^2, if the recordings determine it."""
+    """Ratios a/b, d/b, e1/b, c1/b, c2/b; also b, kg m^2, if the recordings determine b."""
     effects: dict[str, dict[str, float]]
-    """Value of each parameter, SI, by effect and parameter, for the b in `ratios` or else for that of the diagnosis."""
+    """Value of each parameter, SI, by effect and parameter, for the b in `ratios`, or else the b of the diagnosis."""
     free: list[str]
     """Names of the fitted values, in the order of the covariance: a ratio, or `effect.parameter`."""
     covariance: list[list[float]]

@@ -94,7 +94,7 @@ class FittedSets:
         return self.results[arguments]
 
     def possible(self, model: Hypothesis) -> bool:
-        """Return whether a rig can have the sizes and the gravity torque of a set."""
+        """Return whether the sizes and the gravity torque of a set are physically feasible."""
         return not (self.oversized(model) or rises(self.problem, model))
 
     def oversized(self, model: Hypothesis) -> tuple[str, ...]:
@@ -106,7 +106,7 @@ class FittedSets:
         return (*off_axis(self.problem, model), *springs_like_scale(self.problem, self.library, model))
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
-        """Return whether the sizes of a set are possible, or the other set also has impossible sizes."""
+        """Return whether a set is at least as feasible as another set: possible, or both are impossible."""
         return self.possible(model) or not self.possible(other)
 
     def unexpected(self, model: Hypothesis) -> list[str]:

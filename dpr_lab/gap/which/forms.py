@@ -114,9 +114,9 @@ def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, nam
 
 
 def _free(effect: Effect, tested: Effect, angle: Array, speed: Array, t: Array) -> Array:
-    """Return (n, k) hat functions of the angle, and of time and speed if possible.
+    """Return (n, k) hat functions of angle, time and speed.
 
-    Forms by time or speed are omitted for effects that cannot depend on them.
+    Functions of time or speed are omitted for effects that cannot depend on time or speed.
     """
     of_pose = not effect.dissipative and effect.stage in ("torque", "encoder")
     functions = [angle_hats(angle)[0]]

@@ -221,7 +221,7 @@ def _ranked(fitted_sets: FittedSets, best: Hypothesis, models: Iterable[Hypothes
 def _doubts(
     fitted_sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], model: Hypothesis
 ) -> tuple[bool, bool]:
-    """Return whether a set has an impossible size, and whether one of its effects only imitates other causes."""
+    """Return two flags: a size of the set is impossible; an effect of the set only imitates other causes."""
     imitates = follows_remainder(fitted_sets.bare, model, best) or any(
         follows_swing(fitted_sets.bare, model, other) or follows_decay(fitted_sets.bare, model, other)
         for other in models

@@ -38,7 +38,7 @@ def _smaller_adequate(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[
 
 
 def _explains_nearly_as_much(fitted_sets: FittedSets, model: Hypothesis, current: Hypothesis) -> bool:
-    """Return whether a smaller set is as likely as the current set and lacks no large effect."""
+    """Return whether a smaller set explains nearly as much as the current set and is about as likely."""
     lost = model.bounded_excess - current.bounded_excess
     if lost >= THRESHOLDS.large * fitted_sets.corrected_bare(current).bounded_excess:
         return False
@@ -99,9 +99,9 @@ DROP = Move(
 def _without_least_own(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose the set without the effect that has the smallest own share, while a residual remains.
 
-    The own share is the part of its reduction that no other form of the remaining effects explains. Even if an effect
-    with few amplitudes is a true cause, a free function can imitate it. Therefore, if the set without an effect of more
-    amplitudes explains as much, that set is proposed first.
+    The own share of an effect is the part of its reduction of chi2 that no form of the remaining effects explains. It
+    is small even for a true cause with few amplitudes if a free function in the set imitates this cause. Therefore, if
+    the set without this function explains as much, this set is proposed first.
     """
     if current.at_noise_floor or len(current.effects) < 2:
         return
@@ -142,9 +142,10 @@ def _without_possible_compensations(fitted_sets: FittedSets, current: Hypothesis
 
 
 def _removal_leads_to_curve(fitted_sets: FittedSets, current: Hypothesis) -> bool:
-    """Return whether the best smaller set costs more and has more parameters, so that it contains a curve.
+    """Return whether the set with the lowest cost among those of fewer effects contains a curve.
 
-    The search would choose this set after a removal. All smaller sets must be fitted first.
+    It then has more parameters and a higher cost than the current set. The search would choose it after a removal. All
+    sets with fewer effects must be fitted first.
     """
     others = (
         model

@@ -163,7 +163,7 @@ def _larger_priors(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Pro
 
 
 def _comes_first(name: str, other: str) -> bool:
-    """Return whether `name` comes before `other` in the fixed order of common effects: zero errors, then by name."""
+    """Return whether `name` precedes `other` in the order of common effects: zero errors first, then alphabetical."""
     first, second = EFFECTS[name], EFFECTS[other]
     order = [(not effect.stage.startswith("encoder"), effect.name) for effect in (first, second)]
     return first.common and second.common and order[0] < order[1]

@@ -123,9 +123,10 @@ def _predicts_whole_segments(fitted_sets: FittedSets, current: Hypothesis, propo
 
 
 def _revised(state: SearchState) -> SearchState:
-    """Return the state after the first accepted revision that is not significantly worse after its following moves.
+    """Try the revisions, each with the moves that follow it, and return the state after the first success.
 
-    A set with more parameters must have a lower criterion.
+    A revision succeeds if the criterion of the resulting set is not significantly higher than before, or, for a set
+    with more parameters, lower. Otherwise it is undone.
     """
     for revision, moves in REVISIONS:
         after = apply_move(revision, state)

@@ -27,14 +27,14 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 
 @dataclass(frozen=True, slots=True)
 class SizeRules:
-    """Significance of an impossible size, and sizes that are typical of another cause."""
+    """Width of the interval of a fitted size, and spring ratios that suggest an error of the encoder scale."""
 
     deviations: float = 2.0
     """Half the width of the interval of a fitted value, in standard deviations."""
     softening: float = -1 / 12
     """Ratio k3 / k of a spring that softens like an error of the encoder scale."""
     tolerance: float = 0.5
-    """Maximum relative deviation from this ratio."""
+    """Maximum relative deviation of a fitted ratio k3 / k from `softening`."""
 
 
 RULES = SizeRules()
@@ -82,7 +82,7 @@ def significantly_oversized(model: Hypothesis, limits: Array | None) -> tuple[st
 
 
 def impossible_together(effect: Effect, sizes: Params, errors: Mapping[str, float]) -> bool:
-    """Return whether no combination of the sizes of an effect is possible within their intervals.
+    """Return whether all combinations of the sizes of an effect within their intervals are impossible.
 
     The tested values of each amplitude are its estimate, the ends of its interval, and zero if the interval contains
     zero.

@@ -70,9 +70,7 @@ ENERGY = EnergyRiseSettings()
 
 
 def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig) -> float:
-    """Compute the smallest sum of energy increases, relative to the range of the energy.
-
-    The sum is minimised over all ratios.
+    """Compute the smallest sum of energy increases over all ratios, relative to the range of the energy.
 
     The result is 0 for passive rods. Runs with a moving arm, with a single rod, or with much noise are ignored. If no
     other run remains, the result is 0.

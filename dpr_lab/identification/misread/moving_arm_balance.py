@@ -142,7 +142,7 @@ def angles_are_right(runs: Iterable[Run], rig: Rig) -> bool:
 
 
 def wrong_unit(residual: float, converted: float) -> bool:
-    """Check whether the residual is large only in the stated unit of angles."""
+    """Check whether the residual is large in the stated unit of angles, and much smaller in the other unit."""
     return residual > ARM_BALANCE.broken and ARM_BALANCE.better * converted < residual
 
 

@@ -248,9 +248,9 @@ def _scaled(rig: Rig) -> Iterator[Misreading]:
 
 
 def _times(s1: float, s2: float, relative: bool = False) -> Angles:
-    """Return a function that scales the angles of both rods from the hanging position.
+    """Return a function that scales the angles of both rods, measured from hanging.
 
-    The angles of the joints are scaled instead if `relative` is true.
+    If `relative` is true, it scales the angles of the joints.
     """
 
     def angles(inner: Array, outer: Array) -> tuple[Array, Array]:

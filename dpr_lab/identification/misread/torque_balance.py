@@ -123,7 +123,7 @@ class TorqueBalance:
         return replace(self, moving=thinned, torques=None if self.torques is None else self.torques[::stride])
 
     def _equations(self, rods: Array) -> tuple[Array, Array]:
-        """Return columns and target of the equations.
+        """Return the regressor matrix and the right-hand side of the equations.
 
         The coefficients are relative to their values in the rig file.
         """

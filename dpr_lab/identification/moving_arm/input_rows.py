@@ -96,7 +96,7 @@ class _Tested:
 def other_input(fit: ArmFit, runs: Sequence[Run], rig: Rig) -> str:
     """Return a message with import options that describe the input better.
 
-    The text is empty if no options do.
+    The text is empty if no other options describe it better.
 
     Args:
         fit: fit with the input as the runs state it

@@ -95,7 +95,7 @@ def stated_scale(
     fixed_by: Literal["data", "measured", "bound"],
     constants_std: float = 0.0,
 ) -> Scale:
-    """Return the scale of absolute values from their inertia `name`, a or b, and its source as in `Scale`."""
+    """Return the scale of absolute values from the inertia a or b (`name`), with its source as in `Scale`."""
     value, (low, high) = inertia.value, inertia.interval90
     interval = max(low, 1e-3 * value), high
     return Scale(b=value, interval90=interval, fixed_by=fixed_by, inertia=name, constants_std=constants_std)

@@ -28,7 +28,7 @@ class EstimatedValue(ModelPart):
         """Return the estimate with another value; the interval is moved by the difference.
 
         An end at zero is not moved, and the lower end of an interval without negative values does not become negative,
-        unless the new value is then outside.
+        unless the interval would then exclude the new value.
         """
         (lowest, highest), change = self.interval90, value - self.value
         low, high = lowest + change, highest + change

@@ -133,7 +133,7 @@ class OpenPairs:
 
 
 def is_detectably_richer(known: Knowledge, F: Array, name: str, other: str) -> bool:
-    """Return whether the other effect is a richer form of a named effect with a detectable additional amplitude.
+    """Return whether a richer form (`other`) of a named effect has a detectable additional amplitude.
 
     The rule is that of a diagnosis (`dpr_lab.gap.classes.posterior`).
     """
@@ -239,9 +239,9 @@ def open_bits(known: Knowledge, F: Array) -> Array:
 
 
 def ratio_bits(known: Knowledge, F: Array) -> Array:
-    """Return the (...,) negative log2 volume of the covariance of the ratios, in bits.
+    """Return the (...,) values of -1/2 log2 det C for the covariance C of the ratios, in bits.
 
-    The value is defined up to a constant.
+    The ratios are in units of their sizes, and the other unknowns of the model are fitted.
     """
     scale = np.array([column.size for column in known.model.columns[: len(RATIOS)]])
     return 0.5 * np.linalg.slogdet(_ratio_information(known, F) * scale[:, None] * scale)[1] / np.log(2)

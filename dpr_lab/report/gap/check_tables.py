@@ -24,8 +24,8 @@ EXPECTED_NOTE = (
     " measurement is assumed to be exact. The information is nearly zero if one cause is already far more probable,"
     " even if the predictions differ by many standard deviations. The release of a recording is the best one of a short"
     " list, for this question alone. dpr-lab plan searches all reachable poses for all open questions, and states which"
-    " checks its first release also answers. Its bits may differ from those of a check: they are those of all its"
-    " releases so far, and refer to single causes. A check counts indistinguishable causes as one cause."
+    " checks its first release also answers. Its information may differ from that of a check: plan adds up the"
+    " information of its releases, and treats each cause separately. A check counts indistinguishable causes as one."
 )
 
 
