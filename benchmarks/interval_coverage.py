@@ -139,7 +139,7 @@ def diagnosed(rng: Random, name: str) -> Intervals:
     diagnosis, true = diagnose(record(plant, rig, 5.0, RATE_HZ), rig), truth(rig, plant)
     named = next((cause for cause in diagnosis.effects if cause.name == name), None)
     if named is None or diagnosis.scale is None:
-        return {"not named": (0.0, 0.0, 0.0)}
+        return {}
     stated = {"b": (*diagnosis.scale.interval90, true["b"])}
     for key, size in named.parameters.items():
         if key in sizes and size.interval90[0] < size.interval90[1]:
@@ -190,10 +190,11 @@ KINDS: dict[str, Kind] = {
 def show(kind: str, results: Sequence[Mapping[str, tuple[float, float, float]]]) -> None:
     """Print the coverage of each quantity of a kind."""
     inside = defaultdict[str, list[tuple[bool, bool]]](list)
+    results, absent = [result for result in results if result], sum(not result for result in results)
     for result in results:
         for name, (low, high, true) in result.items():
             inside[name].append((true < low, true > high))
-    print(f"{kind}: {len(results)} rigs", flush=True)
+    print(f"{kind}: {len(results)} rigs" + (f", and {absent} without a named effect" if absent else ""), flush=True)
     for name, sides in inside.items():
         below, above = np.sum(sides, axis=0)
         covered, error = 100 * (1 - (below + above) / len(sides)), 100 * np.sqrt(0.09 / len(sides))

@@ -254,8 +254,7 @@ def posterior_of(
 ) -> Posterior:
     """Compute the distribution of the parameters, given the unknowns that recordings determine (equation 47).
 
-    The module docstring states the equation and the reasons for a lognormal distribution. `identify` and `diagnose`
-    both call this function, so that equal ratios give equal absolute values.
+    The module docstring states the equation and the reasons for a lognormal distribution.
 
     Args:
         unknown: (7,) ratios, b and p/b of a fit

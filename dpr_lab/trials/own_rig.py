@@ -130,7 +130,9 @@ class _Plan:
         library = {name: EFFECTS[name] for name in self.library}
         kind = OWN_RIG.kinds[number % len(OWN_RIG.kinds)]
         truth = {"as found": _as_found(diagnosis), "clean": {}}.get(kind)
-        truth = _another(diagnosis, library, rng) if truth is None else truth
+        arm_moves = any(original.run.setup.arm_moves for original in self.originals)
+        acting = {name: effect for name, effect in library.items() if arm_moves or not effect.of_arm}
+        truth = _another(diagnosis, acting, rng) if truth is None else truth
         params = effect_params(truth)
         recorded = [_recorded_again(original, rig, diagnosis.unknowns, params, rng) for original in self.originals]
         options = {"library": library, "max_effects": self.max_effects, "start": diagnosis.unknowns, "seed": self.seed}

@@ -97,7 +97,7 @@ def test_the_detectable_scale_error_of_the_cart_is_five_standard_deviations() ->
     _, problem, bare = fit_bare_model(Recordings((record(run, rig),), rig), nominal_ratios(rig))
     size = detectable_arm_scale(problem, bare)
     assert size
-    assert size > 0.3  # so the segments absorb the error of the next test
+    assert size > 0.3  # so the segments absorb the scale error of the test above
     (setup,) = problem.segments.setups
     assert setup.arm
     wrong = replace(problem.segments, setups=(replace(setup, arm=setup.arm.scaled(1 + size / 20)),))

@@ -183,3 +183,11 @@ def test_a_reading_of_the_rest_may_belong_to_the_swing_at_even_instants(
     monkeypatch.setattr(sensor_faults, "even_instants", lambda t, joints: t + 0.02)
     screened = sensor_faults.screen(run, paper)
     assert len(screened.t) == np.count_nonzero(t >= 0) + 1
+
+
+def test_a_constant_speed_contains_no_noise_that_grows_with_speed() -> None:
+    t = np.arange(3000) * 1e-3
+    turning = np.stack([4 * np.pi / 1024 * np.arange(3000), np.full(3000, 0.1)], axis=1)
+    error, significance = noise_by_speed(t, turning, np.full(2, 1e-3), 1e-3)
+    assert np.isfinite([error, significance]).all()
+    assert significance < 3

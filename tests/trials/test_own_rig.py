@@ -65,3 +65,10 @@ def test_blind_trials_are_recommended_unless_the_arm_moves() -> None:
     of_arm = {f"joint{joint}": 1e-3 for joint in (1, 2, 0)}
     arm_moves = made(gap=made().gap.model_copy(update={"before_rad": of_arm}))
     assert ["--trust 40" in trust_words(diagnosis)[0] for diagnosis in (made(), arm_moves)] == [True, False]
+
+
+def test_an_error_of_a_prescribed_arm_is_not_drawn(paper: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    arm = {"encoder_scale_joint0": {"excess": 0.01}, "spring_joint0": {"stiffness_Nm_per_rad": 0.1}}
+    diagnosis = made().model_copy(update={"detectable": arm})
+    result = trust(diagnosis, [], paper, 4)
+    assert all(trial.truth.keys() <= set(diagnosis.model_effects) for trial in result.trials)

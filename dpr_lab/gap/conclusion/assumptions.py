@@ -82,7 +82,7 @@ def _arm(state: Transferred, least: DetectableSizes) -> Iterator[str]:
     elif any(setup.arm for setup in state.fitted.problem.segments.setups):
         size = least.get(ENCODER_SCALE_JOINT0.name, {}).get("excess")
         yield (
-            "The arm moves exactly as its readings state, and L0 is as measured. A relative error of their product is"
+            "The arm moves exactly as its readings state, and L0 is as measured. A relative error of these readings is"
             f" detectable {f'from {percent(size, 1)}' if size else 'at no size'} in the segments."
         )
     elif all(record.encoder0_moves is False for record in records):
@@ -109,8 +109,8 @@ def _moving_arm(state: Transferred) -> str:
     if any(setup.torques and setup.torques.scaled for setup in setups):
         return f"{text}. {known}. This torque fixes the scale of all torques."
     return (
-        f"{text}. {known}, and the scale of the rods follows from their measured values. A contradiction"
-        " between the two scales is detectable."
+        f"{text}. {known}. Sizes are stated at the nominal b, although m2 and l2 are measured. A contradiction between"
+        " the two scales is detectable."
     )
 
 

@@ -115,9 +115,11 @@ def _line(speed2: Array, residual: Array, floor: float, level: Callable[[Array],
     groups = np.array_split(np.argsort(speed2), SPEED_NOISE.bins)
     x = np.array([speed2[group].mean() for group in groups])
     y = np.array([max(level(residual[group]), floor) ** 2 for group in groups])
-    if y.max() == 0.0 or x.max() == 0.0:
+    if y.max() == 0.0 or np.ptp(x) <= 1e-6 * x.max():  # also at rest
         return 0.0, math.inf
     relative = np.sqrt(SPEED_NOISE.relative_variance * SPEED_NOISE.overlap / in_bin)
     weights = 1 / (np.maximum(y, SPEED_NOISE.least_level * y.max()) * relative)
-    (slope, _), covariance = np.polyfit(x, y, 1, w=weights, cov="unscaled")
-    return float(slope), float(np.sqrt(covariance[0, 0]))
+    A = np.stack([np.ones(SPEED_NOISE.bins), x], axis=1) * weights[:, None]
+    covariance = np.linalg.pinv(A.T @ A)
+    slope = (covariance @ A.T @ (y * weights))[1]
+    return float(slope), float(np.sqrt(covariance[1, 1]))

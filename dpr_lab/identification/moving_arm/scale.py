@@ -73,7 +73,7 @@ def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
 
 
 def _of_rig(fit: ArmFit, covariance: Array, rig: Rig) -> Scale:
-    """Return the scale of the rig file, with its interval given the fitted ratios, as in a diagnosis."""
+    """Return the scale of the rig file, with its interval given the fitted ratios."""
     free, alone = fit.problem.unknowns.free, rig.rods.mounted == "inner"
     fitted = [name for name in RATIOS if name.partition("/")[0] in free]
     places = [free.index(name.partition("/")[0]) for name in fitted]
