@@ -28,9 +28,9 @@ class CircleSettings:
     near: float = 6.0
     """Maximum distance from the circle at which a point counts as on the circle, in median distances. It is about 4
     standard deviations."""
-    pairs: int = 400
-    """Number of circles through three random marks, if only one of the two marks of each frame is on the circle. An
-    eighth of these circles pass only through marks on the circle."""
+    circles: int = 400
+    """Number of circles through three random marks (one, if the centre is known), if only one of the two marks of
+    each frame is on the circle. An eighth of the circles through three marks pass only through marks on the circle."""
     fits: int = 20
     """Maximum number of least-squares fits. Each fit uses the points near the previous circle."""
     rounding: float = 1e-9
@@ -95,7 +95,7 @@ def circle_of_one(marks: Array, centre: Array | None) -> tuple[Array, float] | N
         return np.abs(np.hypot(*(marks - circle[0]).transpose(2, 0, 1)) - circle[1])
 
     size = 3 if centre is None else 1
-    drawn = (circle(either[rng.choice(len(either), size, replace=False)]) for _ in range(SETTINGS.pairs))
+    drawn = (circle(either[rng.choice(len(either), size, replace=False)]) for _ in range(SETTINGS.circles))
     circles = [candidate for candidate in drawn if candidate is not None]
     if not circles:
         return None

@@ -79,12 +79,11 @@ def exchanged(elbow: Array, tip: Array, pivot: Array | None) -> Flags:
 
 def _off_the_circle(marks: Array, known: Flags, pivot: Array | None) -> Array | None:
     """Return the distances (2, n) of both marks from the circle of the elbow, or None if there is no circle."""
-    elbow_circle = most_of_a_circle(marks[0, known])
-    centre = pivot if pivot is not None or elbow_circle is None else elbow_circle[0]
+    own_circle = most_of_a_circle(marks[0, known]) if pivot is None else (pivot, None)
     circle = circle_of_one(marks[:, known], pivot)
-    if centre is None or circle is None:
+    if own_circle is None or circle is None:
         return None
-    own_off, off = (np.hypot(*(marks - c).transpose(2, 0, 1)) for c in (centre, circle[0]))
+    own_off, off = (np.hypot(*(marks - centre).transpose(2, 0, 1)) for centre in (own_circle[0], circle[0]))
     own_off, off = np.abs(own_off - np.median(own_off[0, known])), np.abs(off - circle[1])
     better = SETTINGS.better * np.median(off.min(axis=0)[known]) < np.median(own_off[0, known])
     return off if better else own_off

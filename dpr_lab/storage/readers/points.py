@@ -331,7 +331,7 @@ def _put_back(ends: list[_Point], pivot: Array | None) -> list[_Point]:
     if not mask.any():
         return ends
     doubt = (
-        f"the points {elbow.name} and {tip.name} are exchanged in {percent(float(mask.mean()))} of the frames, as by a"
+        f"the points {elbow.name} and {tip.name} are exchanged in {counted(int(mask.sum()), 'frame')}, as by a"
         " tracker that detects two equal marks: they were put back, so that the elbow moves on a circle and both points"
         " move little from frame to frame"
     )
