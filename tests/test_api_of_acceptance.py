@@ -88,7 +88,7 @@ def test_plan_and_report_refuse_a_diagnosis_of_another_rig_or_of_other_runs_in_p
     for call in calls:
         with pytest.raises(ConfigError, match=r"^diagnosis: the diagnosis was made with another file of rig paper"):
             call(diagnosis, multiarm)
-        with pytest.raises(RunError, match="is a diagnosis of X1, not of no runs: give its runs, or diagnose"):
+        with pytest.raises(RunError, match="is a diagnosis of X1, but no runs are given: give its runs"):
             call(of_x1, paper)
 
 

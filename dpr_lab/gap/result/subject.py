@@ -57,8 +57,8 @@ def _refuse_other_runs(file: Path | str, diagnosis: Diagnosis, runs: Sequence[Ru
     closed = diagnosis.gap.closed_held_out
     fitted, stated = {whole(name) for name in closed.per_run}, {run.name for run in runs}
     if fitted and not fitted <= stated <= fitted | {whole(name) for name in closed.held_out}:
-        given = listed(sorted(stated)) or "no runs"
-        raise RunError(f"{file}: is a diagnosis of {listed(sorted(fitted))}, not of {given}: {instead}")
+        other = f", not of {listed(sorted(stated))}: {instead}" if stated else ", but no runs are given: give its runs"
+        raise RunError(f"{file}: is a diagnosis of {listed(sorted(fitted))}{other}")
     used = {whole(run.name): run.sha256 for run in diagnosis.evidence.recordings} if diagnosis.evidence else {}
     changed = [run.name for run in runs if run.sha256 and used.get(run.name, run.sha256) not in ("", run.sha256)]
     if changed:

@@ -44,7 +44,7 @@ class DiagnoseStep(ResultStep["Diagnosis"]):
     PURPOSE = "shows where the simulation differs from the rig, which effect causes it, and with which probability"
     RESULT = "diagnosis"
     RESTS_ON = ("the rig", "the runs", "the held-out runs", "the model", "the torques")
-    TYPICAL_S = 9.3  # release of 10 s, on two cores
+    TYPICAL_S = 8.3  # sum of the stages, release of 10 s, on two cores
     HELP = """
 Shows where the simulation differs from the rig, and which unmodelled effects cause the gap, with probabilities and
 alternatives. Also shows by how much the gap decreases on held-out data, and what to record or measure next.
