@@ -1,13 +1,20 @@
 """Fit of the common effects alone, for diagnoses without a claimed cause."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace as Fake
 from typing import Any
 
 import pytest
 
-from dpr_lab.gap.conclusion.common_fit import common_fit, common_note
-from dpr_lab.gap.result.causes import CommonEffect, EffectSize
+from dpr_lab.effects import without_effect
+from dpr_lab.gap.conclusion import common_fit as module
+from dpr_lab.gap.conclusion.causes import effect_sizes
+from dpr_lab.gap.conclusion.common_fit import CommonSet, common_fit, common_note
+from dpr_lab.gap.hypothesis.refits import refit
+from dpr_lab.gap.result.causes import CommonEffect
+from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -15,10 +22,7 @@ ZERO, FRICTION = "encoder_offset_joint2", "coulomb_joint2"
 TESTED = frozenset({ZERO, FRICTION, "encoder_offset_joint1", "air_drag_outer", "spring_joint2"})
 
 
-def described(effect: str, values: Any, half_widths: Any) -> dict[str, EffectSize]:
-    """Sizes with their intervals, without a scale."""
-    errors = {name: half_widths[effect, name] for name in values}
-    return {n: EffectSize(value=v, interval90=(v - errors[n], v + errors[n])) for n, v in values.items()}
+described = partial(effect_sizes, Scale(b=0.005, interval90=(0.004, 0.006), fixed_by="bound"))
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +53,17 @@ def test_without_a_claimed_cause_the_common_effects_have_their_sizes_and_shares(
         assert sizes[name].value == pytest.approx(true, rel=0.2)  # at the inertia of the rig file
 
 
+def test_an_effect_that_a_later_step_moves_to_zero_is_left_out(state: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    effects = ("coulomb_joint1", ZERO, FRICTION)
+    model = refit(state.fitted.problem, state.selection.bare.estimate, effects, iterations=5)
+    zero = model.estimate.changed(params=without_effect(model.estimate.params, "coulomb_joint1"))
+    model = replace(model, fit=replace(model.fit, estimate=zero))
+    monkeypatch.setattr(module, "common_steps", lambda *_: [CommonSet(model, (name,)) for name in effects])
+    fit = common_fit("unexplained", state, described)
+    assert fit is not None
+    assert [effect.name for effect in fit] == [ZERO, FRICTION]
+
+
 def test_the_fit_is_omitted_if_a_cause_is_claimed_or_no_gap_is_visible(state: Any) -> None:
     def shown(kind: Any, *causes: tuple[float, bool], **other: Any) -> bool:
         posteriors = tuple(Fake(probability=p, untested=untested) for p, untested in causes)
@@ -71,7 +86,7 @@ def test_the_note_states_cumulative_shares_and_confirms_no_cause() -> None:
         CommonEffect.model_validate({"name": name, "class": members[name], "parameters": {}, "share": share})
         for name, share in ((ZERO, 0.44), (FRICTION, 0.72))
     )
-    assert common_note([]) == "Fit of the common effects alone: none explains more than 4 % of the excess."
+    assert common_note([]) == "Fit of the common effects alone: no fitted effect explains more than 4 % of the excess."
     assert common_note([first, second]) == (
         f"Fit of the common effects alone: {ZERO} or base_tilt explains 44 % of the excess; with {FRICTION} added,"
         " 72 %. This fit does not confirm a cause."

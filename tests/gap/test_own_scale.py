@@ -23,6 +23,8 @@ from dpr_lab.gap.which.selected import Selection
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Parameter
 from sim_device.plant.config import load_plant
+from tests.arm_engine import drawn_plant, rig_of
+from tests.arm_engine import recorded as recorded_arm
 
 FRICTION, SIZE, TESTED = "coulomb_joint1", "torque_Nm", "spring_joint1"
 NOTHING = Recorded(arm_moves=(None,), steps=[(0, 0, 0.5)])
@@ -100,3 +102,20 @@ def test_the_corrected_model_contains_the_measured_mass_and_length(recorded, pap
     assert model.effects[FRICTION][SIZE] == pytest.approx(1e-2, rel=2e-3)
     for name in ("m2", "l2"):
         assert model.parameters[name].value == pytest.approx(TRUE[name], rel=1e-4)
+
+
+def test_sizes_of_a_free_arm_refer_to_the_measured_rods(bare) -> None:
+    plant = drawn_plant(np.random.default_rng(3), both=False, fault="", reach=1.0, largest=0.1)
+    rig = rig_of(plant, "free")
+    rough = Parameter(nominal=1.1 * plant.rods["J1"], lower=1e-5, upper=1.0)
+    rig = rig.model_copy(update={"parameters": {**rig.parameters, "J1": rough}})
+    run, *_ = recorded_arm(plant, rig, "free", np.random.default_rng(3), seconds=1.0, largest=0.1)
+    problem, model = bare([run], rig)
+    test = score_test(problem, model.fit, [], NOTHING)
+    before = Selection(model, model, {}, test, {}, {}, {}, {}, {}, ())
+
+    after = at_own_scale(before, problem, rig)
+
+    change = after.chosen.estimate.ratios[SCALE] / model.estimate.ratios[SCALE]
+    assert abs(change - 1) > 0.01
+    assert problem.predict(after.chosen.estimate) == pytest.approx(problem.predict(model.estimate), abs=1e-9)

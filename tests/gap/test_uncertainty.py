@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.base import BASE, base_parameters
-from dpr_lab.effects import EFFECTS
+from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.gap.conclusion.ratios import fitted_scale
+from dpr_lab.gap.conclusion.uncertainty import covariance
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.hypothesis.refits import refit
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Parameter
 from sim_device.plant.config import load_plant
@@ -46,6 +49,17 @@ def test_steps_of_a_play_are_not_missed_counts(recorded, paper: Rig):
     diagnosis = diagnose(runs, paper, library=candidates("backlash", "missed", "coulomb", "encoder"))
     assert [effect.name for effect in diagnosis.effects] == ["backlash_joint2"]
     assert not [finding for finding in diagnosis.sensor_findings if finding.name == "missed_counts"]
+
+
+def test_a_scale_from_friction_that_follows_the_load_has_no_condition(paper: Rig, bare):
+    plant, rig = weighed_rig(load_plant("paper", 3), paper)
+    effects = {"load_friction_joint2": {"friction_radius_m": 6e-4}}
+    problem, model = bare(record(plant.model_copy(update={"effects": effects}), rig, 1.0), rig)
+    start = model.estimate.changed(params=effect_params(effects))
+    model = refit(problem, start, tuple(effects), iterations=3)
+    scale = fitted_scale(problem, model.fit, covariance(problem, model, rig), rig)
+    assert scale is not None
+    assert scale.condition == ""
 
 
 @pytest.mark.long

@@ -150,6 +150,7 @@ def test_a_mass_on_a_clamped_elbow_determines_the_whole_body_and_not_b(paper: Ri
     fitted = fitted_scale(problem, model.fit, covariance(problem, model, rig), rig)
     assert fitted is not None
     assert fitted.fixed_by == "data"
+    assert "added masses are treated as exact" in fitted.condition
     low, high = fitted.interval90
     assert low < b < high
     assert fitted.sizes90 is not None

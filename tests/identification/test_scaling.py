@@ -212,7 +212,8 @@ def test_a_moved_interval_contains_the_value(
 def test_a_scale_from_a_known_torque_or_mass_states_that_its_error_is_in_no_interval() -> None:
     of_data = Scale(b=0.005, interval90=(0.0049, 0.0051), fixed_by="data")
     assert "treated as exact" in of_data.sentence
-    assert "treated as exact" not in of_data.model_copy(update={"constants_std": 0.02}).sentence
+    for other in ({"constants_std": 0.02}, {"by_friction": True}):
+        assert "treated as exact" not in of_data.model_copy(update=other).sentence
     assert "treated as exact" not in of_data.model_copy(update={"fixed_by": "measured"}).sentence
 
 

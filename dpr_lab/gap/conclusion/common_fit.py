@@ -1,8 +1,8 @@
 """Fit of the common effects alone, which a diagnosis shows if it claims no cause.
 
-A fit of textbook equations contains zero errors, a tilt, dry friction and air drag. With few segments or correlated
-noise such effects may be insignificant as causes, although they explain much of the gap. Their sizes are nevertheless
-useful, and their share shows whether the cause can be one of them.
+A fit of textbook equations contains zero errors, a tilt, a length error of the inner rod, dry friction and air drag.
+With few segments or correlated noise such effects may be insignificant as causes, although they explain much of the
+gap. Their sizes are nevertheless useful, and their share shows whether the cause can be one of them.
 
 Starting from the bare model, the common effect that reduces chi2 most is added in each step. A step must reduce the
 excess as much as the search requires of an additional effect (`most_excess`), but need not be significant.
@@ -55,8 +55,9 @@ class CommonSet(NamedTuple):
 def common_fit(kind: DetailedVerdict, state: Transferred, described: DescribeSizes) -> list[CommonEffect] | None:
     """Return the common effects that explain the gap best, in the order of their shares.
 
-    The list is empty if no common effect explains enough. The result is None if a cause with a tested form is claimed,
-    if the segments show no gap, or if the selected set contains the same effects.
+    An effect that a later step moves to zero is left out. The list is empty if no common effect explains enough. The
+    result is None if a cause with a tested form is claimed, if the segments show no gap, or if the selected set
+    contains the same effects.
 
     Args:
         kind: the verdict
@@ -87,13 +88,15 @@ def common_fit(kind: DetailedVerdict, state: Transferred, described: DescribeSiz
             }
         )
         for step in steps
+        if step.members[0] in values
     ]
 
 
 def common_note(effects: Sequence[CommonEffect]) -> str:
     """State how much of the excess the common effects explain without other effects."""
     if not effects:
-        return f"Fit of the common effects alone: none explains more than {percent(THRESHOLDS.large)} of the excess."
+        least = percent(THRESHOLDS.large)
+        return f"Fit of the common effects alone: no fitted effect explains more than {least} of the excess."
     (first, share), *others = [(" or ".join(effect.members), percent(effect.share)) for effect in effects]
     added = "".join(f"; with {words} added, {larger}" for words, larger in others)
     return (

@@ -133,7 +133,10 @@ def _undetermined_sizes(state: Transferred, kind: Verdict) -> Iterator[str]:
         cause.name
         for cause in causes_named(state)
         if cause.probability >= VERDICT.rather
-        if all(abs(size) <= state.intervals.get((cause.name, p), 0.0) for p, size in values[cause.name].items())
+        if all(
+            abs(values.get(cause.name, {}).get(p.name, 0.0)) <= state.intervals.get((cause.name, p.name), 0.0)
+            for p in EFFECTS[cause.name].amplitudes
+        )
     ]
     if names:
         yield (

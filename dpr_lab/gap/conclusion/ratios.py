@@ -152,11 +152,12 @@ def fitted_scale(problem: Problem, fit: Fit, covariance: Array, rig: Rig) -> Sca
     of_drive = drive_gain(rig).relative_std if driven else 0.0
     covariance = covariance + np.diag(np.where(is_scale, (b * of_drive) ** 2, 0.0))
     if clamped_cosine(setups) is not None:
-        return rig_posterior(problem, fit, covariance, rig).scale(b).model_copy(update={"constants_std": of_drive})
-    half_width = NORMAL_Q90 * float(unknown_covariance(fit, covariance)[SCALE, SCALE]) ** 0.5
-    return Scale(
-        b=b, interval90=(max(b - half_width, 1e-3 * b), b + half_width), fixed_by="data", constants_std=of_drive
-    )
+        of_b = rig_posterior(problem, fit, covariance, rig).scale(b)
+    else:
+        half_width = NORMAL_Q90 * float(unknown_covariance(fit, covariance)[SCALE, SCALE]) ** 0.5
+        of_b = Scale(b=b, interval90=(max(b - half_width, 1e-3 * b), b + half_width), fixed_by="data")
+    weighs = any(setup.weighs for setup in setups)
+    return of_b.model_copy(update={"constants_std": of_drive, "by_friction": not weighs})
 
 
 def unknown_covariance(fit: Fit, covariance: Array) -> Array:

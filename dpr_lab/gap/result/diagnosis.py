@@ -52,7 +52,7 @@ class Diagnosis(Shown, Saved):
     """Notes in addition to the verdict, in sentences.
 
     They state the share of the common effects, effects that do not carry over or differ between recordings, components
-    that several effects form, and the unmodelled remainder.
+    that several effects form, the unmodelled remainder, and probable causes whose intervals contain zero.
     """
     hints: list[str] = []
     """Signs that the recordings are described wrongly, each with the option or key of the rig file that corrects it."""

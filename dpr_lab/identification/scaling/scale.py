@@ -41,6 +41,8 @@ class Scale(ModelPart):
     """Name of the inertia: `b` of the outer rod about joint 2, or `a` of the inner rod about joint 1 if it is alone."""
     constants_std: NonNegativeFloat = 0.0
     """Relative standard deviation of b due to motor constants of the rig file; 0 if b does not depend on them."""
+    by_friction: bool = False
+    """Whether load-dependent friction determines the scale, without known torques and added masses."""
     sizes90: tuple[PositiveFloat, PositiveFloat] | None = None
     """90 % interval of the scale of sizes, if it differs from that of b, kg m^2.
 
@@ -75,7 +77,7 @@ class Scale(ModelPart):
     @property
     def condition(self) -> str:
         """Condition of the interval if a known torque or added mass determines the scale; otherwise empty."""
-        if self.fixed_by != "data" or self.constants_std:
+        if self.fixed_by != "data" or self.constants_std or self.by_friction:
             return ""
         exact = "Known torques and added masses are treated as exact"
         return f" {exact}: an error of 1 % in them changes all sizes by 1 %, and no interval contains this error."
