@@ -16,7 +16,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.gap.advice import bench_measurement
 from dpr_lab.gap.advice.check_kind import CheckAnswer, OpenQuestion
 from dpr_lab.gap.advice.measurement import CHECK, Predictions, predictions
-from dpr_lab.gap.conclusion.causes import to_simulator
+from dpr_lab.gap.conclusion.causes import to_rule_out, to_simulator
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.checks import NONE_OF_THEM, Quantity
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -306,3 +306,10 @@ def test_a_refuted_effect_is_not_added_to_the_simulator() -> None:
     assert "coulomb_joint1 and air_drag_outer" in diagnosis.remedies[0]
     done: Any = SimpleNamespace(after={"coulomb_joint1": 0.1, "stribeck_joint1": 0.9})
     assert _remedies(diagnosis, done, first) == to_simulator([second])
+
+
+def test_a_member_without_probability_need_not_be_ruled_out() -> None:
+    (cause,) = made().effects
+    odds = {"encoder_offset_joint1": 0.9, "base_tilt": 0.1, "encoder_eccentricity_joint1": 4e-28}
+    shared = cause.model_copy(update={"name": "encoder_offset_joint1", "members": [*odds], "odds": odds})
+    assert to_rule_out(shared) == " (first rule out base_tilt: indistinguishable in these recordings)"

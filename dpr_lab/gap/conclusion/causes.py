@@ -16,7 +16,7 @@ from dpr_lab.gap.conclusion.at_rest import NOT_HELD, at_rest
 from dpr_lab.gap.conclusion.verdict import VERDICT
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.refits import refit_without
-from dpr_lab.gap.result.causes import EffectSize, NamedEffect, NamedFamily, RivalEffect
+from dpr_lab.gap.result.causes import EffectSize, NamedEffect, NamedFamily, RivalEffect, nameable
 from dpr_lab.gap.state import Transferred
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import listed
@@ -184,11 +184,11 @@ def of_camera(named: Iterable[NamedEffect]) -> tuple[list[str], list[str]]:
 
 
 def to_rule_out(effect: NamedEffect) -> str:
-    """Return the final sentence of a remedy, which lists the other members of the class; empty if there are none."""
-    others = [name for name in effect.members if name != effect.name]
+    """Return the final sentence of a remedy, which lists the other probable members of the class, or no text."""
+    others = [name for name in nameable(effect.members, effect.odds) if name != effect.name]
     if not others:
         return ""
-    if others == effect.only_by_prior:
+    if set(others) <= set(effect.only_by_prior):
         are, of_them = ("is", "its") if len(others) == 1 else ("are", "their")
         return (
             f" ({listed(others)} {are} indistinguishable in these recordings, but {of_them} prior probability is small)"
