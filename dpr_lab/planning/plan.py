@@ -119,9 +119,9 @@ def worthwhile(objective: Objective, steps: Sequence[SequenceStep], limits: Plan
     stuck = inseparable(objective, inseparable_pairs(objective, steps, objective.separated(F)))
     for step in steps:
         then = F + step.information
-        gains = (separable_gain(objective, matrix, stuck) for matrix in (F, then))
+        before, after = separable_gain(objective, F, stuck), separable_gain(objective, then, stuck)
         share = 1 - float(np.exp(np.log(ratio_std(known, then) / ratio_std(known, F)).mean()))
-        if len(useful) < STOPPING.fewest or share >= NOTICEABLE.ratios or reason_for(*gains):
+        if len(useful) < STOPPING.fewest or share >= NOTICEABLE.ratios or reason_for(before, after):
             useful.append(replace(step, minutes=minutes(step.release, mounted, limits)))
             F, mounted = then, step.release.mounted
     return useful
