@@ -50,7 +50,7 @@ class ArrivalFit:
 
 
 class Arrivals:
-    """Arrival times of samples: one pair of newest tick and host time per bin."""
+    """Arrival times of samples: the newest pair (device tick, host time) of each bin."""
 
     def __init__(self, rate_hz: float) -> None:
         self._rate_hz = rate_hz

@@ -1,1 +1,1 @@
-"""Update a diagnosis by the result of a recommended check."""
+"""Update a diagnosis with the result of a recommended check."""

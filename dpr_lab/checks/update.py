@@ -1,4 +1,4 @@
-"""Update a diagnosis by the result of a recommended check.
+"""Update a diagnosis with the result of a recommended check.
 
 The hypotheses about one named effect are its candidates and a further hypothesis, that another cause acts. The
 candidates are the members of the class of the effect, weighted by the prior of their fitted sizes, and its
@@ -52,7 +52,7 @@ def find_check(diagnosis: Diagnosis, name: str) -> AdvisedCheck:
 
 
 def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Diagnosis:
-    """Update a diagnosis by the result of a check.
+    """Update a diagnosis with the result of a check.
 
     Args:
         diagnosis: the diagnosis that recommends the check

@@ -15,7 +15,7 @@ PACKAGES = ("numba", "dpr_lab")
 
 
 def keep_bytecode() -> None:
-    """Use cached bytecode if the installation has none and cannot be written.
+    """Use cached bytecode if the installation contains no bytecode and is read-only.
 
     The function has no effect if PYTHONPYCACHEPREFIX names a folder, or if the user has no writable cache folder.
     """

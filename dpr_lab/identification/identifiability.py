@@ -186,7 +186,7 @@ class Identifiability(Directions, Shown):
 
 @dataclass(frozen=True, slots=True)
 class InformationRows:
-    """Information as whitened rows; the n columns belong to relative changes of the parameters."""
+    """Whitened sensitivity matrix; the n columns belong to relative changes of the parameters."""
 
     names: tuple[str, ...]
     """Names of the n parameters."""

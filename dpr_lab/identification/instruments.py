@@ -60,7 +60,7 @@ def _one_parameter(instrument: Instrument, Z: Array, rig: Rig) -> Array:
 
 
 def _rod_alone(instrument: Instrument, Z: Array, rig: Rig) -> Array:
-    """Return the derivative of h = J / (m l) + l of one rod.
+    """Return the gradient of h = J / (m l) + l of one rod with respect to the parameters.
 
     h follows from the period T = 2 pi sqrt(h / g) of small swings of the rod.
     """

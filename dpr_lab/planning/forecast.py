@@ -192,7 +192,8 @@ def decision_probability(
 
     Args:
         pairs: candidate causes of each named effect
-        gained: (n, n) d^2 that the releases add, for each named effect
+        gained: (n, n) squared distances d^2 between the predictions of two causes that the releases add, for each
+            named effect
         releases: number of these releases
         inseparable: (n, n) pairs of causes that no release separates, for each named effect; such causes count as one
             cause; empty: every pair is separable

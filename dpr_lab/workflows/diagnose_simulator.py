@@ -189,7 +189,7 @@ def _replays(
 
 
 def _forced(model: "AnyModel", rig: "Rig", simulator: Path, joints: Sequence[str]) -> "PatchedModel | None":
-    """Add the remaining effects to the file if the model needs a module of passive forces.
+    """Add effects without native elements to the file if the model needs a module of passive forces.
 
     Otherwise return None.
     """

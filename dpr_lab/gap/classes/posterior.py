@@ -237,7 +237,7 @@ def _added_cost(replacements: _Replacements, alternative: Alternative) -> float:
 
     It is negative if only the prior odds reject the alternative.
 
-    A richer form of the named effect costs more, because it also fits the error of the integrator or the remainder.
+    A richer form of the named effect costs more, because it also fits integration errors or the unmodelled remainder.
     """
     chosen = replacements.selection.chosen
     added = alternative.cost - chosen.cost

@@ -71,7 +71,7 @@ class ExcludedInterval:
 
     @property
     def of_counts(self) -> bool:
-        """Whether an encoder missed counts; no readings are then excluded."""
+        """Whether an encoder missed counts. If so, no readings are excluded."""
         return self.since == self.until
 
 

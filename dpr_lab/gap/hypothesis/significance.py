@@ -102,7 +102,7 @@ def segment_scatter(
     Args:
         before: set of larger chi2
         after: other set
-        standard_errors: number of standard errors that chance may cause
+        standard_errors: largest deviation that is attributed to chance, in standard errors
     """
     reductions = before.fit.linear.chi2_by_segment - after.fit.linear.chi2_by_segment
     if len(reductions) < THRESHOLDS.fewest_segments or not np.isfinite(reductions).all():

@@ -15,7 +15,7 @@ UNTESTED = "because one release is a weak test of its form"
 
 
 def nameable(members: Sequence[str], odds: Mapping[str, float], least: float = 1e-4) -> list[str]:
-    """Return the first member of a class, and the others whose share in its probability is at least `least`."""
+    """Return the first member of a class, and the others whose share of the class probability is at least `least`."""
     return [name for name in members if name == members[0] or odds.get(name, 1.0) >= least]
 
 

@@ -91,9 +91,9 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
     held = stands & goes_on & (np.abs(missing) > IMPLAUSIBLE.moved * error)
     stale = held & catches_up
     queued = held & ~catches_up & (np.abs(missing) > IMPLAUSIBLE.late * error) & ~np.roll(stands, 1, axis=0)
+    irregular, unexpected = 1 - IMPLAUSIBLE.catches_up, step - path
     for first, axis in np.argwhere(queued).tolist():
-        next_row, irregular = int(next_new[first, axis]), 1 - IMPLAUSIBLE.catches_up
-        surplus = (step - path)[:, axis] / missing[first, axis]
+        next_row, surplus = int(next_new[first, axis]), unexpected[:, axis] / missing[first, axis]
         earlier, later = surplus[max(first - reach, 0) : first], surplus[next_row : next_row + reach + 1]
         jump = int(np.argmax(np.abs(later) > irregular))
         if jump > 0 and abs(later[jump] - 1) < irregular and (np.abs(earlier) < irregular).all():

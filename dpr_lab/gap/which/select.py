@@ -96,10 +96,10 @@ def short_segments(short: SearchState) -> Move:
         yield Proposal(model, trials=state.trace)
         if model.at_noise_floor:
             return
-        best = [short.fitted_sets.fits[frozenset(step.tried)] for step in short.trace if step.accepted]
-        smaller = [model for model in best if len(model.effects) < len(chosen.effects)]
-        for replaced in [model for model in smaller if not model.key <= chosen.key][-1:]:
-            yield Proposal(_at_full_length(fitted_sets, replaced))
+        accepted = [frozenset(step.tried) for step in reversed(short.trace) if step.accepted]
+        replaced = next((key for key in accepted if len(key) < len(chosen.key) and not key <= chosen.key), None)
+        if replaced is not None:
+            yield Proposal(_at_full_length(fitted_sets, short.fitted_sets.fits[replaced]))
 
     return Move(
         "short segments",

@@ -101,7 +101,7 @@ def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:
 
 
 def _autocorrelation(values: Array) -> float:
-    """Compute the correlation of adjacent values; pairs with a NaN are ignored."""
+    """Compute the lag-1 autocorrelation; pairs with a NaN are ignored."""
     power, products = float(np.nanmean(values**2)), values[1:] * values[:-1]
     return float(np.nanmean(products)) / power if power > 0 and np.isfinite(products).any() else 0.0
 

@@ -275,7 +275,7 @@ def _seems_held(motion: RodMotion, whole: FreePart) -> bool:
 def _cut_notes(t: Array, part: FreePart, fault: str) -> list[str]:
     """Return notes about removed rows and about a release before t = 0.
 
-    Rows are removed if the rods are held in them.
+    Rows that were recorded while the rods were held are removed.
     """
     notes = []
     if part.start == 0 and t[0] < 0 < t[-1]:

@@ -91,7 +91,7 @@ def _draw_input(row: Sequence[Axes], curves: Curves) -> None:
 
 
 def curves_words(diagnosis: Diagnosis) -> list[str]:
-    """Describe the errors of the free runs, for the recording with the largest error."""
+    """Describe the simulation errors of the free runs, for the recording with the largest error."""
     runs = evidence_of(diagnosis).budget.runs
     worst = max(runs, key=lambda run: run.error_before_rad, default=None)
     if worst is None:

@@ -129,7 +129,7 @@ def _gap_parts(table: InterpretedTable, t: Array, after: int) -> str:
 
 
 def _parts(table: InterpretedTable, cuts: Sequence[tuple[float, float]]) -> list[str]:
-    """Return the import options of each part of a table without the cuts.
+    """Return the import options of each part that remains after the cuts.
 
     A cut lasts from its first to its second instant, s after the first row.
     """
