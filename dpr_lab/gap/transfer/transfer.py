@@ -205,7 +205,7 @@ class _Test:
 def _failed(test: _Test, selection: Selection, pairs: Mapping[str, Array], closed: Interval) -> Iterator[str]:
     """Yield the effects that do not improve the held-out predictions.
 
-    The criteria are the paired tests of the effects (`_Test`), and the share of the gap that all of them close together.
+    The criteria are the paired tests of the effects (`_Test`), and the share of the gap that all effects close.
     """
     ratio = _relative_to_fitted(closed, selection) if closed.value >= TRANSFER.comparable else 1.0
     for name, smaller in selection.without_substitute.items():
