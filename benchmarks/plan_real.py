@@ -7,7 +7,8 @@ error of the choice is compared with the median over all choices. The choice is 
 angles and speeds contain the largest share of the states of the other recordings. A fit compensates for effects that
 the model lacks. The compensation is valid only within the range of the fitted recordings, even if the parameters are
 accurate. Information about parameters, or about amplitudes of a library, does not describe this limit
-(docs/benchmarks.md lists results for both). `dpr-lab plan`, which proposes new recordings, does not use this criterion.
+(docs/benchmarks/planning.md lists results for both). `dpr-lab plan`, which proposes new recordings, does not use this
+criterion.
 
 Source: J. Brynjarsdottir & A. O'Hagan (2014), Learning about physical parameters: the importance of model discrepancy,
 Inverse Problems 30, 114007.

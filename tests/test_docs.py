@@ -42,10 +42,13 @@ def test_the_readme_states_the_measured_reliability() -> None:
         "simulated rig with one effect: first|clean simulated rig: false|clean simulated rig with faulty encoders: "
         r"|many effects \(background\): largest|the same: effect that was drawn"
     )
-    simulated = pages(rf"^\|.*\| (?:{kinds})[^|]+ \| [^|]+ \| (\d+ of \d+)[^|]* \|", "benchmarks")
-    ((total, correct, honest, partly, wrong, refused, incorrect),) = pages(
-        r"^\| all" + r" \| (\d+)" * 7 + r" \|$", "benchmarks"
-    )
+    simulated = pages(rf"^\| (?:{kinds})[^|]+ \| [^|]+ \| (\d+ of \d+)[^|]* \|", "benchmarks")
+    sets = pages(r"^\| (?:all|\d\d[:,].*?)" + r" \| (\d+)" * 7 + r" \|$", "benchmarks/unseen-rigs")
+    *sums, (total, correct, honest, partly, wrong, refused, incorrect) = sets
+    assert [sum(map(int, column)) for column in zip(*sums, strict=True)] == [*map(int, sets[-1])]
+    outcomes = "correct: |honest: |partly correct|wrong, |not diagnosed: |incorrect causes with a probability above 90 % "
+    real = pages(rf"^\| (?:{outcomes})[^|]*\| (\d+) (?:of|in) {total} \| [^|]+\|$", "benchmarks")
+    assert [count for (count,) in real] == [correct, honest, partly, wrong, refused, incorrect]
     verdicts = pages(r"\| (?:partly explained|unexplained) \| (\d+) % \|", "real-rigs")
     ((median,), (worst,)) = pages(r"^\| \*\*(?:median|worst)\*\* \|  \|  \| (\d+) %", "real-rigs")
     best = max(int(gap) for (gap,) in verdicts)
