@@ -27,7 +27,7 @@ def test_the_site_builds_without_a_warning_or_a_network(tmp_path: Path) -> None:
 
 
 def test_every_file_the_readme_names_exists() -> None:
-    for target in re.findall(r"\]\((?!https?:)([^)]+)\)", README):
+    for target in re.findall(r"\]\((?!https?:|#)([^)#]+)\)", README):
         assert (ROOT / target).exists(), target
 
 
