@@ -46,7 +46,7 @@ def test_the_readme_states_the_measured_reliability() -> None:
     sets = pages(r"^\| (?:all|\d\d[:,].*?)" + r" \| (\d+)" * 7 + r" \|$", "benchmarks/unseen-rigs")
     *sums, (total, correct, honest, partly, wrong, refused, incorrect) = sets
     assert [sum(map(int, column)) for column in zip(*sums, strict=True)] == [*map(int, sets[-1])]
-    outcomes = "correct: |honest: |partly correct|wrong, |not diagnosed: |incorrect causes with a probability above 90 % "
+    outcomes = "correct: |honest: |partly correct|wrong, |not diagnosed: |incorrect causes with a prob"
     real = pages(rf"^\| (?:{outcomes})[^|]*\| (\d+) (?:of|in) {total} \| [^|]+\|$", "benchmarks")
     assert [count for (count,) in real] == [correct, honest, partly, wrong, refused, incorrect]
     verdicts = pages(r"\| (?:partly explained|unexplained) \| (\d+) % \|", "real-rigs")
