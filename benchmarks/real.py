@@ -374,8 +374,7 @@ OPEN = """## Limits of these diagnoses
 - For the rigs with one rod, only a length and a mass are known. Their rig files were drafted with `dpr-lab rig new`.
   A single rod determines two ratios.
 - Most driven recordings are only partly explained, because the library contains only friction, rotor inertia, torque
-  constant, torque offset and delay of a geared drive. [Driven rigs](benchmarks/parameters.md#driven-rigs) compares the
-  published models.
+  constant, torque offset and delay of a geared drive ([Driven rigs](benchmarks/parameters.md#driven-rigs)).
 """
 
 
