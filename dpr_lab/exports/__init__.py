@@ -26,7 +26,7 @@ class ExportFormat:
     """Export format: its program, its files, and the effects that the files can contain."""
 
     program: str
-    """Name of the program."""
+    """Name of the program or file format, for messages."""
     main: str
     """Name of the main file."""
     files: Callable[[AnyModel, Rig, Mapping[str, str]], Mapping[str, str | bytes]]
@@ -57,7 +57,7 @@ class ExportFormat:
             model: the model to write
             rig: the rig of the model
             lost: omitted effects and the reasons; None: the effects of the model that the format cannot express
-            check: loss of accuracy, for the JSON file
+            check: errors of the export and of the bare model, for the JSON file
         """
         lost = self.lost(model, rig) if lost is None else lost
         document = {"lost": dict(lost), "check": check}
@@ -72,7 +72,7 @@ _ALL = (
 
 
 def _unit(standard: str, file: str) -> ExportFormat:
-    """Return the format of units by a version of the FMI standard."""
+    """Return the export format of FMUs for a version of the FMI standard."""
     return ExportFormat(
         f"FMI {standard[0]}",
         file,
@@ -110,7 +110,7 @@ FORMATS: dict[str, ExportFormat] = {
     "fmu2": _unit("2.0", "corrected_model_fmi2.fmu"),
 }
 FORMATS |= plugin_rows("exports", ExportFormat, FORMATS)
-"""Name of a format -> its definition."""
+"""Definition of each export format, by its name."""
 
 
 def format_words(name: str) -> str:

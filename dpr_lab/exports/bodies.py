@@ -39,9 +39,9 @@ def words_of(effects: Effects) -> dict[str, Words]:
 
 
 def in_words(model: AnyModel, rig: Rig, known: frozenset[str]) -> dict[str, Words]:
-    """Map each effect that a program can express to its elements.
+    """Map each effect that a program can express to simulator elements.
 
-    `known` are the elements of the program.
+    `known` contains the elements that the program supports.
     """
     expressed = {name: words for name, words in words_of(model.effects).items() if known.issuperset(words)}
     # In a simulator, tilted gravity acts in all directions; this effect acts only in the plane of the rods.
@@ -99,8 +99,8 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
 def _masses(model: Model, length: float) -> tuple[float, float, float]:
     """Return m1, m2 and mb at the scale of the base parameters, kg.
 
-    A mass that would lead to a negative inertia of a rod is changed. `length` is that of the inner rod, m. The inner
-    rod alone contains the parts at joint 2.
+    A mass that would lead to a negative inertia of a rod is changed. `length` is the length of the inner rod, m. If
+    only the inner rod is mounted, m1 includes the parts at joint 2.
     """
     z = {name: parameter.value for name, parameter in model.parameters.items()}
     scale = model.base["b"].value / (z["J2"] + z["m2"] * z["l2"] ** 2)

@@ -137,10 +137,10 @@ def rod_values(
         unknown: (7,) ratios, b and p/b
         covariance: (7, 7) covariance of `unknown`; zero for values that the recordings do not determine
         intervals: the five ratios with their 90 % intervals, which are moved to the values in `unknown`
-        scale: assumed inertia a or b; None: from the rig file
+        scale: scale of the absolute values; None: the scale that follows from the rig file
         setups: setup of each run
         rig: measured values and bounds
-        alone: intervals of e1/a and c1/a
+        alone: intervals of e1/a and c1/a, if only the inner rod is mounted
     """
     single, fitted_b = only_inner(setups), scale is not None and scale.fixed_by == "data"
     visible = [i for i in visible_ratios(setups, fitted_b) if i != ON_ELBOW or covariance[i, i] > 0.0]
@@ -173,7 +173,8 @@ def rod_values(
 def _estimated(interval: Interval, value: float, std: float) -> EstimatedValue:
     """Return a value with the interval of another value, shifted by the difference.
 
-    The interval may be wider than `std`, the error of the fit alone, by ratios that the recordings do not determine.
+    The standard deviation is at least `std`, that of the fit alone. It is larger if the interval also contains the
+    uncertainty of ratios that the recordings do not determine.
     """
     std = max(std, (interval.interval90[1] - interval.value) / NORMAL_Q90)
     return EstimatedValue(value=interval.value, std=std, interval90=interval.interval90).moved(value)

@@ -24,7 +24,7 @@ class ReplayRule:
     """Settings and limits for replaying an export."""
 
     most: int = 3
-    """Maximum number of replayed releases; small, because a program may run in real time."""
+    """Maximum number of replayed releases. It is small, because a program may run in real time."""
     worse: float = 1.02
     """Maximum ratio of the error of an export to the error of the bare model. An export with a larger ratio is refused;
     smaller differences are within the uncertainty of the initial state."""
@@ -47,7 +47,7 @@ class Replayed:
 
 @dataclass(frozen=True, slots=True)
 class Yardstick:
-    """Reference for an export: recordings simulated by corrected and bare model."""
+    """Reference for the errors of an export: recordings that the corrected and the bare model simulate."""
 
     rig: Rig
     runs: tuple[Run, ...]
@@ -81,7 +81,7 @@ class Yardstick:
 
         Args:
             swings: simulations by dpr-lab
-            squares: mean square error of each swing in the program, rad^2; None: the errors in dpr-lab
+            squares: mean square error of each simulation in the program, rad^2; None: the errors in dpr-lab
         """
         squares = [swing.lab for swing in swings] if squares is None else squares
         floor = np.array([float(np.nanmean(swing.noise_rad**2)) for swing in swings])

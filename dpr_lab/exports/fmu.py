@@ -1,7 +1,7 @@
-"""Export the corrected model as an FMU for co-simulation, FMI 3.0 or 2.0.
+"""Export the corrected model as an FMU (functional mock-up unit) for co-simulation, FMI 3.0 or 2.0.
 
-The inputs of the unit are the joint torques, or the input of the drive of a moving arm. The outputs are angles, speeds
-and encoder readings. The unit contains the exported Python module, so that it requires a Python installation with
+The inputs of the FMU are the joint torques, or the input of the drive of a moving arm. The outputs are angles, speeds
+and encoder readings. The FMU contains the exported Python module, so that it requires a Python installation with
 numpy. Sources: FMI 3.0 specification, sec. 4, and 2.0.4, sec. 4 (Modelica Association, 2022).
 """
 
@@ -18,7 +18,7 @@ from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
 from dpr_lab.rig import Rig
 
 BUILDERS = {"3.0": "pythonfmu3", "2.0": "pythonfmu"}
-"""Packages that build units, by version of the FMI standard."""
+"""Packages that build FMUs, by version of the FMI standard."""
 
 _SLAVE = '''
 from pythonfmu3 import Fmi3Causality, Fmi3Slave, Fmi3Variability, Float64 as Real
@@ -107,7 +107,7 @@ class {name}(Fmi3Slave):
 
 @dataclass(frozen=True, slots=True)
 class UnitPorts:
-    """Inputs and states of a unit, and the name of its Python class."""
+    """Inputs, states and descriptions of an FMU, and the names of its Python classes."""
 
     name: str
     kind: str
@@ -138,7 +138,7 @@ ARM_PORTS = UnitPorts(
 
 
 def ports_of(model: AnyModel) -> UnitPorts:
-    """Return the inputs and states of the unit of a model."""
+    """Return the inputs and states of the FMU of a model."""
     return ARM_PORTS if isinstance(model, MovingArmModel) else PORTS
 
 

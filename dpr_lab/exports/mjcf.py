@@ -156,7 +156,7 @@ def arm_torques(data, motion):
 
 @dataclass(frozen=True, slots=True)
 class EngineFile:
-    """Simulator file for which a module of passive forces is written; by default the file of `mjcf`."""
+    """Properties of a file for which a module of passive forces is written; by default of the file of `mjcf`."""
 
     name: str = XML
     joints: tuple[str, str] = ("joint1", "joint2")
@@ -169,11 +169,11 @@ class EngineFile:
 
 
 def mjcf(model: AnyModel, rig: Rig) -> str:
-    """Write the corrected model as MJCF with two hinges.
+    """Generate MJCF text of the corrected model.
 
-    The angles of the hinges are 0 with the rods upright; joint 2 is relative to the inner rod. A free or driven arm has
-    a third hinge and a motor. The control of the motor is the input in its own unit. Effects without an MJCF element
-    are listed in the custom text `left_out`. They act in the passive force (`passive`).
+    Each mounted rod has a hinge, whose angle is 0 with the rods upright; joint 2 is relative to the inner rod. An arm
+    that moves has a further hinge. The motor of a driven arm is controlled by the input in its own unit. The custom
+    text `left_out` lists the effects without an MJCF element; the module of `passive` applies these effects.
 
     Raises:
         ConfigError: no rigid bodies can represent the model with a moving arm.
@@ -203,13 +203,13 @@ def passive(
 ) -> str:
     """Generate a Python module with passive forces and encoder readings.
 
-    The passive forces represent the effects that a file cannot contain.
+    The passive forces represent the effects that a file of MuJoCo cannot contain.
 
     Args:
         model: the corrected model
         rig: rig of the model
-        expressed: effects that the file contains; None: the effects in the file of `mjcf`
-        engine_file: the file; None: the file of `mjcf`
+        expressed: effects that the file contains; None: the effects that `mjcf` writes
+        engine_file: properties of the file; None: those of the file that `mjcf` writes
     """
     expressed = in_words(model, rig, WORDS) if expressed is None else expressed
     place = EngineFile() if engine_file is None else engine_file
@@ -255,7 +255,7 @@ def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float, float]:
 
 
 def _passive_parts(link: Link) -> list[tuple[str, tuple[float, ...]]]:
-    """Return the cogging and presliding friction of a joint as a motor without winding, with their parameters."""
+    """Return names and parameters of the DC motor properties that represent cogging and presliding friction."""
     words = link.body.words
     waves = [("cogging", (size, N, phase - N * link.hanging)) for size, N, phase in words.get("cogging", ())]
     if "presliding" not in words:

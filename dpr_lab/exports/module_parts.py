@@ -33,7 +33,7 @@ arm_encoder_error dry_limit0 reading_shifts encoder_errors held_angle held_angle
 """
 FOLDED = {name: getattr(effect_kernels, name) for name in _EVERY.split()}
 FOLDED |= {"delay_of_input": effect_kernels.input_delay}
-"""Functions that iterate over all effects of the library. An export contains them with its own effects only."""
+"""Functions that evaluate all effects of the library. In an export they evaluate only the effects of the model."""
 
 _USED = {"RigModel": RigModel, "RigState": RigState, "accelerations_at": accelerations_at, "stepped": stepped}
 _USED |= {kind.__name__: kind for kind in (BaseParameters, RigConstants, ArmModel, Requirements)}
@@ -241,7 +241,7 @@ def of_effects(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionD
 
 
 def _driven(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
-    """Remove all other effects from the source of `effect_torques`, and add the known torques.
+    """Reduce the definition of `effect_torques` to the given effects, and add the known torques.
 
     In the result, `params` contains the known torques of joints 1 and 2.
     """
@@ -252,7 +252,7 @@ def _driven(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
 
 
 class _Chosen(ast.NodeTransformer):
-    """Transformer that keeps the branches of chosen effects and names their parameters."""
+    """Transformer that keeps the branches of the given effects, and refers to their parameters by name."""
 
     def __init__(self, effects: Collection[str]) -> None:
         self.on = [name in effects for name in EFFECTS]

@@ -237,9 +237,9 @@ def python_module(
 
 
 def arm_module_text(model: MovingArmModel, rig: Rig, more: Mapping[str, Any], rewritten: Mapping[str, Rewrite]) -> str:
-    """Generate the source of the module, with additional functions of dpr-lab.
+    """Generate a Python module with a model of a moving arm.
 
-    `more` and `rewritten` are passed to `sources`.
+    See `python_module` for the arguments.
     """
     model = model.with_arm_effects()
     sizes, outer = model.sizes, model.mounted == "both"

@@ -33,9 +33,10 @@ from dpr_lab.run import Run
 
 
 def release(run: Run, rig: Rig, model: Model, until: float | None = None) -> Replay:
-    """Fit an initial state and simulate the release up to `until`.
+    """Fit the initial state of a run, and simulate the run with a model.
 
-    The default is the predictability horizon.
+    The simulation ends at `until`, s since the release. If `until` is None, it ends at the predictability horizon, but
+    after at most `REPLAY.length_s`.
     """
     followed = follow(run, rig, model)
     first = float(followed.preprocessed.run.t[0])
@@ -63,7 +64,10 @@ def release(run: Run, rig: Rig, model: Model, until: float | None = None) -> Rep
 
 
 def replays(runs: Sequence[Run], rig: Rig, model: AnyModel, like: Sequence[Replay] | None = None) -> tuple[Replay, ...]:
-    """Simulate runs with a model at the times of other replays, `like`.
+    """Simulate runs with a model from fitted initial states.
+
+    If `like` is given, each simulation ends with the replay of the same run in `like`. This does not apply to a moving
+    arm.
 
     Raises:
         RunError: a run is too short, or no initial state fits a run.
@@ -75,9 +79,9 @@ def replays(runs: Sequence[Run], rig: Rig, model: AnyModel, like: Sequence[Repla
 
 
 def replayed(name: str, model: AnyModel, rig: Rig, swings: Sequence[Replay]) -> list[Array]:
-    """Replay recordings in the program of a format.
+    """Replay recordings in the program of an export format.
 
-    The result contains, for each recording, the angles (n, 2) of the rods or (n, 3) of arm and rods, rad.
+    The result contains, for each recording, the absolute angles (n, 2) of the rods, or (n, 3) of arm and rods, rad.
 
     Raises:
         ConfigError: the program is not installed.
@@ -128,9 +132,9 @@ class FollowedSegments:
 
 
 def run_problem(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> tuple[Problem, Array]:
-    """Set up the fitting problem of a run with the constants of a model.
+    """Return the fitting problem of a run with the constants of a model, and estimated initial states.
 
-    The result contains the problem and the initial states (segments, 6), which are estimated from the readings.
+    The initial states (segments, 6) are estimated from the readings: theta1, theta2, their speeds, theta0, its speed.
 
     Raises:
         RunError: the run belongs to another rig, or the mode of the arm differs between run and model.
@@ -179,9 +183,9 @@ def noise_of(problem: Problem) -> Array:
 
 
 def arm_replays(run: Run, rig: Rig, model: MovingArmModel) -> list[Replay]:
-    """Cut a recording into segments with fitted initial states.
+    """Simulate a recording with a moving arm by segments with fitted initial states.
 
-    See `follow_with_arm` for the errors.
+    The result contains at most `ARM_REPLAY.segments` segments. See `follow_with_arm` for the errors.
     """
     followed = follow_with_arm(run, rig, model, ARM_REPLAY.segment_s)
     to_rods = rig.encoders.joint_angles.to_rods

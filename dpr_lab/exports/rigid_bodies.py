@@ -147,9 +147,9 @@ class Bodies:
 
 
 def words_of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]:
-    """Return the simulator elements of the effects at a joint; -1 is the arm.
+    """Return the simulator elements of the effects at a joint: 0 and 1 for the rods, -1 for the arm.
 
-    No two effects may use the same element.
+    Two effects of one joint must not use the same element.
     """
     of_joint: dict[str, Any] = {}
     for name, words in expressed.items():
@@ -173,7 +173,7 @@ def rod_about_joint(
 ) -> Rod:
     """Construct a rod from its first moment and its inertia about the joint.
 
-    Moment and inertia are those before an offset of the centre of mass is added.
+    Both are given without the offset of the centre of mass in `words`, which is then added.
 
     Args:
         length: length of the rod, m
@@ -182,7 +182,7 @@ def rod_about_joint(
         about_joint: moment of inertia about the joint, kg m^2
         damping: viscous friction of the joint, N m s/rad
         offset_mass: mass to which the offset of the centre of mass refers, kg
-        words: parameters of the effects of this joint
+        words: simulator elements of the effects at this joint
     """
     offset = offset_mass * words.get("offset", 0.0) / mass
     inertia = about_joint + offset_mass * words.get("offset", 0.0) ** 2

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 _NO_XML = re.compile(r"[^\t\n\r\x20-\uD7FF\uE000-\uFFFD\U00010000-\U0010FFFF]")
 """Pattern of characters that XML 1.0 cannot contain, even escaped."""
 _IN_ATTRIBUTES = {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
-"""Further characters that are escaped, because a parser would end an attribute at them or replace them by blanks."""
+"""Further characters that are escaped. In an attribute, a quotation mark is its end, and the others become blanks."""
 
 
 def rendered(template: str, **values: Any) -> str:

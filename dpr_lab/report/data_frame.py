@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 RODS = ("theta1", "theta2")
 JOINTS = ("joint0", "joint1", "joint2")
 RATIO_COLUMNS = ("ratio", "ratio_low", "ratio_high", "low_with_scale", "high_with_scale")
-"""Columns for a size: ratio to b with its interval, and the absolute 90 % interval including the uncertainty of b."""
+"""Columns of a size: ratio to b with its 90 % interval, and the interval of the absolute size with the uncertainty of
+b."""
 
 
 def to_dataframe(

@@ -73,7 +73,7 @@ def superscripts(text: str) -> str:
 def _rounded(numbers: tuple[float, ...], value: float, std: float) -> list[str]:
     """Format numbers with the decimals that the standard deviation supports.
 
-    Small numbers have the power of ten of the value. A number that is ten times as large has the next power.
+    The numbers have the power of ten of `value`. A number of at least ten times this power has the next power.
     """
     return [_written(number, *_precision(value, std)) for number in numbers]
 
@@ -88,7 +88,10 @@ def _written(number: float, exponent: int, decimals: int) -> str:
 
 
 def _precision(value: float, std: float) -> tuple[int, int]:
-    """Return the power of ten of a value, which is often 0, and the decimals that the standard deviation supports."""
+    """Return the power of ten of a value, and the decimals that the standard deviation supports.
+
+    The power is 0 for values from 0.001 to 1e6.
+    """
     size = max(abs(value), std)
     exponent = 0 if 0.001 <= size < 1e6 else math.floor(math.log10(size))
     decimals = max(0, 1 - math.floor(math.log10(std / 10.0**exponent)))

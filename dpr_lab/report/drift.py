@@ -36,7 +36,7 @@ BASES = {
 
 
 def sentence(drift: Drift) -> str:
-    """Compose the verdict on the drift as a sentence."""
+    """State in a sentence which parameters changed significantly, and between which groups."""
     counts = f"{sum(drift.runs_of)} runs in {len(drift.groups)} groups"
     if not drift.moved:
         return f"No significant change between {listed(drift.groups)} ({counts})."
@@ -55,10 +55,7 @@ def between(parameter: ParameterChange) -> str:
 
 
 def relative(parameter: ParameterChange, change: float) -> str:
-    """Format a change in per cent of the mean of the first group.
-
-    The change is in SI units if this mean is about zero.
-    """
+    """Format a change in per cent of the mean of the first group, or in SI units if this mean is about zero."""
     if not _has_size(parameter):
         return f"{change:+.3g} {unit_of(parameter.name)}".strip()
     per_cent = round(100 * change / abs(parameter.first), 6)  # equal data must not change by rounding errors
@@ -105,7 +102,7 @@ def change_table(drift: Drift) -> Rows:
 
 @page_table("parameter", "groups", "change", "simultaneous interval")
 def group_table(drift: Drift) -> Rows:
-    """Return the rows of the table: one per parameter and later group."""
+    """Return one row for each parameter and each group after the first."""
     return [
         [
             parameter.name,
@@ -119,10 +116,7 @@ def group_table(drift: Drift) -> Rows:
 
 
 def basis_sentence(drift: Drift, torques: Sequence[str] = ()) -> str:
-    """Describe how the intervals were computed.
-
-    If the scale is not identified, the sentences also explain the ratios.
-    """
+    """Describe how the intervals were computed, and the ratios if the scale is not identified."""
     ends = ("/b", "*b", "/a", "*a")
     scaled = [name for parameter in drift.parameters if "." in (name := parameter.name) and name.endswith(ends)]
     inertia = scaled[0][-1] if scaled else ""

@@ -10,11 +10,10 @@ POINTS = 2400
 
 
 def trace(t: Array, y: Array, points: int = POINTS, gap_steps: float = 10.0) -> tuple[Array, Array]:
-    """Reduce a record for drawing.
+    """Reduce a record for drawing, and mark interruptions by NaN.
 
-    Short records are not reduced. Gaps become NaN. A long record is divided into `points` / 2 blocks of equal length,
-    and the smallest and the largest sample of each block are kept with their times. No peak is lost, and no value is
-    interpolated.
+    A record with more than `points` samples is divided into `points` / 2 blocks of equal length. The smallest and the
+    largest sample of each block are kept with their times, so that no peak is lost.
 
     Args:
         t: (n,) increasing times, s
@@ -54,11 +53,10 @@ def _gaps(t: Array, gap_steps: float) -> NDArray[np.intp]:
 
 
 def signal_scale(value: Array, half_width: Array) -> tuple[tuple[float, float], bool]:
-    """Compute the axis range for a curve with intervals of typical width.
+    """Compute the axis range for a curve with its intervals, and whether the range clips an interval.
 
-    The result also states whether larger intervals are clipped.
-
-    The curve itself covers at least a quarter of the range.
+    The range contains all intervals whose half width is at most three times the median, except that the curve itself
+    must cover at least a quarter of the range.
 
     Args:
         value: (n,) the curve

@@ -53,7 +53,7 @@ _EVOLUTION = {
 def draw_with_intervals(axes: Axes, x: Array, values: Array, half_widths: Array, **line: Any) -> None:
     """Draw a curve with its 90 % intervals.
 
-    The y axis is limited to the range of typical intervals. If larger intervals are clipped, the panel is marked.
+    The y axis is limited to the range of typical intervals. If it clips larger intervals, the panel states this.
     """
     low, high = values - half_widths, values + half_widths
     axes.fill_between(x, low, high, label="90 % interval", color=line["color"], alpha=0.25, linewidth=0)
@@ -353,10 +353,7 @@ def _symmetric_range(axes: Axes, values: Array) -> None:
 
 
 def _angle_range(axes: Axes, values: Array) -> None:
-    """Set an axis range for `values`, rad.
-
-    If they span more than π, ticks are at multiples of π/2.
-    """
+    """Set the axis range for angles, rad; ticks are at multiples of π/2 if the angles span more than π."""
     finite = values[np.isfinite(values)]
     if not len(finite):
         return

@@ -50,10 +50,10 @@ _RATIO_FORMULAS = (
 )
 _SCALE = (
     "If the arm is clamped, no external torque acts on the rods. Every term of the equation of motion is"
-    " proportional to a mass, an inertia or a friction coefficient. Multiplying all of them by one factor"
-    " therefore leaves the motion unchanged. The parameters enter only through a, b, d, e1, c1 and c2. Six"
-    " numbers up to a common factor are five ratios, so four of the nine parameters are not identifiable"
-    " from a free swing. Weigh or measure these four."
+    " proportional to a mass, an inertia or a friction coefficient. If all of these are multiplied by one factor,"
+    " the motion does not change. The nine parameters enter only through a, b, d, e1, c1 and c2. A free swing"
+    " determines these six numbers only up to a common factor, so it identifies five ratios. Four of the nine"
+    " parameters must be weighed or measured."
 )
 _DETERMINED_BY = {
     "the recordings": "determined by the recordings together with the known scale",
@@ -81,7 +81,7 @@ def write_report(model: Model, comparisons: Sequence[Comparison], out_dir: Path,
         f" = {model.rig.L1:g} m and g = {model.rig.g:g} m/s².",
         tables.ratio_table(model),
         tables.ratio_note(model),
-        "The scale is known, and therefore the base parameters." if base else None,
+        "The scale is known. The base parameters are therefore also determined:" if base else None,
         base,
         Formula(_RATIO_FORMULAS),
     ]

@@ -1,6 +1,6 @@
 """Format results as JSON, and write them as files.
 
-A result must contain only finite numbers. Any other number is a bug. Such a number is written as null, with a warning.
+All numbers of a result should be finite. A number that is not finite is written as null, with a warning.
 """
 
 import json

@@ -49,10 +49,7 @@ def run_label(stem: str) -> str:
 
 
 def compared_name(comparison: "AnyComparison") -> str:
-    """Return the label of a compared run.
-
-    The label is the name of the run, preceded by the pose unless the name contains the pose as a word of its own.
-    """
+    """Return the name of a compared run, preceded by its pose unless the name contains the pose as a word."""
     name = run_label(comparison.run)
     pose = getattr(comparison, "pose", None)
     named = not pose or re.search(rf"(?<![^\W_]){re.escape(pose)}(?![^\W_])", name)

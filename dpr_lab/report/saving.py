@@ -72,8 +72,8 @@ def save_diagnosis(
         runs: the diagnosed runs, without held-out runs
         rig: the rig
         out: the folder
-        on_loss: function that is called with a sentence on the effects that a format cannot represent
-        acceptance: results of limits, for the section of the report on limits
+        on_loss: function that is called with a sentence if a written model differs from the corrected model
+        acceptance: results of limits; None if no limits were tested
 
     Raises:
         DprError: the folder or a file cannot be written.
@@ -89,9 +89,9 @@ def save_diagnosis(
 def _confirmed(
     diagnosis: Diagnosis, corrected: AnyModel, runs: Sequence[Run], rig: Rig, on_loss: Callable[[str], None]
 ) -> AnyModel:
-    """Return the bare model if no cause is confirmed and the corrected model predicts worse; otherwise the latter.
+    """Return the bare model if no cause is confirmed and it predicts better; otherwise the corrected model.
 
-    The predictions are free runs, so the corrected model is kept if no run can be replayed.
+    The predictions are free runs. If no run can be replayed, the corrected model is returned.
     """
     clamped = [run for run in runs if run.arm is None]
     if diagnosis.verdict != "unexplained" or not corrected.effects or not clamped:
@@ -115,10 +115,10 @@ def _confirmed(
 def save_exports(
     corrected: AnyModel, runs: Sequence[Run], rig: Rig, out: Path, on_loss: Callable[[str], None]
 ) -> dict[str, str]:
-    """Write the corrected model for other programs.
+    """Write the corrected model for other programs, and return the paths by the names of the formats.
 
-    If a format cannot represent an effect, a simpler model is refitted and written. This model is not worse than the
-    bare model. See `save_diagnosis` for arguments and errors.
+    If a format cannot represent an effect, a simpler model is refitted. The bare model is written instead if it
+    predicts better than this simpler model. See `save_diagnosis` for arguments and errors.
     """
     formats = [name for name, form in FORMATS.items() if not form.optional]
     models = fitted_for(formats, corrected, runs, rig)
@@ -147,9 +147,9 @@ def save_exports(
 
 
 def _yardstick(corrected: AnyModel, runs: Sequence[Run], rig: Rig, on_loss: Callable[[str], None]) -> Yardstick | None:
-    """Compute the reference for the errors of exports.
+    """Simulate the runs with the corrected and the bare model, as reference for the errors of exports.
 
-    If no run can be replayed, a message is reported and the result is None.
+    If no run can be replayed, `on_loss` is called and the result is None.
     """
     try:
         return yardstick(corrected, runs, rig)
@@ -159,7 +159,7 @@ def _yardstick(corrected: AnyModel, runs: Sequence[Run], rig: Rig, on_loss: Call
 
 
 def check_of(replayed: Replayed, bare_rad: float) -> dict[str, float]:
-    """Return the stored errors of an export and of the bare model."""
+    """Return the errors of an export and of the bare model, for the JSON file of the export."""
     return {"off_rad": replayed.off_rad, "closed": replayed.closed, "bare_rad": bare_rad}
 
 

@@ -31,14 +31,14 @@ RATIO_NOTE_ALONE = (
 )
 BASE_TITLE = "Base parameters, because the scale is known"
 PARAMETER_NOTE = (
-    'A measured value is given in the rig file (scale, calliper). "Only its bounds": the parameter is not'
-    " identifiable from these runs, and its 90 % interval uses the bounds of the rig file as a prior."
-    " Measure it to determine it."
+    '"A measured value": the rig file states the value, for example of a scale or calliper. "Only its bounds": these'
+    " runs do not identify the parameter, and its 90 % interval uses the bounds of the rig file as a prior. A"
+    " measurement of the parameter would determine it."
 )
 COMPARISON_NOTE = (
     "Pairs are θ1, θ2 (inner, outer rod). rms: residual of segments of 0.5 s with free initial states. Free run: rms"
-    " error of one simulation from the release to the horizon. Held out: not fitted. Horizon: time until"
-    " which the swing is predictable; ≥: at least until the end of the recording."
+    " error of one simulation from the release to the horizon. Held out: not fitted. Horizon: time up to"
+    " which the swing is predictable; ≥: it is predictable up to the end of the recording."
 )
 
 BASE_UNITS = {
@@ -66,7 +66,7 @@ PARAMETER_UNITS = {
 class NoiseLike:
     """Ratios of residual to noise floor at which the residual counts as noise.
 
-    The noise floor is also an estimate. Without a rest before the release, it is estimated from few samples.
+    The noise floor is also an estimate. Without a rest before the release, this estimate is based on few samples.
     """
 
     least: float = 0.8
@@ -83,11 +83,7 @@ SMALL_EFFECTS = "Only rms values were compared. dpr-lab diagnose also detects ef
 
 
 def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: AngleUnit = RADIANS) -> str:
-    """State whether the residuals of the fitted and held-out runs are at the noise floor.
-
-    Only rms values are compared. The tests of `dpr_lab.gap` also detect an effect whose residual is smaller than the
-    noise.
-    """
+    """State whether the rms residuals of the fitted and held-out runs are at the noise floor."""
     if model.failures:
         return f"Not reliable: {'; '.join(model.failures).rstrip('.')}."
     fitted = _worst(list(model.fit.rms_rad.values()), list(model.fit.noise_rad.values()))
@@ -179,10 +175,7 @@ def _undetermined(model: "Model") -> str:
 
 
 def ratio_note(model: "Model") -> str:
-    """Describe the meaning of the ratios.
-
-    The text also explains standard deviations that clearly exceed those of `identifiability`.
-    """
+    """Describe the ratios, and explain standard deviations that clearly exceed those of `identifiability`."""
     noise_and_misfit = math.sqrt(max(1.0, model.fit.chi2_per_dof))
     inflation = [
         ratio.std / (noise_and_misfit * bound)
@@ -201,10 +194,7 @@ def ratio_note(model: "Model") -> str:
 
 @page_table("base parameter", "value ± std", "unit", "meaning")
 def base_table(model: "Model") -> Rows:
-    """Return one row for each base parameter of the mounted rods.
-
-    The list is empty if the scale is not known.
-    """
+    """Return one row for each base parameter of the mounted rods; empty if the scale is not known."""
     base = model.alone or model.base
     if base["a" if model.alone else "b"].fixed_by != "data":
         return []
@@ -213,10 +203,7 @@ def base_table(model: "Model") -> Rows:
 
 @page_table("parameter", "value ± std", "90 % interval", "unit", "determined by", "meaning")
 def parameter_table(model: "Model") -> Rows:
-    """Return one row for each physical parameter with its source.
-
-    Parameters of parts that are not mounted are omitted.
-    """
+    """Return one row for each physical parameter of the mounted parts."""
     rows: list[list[str]] = []
     for name, parameter in model.mounted.items():
         unit, meaning = PARAMETER_UNITS.get(name, ("", ""))
@@ -228,8 +215,7 @@ def parameter_table(model: "Model") -> Rows:
 def interval_words(parameter: "ParameterValue") -> str:
     """Format the 90 % interval of a parameter.
 
-    The standard deviation determines the number of decimals. Without a standard deviation, the half width determines
-    it.
+    The standard deviation, or else the half width, determines the number of decimals.
     """
     if parameter.interval90 is None:
         return NONE

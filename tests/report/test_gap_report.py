@@ -353,7 +353,7 @@ def test_the_friction_torque_of_each_joint_is_shown_with_its_interval(diagnosis)
     )
     made = diagnosis(effects=[effect("hysteresis_joint1", 0.9, 0.3)])
     made = made.model_copy(update={"evidence": Evidence.model_construct(friction={"joint1": curve})})
-    joint, other = friction_words(made)
+    joint, _, other = friction_words(made)
     assert joint.startswith("Joint 1: 1.000 ± 0.020 mN m at 0.0200 rad/s and 3.000 ± 0.010 mN m at 2.00 rad/s")
     assert named("hysteresis_joint1") in other
     assert friction_table(made).rows[0] == ("joint 1", "-2.00", "-3.000 ± 0.010", "-3.016 to -2.984")

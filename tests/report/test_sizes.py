@@ -149,6 +149,6 @@ def test_the_sizes_in_the_models_are_stated_if_an_omitted_amplitude_changes_them
     for brief in (True, False):
         cell = sizes_cell(result, spring, brief=brief)
         assert cell.startswith("stiffness 66.6 mN m/rad (50.0 to 80.0); ")
-        assert cell.endswith(f"in the models, without the amplitudes that are not distinguishable from zero: {stated}")
+        assert cell.endswith(f"in the exported models: {stated}")
     alone = spring.model_copy(update={"parameters": {stiffness: sizes[stiffness]}})
     assert "models" not in sizes_cell(result.model_copy(update={"effects": [alone]}), alone)

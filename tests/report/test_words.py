@@ -75,5 +75,5 @@ def test_the_report_explains_why_its_free_run_errors_differ_from_the_printed_one
     run = RunBudget.model_construct(run="first", error_before_rad=0.02, error_after_rad=0.005)
     evidence = Evidence.model_construct(budget=Budget.model_construct(runs=[run]))
     (words,) = curves_words(Diagnosis.model_construct(evidence=evidence))
-    assert "the errors that the command prints cover 2.6 s, also beyond the horizon" in words
-    assert "20.0 mrad, in first; the corrected model has 5.00 mrad there" in words
+    assert "the errors that `dpr-lab diagnose` prints cover 2.6 s, also beyond the horizon" in words
+    assert "in first: 20.0 mrad, compared with 5.00 mrad of the corrected model" in words

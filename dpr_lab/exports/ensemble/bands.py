@@ -53,11 +53,11 @@ class BandSettings:
     rate_hz: float = 200.0
     """Rate of the compared readings, Hz."""
     unlike: float = 10.0
-    """Two limits on the misfit of the first readings. The model follows the readings if the misfit is below the first
-    limit, in standard deviations of the noise. The model does not follow the readings if the misfit exceeds the second
-    limit, relative to the median over all half seconds."""
+    """Factor for two limits on the rms misfit of a half second. The model follows the readings if the misfit is below
+    this factor times the noise. Otherwise the misfit must at least be below this factor times the median over all half
+    seconds."""
     unexplained: float = 0.5
-    """Maximum unexplained share of the variance of the first readings, for a model that counts as following them."""
+    """Maximum unexplained share of the variance of the readings in a half second, if the model follows them."""
 
 
 BANDS = BandSettings()
@@ -190,7 +190,7 @@ def fewest_models() -> int:
 
 
 def _with_torque_noise(run: Run, std_Nm: Array, rng: np.random.Generator) -> Run:
-    """Draw the true torques of a run: measured torques minus random noise."""
+    """Return a copy of a run with random torques: the measured torques minus random noise."""
     assert run.torques is not None
     return replace(run, torques=run.torques - std_Nm * rng.standard_normal(run.torques.shape))
 

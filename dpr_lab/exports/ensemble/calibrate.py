@@ -18,7 +18,7 @@ M = TypeVar("M")
 
 @dataclass(frozen=True, slots=True)
 class CalibrationSettings:
-    """Settings for searching the width factor."""
+    """Settings of the search for the factor on the standard deviations."""
 
     factors: tuple[float, ...] = (2.0, 4.0, 8.0, 16.0)
     """Factors on the standard deviations, in the order in which they are tried if the factor 1 is too small."""
@@ -35,7 +35,7 @@ CALIBRATED = CalibrationSettings()
 def calibrated(
     drawn: Callable[[float, int], Sequence[M]], band: Callable[[Sequence[M], Run], PredictiveBand], runs: Sequence[Run]
 ) -> float:
-    """Find the smallest width factor at which the bands cover the required share of readings.
+    """Find the smallest factor on the standard deviations at which the bands cover the required share of readings.
 
     Args:
         drawn: function that returns random models; its arguments are the factor and the number of models

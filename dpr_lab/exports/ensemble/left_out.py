@@ -52,7 +52,7 @@ class LeftOutSettings:
     """Number of independent errors of a recording: q. It is between 1 (an error of one parameter) and 11, the estimate
     from the scatter of s over 21 recordings of simulated rigs."""
     fewest: int = 3
-    """Minimum number of recordings for an estimate."""
+    """Minimum number of recordings from which the width is estimated."""
     chance: float = 1.5
     """Maximum v for which the posterior is kept: 1 plus the standard deviation sqrt(2 / 9) of v for three recordings
     with three independent errors each."""

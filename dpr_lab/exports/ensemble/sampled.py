@@ -40,7 +40,7 @@ from dpr_lab.rig import Rig
 Drawn = TypeVar("Drawn")
 
 KNOWN_TORQUE = ("torque", "current")
-"""Input quantities that determine the absolute scale of torques and inertias."""
+"""Kinds of inputs of the arm with which the recordings determine the absolute scale of torques and inertias."""
 
 
 def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: int, seed: int) -> list[Model]:
@@ -68,9 +68,7 @@ def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: in
 def ensemble_posterior(
     model: Model, diagnosis: Diagnosis | None, scatter: RatioScatter | None = None
 ) -> list[PosteriorComponent]:
-    """Return the posterior of a diagnosis, or a posterior from the covariance of the ratios.
-
-    The covariance is used for a model without a diagnosis.
+    """Return the posterior of a diagnosis; without a diagnosis, a posterior from the covariance of the ratios.
 
     Args:
         model: the model

@@ -92,7 +92,7 @@ class DescriptionEditor(ABC):
             self.set_values(edit, self._element(edit, "joint", name), f"joint {name}", texts)
 
     def overriding(self) -> str:
-        """Compose the message for a changed file that does not contain the written numbers."""
+        """Return the message for a file that does not contain the written numbers when it is read again."""
         return (
             f"{self.path}: the changed file does not contain the written numbers when it is read again: change the file"
             " by hand"

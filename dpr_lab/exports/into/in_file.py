@@ -17,12 +17,12 @@ class ChangeSettings:
     """Tolerances within which a number of the file counts as unchanged."""
 
     same: float = 0.01
-    """Relative difference up to which a number always counts as unchanged. The softened friction of an engine changes
-    other parameters by this amount."""
+    """Relative difference up to which a number always counts as unchanged. The smoothed friction of a simulator changes
+    other estimates by about this amount."""
     stds: float = 3.0
     """Difference of a ratio, in its standard deviations, up to which it counts as unchanged."""
     idle: float = 1e-6
-    """Damping, as a fraction of the typical damping, below which it counts as zero."""
+    """Damping that replaces a damping of zero in comparisons, relative to sqrt(inertia x gravity torque) of a rod."""
     required: float = 0.01
     """Relative growth of the mean square error over segments below which an effect keeps the value of the file."""
 
@@ -32,7 +32,7 @@ CHANGE = ChangeSettings()
 
 @dataclass(frozen=True, slots=True)
 class ModelCause:
-    """A number of the file that differs from the rig, named as in the file."""
+    """A number of the file that differs from its identified value."""
 
     joint: str
     """Name of the joint in the file."""
@@ -113,14 +113,14 @@ def unseen(
 
 
 def _at(joints: Collection[int]) -> Iterator[str]:
-    """Yield the effects of joints that the joint attributes of a file can represent."""
+    """Yield the names of the effects at the given joints that joint attributes of a file can represent."""
     return (name for name, effect in EFFECTS.items() if _term(name) and set(effect.joints) <= set(joints))
 
 
 def as_in_file(diagnosis: Diagnosis, chain: ModelChain, name: str, values: dict[str, float]) -> dict[str, float]:
-    """Return the values of an effect; if values of the file are compatible, they are used instead.
+    """Return the values of an effect, with values of the file instead of estimates where both are compatible.
 
-    A value is compatible if it lies within the interval of the estimate.
+    They are compatible if their relative difference is below `CHANGE.same` or the half width of the interval.
     """
     sizes = next((effect.parameters for effect in diagnosis.effects if effect.name == name), {})
     for key, of_file in in_file(chain, name).items():

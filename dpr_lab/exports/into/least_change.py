@@ -158,10 +158,7 @@ def changed_rods(
 
 
 def _base_of(chain: ModelChain, longer: float) -> dict[str, float]:
-    """Return the base parameters of the file with a longer inner rod.
-
-    The additional length is `longer`, m.
-    """
+    """Return the base parameters of the file if its inner rod is longer by `longer`, m."""
     values, length = chain.parameters, (chain.rods[0].length or 0.0) + longer
     base = base_parameters([values[name] for name in PARAMETERS], length, chain.gravity)
     return dict(zip(BASE, base.tolist(), strict=True))
@@ -172,7 +169,7 @@ def _gear_factors(
 ) -> dict[str, float]:
     """Return the ratio of acting to known torque of each drive at the estimated b.
 
-    The keys are the names of the effects of the drives. The result is empty unless the torques determine the scale.
+    The keys are the names of the effects `torque_scale`. The result is empty unless known torques determine the scale.
     """
     driven = [run.torques for run in runs if run.torques is not None]
     weighed = any(run.added_mass is not None for run in runs)
@@ -192,7 +189,7 @@ def _changed_gears(gears: Mapping[str, float], factor: float, diagnosis: Diagnos
 
 
 def _base(of_file: Array, rotor: Array, model: Model, diagnosis: Diagnosis, gears: Array) -> Array:
-    """Return base parameters (6,), those of the file where they agree with the estimates.
+    """Return base parameters (6,): values of the file where they agree with the estimates, otherwise the estimates.
 
     A scale that is unknown, or known only from torques, is chosen so that as many values of the file as possible are
     kept.
@@ -270,7 +267,7 @@ def with_own_numbers(chain: ModelChain, values: Values, of_file: Values, longer:
 
 
 def _with(model: Model, chain: ModelChain, values: Values, effects: Effects) -> Model:
-    """Replace base parameters and effects of a model; use the file's masses."""
+    """Replace base parameters and effects of a model, and use the masses of the file."""
     inner, outer = chain.rods
     known = {"m1": inner.mass, "m2": outer.mass, "mb": chain.elbow_mass, "l1": inner.centroid, "l2": outer.centroid}
     known |= {"J1": inner.inertia, "J2": values["b"] - outer.mass * outer.centroid**2}
@@ -307,10 +304,7 @@ def _body_rows(chain: ModelChain, values: Values, of_file: Values, number: int, 
 
 
 def _bodies(chain: ModelChain, values: Values, longer: float) -> list[tuple[float, float]]:
-    """Compute centre of mass, m, and inertia, kg m^2, of each rod.
-
-    They follow from base parameters.
-    """
+    """Compute centre of mass, m, and inertia, kg m^2, of each rod from base parameters and the masses of the file."""
     inner, *outer = chain.rods
     a, b, d, e1 = (values[name] for name in ("a", "b", "d", "e1"))
     length, carried = (inner.length or 0.0) + longer, sum(rod.mass for rod in outer) + chain.elbow_mass

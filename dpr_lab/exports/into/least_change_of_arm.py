@@ -87,7 +87,7 @@ def least_change_of_arm(
 def numbers_of_file(chain: ModelChain, arm: ChainArm, rig: Rig, model: MovingArmModel) -> dict[str, float]:
     """Return the `SWING_PARAMETERS` of the file.
 
-    Spring and Coulomb friction of the arm are not included, because they are effects.
+    Spring and Coulomb friction of the arm are set to zero, because they count as effects.
     """
     numbers = {name: 0.0 for name in PARAMETERS} | chain.parameters
     values = base_parameters([numbers[name] for name in PARAMETERS], chain.rods[0].length or 1.0, chain.gravity)
@@ -180,7 +180,7 @@ def _with(model: MovingArmModel, values: Values, effects: Effects) -> MovingArmM
 def _error(model: MovingArmModel, runs: Sequence[Run], rig: Rig) -> float:
     """Return the mean square error of a model over segments, rad^2.
 
-    A model that cannot follow a recording has the error `RANK.lost_rad`.
+    The result is `RANK.lost_rad` squared for a model that cannot follow a recording.
     """
     try:
         followed = [follow_with_arm(run, rig, model, RANK.segment_s) for run in runs]

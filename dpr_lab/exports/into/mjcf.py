@@ -76,7 +76,7 @@ class MjcfEditor:
         self._set_gear(edit, part, target.gear)
 
     def overriding(self) -> str:
-        """Describe the settings of the file that override the written numbers, and a remedy."""
+        """Return the message for a file whose settings override the written numbers, with a remedy."""
         root, switches = with_includes(self.path), {flag for flags in SWITCHES.values() for flag in flags}
         off = [
             f'<flag {name}="disable">'

@@ -51,7 +51,7 @@ class FileReplay:
     after_rad: float
     """Error with the changed file, rad. Its difference from `lab_rad` is caused by the format."""
     lab_rad: float
-    """Error of the corrected model in dpr-lab, rad."""
+    """Error of the corrected model, simulated by dpr-lab, rad."""
     passive_rad: float | None = None
     """Error with the changed file and the module of passive forces, rad; null without this module."""
 
@@ -143,7 +143,7 @@ class Simulation:
         )
 
     def angles(self, swing: Replay, gain: Array | float = 1.0) -> Array:
-        """Simulate the (n, 2) rod angles of a replay, or (n, 3) with arm, rad.
+        """Simulate a replay, and return the angles (n, 2) of the rods or (n, 3) of arm and rods, rad.
 
         `gain` multiplies the known torques. For a moving arm, `gain` is the torque per input of the drive.
         """

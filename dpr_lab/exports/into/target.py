@@ -50,14 +50,14 @@ PATCH = PatchSettings()
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Target values of a rod or arm and its joint in the changed file, SI."""
+    """Target values of a rod, or of the arm, and of its joint in the changed file, SI."""
 
     inertia: float
     """Inertia of a rod about its centre of mass, or of arm and rotor without the rods about the arm's axis, kg m^2."""
     damping: float
     words: Words
     gear: float | None
-    """Gear ratio of the motor of its joint; None if there is no motor."""
+    """Gear ratio of the motor at the joint; None without a motor."""
     centroid: float = 0.0
     """Distance of the centre of mass of a rod from the joint along the rod, m."""
     offset: float = 0.0
@@ -98,7 +98,7 @@ class PatchedModel:
 
 @dataclass(frozen=True, slots=True)
 class BodyChange:
-    """Change of the body of a joint."""
+    """Change of the body that a joint moves."""
 
     name: str
     mass: float
@@ -233,9 +233,9 @@ def arm_change(read: SimulatorModel, in_file: ChainArm, target: Target, path: Pa
 def body_change(
     read: SimulatorModel, chain: ModelChain, joints: Sequence[str], number: int, target: Target, path: Path
 ) -> BodyChange:
-    """Compute the change of a joint's body that gives the whole rod its target values.
+    """Compute the change of the body of a joint that gives the whole rod its target values.
 
-    Other bodies of the rod are not moved.
+    Other bodies of the rod are not changed.
 
     Raises:
         ConfigError: the body has no mass, or no positive inertia of the body leads to the target.

@@ -14,7 +14,7 @@ RULE = (
 
 
 def answer_sentence(acceptance: Acceptance) -> str:
-    """Compose a sentence with the overall result and the number of limits met."""
+    """Return the overall result and the number of limits that pass, without a full stop."""
     passed = sum(limit.answer == "pass" for limit in acceptance.limits)
     return f"{acceptance.answer}: {passed} of {len(acceptance.limits)} limits pass"
 

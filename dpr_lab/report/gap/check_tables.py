@@ -1,4 +1,4 @@
-"""Create the rows of the tables on recommended checks and their results."""
+"""Create the tables of recommended checks and of their results."""
 
 from collections.abc import Sequence
 
@@ -14,18 +14,18 @@ from dpr_lab.report.words import in_words, named, size_words
 from dpr_lab.shown import in_command, listed
 
 MOVED_NOTE = (
-    "Bayes factor: ratio by which the result changes the odds of the cause. Above 1 it supports the cause, below 1 it"
-    " contradicts the cause. Above 20 or below 1/20 the evidence is strong."
+    "Bayes factor: ratio by which the result changes the odds of the cause. A factor above 1 supports the cause, and a"
+    " factor below 1 contradicts it. Above 20 or below 1/20 the evidence is strong."
 )
 EXPECTED_NOTE = (
-    "Expected result: size and 90 % interval if the measured effect is the cause, or the size that the recordings"
-    " exclude if they determine no size. This limit assumes that all named effects act. If the measured effect is not"
-    " the cause, the expected result is about zero. Expected information: at most the entropy of the probabilities; a"
-    " measurement is assumed to be exact. The information is nearly zero if one cause is already far more probable,"
-    " even if the predictions differ by many standard deviations. The release of a recording is the best one of a short"
-    " list, for this question alone. dpr-lab plan searches all reachable poses for all open questions, and states which"
-    " checks its first release also answers. Its information may differ from that of a check: plan adds up the"
-    " information of its releases, and treats each cause separately. A check counts indistinguishable causes as one."
+    "Expected result: size with 90 % interval if the measured effect is the cause. If the recordings determine no size,"
+    " it is the size above which they exclude the effect, provided that all named effects act. If another effect is the"
+    " cause, the expected result is about zero. Expected information: at most the entropy of the probabilities;"
+    " measurements are assumed to be exact. If one cause is already far more probable than the others, the information"
+    " is nearly zero, even if the predictions differ by many standard deviations. A recommended release is the best of"
+    " a short list for this question alone. dpr-lab plan searches all reachable poses for all open questions. The"
+    " information that it states can differ, because it adds up several releases and treats each cause separately."
+    " A check counts indistinguishable causes as one."
 )
 
 
@@ -50,7 +50,7 @@ def how_to_record(diagnosis: Diagnosis, file: str) -> str:
 
 @page_table("cause", "probability before", "probability after", "Bayes factor", caption=MOVED_NOTE, style="prose")
 def moved_table(done: CheckDone) -> Rows:
-    """Return the probabilities before and after a check, the most probable cause first."""
+    """Return one row for each cause, the most probable cause first."""
     ranked = sorted(done.after, key=lambda name: -done.after[name])
     return [
         (
@@ -85,7 +85,7 @@ def bits(information: float) -> str:
     title="Possible checks",
 )
 def check_table(diagnosis: Diagnosis) -> Rows:
-    """Return one row for each check with information, also if it is not recommended."""
+    """Return one row for each possible check, also for checks that are not recommended."""
     return [
         (
             check.id,
@@ -100,7 +100,7 @@ def check_table(diagnosis: Diagnosis) -> Rows:
 
 
 def _expected(diagnosis: Diagnosis, check: AdvisedCheck) -> str:
-    """Format the expected result of a measurement: its interval, an upper limit, or a dash."""
+    """Format the expected result of a measurement: size with interval, or upper limit; a dash for other checks."""
     if check.quantity is None:
         return NONE
     name = check.quantity.parameters[0]

@@ -19,10 +19,7 @@ from dpr_lab.shown import percent
 
 
 def where_figure(diagnosis: Diagnosis, most: int = 4) -> Figure:
-    """Draw residual maps with 90 % intervals.
-
-    The maps belong to the locations that contribute most to the excess chi-square.
-    """
+    """Draw the residual maps of the `most` locations that explain most of the excess, with 90 % intervals."""
     shown = [place for place in diagnosis.where[:most] if any(place.std)]
     if not shown:
         return empty_figure("No gap in the segments is large enough to be located.")
@@ -59,10 +56,7 @@ def waterfall_figure(diagnosis: Diagnosis) -> Figure:
 
 
 def horizon_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw the gap of bare and corrected model against the segment length.
-
-    The initial states of the segments are fitted.
-    """
+    """Draw the gap of bare and corrected model against the length of segments with fitted initial states."""
     lengths = [float(length) for length in diagnosis.gap.by_horizon]
     if not lengths:
         return empty_figure("The gap by segment length was not computed.")

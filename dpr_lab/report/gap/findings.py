@@ -21,12 +21,9 @@ def findings_sentence(diagnosis: Diagnosis) -> str:
     return f"Sensor faults: {', '.join(f'{fault} ({count})' for fault, count in counts.items())}." if counts else ""
 
 
-@page_table("fault", "run", "axis", "time (s)", "evidence", style="prose")
+@page_table("fault", "run", "encoder", "time (s)", "evidence", style="prose")
 def finding_table(diagnosis: Diagnosis, most: int = 3) -> Rows:
-    """Return the sensor faults.
-
-    More than `most` similar faults share one row.
-    """
+    """Return one row for each sensor fault; more than `most` similar faults share one row."""
     similar: dict[tuple[str, ...], list[SensorFinding]] = {}
     for finding in diagnosis.sensor_findings:
         fault = (named(finding.name).replace("_", " "), in_words(finding.axis or NONE), finding.evidence)

@@ -1,4 +1,4 @@
-"""Write the HTML report of a diagnosis: verdict, gap budget and causes, then folded details."""
+"""Write the HTML report of a diagnosis: verdict, gap budget and causes, then folded sections."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -13,7 +13,7 @@ from dpr_lab.report.gap.next_steps import next_steps
 from dpr_lab.report.gap.section import evidence_blocks
 from dpr_lab.report.gap.sections import SECTIONS
 from dpr_lab.report.gap.sections.closing import CLOSING
-from dpr_lab.report.gap.sizes import scale_note
+from dpr_lab.report.gap.sizes import assumed, scale_note
 from dpr_lab.report.gap.summary import budget_bar, repeatability_bar, repeatability_sentences, summary_note
 from dpr_lab.report.gap.trials_of_search import trial_table
 from dpr_lab.report.pages.page import Block, Heading, Items, PageTable, Section, page_html, pictures, write_page
@@ -37,11 +37,11 @@ FIGURES = {
 
 _MAPS = (
     "Torque or reading error that the bare model would need at each location, before any effect is named."
-    " These maps are only hints: a sensor error can look like a torque, and several locations can"
-    " compensate for one cause. The named effects are the result."
+    " The maps only indicate where a cause may act: a sensor error can resemble a torque, and one cause can appear in"
+    " several maps. The result of the diagnosis is the list of named effects."
 )
 _FAULTS = (
-    "Faults of the readings, found before the fit. Outliers and repeated samples were excluded from all"
+    "Faults of the readings that were detected before the fit. Outliers and repeated samples were excluded from all"
     " fits. diagnosis.json lists every fault."
 )
 
@@ -85,7 +85,7 @@ def write_gap_report(
         Section("Residual maps", [_MAPS, *_maps(diagnosis), drawn["where"]]),
         Section("Sensor faults", [_faults(diagnosis)]),
         *evidence.values(),
-        Section("Minimum detectable effects", [replace(detectable, caption=scale_note(diagnosis))]),
+        Section("Minimum detectable effects", [replace(detectable, caption=_assumed_scale(diagnosis))]),
         Section("Model search", [trial_table(diagnosis)]),
         Section("Assumptions", [Items([in_words(text) for text in diagnosis.assumptions])]),
     ]
@@ -94,7 +94,7 @@ def write_gap_report(
 
 
 def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
-    """Yield the blocks below the verdict: gap budget, reproducible part, causes."""
+    """Yield the blocks below the verdict: gap budget, reproducible part, causes, notes."""
     if bar := budget_bar(diagnosis):
         yield bar
     if bar := repeatability_bar(diagnosis):
@@ -103,7 +103,9 @@ def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
     yield tables.summary_table(diagnosis, brief=True)
     if note := summary_note(diagnosis):
         yield note
-    yield tables.common_table(diagnosis)
+    if diagnosis.common:
+        yield Heading("Fit of the common effects alone")
+        yield tables.common_table(diagnosis)
     yield Items([in_words(text) for text in diagnosis.notes])
 
 
@@ -156,6 +158,11 @@ def _maps(diagnosis: Diagnosis) -> Iterator[Block]:
         yield in_words(diagnosis.where_sentence)
     yield tables.place_table(diagnosis)
     yield tables.map_table(diagnosis)
+
+
+def _assumed_scale(diagnosis: Diagnosis) -> str:
+    """State the scale of the sizes; empty if the scale is known, or for an older version."""
+    return f"Absolute sizes: {words}." if (words := assumed(diagnosis)) else ""
 
 
 def _faults(diagnosis: Diagnosis) -> Block:

@@ -1,4 +1,4 @@
-"""Next steps after a diagnosis: recordings, checks, and advice for an open verdict."""
+"""Compose the next steps after a diagnosis: recordings, checks, and advice if causes are undecided."""
 
 from collections.abc import Iterator
 
@@ -15,7 +15,7 @@ from dpr_lab.shown import listed
 
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:
-    """Return the recommended checks with their identifiers, and advice for an open verdict."""
+    """Return the recommended recordings and checks as sentences, the first step first."""
     partly = "The remainder has another cause, or a named effect has another form: inspect the rig."
     if diagnosis.only_uncertain:
         partly = "The causes are uncertain: record further releases (dpr-lab plan proposes them)."
@@ -62,7 +62,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
 
 
 def _after_checks(diagnosis: Diagnosis) -> Iterator[str]:
-    """Yield the consequence of each named effect's last check, if another cause is now the most probable."""
+    """Yield advice for each named effect whose last check makes another cause more probable."""
     latest = {done.check.about: done for done in diagnosis.checks_done}
     for about, done in latest.items():
         best = likeliest(done.after)

@@ -20,15 +20,15 @@ class PageSettings:
     most_runs: int = 4
     """Maximum number of runs in the figure of curves. The table of the budget contains all runs."""
     every: int = 5
-    """Only every n-th point of a curve is in its table."""
+    """Step between the points of a curve that its table contains."""
     rows_of: int = 2
     """Number of cells of a map, 15 degrees each, per row of its table."""
     sharp: int = 8
     """Number of points along the edge of a map cell; enough for sharp corners of its outline."""
     least_mrad: float = 1e-4
-    """Upper limit for the lower end of the budget's logarithmic axis, mrad."""
+    """Minimum value at which the logarithmic axis of the budget begins, mrad."""
     white95: float = 1.96
-    """Half width of the interval with 95 % of a normal distribution, in standard deviations."""
+    """Half width of the interval that contains 95 % of a normal distribution, in standard deviations."""
 
 
 PAGE = PageSettings()
@@ -56,7 +56,7 @@ class EvidenceSection:
     caption: str = ""
     """Caption of the figure."""
     symbols: str = ""
-    """Equations with their source."""
+    """Equations below the tables, with their source."""
 
 
 def evidence_of(diagnosis: Diagnosis) -> Evidence:

@@ -14,14 +14,11 @@ from dpr_lab.report.digits import NONE, superscripts, three, with_interval, with
 from dpr_lab.report.words import negative_words, parameter_words, size_words
 
 RUN = "run"
-"""Name of the parameter that is not a size but the index of a recording. The remedy names this recording."""
+"""Name of a parameter that is not a size but the index of a recording. The recommended action names this recording."""
 
 
 def only_ratios(diagnosis: Diagnosis) -> bool:
-    """Check whether only ratios to the inertia b are identified.
-
-    In this case, only prior bounds determine the scale.
-    """
+    """Check whether only ratios to the inertia b are identified, so that only prior bounds determine the scale."""
     return diagnosis.scale is not None and not diagnosis.scale.known
 
 
@@ -34,16 +31,16 @@ def assumed(diagnosis: Diagnosis) -> str:
 
 
 def scale_note(diagnosis: Diagnosis) -> str:
-    """Return the sentence about the scale, or an empty text for an older version."""
+    """Return the sentence on the scale of absolute values; empty for a diagnosis of an older version."""
     return superscripts(diagnosis.scale.sentence) if diagnosis.scale else ""
 
 
 def sizes_cell(diagnosis: Diagnosis, effect: FittedEffect, angles: AngleUnit = RADIANS, *, brief: bool = False) -> str:
     """Format the parameters of an effect with intervals for a table cell.
 
-    Ratios come first if only ratios are identified. Parameters that are held at zero come last, followed by the sizes
-    in the exported models if these differ. If `brief` is true, amplitudes whose interval contains zero are listed only
-    by name, unless the intervals of all amplitudes contain zero.
+    Ratios come first if only ratios are identified. Parameters that are held at zero follow, then the sizes in the
+    exported models if these differ. If `brief` is true, amplitudes whose interval contains zero are listed only by
+    name, unless the intervals of all amplitudes contain zero.
     """
     parameters = {name: size for name, size in effect.parameters.items() if name != RUN}
     sizes = {name: size for name, size in parameters.items() if any((size.value, *size.interval90))}
@@ -82,8 +79,7 @@ def _in_models(diagnosis: Diagnosis, effect: str, angles: AngleUnit) -> str:
         for sizes in (diagnosis.model_effects, significant_values(diagnosis)[1])
     )
     changed = [f"{parameter_words(effect, name)} {size}" for name, size in exported.items() if fitted.get(name) != size]
-    reason = "in the models, without the amplitudes that are not distinguishable from zero"
-    return f"{reason}: {', '.join(changed)}" if changed else ""
+    return f"in the exported models: {', '.join(changed)}" if changed else ""
 
 
 def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float]) -> str:

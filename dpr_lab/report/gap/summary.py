@@ -1,4 +1,4 @@
-"""Summarise a diagnosis: gap budget, its reproducible part, and causes."""
+"""Summarise a diagnosis: gap budget, reproducible part of the gap, and improbable effects."""
 
 from itertools import pairwise
 
@@ -33,11 +33,11 @@ def held_out_words(diagnosis: Diagnosis) -> str:
 
 
 def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
-    """Split the gap of the bare model into reductions by effects and remainder.
+    """Divide the gap of the bare model into reductions by effects and the remainder.
 
-    The effects are added one after another. The part of an effect is the difference, rad, between the rms residuals
-    before and after the effect is added. Each probable cause has its own part, and the terms of improbable causes share
-    one part. The result is None if there is no gap.
+    The effects are added one after another. The part of an effect is the difference of the gap, rad, before and after
+    the effect is added. Each probable effect has a part of its own. All other effects share one part. The result is
+    None if there is no gap.
     """
     if diagnosis.evidence is not None and diagnosis.evidence.closing:
         gaps = [(step.effect or "", step.left_rad) for step in diagnosis.evidence.closing]
@@ -68,10 +68,7 @@ def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
 
 
 def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
-    """Return label and share of each part of the mean squared residual.
-
-    The list is empty if there is no gap.
-    """
+    """Return label and share of each part of the mean squared residual; empty without a gap."""
     budget = diagnosis.gap.budget
     if budget is None or budget.of_gap is None:
         return []
@@ -100,10 +97,7 @@ def _repeated(diagnosis: Diagnosis) -> str:
 
 
 def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
-    """Describe the explained share of the reproducible gap, and varying parameters.
-
-    The list is empty if there is no gap.
-    """
+    """Describe the explained share of the gap, and the varying parameters; empty without a gap."""
     budget = diagnosis.gap.budget
     if budget is None or budget.of_gap is None:
         return []
@@ -125,7 +119,7 @@ def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
 
 
 def _varying(parameter: VaryingParameter) -> str:
-    """Describe a varying parameter by its extreme values with 90 % intervals."""
+    """Describe a varying parameter: extreme values with 90 % intervals, scatter, and standard deviation."""
 
     def size(*values: float) -> str:
         return size_words(parameter.effect, parameter.name, RADIANS, *values)
@@ -136,15 +130,14 @@ def _varying(parameter: VaryingParameter) -> str:
     ends = sorted((value, name) for name, value in parameter.values.items())
     reach = NORMAL_Q90 * parameter.std
     smallest, largest = (f"{size(v, v - reach, v + reach)} in {name}" for v, name in (ends[0], ends[-1]))
-    spread = f"{size(parameter.spread)} ({parameter.sigmas:.2g} standard deviations of one value)"
-    return f"{words} varies by {spread}, from {smallest} to {largest}"
+    return (
+        f"{words} varies from {smallest} to {largest}. Its scatter is {parameter.sigmas:.2g} times that of noise alone;"
+        f" the standard deviation of the true value is {size(parameter.spread)}"
+    )
 
 
 def summary_note(diagnosis: Diagnosis) -> str:
-    """Describe effects of the corrected model that are improbable as causes.
-
-    The text is empty without such effects.
-    """
+    """Name the effects of the corrected model that are improbable as causes; empty without such effects."""
     improbable = [named(effect.name) for effect in diagnosis.effects if effect.probability < PROBABLE]
     return (
         f"The corrected model also contains {listed(improbable)}, which improve the fit but are improbable as causes"

@@ -1,4 +1,4 @@
-"""Tables of a diagnosis as rows of text, with notes on the columns."""
+"""Create the tables of a diagnosis, with notes on their columns."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -25,6 +25,7 @@ EFFECT_NOTE = (
     "Unique contribution: share of the excess chi-square that returns when this effect is removed and the"
     " others are refitted. The excess is proportional to the square of the gap. Effects can partly replace"
     " each other, so the shares need not add up to 100 %. Indistinguishable effects share one probability."
+    " The exported models omit amplitudes that are not distinguishable from zero, which changes other sizes."
 )
 COMMON_NOTE = "The effects are added one at a time. The share is cumulative, and the sizes are those of the last fit."
 STEP_NOTE = (
@@ -32,9 +33,10 @@ STEP_NOTE = (
     " Effects are added one at a time, the largest contribution first. The excess explained is cumulative."
 )
 STANDING_NOTE = (
-    "The first line of an effect contains the effect and its indistinguishable effects. A richer form is not a separate"
-    " alternative if its additional term is excluded, e.g. the drift of an offset. The probabilities of all lines of"
-    " one effect add up to 100 %. A cosine similarity of 1: both effects change the readings in the same way."
+    "The first row of an effect states the probability of the effect and its indistinguishable effects. A richer form"
+    " is not a separate alternative if its additional term is excluded, for example the drift of an offset. The"
+    " probabilities in all rows of one effect add up to 100 %. If the cosine similarity is 1, both effects change the"
+    " readings in the same way."
 )
 CLOSED_NOTE = (
     "Gap reduction: relative decrease of the rms above the noise. Each run is predicted from the other runs (a single"
@@ -43,9 +45,10 @@ CLOSED_NOTE = (
 )
 
 ALONE = "none"
-"""Cell in place of alternatives, for an effect that is distinguishable from all others."""
+"""Cell for an effect that is distinguishable from all others."""
 
 SPLIT = "these recordings"
+"""Cell for an alternative that needs no check, because the recordings distinguish it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +56,10 @@ class AlternativeWords:
     """Thresholds for the table of alternatives."""
 
     improbable: float = 1e-3
-    """Minimum probability that is printed as a number. A smaller probability is printed as less than this bound."""
+    """Minimum probability that is printed as a number. A smaller probability is printed as `< 0.1 %`."""
     same_shape: float = 0.9995
-    """Cosine similarity that is printed as 1.000.
-
-    If an alternative with this similarity is improbable, the table states the reason.
-    """
+    """Cosine similarity from which two effects have practically the same signature. The table states why an improbable
+    alternative with such a similarity was rejected."""
 
 
 ALTERNATIVE_WORDS = AlternativeWords()
@@ -74,20 +75,14 @@ _COORDINATES = {"time": "time since release (s)", "load": "joint force (N)"}
 
 
 def quantity(place: Where, angles: AngleUnit = RADIANS) -> tuple[str, float]:
-    """Return axis label and unit factor for the values of a residual map.
-
-    The factor converts SI values.
-    """
+    """Return the axis label for the values of a residual map, and the factor from SI to displayed units."""
     if place.unit == "rad":
         return f"encoder error ({angles.small})", angles.small_per_rad
     return _QUANTITIES.get(place.unit, (place.unit, 1.0))
 
 
 def coordinate(place: Where, angles: AngleUnit = RADIANS) -> tuple[str, float]:
-    """Return axis label and unit factor for the coordinate of a residual map.
-
-    The factor converts SI values.
-    """
+    """Return the axis label for the coordinate of a residual map, and the factor from SI to displayed units."""
     unit = angles.symbol.strip()
     if place.coordinate in ("angle", "speed"):
         return f"joint {place.coordinate} ({unit}{'/s' if place.coordinate == 'speed' else ''})", angles.per_rad
@@ -95,12 +90,12 @@ def coordinate(place: Where, angles: AngleUnit = RADIANS) -> tuple[str, float]:
 
 
 def sentence(diagnosis: Diagnosis) -> str:
-    """Return the sentences of the verdict, without sizes."""
+    """Return the verdict, with a description of each named effect."""
     return in_words(diagnosis.sentence)
 
 
 def causes(diagnosis: Diagnosis) -> dict[str, NamedEffect]:
-    """Return the probable named effects by the descriptions of their classes."""
+    """Return the named effects that are probable, by the description of their class."""
     return {
         " or ".join(map(named, nameable(effect.members, effect.odds))): effect
         for effect in diagnosis.effects
@@ -110,10 +105,7 @@ def causes(diagnosis: Diagnosis) -> dict[str, NamedEffect]:
 
 @page_table("effect", "size, 90 % interval", "probability", style="prose")
 def summary_table(diagnosis: Diagnosis, *, brief: bool = False) -> Rows:
-    """Return one row for each probable cause.
-
-    `brief` is passed to `sizes_cell`.
-    """
+    """Return one row for each named effect that is probable; `brief` is passed to `sizes_cell`."""
     return [
         (words, sizes_cell(diagnosis, effect, brief=brief), percent(effect.probability))
         for words, effect in causes(diagnosis).items()
@@ -122,7 +114,7 @@ def summary_table(diagnosis: Diagnosis, *, brief: bool = False) -> Rows:
 
 @page_table("common effect alone", "size, 90 % interval", "share of the excess", caption=COMMON_NOTE, style="prose")
 def common_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> Rows:
-    """Return one row for each common effect of the fit without other effects."""
+    """Return one row for each effect of the fit of the common effects alone."""
     rows = [(" or ".join(map(named, e.members)), sizes_cell(diagnosis, e, angles), e.share) for e in diagnosis.common]
     return [(members, sizes, percent(share)) for members, sizes, share in rows]
 
@@ -158,14 +150,14 @@ def contribution_table(diagnosis: Diagnosis) -> Rows:
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A named effect with its alternatives, or the best effect if none is named."""
+    """A named effect with its alternatives; if no effect is named, an effect that might be the cause."""
 
     name: str
     members: tuple[str, ...]
     probability: float
     alternatives: tuple[RivalEffect, ...]
     outside: float
-    """Probability that a cause outside the library is present instead."""
+    """Probability of a cause outside the library."""
 
 
 @page_table(
@@ -215,7 +207,7 @@ def standing_table(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBA
 
 
 def open_table(diagnosis: Diagnosis) -> PageTable | None:
-    """Return the alternatives of each named effect that has a probable one; None if there is no such effect."""
+    """Return the alternatives of each named effect that has a probable alternative; None without such an effect."""
     names = {alternative.instead_of for alternative in diagnosis.rivals if alternative.probability >= PROBABLE}
     effects = [effect for effect in diagnosis.effects if effect.name in names]
     shown = effects or (names and not diagnosis.effects)
@@ -227,18 +219,12 @@ def _candidates(diagnosis: Diagnosis) -> Iterator[_Candidate]:
     for effect in diagnosis.effects or closest:
         alternatives = tuple(r for r in diagnosis.rivals if r.instead_of == effect.name)
         outside = effect.outside if isinstance(effect, NamedEffect) else None
-        of_gap = diagnosis.probabilities[NONE_OF_THEM]
-        yield _Candidate(
-            effect.name,
-            tuple(effect.members),
-            effect.probability,
-            alternatives,
-            of_gap if outside is None else outside,
-        )
+        outside = diagnosis.probabilities[NONE_OF_THEM] if outside is None else outside
+        yield _Candidate(effect.name, tuple(effect.members), effect.probability, alternatives, outside)
 
 
 def _how_to_distinguish(diagnosis: Diagnosis, candidate: _Candidate, alternative: RivalEffect) -> str:
-    """Return the check that distinguishes two effects, or why none is needed."""
+    """Return the check that distinguishes two effects, or the reason why no check is needed."""
     if check := _check_between(diagnosis, candidate.name, alternative.name):
         return check
     if alternative.probability >= ALTERNATIVE_WORDS.improbable or alternative.cosine < ALTERNATIVE_WORDS.same_shape:
@@ -249,7 +235,7 @@ def _how_to_distinguish(diagnosis: Diagnosis, candidate: _Candidate, alternative
 
 
 def _check_between(diagnosis: Diagnosis, *names: str) -> str:
-    """Return the most informative check that distinguishes all given effects; the text is empty without one."""
+    """Return the first check that distinguishes all given effects; empty without such a check."""
     return next((f"check {check.id}" for check in diagnosis.checks if {*names} <= {*check.splits}), "")
 
 
@@ -294,25 +280,19 @@ def steps(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 
 
 def per_reading(gap: Gap, of: str) -> float:
-    """Return the rms of a gap quantity over the joints with readings, rad.
-
-    `of` is `floor_rad`, `before_rad` or `after_rad`.
-    """
+    """Return the rms of `floor_rad`, `before_rad` or `after_rad` over the joints with readings, rad."""
     read = [size for joint, size in getattr(gap, of).items() if gap.floor_rad[joint] > 0.0]
     return float(np.linalg.norm(read)) / max(len(read), 1) ** 0.5
 
 
 def run_words(name: str, held_out: bool = False) -> str:
-    """Return the label of a run or of a part of a run.
-
-    The label contains the pose, the time of the recording, and a mark for held-out data.
-    """
+    """Return the label of a run or of a part of a run: pose, time of the recording, and a mark for held-out data."""
     return run_label(whole(name)) + name.removeprefix(whole(name)) + (" (held out)" if held_out else "")
 
 
 @page_table("place", "coordinate", "share of the excess", "shape", style="prose")
 def place_table(diagnosis: Diagnosis, count: int = 4) -> Rows:
-    """Return the locations that contribute most to the excess chi-square."""
+    """Return the `count` locations that explain most of the excess chi-square."""
     return [
         (in_words(place.site), place.coordinate, percent(place.share), in_words(place.sentence))
         for place in diagnosis.where[:count]
@@ -320,10 +300,10 @@ def place_table(diagnosis: Diagnosis, count: int = 4) -> Rows:
 
 
 def place_map(place: Where, angles: AngleUnit = RADIANS, unknown: float = 1e3) -> tuple[Array, Array, Array]:
-    """Return knots, values and half widths of the 90 % intervals of a residual map.
+    """Return knots, values and half widths of the 90 % intervals of a residual map, in displayed units.
 
-    The result is in displayed units. At a knot outside the recorded range, value and half width are NaN. The standard
-    deviation of such a knot exceeds `unknown` times the largest value of the map.
+    A knot is outside the recorded range if its standard deviation exceeds `unknown` times the largest value of the map.
+    Value and half width are then NaN.
     """
     (_, factor), (_, knot_factor) = quantity(place, angles), coordinate(place, angles)
     knots, values, std = knot_factor * np.array(place.knots), np.array(place.values), np.array(place.std)
@@ -338,13 +318,13 @@ def place_map(place: Where, angles: AngleUnit = RADIANS, unknown: float = 1e3) -
     title="Gap by segment length, fitted recordings",
 )
 def horizon_table(diagnosis: Diagnosis) -> Rows:
-    """Return the gap by segment length."""
+    """Return one row for each segment length, with the gaps of the bare and the corrected model."""
     by_length = diagnosis.gap.by_horizon.items()
     return [(length, *(three(1e3 * gaps[name]) for name in ("before", "after"))) for length, gaps in by_length]
 
 
 @page_table(
-    "place", "coordinate", "coordinate value", "quantity", "value", "90 % half width", title="Residual maps, values"
+    "place", "coordinate", "coordinate value", "quantity", "value", "90 % half width", title="Values of the maps"
 )
 def map_table(diagnosis: Diagnosis, count: int = 4) -> Rows:
     """Return the knots of the `count` most important residual maps."""
@@ -369,7 +349,8 @@ def closed_table(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, most: int | 
     Args:
         diagnosis: the diagnosis
         angles: the unit of angles
-        most: maximum number of runs: the runs with the smallest reduction, in increasing order; None: all runs
+        most: maximum number of runs. The runs with the smallest reduction are selected, the smallest first. None: all
+            runs in their order
     """
     gap, closed = diagnosis.gap, diagnosis.gap.closed_held_out
     shares = {name: (run_words(name), share) for name, share in closed.per_run.items()}

@@ -1,6 +1,6 @@
-"""Compose sentences and table rows on blind trials with plants that resemble this rig.
+"""Create sentences and a table on blind trials with plants that resemble this rig.
 
-This module does not import the libraries for figures.
+The module imports no library for figures, so that the command line can use it without a delay.
 """
 
 from collections.abc import Sequence

@@ -47,7 +47,7 @@ class Items:
 
 @dataclass(frozen=True, slots=True)
 class PageTable:
-    """Table of text whose first column contains row headers; an empty table is omitted."""
+    """Table of text; the first column contains row headers. A page omits a table without rows."""
 
     kind: ClassVar = "table"
     columns: Sequence[str]
@@ -115,7 +115,7 @@ class Formula:
 
 @dataclass(frozen=True, slots=True)
 class ShareBar:
-    """Stacked horizontal bar with a legend."""
+    """Stacked horizontal bar of shares with a legend."""
 
     kind: ClassVar = "bar"
     title: str

@@ -13,7 +13,7 @@ TERMS = {
         "probability that the effect, or an indistinguishable effect, is a cause; calibrated on blind trials"
     ),
     "size, 90 % interval": "amplitude of the effect, with its 90 % interval",
-    "90 % interval": "interval that contains the true value in 90 of 100 cases, if the model is correct",
+    "90 % interval": "confidence interval that contains the true value in 90 of 100 cases, if the model is correct",
     "unique contribution": "share of the excess chi-square that returns when this effect is removed and the others are"
     " refitted",
     "excess explained": "share of the excess chi-square, which is the sum of squared residuals in units of the noise"
@@ -21,7 +21,7 @@ TERMS = {
     "share of the excess": "share of the excess chi-square that a torque or reading error at this place explains",
     "cosine similarity": "cosine of the angle between the signatures of two effects: 1 = indistinguishable,"
     " 0 = unrelated",
-    "how to distinguish": "recommended check that distinguishes the effects, or 'these recordings' if none is needed",
+    "how to distinguish": "check that distinguishes the effects, or 'these recordings' if no check is needed",
     "Bayes factor": "ratio by which the result of a check changes the odds of a cause",
     "minimum detectable size": "smallest size that would be visible in these recordings",
     "confidence": "probability that an effect of this size or larger would have been detected",

@@ -30,7 +30,7 @@ def schema(name: str) -> dict[str, Any]:
 
 
 class _WithTexts(GenerateJsonSchema):
-    """Schema generator that adds field docstrings and refuses other keys."""
+    """Schema generator that adds the docstrings of fields and forbids other keys."""
 
     def model_schema(self, schema: Any) -> dict[str, Any]:
         return _described(super().model_schema(schema), schema["cls"])

@@ -37,10 +37,10 @@ class PrintedSimulator(BaseModel):
     diff: str
     """Unified diff of the file."""
     lost: dict[str, str]
-    """Reason for each effect that the file cannot contain."""
+    """Effects that the file cannot contain, each with the reason."""
     passive: list[str]
-    """Effects that the file cannot contain, but the module of passive forces (MuJoCo) contains. This module has its own
-    model file."""
+    """Effects that the file cannot contain, but that a module of passive forces for MuJoCo contains. The module belongs
+    to a separate copy of the file."""
     replays: list[FileReplay]
     """Errors on held-out recordings, or on the fitted recordings if none are held out; empty if MuJoCo is missing."""
     refused: str

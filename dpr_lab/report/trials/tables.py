@@ -35,7 +35,7 @@ NUMBERS = {
 
 @page_table("score", "value", "90 % interval", "basis")
 def score_table(summary: Summary) -> Rows:
-    """Return every score that has trials."""
+    """Return one row for each score; shares without trials are omitted."""
     shares = [
         (label, percent(summary[name]), _interval(summary["interval90"][name]), f"{summary['of'][name]} trials")
         for name, label in SHARES.items()
@@ -92,7 +92,7 @@ def effect_table(summary: Summary) -> Rows:
 
 @page_table("claims", "stated probability", "observed frequency", "90 % interval")
 def claim_table(summary: Summary) -> Rows:
-    """Return rows on the reliability of stated probabilities."""
+    """Return one row for each range of stated probabilities, with the observed frequency."""
     return [
         (
             f"{row['claims']:.0f}",

@@ -1,4 +1,4 @@
-"""Sections of the report that show the evidence, in page order, one file each."""
+"""Define the report sections that show the evidence; `SECTIONS` is their order on the page."""
 
 from dpr_lab.report.gap.section import EvidenceSection
 from dpr_lab.report.gap.sections.budget import BUDGET

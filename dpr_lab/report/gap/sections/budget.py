@@ -1,4 +1,4 @@
-"""Show the prediction uncertainty: the contributions of all inputs, and the error of the prediction."""
+"""Show the uncertainty of the prediction by source, and the error of the prediction."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,12 +15,12 @@ from dpr_lab.shown import percent
 
 
 def budget_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw error contributions, their sum and the error, for the bare and the corrected model."""
+    """Draw the contributions, the combined uncertainty and the error, for the bare and the corrected model."""
     budget = evidence_of(diagnosis).budget
     bars = [(source.name, source.before_rad, source.after_rad) for source in budget.sources]
     bars += [
-        ("combined, u_val", budget.u_before_rad, budget.u_after_rad),
-        ("error, E", budget.error_before_rad, budget.error_after_rad),
+        ("combined uncertainty u_val", budget.u_before_rad, budget.u_after_rad),
+        ("error E", budget.error_before_rad, budget.error_after_rad),
     ]
     names, before, after = zip(*bars, strict=True)
     figure = new_figure(1.1 + 0.42 * len(names))
@@ -46,10 +46,10 @@ def budget_words(diagnosis: Diagnosis) -> list[str]:
     """Compose sentences that compare the error with the uncertainty of the inputs."""
     budget = evidence_of(diagnosis).budget
     return [
-        "A simulation can differ from a recording even if the model is correct: initial state, lengths and gravity"
-        " have uncertainties, and the integrator has errors. The figure shows how much each input changes a free"
-        f" run, and the error of the free run. An error above {FREE_RUN_TEST.coverage:g} times the combined"
-        " uncertainty shows a model error.",
+        "A simulation can differ from a recording even if the model is correct, because initial state, lengths and"
+        " gravity are uncertain and the integrator has errors. The figure shows how much each of these changes a free"
+        f" run, and the error of the free run. If the error exceeds {FREE_RUN_TEST.coverage:g} times the combined"
+        " uncertainty, the model has an error.",
         f"Bare model: {_judged(budget.error_before_rad, budget.u_before_rad)}"
         f" Corrected model: {_judged(budget.error_after_rad, budget.u_after_rad)}",
     ]
@@ -71,15 +71,15 @@ def _judged(error: float, uncertainty: float) -> str:
     "kind",
     "origin",
     "share not corrected by the fit",
-    "bare model (mrad)",
-    "corrected model (mrad)",
-    caption="Share not corrected by the fit (corrected model): a large error of an input would be visible in the"
-    " recordings, and the fit would correct it. Only the remaining share of the error contributes.",
+    "bare model (mrad rms)",
+    "corrected model (mrad rms)",
+    caption="Share not corrected by the fit of the corrected model: the fit partly compensates for an error of an"
+    " input. Only the remaining share of the error contributes.",
     style="prose",
-    title="Uncertainty budget, values",
+    title="Values of the uncertainty budget",
 )
 def source_table(diagnosis: Diagnosis) -> Rows:
-    """Return the rows of all contributions, their combination, and the error."""
+    """Return one row for each contribution, then the combined uncertainty and the error."""
     budget = evidence_of(diagnosis).budget
     rows = [
         (
@@ -93,8 +93,8 @@ def source_table(diagnosis: Diagnosis) -> Rows:
         for source in budget.sources
     ]
     for name, before, after in (
-        ("u_val", budget.u_before_rad, budget.u_after_rad),
-        ("E", budget.error_before_rad, budget.error_after_rad),
+        ("combined uncertainty u_val", budget.u_before_rad, budget.u_after_rad),
+        ("error E", budget.error_before_rad, budget.error_after_rad),
     ):
         rows.append((name, NONE, NONE, NONE, three(1e3 * before), three(1e3 * after)))
     return rows
@@ -111,7 +111,7 @@ def source_table(diagnosis: Diagnosis) -> Rows:
     title="Error and uncertainty by run",
 )
 def run_gap_table(diagnosis: Diagnosis) -> Rows:
-    """Return rows with error and uncertainty of each free run."""
+    """Return one row for each free run, with its error and its uncertainty."""
     return [
         (
             run_words(run.run, run.held_out),
@@ -138,7 +138,7 @@ BUDGET = EvidenceSection(
         source_table,
         run_gap_table,
     ),
-    symbols="E = S − D, u_val² = u_num² + u_input² + u_D², δ_model = E ± u_val. ASME V&V 20-2009."
-    " Limits without a distribution: JCGM 100:2008 (GUM), 4.3.7. The model was calibrated on the fitted"
-    " recordings, so their E is not a blind test. Only the E of held-out recordings is a blind test.",
+    symbols="E = S − D (simulation minus data); u_val² = u_num² + u_input² + u_D² (integrator, inputs, readings); model"
+    " error δ = E ± u_val. Source: ASME V&V 20-2009; for limits without a distribution, JCGM 100:2008 (GUM), 4.3.7."
+    " Only E of held-out recordings is a blind test, because the model was calibrated on the fitted recordings.",
 )

@@ -70,7 +70,7 @@ def closing_words(diagnosis: Diagnosis) -> list[str]:
     "gap, data not fitted (mrad)",
     "cumulative reduction",
     style="prose",
-    title="Gap reduction by effect, values",
+    title="Values of the gap reduction by effect",
 )
 def closing_table(diagnosis: Diagnosis) -> Rows:
     """Return one row for each model, with the gap and its cumulative reduction."""
@@ -95,5 +95,6 @@ CLOSING = EvidenceSection(
         " reading above the noise, in segments of 0.5 s with free initial states."
     ),
     tables=(closing_table,),
-    symbols="Gap: √((χ² − level · dof) / dof) · σ. Reduction: 1 − gap after / gap before.",
+    symbols="Gap: σ √(χ² / dof − level). σ is the noise of a reading, and level is the value of χ² / dof due to noise"
+    " alone. Reduction: 1 − gap after / gap before.",
 )

@@ -20,11 +20,11 @@ LINES = {"bare model": style.SIMULATED, "corrected model": style.RESIDUAL | {"li
 CURVE_NAMES = ("measured", *LINES)
 
 Angles = dict[str, Array]
-"""Angles (n, 3) of each part (arm or rod), rad: measured, bare model, corrected model."""
+"""Angles (n, 3) of each part (arm or rod), by name, rad. The columns are `CURVE_NAMES`."""
 
 
 def angles_of(curves: Curves) -> Angles:
-    """Return the angles of the mounted rods and of a moving arm, by name."""
+    """Return the angles of the mounted rods, and of the arm if it moves."""
     models = np.stack([curves.measured_rad, curves.before_rad, curves.after_rad], axis=2)
     rods = {name: models[:, rod] for rod, name in enumerate(("inner rod", "outer rod")[: curves.rods])}
     return ({"arm": np.array(curves.arm_rad)} if curves.arm_rad else {}) | rods
@@ -91,21 +91,22 @@ def _draw_input(row: Sequence[Axes], curves: Curves) -> None:
 
 
 def curves_words(diagnosis: Diagnosis) -> list[str]:
-    """Describe the simulation errors of the free runs, for the recording with the largest error."""
+    """Describe the free runs, and state the errors in the recording where the bare model has the largest error."""
     runs = evidence_of(diagnosis).budget.runs
     worst = max(runs, key=lambda run: run.error_before_rad, default=None)
     if worst is None:
         return ["No recording was simulated."]
     return [
-        "Each free run starts from an initial state that is fitted to the first 0.3 s. Its error is compared up to"
-        " the predictability horizon; the errors that the command prints cover 2.6 s, also beyond the horizon. The bare"
-        f" model has its largest rms error, {three(1e3 * worst.error_before_rad)} mrad, in {run_words(worst.run)}; the"
-        f" corrected model has {three(1e3 * worst.error_after_rad)} mrad there."
+        "Each free run starts from an initial state that is fitted to the first 0.3 s of readings. The rms errors"
+        " below are those up to the predictability horizon; the errors that `dpr-lab diagnose` prints cover 2.6 s, also"
+        f" beyond the horizon. The bare model has its largest rms error in {run_words(worst.run)}:"
+        f" {three(1e3 * worst.error_before_rad)} mrad, compared with {three(1e3 * worst.error_after_rad)} mrad of the"
+        " corrected model."
     ]
 
 
 @page_table(
-    "run", "time (s)", "part", *(f"{curve} (rad)" for curve in CURVE_NAMES), style="prose", title="Curves, values"
+    "run", "time (s)", "part", *(f"{curve} (rad)" for curve in CURVE_NAMES), style="prose", title="Values of the curves"
 )
 def curves_table(diagnosis: Diagnosis) -> Rows:
     """Return rows with every fifth point of the curves."""
@@ -125,7 +126,6 @@ CURVES = EvidenceSection(
     figure=curves_figure,
     alternative="Line charts of the angles of rods and arm (measured, bare model, corrected model) and of its input.",
     caption="Angles of the rods, 0 = upright, π = hanging: measured (thick), bare model (dashed) and corrected model"
-    " (thin), up to the predictability horizon. Below: error of each simulation, in mrad, and, for a driven"
-    " arm, its input.",
+    " (thin), up to the predictability horizon. Below: error of each simulation (mrad), and the input of a driven arm.",
     tables=(curves_table,),
 )

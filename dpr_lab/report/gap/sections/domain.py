@@ -21,10 +21,7 @@ COLOURS = "cividis_r"
 
 
 def domain_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw the time that each rod spent at each angle and speed, s.
-
-    Cells that held-out runs reach are outlined.
-    """
+    """Draw the time that each rod spent at each angle and speed, and outline the cells of held-out runs."""
     maps = evidence_of(diagnosis).coverage
     if not maps:
         return empty_figure("No rod swung freely.")
@@ -53,7 +50,7 @@ def _draw_map(axes: Axes, rod: str, occupancy: Occupancy, colours: LogNorm) -> N
 
 
 def domain_words(diagnosis: Diagnosis) -> list[str]:
-    """Describe the intended use and its limits."""
+    """Describe for which motions the corrected model is valid."""
     evidence = evidence_of(diagnosis)
     fitted, held_out = ([r for r in evidence.recordings if r.held_out is wanted] for wanted in (False, True))
     until = min((run.until_s for run in evidence.budget.runs), default=0.0)
@@ -96,7 +93,7 @@ def _days(days: list[str], count: int) -> str:
     "time fitted (s)",
     "time held out (s)",
     style="prose",
-    title="Map, values",
+    title="Values of the maps",
 )
 def domain_table(diagnosis: Diagnosis) -> Rows:
     """Return rows with speeds and durations for each range of angles."""

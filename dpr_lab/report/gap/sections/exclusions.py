@@ -18,8 +18,8 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
     sentences = [
         f"{len(excluded)} effects of the library are absent or smaller than the size in the table. The"
         " confidence that a larger effect would have been detected in these recordings is at least"
-        f" {percent(EXCLUDED.sure)} (effects of unknown order, frequency or speed: {percent(EXCLUDED.of_shapes)}).",
-        "Smaller effects are not excluded. Effects that are indistinguishable from a named effect are not listed.",
+        f" {percent(EXCLUDED.sure)} ({percent(EXCLUDED.of_shapes)} for effects of unknown order, frequency or speed)."
+        " Effects that are indistinguishable from a named effect are not listed.",
     ]
     if not_excluded:
         sentences.append(
@@ -28,7 +28,7 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
         )
     if undetectable:
         names = in_words(", ".join(undetectable))
-        sentences.append(f"Effects that are undetectable at any size next to the named effects: {names}.")
+        sentences.append(f"If the named effects act, these effects are undetectable at any size: {names}.")
     if diagnosis.open_gap:
         sentences.append(
             "The remainder has no named cause and could hide an effect. The stated confidence assumes that"
@@ -55,7 +55,7 @@ def exclusion_table(diagnosis: Diagnosis) -> Rows:
 
 
 def _split(diagnosis: Diagnosis) -> tuple[dict[str, list[Exclusion]], list[str]]:
-    """Return the excluded effects with their amplitudes, and the names of the remaining effects."""
+    """Return the excluded effects with their amplitudes, and the names of the effects that are not excluded."""
     by_effect: dict[str, list[Exclusion]] = defaultdict(list)
     for exclusion in evidence_of(diagnosis).exclusions:
         by_effect[exclusion.effect].append(exclusion)
@@ -75,6 +75,6 @@ EXCLUSIONS = EvidenceSection(
     title="Excluded effects",
     words=exclusion_words,
     tables=(exclusion_table,),
-    symbols="Size: 5 σ, where σ is the standard deviation of the linear estimate a of the effect in addition to all"
-    " named effects, with the correlation of the residuals. Confidence: Φ(5 − |a| / σ).",
+    symbols="Size: 5 σ. Here σ is the standard deviation of a, the linear estimate of the effect when it is fitted in"
+    " addition to all named effects; σ includes the correlation of the residuals. Confidence: Φ(5 − |a| / σ).",
 )

@@ -38,7 +38,7 @@ def _draw_joint(axes: Axes, joint: str, curve: JointFriction) -> None:
 
 
 def friction_words(diagnosis: Diagnosis) -> list[str]:
-    """Describe the friction torque of each joint at its smallest and its largest speed."""
+    """Describe the friction torque of each joint at the smallest and the largest positive speed of its curve."""
     sentences = []
     for joint, curve in evidence_of(diagnosis).friction.items():
         torque, std = _in_mNm(curve)
@@ -47,7 +47,9 @@ def friction_words(diagnosis: Diagnosis) -> list[str]:
             + (" (not distinguishable from zero)" if abs(torque[k]) < NORMAL_Q90 * std[k] else "")
             for k in (len(torque) // 2, -1)
         ]
-        sentences.append(f"{_words(joint).capitalize()}: {' and '.join(sizes)}. ±: standard deviation.")
+        sentences.append(f"{_words(joint).capitalize()}: {' and '.join(sizes)}.")
+    if sentences:
+        sentences.append("± precedes the standard deviation.")
     other = [named(effect.name) for effect in diagnosis.effects if effect.name in NOT_OF_SPEED]
     if other:
         sentences.append(
@@ -57,7 +59,7 @@ def friction_words(diagnosis: Diagnosis) -> list[str]:
 
 
 @page_table(
-    "joint", "speed (rad/s)", "torque (mN m)", "90 % interval (mN m)", style="prose", title="Friction torque, values"
+    "joint", "speed (rad/s)", "torque (mN m)", "90 % interval (mN m)", style="prose", title="Values of the curves"
 )
 def friction_table(diagnosis: Diagnosis) -> Rows:
     """Return rows for some speeds of each joint."""

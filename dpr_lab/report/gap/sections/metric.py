@@ -17,10 +17,7 @@ RODS = ("inner rod", "outer rod")
 
 
 def metric_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw differences of quantiles for the recording with the largest area metric.
-
-    The area metric is that of the bare model.
-    """
+    """Draw differences of quantiles for the recording in which the bare model has the largest area metric."""
     evidence = evidence_of(diagnosis)
     if not evidence.curves:
         return empty_figure("No recording was simulated.")
@@ -63,7 +60,8 @@ def metric_words(diagnosis: Diagnosis) -> list[str]:
     cut = [run for run in runs if run.reaches_horizon]
     shortest = f"{min(run.until_s for run in runs):.2g} s"
     horizon = (
-        f"{len(cut)} of {len(runs)} free runs reach their predictability horizon, the first after {shortest}."
+        f"{len(cut)} of {len(runs)} free runs reach their predictability horizon, the first after {shortest}. Later"
+        " angles are not compared."
         if cut
         else f"No free run reaches its predictability horizon within the {shortest} that are compared."
     )
@@ -72,7 +70,7 @@ def metric_words(diagnosis: Diagnosis) -> list[str]:
         f" unit is an angle, and it is zero if the distributions agree. Mean area: {three(bare)} mrad for"
         f" the bare model, {three(corrected)}"
         f" mrad for the corrected model, {three(noise)} mrad expected from noise alone.",
-        f"Errors of the initial state grow with time. {horizon} Nothing is compared beyond the horizon.",
+        f"Errors of the initial state grow with time. {horizon}",
     ]
 
 
@@ -90,7 +88,7 @@ def metric_words(diagnosis: Diagnosis) -> list[str]:
     title="Areas and horizons by run",
 )
 def metric_table(diagnosis: Diagnosis) -> Rows:
-    """Return rows with area metric and horizon of each free run."""
+    """Return one row for each free run, with horizon and area metric."""
     return [
         (
             run_words(run.run, run.held_out),
@@ -111,6 +109,6 @@ METRIC = EvidenceSection(
     caption="Differences of the quantiles of simulated and measured angles within the horizon, for the recording in"
     " which the bare model has the largest area. The shaded areas are the metric.",
     tables=(metric_table,),
-    symbols="d = ∫ |F_S(x) − F_D(x)| dx = ∫ |x_S(p) − x_D(p)| dp, F_S and F_D the empirical distributions. Area"
-    " validation metric: Ferson, Oberkampf & Ginzburg (2008), Comput. Methods Appl. Mech. Engrg. 197, 2408-2430.",
+    symbols="d = ∫ |F_S(x) − F_D(x)| dx = ∫ |x_S(p) − x_D(p)| dp, with the empirical distributions F_S (simulation) and"
+    " F_D (data). Source: Ferson, Oberkampf & Ginzburg (2008), Comput. Methods Appl. Mech. Engrg. 197, 2408-2430.",
 )

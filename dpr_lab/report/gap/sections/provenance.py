@@ -12,10 +12,10 @@ def provenance_words(diagnosis: Diagnosis) -> list[str]:
     evidence = evidence_of(diagnosis)
     time = evidence.made_utc.replace("T", " ").removesuffix("+00:00")
     return [
-        f"Created on {time} UTC by dpr-lab {evidence.version}, in {diagnosis.seconds:.0f} s. Rig “{evidence.rig}”,"
-        f" SHA-256 {evidence.rig_sha256 or 'unknown'}.",
-        "The diagnosis is reproducible from the same files: `dpr-lab certify` writes a certificate, `dpr-lab verify`"
-        " repeats the diagnosis.",
+        f"Created on {time} UTC by dpr-lab {evidence.version}; computing time {diagnosis.seconds:.0f} s. Rig"
+        f" “{evidence.rig}”, SHA-256 of its file: {evidence.rig_sha256 or 'unknown'}.",
+        "The diagnosis is reproducible from the same files: `dpr-lab certify` writes a certificate, and"
+        " `dpr-lab verify` repeats the diagnosis.",
     ]
 
 

@@ -68,8 +68,8 @@ def residual_words(diagnosis: Diagnosis) -> list[str]:
         )
     return [
         "Residuals of a complete model are white and normally distributed, with the standard deviation of the encoder"
-        " noise. An oscillating autocorrelation, or quantiles off the dotted line, indicate an effect that"
-        " the model lacks.",
+        " noise. An autocorrelation outside the band, or quantiles off the dotted line, indicate an effect that the"
+        " model lacks.",
         " ".join(sentences),
     ]
 
@@ -85,7 +85,7 @@ def residual_words(diagnosis: Diagnosis) -> list[str]:
     "lag 40",
     "beyond 3 σ",
     style="prose",
-    title="Autocorrelation, values",
+    title="Values of the autocorrelation",
 )
 def residual_table(diagnosis: Diagnosis) -> Rows:
     """Return autocorrelation at six lags and large residuals, by joint and model."""
@@ -104,7 +104,7 @@ def residual_table(diagnosis: Diagnosis) -> Rows:
     *(label for label, _ in style.MODELS.values()),
     caption="Residuals in standard deviations of the noise.",
     style="prose",
-    title="Quantiles, values",
+    title="Values of the quantiles",
 )
 def quantile_table(diagnosis: Diagnosis) -> Rows:
     """Return rows with every fifth point of the quantile plots, by joint."""
@@ -124,8 +124,7 @@ RESIDUALS = EvidenceSection(
     alternative="Autocorrelation and normal quantiles of the residuals of each joint, for both models.",
     caption="Left: autocorrelation of the residuals within segments. Right: quantiles of the residuals, in standard"
     " deviations of the noise, against those of a normal distribution; the axes cover the range of the corrected model."
-    " Segments"
-    " of 0.5 s of the fitted recordings, with free initial states.",
+    " The residuals are those of segments of 0.5 s of the fitted recordings, with free initial states.",
     tables=(
         residual_table,
         quantile_table,
