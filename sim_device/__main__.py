@@ -48,8 +48,8 @@ def main(arguments: list[str] | None = None) -> int:
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="sim_device: %(message)s")
     try:
         if options.seal == Path("-"):
-            return _hold(options)
-        return _tell(options) if options.reveal or options.seal or options.unseal else _run(options)
+            return _keep_in_memory(options)
+        return _print_values(options) if options.reveal or options.seal or options.unseal else _run(options)
     except DprError as error:
         print(error, file=sys.stderr)
         return error.exit_code
@@ -121,12 +121,12 @@ def _fault_lines() -> str:
     return "\n".join(f"  {name:<19}{kind.meaning}" for name, kind in FAULTS.items())
 
 
-def _tell(options: argparse.Namespace) -> int:
+def _print_values(options: argparse.Namespace) -> int:
     print(json.dumps(_drawn(options), indent=None if options.direct else 2))
     return 0
 
 
-def _hold(options: argparse.Namespace) -> int:
+def _keep_in_memory(options: argparse.Namespace) -> int:
     """Keep a sealed plant, whose true values exist only in the memory of this process.
 
     Each line of input with a JSON object requests the recording of a release. Any other line reveals the true values.

@@ -1,4 +1,4 @@
-"""Assembly of a simulated device from the options of the command line."""
+"""Assemble a simulated device from the options of the command line."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -47,8 +47,8 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
 
     Args:
         options: options of the device
-        at_once: whether a device in real time answers before its kernels are compiled. Its operator moves the rods only
-            after the compilation.
+        at_once: whether a device in real time answers before its kernels are compiled. The operator then moves the rods
+            only after the compilation.
 
     Raises:
         ConfigError: an invalid file or fault.

@@ -77,10 +77,7 @@ class Faults:
         return self._values.get(name)
 
     def strikes_bytes(self) -> bool:
-        """Return whether any fault changes bytes.
-
-        On a CAN bus, frames with changed bytes would not be transmitted.
-        """
+        """Return whether any requested fault changes bytes; a CAN bus does not transmit such frames."""
         return any(FAULTS[name].site == "byte" for name in self._values)
 
     def frames(self, frames: list[Frame]) -> list[Frame]:
@@ -128,7 +125,7 @@ class Faults:
         return frame
 
     def framed(self, data: bytes) -> bytes:
-        """Return the bytes of a frame after the fault."""
+        """Return the bytes of a frame, which the fault `truncate` may shorten."""
         share = self._values.get("truncate", 0.0)
         if not share or len(data) < 2 or self._rng.random() >= share:
             return data
@@ -145,13 +142,13 @@ class Faults:
         return replace(info, major=int(major), schema_hash=int(schema))
 
     def to_host(self, data: bytes) -> bytes:
-        """Return the bytes that arrive at the host when these bytes are sent."""
+        """Return the bytes that arrive at the host: with flipped bits, and preceded by stray bytes."""
         garbage = self._values.get("garbage", 0.0)
         stray = self._rng.bytes(STRAY_BYTES) if data and garbage and self._rng.random() < garbage else b""
         return stray + self.flipped(data)
 
     def flipped(self, data: bytes) -> bytes:
-        """Return the bytes after transmission over a noisy cable."""
+        """Return the bytes that arrive over a noisy cable, which the fault `flip` may change."""
         flip = self._values.get("flip", 0.0)
         if not data or not flip:
             return data

@@ -1,4 +1,4 @@
-"""Options of a simulated device, as on the command line."""
+"""Define the options of a simulated device, as on the command line."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,8 +41,7 @@ class Options:
 
 
 SEALED_PLANT = "sealed"
-"""Value of the option `plant` for a sealed plant in place of a plant file. The plant is in `device/` in the folder of
-the rig file."""
+"""Value of the option `plant` that selects the sealed plant in the folder `device` next to the rig file."""
 SEALED_FILE = Path("device") / "plant.toml"
 SEALED_TORQUES = Path("device") / "torques.csv"
 """Table of torques that the drives of a sealed plant replay, if it has drives."""

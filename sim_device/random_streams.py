@@ -1,4 +1,4 @@
-"""Stateless random numbers of the simulated device, from one seed, with a separate stream for each purpose."""
+"""Create the random generators of the simulated device: from one seed, with a separate stream for each purpose."""
 
 from enum import IntEnum
 
@@ -6,10 +6,7 @@ import numpy as np
 
 
 class RandomStream(IntEnum):
-    """Purpose of a random number.
-
-    Streams never share numbers.
-    """
+    """Purpose of random numbers; different streams are independent."""
 
     IDLE = 0
     REST = 1

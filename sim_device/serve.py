@@ -1,7 +1,4 @@
-"""Main loop of a device on a link.
-
-It runs until it is stopped, or until a fault ends the device or the link.
-"""
+"""Main loop of a device on a link."""
 
 import logging
 import time
@@ -31,13 +28,12 @@ def serve(
     stopped: Callable[[], bool],
     wall: Callable[[], float] = time.monotonic,
 ) -> None:
-    """Run the device until `stopped()` is true or a requested fault cuts the link. Then close the link."""
+    """Run the device until `stopped()` is true or a requested fault cuts the link, then close the link."""
     reset_after = faults.value("reset_after_s")
     line = _Line(link, faults)
     while not stopped():
-        # The lease is checked after reading, with the time before reading: keepalives that arrived while this process
-        # was
-        # suspended were sent in time, whether the suspension was before or after the reading.
+        # The lease is checked after reading, with the time before reading. Keepalives that arrived while this process
+        # was suspended were sent in time, whether the suspension was before or after the reading.
         now = wall()
         frames = [answer for frame in line.receive(device, now) for answer in device.receive(frame, now)]
         if faults.value("cut_at_release") and any(map(_tells_release, frames)):

@@ -1,6 +1,6 @@
 """Types for the rods of a model: inner rod, outer rod, and optionally an arm.
 
-The axis of the arm is vertical. The arm may carry only the inner rod. theta_i is the angle of rod i from upright, about
+The axis of the arm is vertical. An arm may carry a single rod. theta_i is the angle of rod i from upright, about
 the axis of joint 1 (docs/theory.md). The inner rod points from joint 1 to joint 2. The last rod points from its joint
 to its centre of mass.
 """
@@ -22,7 +22,7 @@ class ChainLimits:
     noticed: float = math.radians(0.01)
     """Maximum angle between axes treated as parallel for which no note is given, rad."""
     elbow: float = 1e-3
-    """Distance of a part's centre of mass from the axis of joint 2, relative to L1, below which it belongs to mb."""
+    """Maximum distance from the axis of joint 2 to the centre of mass of a part that belongs to mb, relative to L1."""
     offset: float = 1e-7
     """Maximum distance of the centre of mass from the axis of the inner rod for which no note is given, m."""
 
@@ -52,7 +52,7 @@ class ChainRod:
     centroid: float
     """Distance of the centre of mass from the joint along the rod, m."""
     inertia: float
-    """Inertia about its centre of mass, kg m^2."""
+    """Inertia about the centre of mass, kg m^2."""
     length: float | None
     """Length, m; None if no shape determines it."""
     hanging: float
@@ -97,7 +97,7 @@ class ModelChain:
     """(3,) unit vector of the axis about which theta is positive."""
     arm: ChainArm | None
     terms: tuple[JointTerm, ...]
-    """Additional terms of the joints with their values."""
+    """Properties of the joints that no key of a rig file can contain."""
     notes: tuple[str, ...]
     """Notes on parts of the model that the rig file cannot contain."""
 

@@ -1,4 +1,4 @@
-"""Rods and arm of a double pendulum, combined from the parts of its joints."""
+"""Combine the parts of a model to the rods and the arm of a double pendulum."""
 
 import math
 from collections.abc import Sequence
@@ -73,9 +73,7 @@ def inner_rod(
 def last_rod(
     parts: Sequence[Part], joint: ModelJoint, plane: Vector, e: Vector, name: str, inner: float = math.pi
 ) -> ChainRod:
-    """Build the outer rod, or a single rod.
-
-    The direction of the rod points from the joint to the centre of mass.
+    """Build the outer rod, or a single rod, which points from its joint to its centre of mass.
 
     Args:
         parts: parts of the rod

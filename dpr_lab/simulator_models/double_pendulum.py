@@ -126,10 +126,7 @@ def _spring_rest(joint: ModelJoint) -> JointTerm:
 
 
 def _driven(model: SimulatorModel, joints: Sequence[ModelJoint], notes: list[str], unlimited: float = 1e4) -> None:
-    """Add notes on actuators and on stops of the joints.
-
-    Stops beyond `unlimited` rad are not noted.
-    """
+    """Add notes on actuators and on stops of the joints, except on stops beyond `unlimited` rad."""
     names = {joint.name for joint in joints}
     for actuator in model.actuators:
         if actuator.joint in names:

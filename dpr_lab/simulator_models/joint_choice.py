@@ -1,4 +1,4 @@
-"""Choice of the hinges for inner rod, outer rod and arm in a model."""
+"""Choose the hinges of inner rod, outer rod and arm in a model."""
 
 import math
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ CHOOSE = (
 
 
 class Hinges(NamedTuple):
-    """Indices of the parts that move with the joints of rods and arm."""
+    """Indices of the parts that the joints of rods and arm move."""
 
     rods: tuple[int, ...]
     """Index for the inner rod and, if there are two rods, for the outer rod; a single rod is always on an arm."""

@@ -1,4 +1,4 @@
-"""Read MJCF files by `MjSpec` of MuJoCo.
+"""Read MJCF files with `MjSpec` of MuJoCo.
 
 Meshes, textures and plugins are removed from the file first.
 """
@@ -49,7 +49,7 @@ JOINT_KINDS = ("free", "ball", "slide", "hinge")
 
 @dataclass(frozen=True, slots=True)
 class BodyFrame:
-    """Position and inertia of a body, in element and world coordinates."""
+    """Position and inertia of a body in its own frame, with the axes of this frame."""
 
     name: str
     turned: Vector
@@ -77,7 +77,7 @@ class CompiledMjcf:
 
     @property
     def unnamed(self) -> set[str]:
-        """Names that are given to joints without a name in the file."""
+        """Names that this reader gives to joints without a name in the file."""
         return {_name(self.model, j) for j in range(self.model.njnt) if not self.model.joint(j).name}
 
     def body(self, joint: str) -> BodyFrame:
@@ -242,18 +242,18 @@ def _number(text: str, default: float) -> float:
         return default
 
 
-def _own(parent: Element, inherited: str) -> Iterator[tuple[Element, str]]:
-    """Yield the elements of a body, also within frames, with their inherited class."""
+def _elements_of(parent: Element, inherited: str) -> Iterator[tuple[Element, str]]:
+    """Yield the child elements of a body, including those within frames, with their inherited default class."""
     inherited = parent.get("childclass", inherited)
     for child in parent:
         if child.tag == "frame":
-            yield from _own(child, inherited)
+            yield from _elements_of(child, inherited)
         else:
             yield child, inherited
 
 
 def _refuse_masses_of_meshes(body: Element, moving: bool, inherited: str, shapes: _ShapeMasses, path: Path) -> None:
-    elements = list(_own(body, inherited))
+    elements = list(_elements_of(body, inherited))
     tags = {element.tag for element, _ in elements}
     moving = moving or bool(tags & {"joint", "freejoint"})
     if moving and (shapes.always or "inertial" not in tags):

@@ -1,4 +1,4 @@
-"""Check of the numbers in a simulator file before its library reads it.
+"""Check the numbers in a simulator file before a library reads the file.
 
 The libraries accept invalid numbers. The library of SDFormat reads `1,5` as 1.0, and MuJoCo reads an empty text as
 zero.
@@ -21,7 +21,7 @@ def refuse_bad_attributes(
 ) -> None:
     """Check the numbers in the attributes with the given names.
 
-    Attributes of elements in `words` are not checked, because they are not numbers.
+    Elements with a tag in `words` are not checked, because their attributes are not numbers.
 
     Raises:
         ConfigError: an attribute contains something other than finite numbers; the message names file, element and

@@ -1,4 +1,4 @@
-"""Read SDFormat files by Drake, which contains the library of the format.
+"""Read SDFormat files with Drake, which contains the library of the format.
 
 Friction and springs of joints are read from the file itself, because Drake omits them or converts them to other
 elements.
@@ -181,10 +181,7 @@ def _joint(plant: Any, context: Any, joint: Any, element: Element | None, rotor_
 
 
 def _mimic(element: Element | None) -> dict[str, str]:
-    """Describe the joint that a joint mimics, or return an empty mapping.
-
-    The elements are `<mimic>` of the axis, and `<drake:mimic>`.
-    """
+    """Describe the joint that a joint mimics (`<mimic>` of its axis or `<drake:mimic>`); empty without one."""
     if element is None:
         return {}
     if (mimic := element.find("axis/mimic")) is not None:

@@ -1,4 +1,4 @@
-"""Read URDF files by `urdf_parser_py`, to which only links and joints are passed.
+"""Read URDF files with `urdf_parser_py`, to which only links and joints are passed.
 
 Source: https://wiki.ros.org/urdf/XML.
 """

@@ -1,4 +1,4 @@
-"""Changes of attributes and texts in an XML file that preserve all other bytes."""
+"""Change attributes and texts in an XML file; all other bytes remain unchanged."""
 
 import re
 from dataclasses import dataclass
@@ -90,7 +90,7 @@ class XmlEdit:
         return next((i for i, t in enumerate(self.tags) if t.tag == tag and t.parent == parent), None)
 
     def set(self, index: int, label: str, **attributes: str) -> None:
-        """Set attributes of an element."""
+        """Set attributes of an element; `label` describes the element in the list of changes."""
         for name, value in attributes.items():
             before = self.tags[index].attributes.get(name, "")
             if before != value:
@@ -98,7 +98,11 @@ class XmlEdit:
                 self._new.setdefault(index, {})[name] = value
 
     def set_text(self, index: int, label: str, value: str) -> None:
-        """Set the text of an element without children."""
+        """Set the text of an element.
+
+        Raises:
+            ConfigError: the element contains children or comments.
+        """
         tag = self.tags[index]
         if tag.children or b"<" in self._content(index):
             raise ConfigError(

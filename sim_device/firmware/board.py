@@ -9,7 +9,7 @@ from firmware_protocol.messages import Frame
 class Board(Protocol):
     """Board on a link: it converts received frames to frames to send.
 
-    The wall time is an argument.
+    The wall time is an argument of its methods, s.
     """
 
     streamed: float

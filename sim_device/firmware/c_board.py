@@ -18,7 +18,7 @@ from sim_device.plant.rods import SimulatedRods
 class CBoard:
     """Board on a link: the reference firmware with latch, timer and encoders.
 
-    The wall time is an argument.
+    The wall time is an argument of its methods, s.
     """
 
     def __init__(self, info: DeviceInfo, rods: SimulatedRods, clock: Clock, faults: Faults | None = None) -> None:

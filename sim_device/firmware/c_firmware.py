@@ -113,9 +113,7 @@ def load() -> ctypes.PyDLL:
 
 
 class Firmware:
-    """Firmware of one board.
-
-    The caller supplies milliseconds, ticks and readings.
+    """Firmware of one board; the caller supplies times, ticks and readings.
 
     Raises:
         ConfigError: the firmware cannot be built, because there is no compiler.
@@ -167,8 +165,8 @@ class Firmware:
         Args:
             millis: current time, ms
             readings: (n, 4) tick and three counters
-            torques: (n, kinds, 2) torques in units, for the kinds in the identity
-            inputs: (n, kinds) inputs of the arm's drive in units, for the kinds in the identity
+            torques: (n, kinds, 2) torques as multiples of the unit in the identity, for the kinds in the identity
+            inputs: (n, kinds) inputs of the arm's drive, likewise
         """
         rows = self._rows(readings, torques, inputs)
         frames: list[Frame] = []

@@ -12,8 +12,8 @@ CLOCKS: dict[str, Mapping[State, float]] = {
 }
 """Device seconds per wall second in each state, by the name of the clock; 1 for a state that is not listed.
 
-Before a release the ratio is smaller, because the host determines the duration of these states and must not receive
-more messages than it can process.
+Before a release the ratio is smaller: the host determines the duration of these states, and receives messages all the
+time.
 """
 
 LONGEST_STEP = 0.01

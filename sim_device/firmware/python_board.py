@@ -101,7 +101,7 @@ class Counters:
 class PythonBoard:
     """Board on a link: it converts received frames to frames to send.
 
-    The wall time is an argument. `clock` measures the lease and the ticks.
+    The wall time is an argument of its methods, s. `clock` measures the lease and the ticks.
     """
 
     def __init__(self, info: DeviceInfo, rods: SimulatedRods, clock: Clock, faults: Faults | None = None) -> None:

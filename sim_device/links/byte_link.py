@@ -1,4 +1,4 @@
-"""Transmission of frames over a byte stream: interfaces of port and codec, and the queue between them."""
+"""Transmit frames over a byte stream: interfaces of port and codec, and the queue between them."""
 
 from collections.abc import Callable
 from typing import Protocol, TypeAlias
@@ -122,7 +122,7 @@ class ByteLink:
         self._port.wait(timeout, to_write=bool(self._queue))
 
     def bus_off(self) -> None:
-        """Send nothing from now on."""
+        """Do nothing, because a byte stream has no bus."""
 
     def close(self) -> None:
         """Close the link."""

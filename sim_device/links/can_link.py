@@ -1,4 +1,4 @@
-"""Transmission of frames on a CAN bus."""
+"""Transmit frames on a CAN bus."""
 
 from collections import deque
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Interface of a link: the address for a host, and the transmission of frames."""
+"""Define the interface of a link, and the capacities of the links."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -24,9 +24,9 @@ class LinkLimits:
     """Maximum number of samples per wall second for an SLCAN host, which reads byte by byte. At a higher rate a full
     pseudo-terminal delays the answers too long."""
     queue_bytes: int = 65536
-    """Maximum number of waiting bytes; frames beyond it are dropped."""
+    """Maximum number of bytes in the transmit queue. Further frames are dropped."""
     blocked_bytes: int = 4096
-    """Number of waiting bytes above which the fast clock stops."""
+    """Number of bytes in the transmit queue above which the fast clock stops."""
 
     def carried_hz(self, bits_per_s: int, sample_bits: int) -> int:
         """Return the maximum sample rate of a link with a given bit rate."""

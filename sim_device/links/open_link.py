@@ -1,4 +1,4 @@
-"""Opening of a link by its name on the command line."""
+"""Open a link by its name on the command line."""
 
 import math
 from collections.abc import Callable

@@ -12,8 +12,7 @@ import sys
 import time
 import tty
 
-# Linux's struct termios2 allows every rate; termios of the standard library allows only the constants B0, B50 and so
-# on.
+# struct termios2 of Linux allows every rate; termios of the standard library allows only constants such as B9600
 _TCGETS2, _TCSETS2 = 0x802C542A, 0x402C542B
 _TERMIOS2 = struct.Struct("4I20s2I")
 _CBAUD, _BOTHER = 0o010017, 0o010000

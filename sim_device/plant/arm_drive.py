@@ -43,7 +43,7 @@ class InputTable:
     t: Array
     """(m,) increasing times since the release, s."""
     values: Array
-    """(m,) inputs in units of the drive."""
+    """(m,) inputs, N m, A or V."""
 
     def at(self, t: Array) -> Array:
         """Return the inputs at times t (n,) since the release, s."""
@@ -54,7 +54,7 @@ class InputTable:
 
 @dataclass(frozen=True, slots=True)
 class ArmDrive:
-    """Motor at the arm, controlled by the board, with constant input between ticks.
+    """Motor of the arm, controlled by the board, with constant input between ticks.
 
         tau0 = gear kt i,
 
@@ -94,7 +94,7 @@ class ArmDrive:
             t: (n,) times, s, with equally many from each tick to the next
             ticks: number of ticks
             rate_hz: ticks per second of the device
-            asked: inputs that the program requested at all earlier ticks since the release, in units of the drive
+            asked: inputs that the program requested at all earlier ticks since the release, N m, A or V
 
         Returns:
             (n, 6 + internal) states, and `asked` extended by the inputs of these ticks
@@ -118,7 +118,7 @@ class ArmDrive:
         Args:
             release: number of the release
             first: first tick
-            asked: (n,) inputs that the program requested from this tick on
+            asked: (n,) inputs that the program requested from this tick on, N m, A or V
         """
         noise = standard_noise(self.seed, RandomStream.DRIVES, release, first, len(asked))[:, 0] * self.config.noise
         by_kind = {
@@ -132,14 +132,11 @@ class ArmDrive:
         return self._given(asked) * self.unit if TorqueKind.MEASURED in self.kinds else asked
 
     def _given(self, asked: Array) -> Array:
-        """Return the inputs limited by the driver, in units."""
+        """Return the inputs, limited by the driver, as multiples of `unit`."""
         return np.rint(np.clip(asked, -self.config.limit, self.config.limit) / self.unit)
 
     def _acting(self, asked: Array, count: int, rate_hz: float) -> Array:
-        """Return the acting torque (count,) of the last ticks, N m.
-
-        It is the torque of the delayed input, averaged over each tick.
-        """
+        """Return the torque (count,) of the delayed input in the last ticks, averaged over each tick, N m."""
         whole, part = divmod(self.delay_s * rate_hz, 1.0)
         given = np.append(np.zeros(int(whole) + 1), self._given(asked[-count - int(whole) - 1 :]))
         late = len(given) - count - int(whole)

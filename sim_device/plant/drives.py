@@ -20,12 +20,12 @@ from sim_device.plant.encoders import standard_noise
 from sim_device.random_streams import RandomStream
 
 FULL_SCALE = 0x7FFF
-"""Maximum torque in a message, in units."""
+"""Maximum torque in a message, as a multiple of the unit of the drives."""
 
 COLUMNS = ("t_s", "tau1_Nm", "tau2_Nm")
 
 SLACK_S = 1e-9
-"""Maximum time by which a row may be after its tick, s."""
+"""Maximum time after a tick at which a row of the table still takes effect at this tick, s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +58,7 @@ class JointDrives:
         return asked * np.array(self.config.gain) + np.array(self.config.offset_Nm)
 
     def reported(self, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.int64]:
-        """Return the torques (count, kinds, 2) that TORQUE reports for these ticks, in units.
+        """Return the torques (count, kinds, 2) that TORQUE reports for these ticks, as multiples of `unit`.
 
         `release` is the number of the release.
         """
@@ -69,7 +69,7 @@ class JointDrives:
         return np.stack([by_kind[kind] for kind in self.kinds], axis=1)
 
     def _asked(self, first: int, count: int, rate_hz: float, later_s: float) -> NDArray[np.int64]:
-        """Return the torques (count, 2) of the table at the ticks, in units, if the table is delayed by `later_s`."""
+        """Return the torques (count, 2) of the table, delayed by `later_s`, at the ticks, as multiples of `unit`."""
         t = np.arange(first, first + count) / rate_hz - later_s
         row = np.searchsorted(self.t, t + SLACK_S, side="right")
         units = np.rint(np.concatenate([np.zeros((1, 2)), self.joints]) / self.unit).astype(np.int64)

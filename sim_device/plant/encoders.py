@@ -1,4 +1,4 @@
-"""Conversion of true angles to noisy integer counts."""
+"""Convert true angles to noisy integer counts."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -33,7 +33,7 @@ class NoisyEncoders:
 
         Args:
             theta: (n, 3) true absolute angles, rad
-            stream: state of the rods, which selects the random numbers
+            stream: stream of random numbers: `IDLE`, `REST` or `SWING`
             release: number of the release, from 1
             first: tick of the first row, counted from the start of the stream
 

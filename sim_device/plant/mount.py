@@ -21,11 +21,12 @@ AT_REST = np.zeros(2)
 """Displacement and speed of the mount before the release."""
 
 
-class Yielding(NamedTuple):
-    """Mount, with the first moments of the rods about its joints, kg m."""
+class CompliantMount(NamedTuple):
+    """Compliant mount that carries the rods."""
 
     config: MountConfig
     moments: tuple[float, float]
+    """First moments S1 and S2 of the rods, kg m."""
 
     def torques(self, t: Array, states: Array, start: Array) -> tuple[Array, Array]:
         """Return the torques of joints 1 and 2 that the motion of the mount exerts.

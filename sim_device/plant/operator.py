@@ -1,4 +1,4 @@
-"""Operator and latch: placement of the rods, with errors, and release."""
+"""Simulate the operator, who places the rods with random errors, and the latch."""
 
 from dataclasses import dataclass
 
@@ -18,8 +18,7 @@ class Habits:
     placing_time: float = 0.5
     """Time that the operator takes from one pose to the next, s of device time."""
     looks: int = 8
-    """Maximum number of times that the operator corrects a pose according to the displayed angles, if these are
-    wrong."""
+    """Maximum number of times that the operator corrects a pose if the displayed angles differ from the pose."""
     near: float = 0.5
     """Maximum error of the displayed angles that the operator accepts, relative to the tolerance of the pose."""
 
@@ -51,7 +50,10 @@ class HeldRods:
 
 
 def placement(operator: OperatorConfig, pose: Pose, seed: int, release: int, error: float = 0.0) -> NDArray[np.float64]:
-    """Return the angles (3,) at which the operator holds the rods for a pose, rad, with random errors and `error`."""
+    """Return the angles (3,) at which the operator holds the rods for a pose, rad.
+
+    They contain random errors and the deliberate error `error` of both rods.
+    """
     theta = pose.theta + np.array([0.0, error, error]) + operator.placement_std * _draw(seed, release)[0]
     return theta if operator.elbow is None else np.array([theta[0], theta[1], theta[1] + operator.elbow])
 

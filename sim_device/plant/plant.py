@@ -24,7 +24,7 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.rig import JOINTS, PARAMETERS, Rig
 from dpr_lab.setup import Setup, Torques
 from sim_device.plant.config import PlantConfig
-from sim_device.plant.mount import AT_REST, Yielding
+from sim_device.plant.mount import AT_REST, CompliantMount
 
 MAX_STEP = 1e-4
 """Maximum step of the simulation, s. Within the predictability horizon of a chaotic swing, its error is far below a
@@ -37,29 +37,30 @@ LOOK = 5e-4
 """Interval at which an encoder with play or delay, or a compliant mount, is evaluated, s."""
 
 Driven = Callable[..., Any]
-"""Function of (first, count) that returns the torques (count, 2) of joints 1 and 2 from each of these ticks to the
-next, N m.
+"""Function that returns the torques of drives.
 
-For a driven arm it is `ArmDrive.block` at the sample rate of the device.
+For joint drives: function of (first, count) that returns the torques (count, 2) of joints 1 and 2 from each of these
+ticks to the next, N m. For a driven arm: `ArmDrive.block` at the sample rate of the device.
 """
 
 UNSEEN = Torques(np.zeros(1), np.zeros((1, 2)), on_arm=np.zeros(1))
-"""Placeholder for the torques of a driven arm, where only its effects are needed."""
+"""Placeholder for the torques of a driven arm. It only selects the effects of the drive."""
 
 CONSTANT = [param_index(effect.name, "constant_Nm") for effect in SPRING]
-"""Index of the constant torque of each joint in the parameters. The torque of a drive between two ticks is represented
-by it."""
+"""Index of the constant torque of each joint in the parameters. This torque represents that of a drive between two
+ticks."""
 
 RIPPLE, RIPPLE_ORDER = (
     [[param_index(effect.name, name) for name in names] for effect in (DETENT_JOINT1, DETENT_JOINT2)]
     for names in (("cos1_Nm", "sin1_Nm"), ("order",))
 )
-"""Indices of the detent of each joint in the parameters. The ripple at a constant torque is represented by it."""
+"""Indices of the detent of each joint in the parameters. The detent represents the ripple at a constant torque."""
 
 NO_ROD = 1e-12
 """Mass, kg, and inertia, kg m^2, of a missing outer rod. With zero, joint 2 would have no equation of motion.
 
-It is added to that of the mounted rod. 1e-9 kg m^2 would change the ratios of a small pendulum by 7e-6.
+The value is so small because it increases the inertia of the mounted rod: 1e-9 kg m^2 would change the ratios of a
+small pendulum by 7e-6.
 """
 
 Theta = NDArray[np.float64]
@@ -117,11 +118,11 @@ class Plant:
         """Time by which the arm is read after joint 1, s."""
         self.has_play = False
         """Whether the encoder of a rod has play."""
-        self.mount: Yielding | None = None
+        self.mount: CompliantMount | None = None
         """The mount if it is compliant; otherwise None."""
         if config.mount is not None:
             _, _, d, e1, *_ = base_parameters(hung(Z, self._setup), rig.L1, rig.g).tolist()
-            self.mount = Yielding(config.mount, (e1 / rig.g, d / rig.L1))
+            self.mount = CompliantMount(config.mount, (e1 / rig.g, d / rig.L1))
         if idle := [name for name in config.effects if not self._can_act(name)]:
             lacking = "[arm_drive]" if moves else "an arm that moves"
             raise ConfigError(f"plant {config.name}: effects: {', '.join(idle)} need {lacking}")
@@ -129,7 +130,7 @@ class Plant:
             self._look_for_effects_on_reading()
 
     def _can_act(self, name: str) -> bool:
-        """Return whether an effect is possible in the mode of the arm."""
+        """Return whether the mode of the arm permits an effect; effects of other joints are always permitted."""
         if name not in EFFECTS or not EFFECTS[name].of_arm:
             return True  # unknown names are refused when the parameters are read
         return self._setup.torques is not None if EFFECTS[name].driven else self._setup.arm_moves
@@ -190,7 +191,7 @@ class Plant:
         return Swing(self, theta, omega, rate_hz, driven)
 
     def counted(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the readings (n, 3) of the counters; this kind of plant has no errors of counting."""
+        """Return the readings (n, 3) of the counters, which are the counts: these counters have no errors."""
         return counts
 
     def start(self, theta: Theta, omega: Theta) -> AnyState:
@@ -233,7 +234,7 @@ class Plant:
 
     @cached_property
     def _driven(self) -> tuple[RigModel, int]:
-        """Result of `_moving`, with the parameters through which torques act on the joints."""
+        """Rig and mode as in `_moving`, with active effects through which the drives act on the joints."""
         model, mode = self._moving
         pushed = model.params.copy()
         pushed[CONSTANT] = 1.0
@@ -291,7 +292,7 @@ class Plant:
 
 
 class Swing:
-    """Swing after one release: angles at the encoders, computed in blocks in advance of the reader.
+    """Swing after one release: angles at the encoders, computed in blocks.
 
     Each block starts from the final state of the previous block. The same release therefore gives identical numbers
     for any sequence of reads.
@@ -362,9 +363,9 @@ def _joint2_at(plant: Plant, blocks: list[Block], t: Theta) -> Theta:
 
 
 def _seen_at(blocks: list[Block], angle: Callable[[Theta], Theta], t: Theta) -> Theta:
-    """Evaluate a linear function of angles (m, 3) at the true times `t` (n,).
+    """Interpolate a linear function of the angles (m, 3) at the true times `t` (n,).
 
-    It is constant before the release.
+    Before the release the result is constant.
     """
     from scipy.interpolate import CubicHermiteSpline  # slow to import, and few plants need it
 

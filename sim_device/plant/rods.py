@@ -69,8 +69,8 @@ class SimulatedRods:
     def place(self, pose_number: int, now: float) -> None:
         """Let the operator move the rods to a pose of the rig, counted from 1.
 
-        Without such a pose the rods stay in place. Full turns of the last swing are removed, so that the counters do
-        not depend on its duration.
+        If the rig has no pose with this number, the rods stay in place. Otherwise full turns of the last swing are
+        removed, so that the counters do not depend on its duration.
         """
         start = target = self._theta(now)
         if 1 <= pose_number <= len(self._poses):
@@ -141,15 +141,15 @@ class SimulatedRods:
         return self._read(self._theta(now)[None], RandomStream.IDLE, 0, tick)[0]
 
     def _begin_placing(self, now: float) -> None:
-        """Let the operator move the rods, if the operator was waiting."""
+        """Start a movement for which the operator had to wait until the rods can be released."""
         if self._ready() and self._held.begins == math.inf:
             self._held = replace(self._held, begins=now)
 
     def _guided(self, target: NDArray[np.float64], near: float) -> NDArray[np.float64]:
         """Return the angles (3,) at which the operator holds the rods, so that the encoders read `target`, rad.
 
-        The operator follows the screen, and corrects errors above `near`, rad. If no angle gives the correct reading,
-        for example because of a stuck bit, the result is the target itself.
+        The operator corrects displayed errors above `near`, rad. If no angle gives the correct reading, for example
+        because of a stuck bit, the result is the target itself.
         """
         theta = target
         for _ in range(HABITS.looks):

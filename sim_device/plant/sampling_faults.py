@@ -1,4 +1,4 @@
-"""Sampling faults of a real board: uneven times, repeated samples, missing samples."""
+"""Simulate sampling faults of a real board: uneven times, repeated samples, missing samples."""
 
 from statistics import NormalDist
 

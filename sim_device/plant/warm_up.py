@@ -1,7 +1,7 @@
-"""Compilation of a plant's kernels before a release: at once, or in another process while the device answers.
+"""Compile the kernels of a plant before a release: at once, or in another process while the device answers.
 
-The first compilation on a computer takes long, and a host waits for an answer for a few seconds only. A thread is not
-sufficient: while it compiles, the device does not answer for a second at a time.
+The first compilation on a computer takes one to three minutes, but a host waits only a few seconds for an answer. A
+thread that compiles would prevent the device from answering for up to a second at a time.
 """
 
 import os
@@ -40,7 +40,7 @@ def warm_up(plant: HiddenPlant, rig: Rig, *, in_background: bool) -> Callable[[]
 
 
 class _Compiling:
-    """Compilation by a process that fills the cache of kernels, and a thread that loads the kernels from the cache."""
+    """Compilation in the background: a process fills the cache of kernels, then a thread loads the kernels from it."""
 
     def __init__(self, plant: Plant, rig: Rig) -> None:
         self._plant, self._rig = plant, rig

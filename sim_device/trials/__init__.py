@@ -1,1 +1,1 @@
-"""Preparation of blind trials by the device: drawing of a plant, size of its gap, recording, sealing."""
+"""Prepare blind trials: draw a plant, compute its gap, record it, and seal it."""

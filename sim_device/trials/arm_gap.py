@@ -1,4 +1,4 @@
-"""Gap of a plant whose arm is free or driven: residual of a model without effects.
+"""Compute the gap of a plant whose arm is free or driven: residual of a model without effects.
 
 `sim_device.trials.gap_size` computes it for a clamped arm.
 """
@@ -39,7 +39,6 @@ SHARES = (0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85, 1.0, 1.0, 1.0, 1.0)
 
 The share increases, because the initial estimates of the states are poor if the torque has steps.
 """
-
 
 SHORTENED = (1.0, 0.3, 0.1, 0.0)
 """Tried factors on the step of an initial state. The best factor of each segment is used."""

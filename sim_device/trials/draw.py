@@ -1,4 +1,4 @@
-"""Random plants with effects for blind trials (`sim_device.trials.request`)."""
+"""Draw plants with effects for blind trials (`sim_device.trials.request`)."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -170,7 +170,7 @@ def logger_fault(rng: np.random.Generator) -> EncoderConfig:
 
 
 def dirty(rng: np.random.Generator) -> EncoderConfig:
-    """Return the encoders with one or more of the faults of a real recording."""
+    """Draw encoders with one or more of the faults of real recordings."""
     faults = np.zeros(5, dtype=np.bool_)
     while not faults.any():
         faults = rng.random(5) < 0.4
@@ -209,9 +209,9 @@ def visible_effects() -> list[str]:
 
 
 def alike(name: str, other: str) -> bool:
-    """Return whether two effects are special cases of one another or of a third effect.
+    """Return whether two effects are so similar that they would not count as two effects.
 
-    Together they would not count as two effects.
+    They have the same signature, or one is a simpler form of the other, or they share such a relative.
     """
     return not _relatives(name).isdisjoint(_relatives(other))
 

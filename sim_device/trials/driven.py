@@ -1,4 +1,4 @@
-"""Sealed plants with driven joints: random parameters, torques, and faults of the drives."""
+"""Draw plants with driven joints: parameters, torques, and faults of the drives."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class Driving:
 
     length_s: float = 10.0
     row_s: float = 0.01
-    """Interval between the rows of the table of torques."""
+    """Interval between the rows of the table of torques, s."""
     tones: int = 4
     """Number of sines in the torque of each joint, at frequencies up to `highest_hz`."""
     highest_hz: float = 3.0
@@ -43,7 +43,7 @@ class Driving:
     """Maximum ripple, relative to the torque."""
     delay_s: float = 0.01
     subtle: float = 0.1
-    """Range of the size of a clear fault, relative to its maximum."""
+    """Ratio of the size of a subtle fault to that of a clear fault."""
 
 
 DRIVING = Driving()
@@ -62,7 +62,7 @@ class DriveFault:
 
 
 Fault = Callable[[float, np.random.Generator], dict[str, Any]]
-"""Function of a size, relative to the maximum and with sign, and of random numbers that returns changed values of
+"""Function of a signed size, relative to the maximum, and of random numbers that returns changed values of
 `[drives]`."""
 
 
@@ -146,7 +146,7 @@ def driven_runs(
 def done_by_drives(config: DriveConfig) -> dict[str, dict[str, float]]:
     """Return the library effects that the drives cause, with their sizes.
 
-    A board that reports measured torques has no delay.
+    Measured torques already contain the delay, so that a board that reports them has no such effect.
     """
     effects: dict[str, dict[str, float]] = {}
     for joint in range(2):

@@ -1,4 +1,4 @@
-"""Gap of a plant: residual of a model without effects in segments of 0.5 s, in units of the noise."""
+"""Compute the gap of a plant: residual of a model without effects in segments of 0.5 s, in units of the noise."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Plants with a free or driven arm for blind trials: effects at joint 0 and of its drive."""
+"""Draw plants with a free or driven arm for blind trials: effects at joint 0 and of its drive."""
 
 from dataclasses import dataclass
 

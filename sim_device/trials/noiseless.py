@@ -1,4 +1,4 @@
-"""Noiseless encoder readings of a plant, and the gap that its effects cause in them."""
+"""Simulate noiseless encoder readings of a plant, and compute the gap that its effects cause."""
 
 import math
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def plant_gap(config: PlantConfig, rig: Rig) -> float:
-    """Return the gap of a plant's effects over 10 s from each pose, in units of the noise.
+    """Return the gap of the effects of a plant over one release from each pose, in units of the noise.
 
     It is infinite for a plant whose swing diverges.
 

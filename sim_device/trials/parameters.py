@@ -1,4 +1,4 @@
-"""Random true parameters of a rig, near those of a plant file, and masses as shown by scales."""
+"""Draw true parameters of a rig near those of a plant file, and weighed masses."""
 
 from dataclasses import dataclass
 

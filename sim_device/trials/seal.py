@@ -1,8 +1,8 @@
-"""Seal of a drawn plant: a salted hash that is published before any recording and fixes the truth.
+"""Seal a drawn plant: publish a salted hash of the true values before any recording.
 
-The truth is in a folder of the device, or in its memory, until it is requested. The salt is random and does not depend
-on the seed. With the seed the plant can be drawn again, but without the salt the seal cannot confirm that it is the
-same plant.
+The true values remain in a folder of the device, or in its memory, until they are requested. The salt is random and
+does not depend on the seed. With the seed the plant can be drawn again, but without the salt the seal cannot confirm
+that it is the same plant.
 """
 
 import hashlib

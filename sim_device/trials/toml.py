@@ -1,7 +1,4 @@
-"""Conversion of a table to TOML text.
-
-The standard library can only read TOML.
-"""
+"""Convert tables to TOML text, because the standard library can only read TOML."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Blind trial as prepared by the device: changed rig file, drawn plant, seal, and optional recordings."""
+"""Prepare a blind trial: drawn rig file and plant, seal, and optional recordings."""
 
 import secrets
 from collections.abc import Mapping
@@ -36,8 +36,8 @@ class DrawnTrial:
 
     plant: PlantConfig
     rig: Rig
-    """Rig as described by the rig file of the trial. Its numbers are drawn from a separate seed, and masses are rounded
-    as by scales."""
+    """Rig as described by the rig file of the trial. The masses are drawn from a separate seed, and are rounded as by
+    scales."""
     kept: dict[str, Any]
     """Sealed content: `truth` and `salt`."""
     drives: JointDrives | ArmDrive | None = None

@@ -1,4 +1,4 @@
-"""Interface of an out-of-library effect: an effect that the library does not contain in this form."""
+"""Define out-of-library effects: effects that the library does not contain in this form."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +20,7 @@ BuildEquation = Callable[[Body, Values], EquationOfMotion]
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """State of the swing at consecutive ticks, as input of a disturbed encoder."""
+    """Motion at consecutive ticks, from which the error of an encoder is computed."""
 
     t: Array
     """(n,) time since the release, s."""
@@ -48,7 +48,7 @@ class Size:
 
 @dataclass(frozen=True, slots=True)
 class OutOfLibraryEffect:
-    """Out-of-library effect; it vanishes exactly if its `amplitude` is zero."""
+    """Out-of-library effect; it has no influence if its `amplitude` is zero."""
 
     name: str
     meaning: str

@@ -1,7 +1,7 @@
-"""Equation of motion of plants with out-of-library effects, whose torques and states dpr-lab's kernels lack.
+"""Integrate the equation of motion of plants with out-of-library effects.
 
-It is integrated in plain Python by an adaptive eighth-order method. Integrator and step size therefore differ from
-those of dpr-lab.
+The kernels of dpr-lab do not contain the torques and states of these effects. The equation is integrated in plain
+Python by an adaptive eighth-order method, so that integrator and step size also differ from those of dpr-lab.
 """
 
 from collections.abc import Callable, Sequence
@@ -46,7 +46,7 @@ class Body:
     L2: float
     g: float
     mass: float
-    """Mass of both rods and the encoder on the inner one, kg."""
+    """Mass of both rods and of the parts at joint 2, kg."""
     outer_mass: float
     """Mass of the outer rod, kg."""
 
@@ -72,7 +72,7 @@ class DryJoint:
     joint: int
     """Number of the joint, 1 or 2."""
     size: Callable[[NDArray[np.float64]], float]
-    """Function of the state that returns the friction of the sliding joint, or its limit if the joint rests, N m."""
+    """Function of the state that returns the friction of the sliding joint, or its maximum if the joint rests, N m."""
 
     def speed(self, x: NDArray[np.float64]) -> float:
         """Return the speed of the joint, rad/s."""
@@ -216,7 +216,7 @@ def _sliding_slope(body: Body, dry: DryJoint, side: float) -> Slope:
 
 
 def _change(body: Body, dry: DryJoint, side: float) -> Any:
-    """Return a value that decreases through zero when the joint stops or must start to slide."""
+    """Return an event function, which decreases through zero when the joint stops or must start to slide."""
 
     def left(t: float, x: NDArray[np.float64]) -> float:
         return side * dry.speed(x) if side else dry.size(x) - abs(dry.holding(body, x))

@@ -55,7 +55,7 @@ def root_joint2(body: Body, values: Values) -> EquationOfMotion:
 
 
 def lugre_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """Add LuGre friction without bristle damping.
+    """Add LuGre friction (elastic bristles) without damping of the bristles.
 
         z' = w - |w| z / (Z g(w)),    tau2 = -F z / Z,    g = 1 + R exp(-(w/v)^2),    w = omega2 - omega1
 
@@ -124,7 +124,7 @@ def warming_joint1(body: Body, values: Values) -> EquationOfMotion:
 
 
 def seizing_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """Add a seal that runs dry within a short time: tau2 = -C w (1 + tanh((t - t0) / T)) / 2, w = omega2 - omega1."""
+    """Add a seal that becomes dry in a short time: tau2 = -C w (1 + tanh((t - t0) / T)) / 2, w = omega2 - omega1."""
     size, begin_s, lasts = values["damping_Nms_per_rad"], values["at_s"], values["lasts_s"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:

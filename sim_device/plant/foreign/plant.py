@@ -38,7 +38,7 @@ class ForeignPlant:
         self._relative = bool(known.relative2)
 
     def refuse_drives(self) -> None:
-        """Refuse drives, because a plant with an out-of-library effect cannot have them.
+        """Refuse joint drives, which a plant with an out-of-library effect cannot have.
 
         Raises:
             ConfigError: always.
@@ -82,7 +82,7 @@ class ForeignPlant:
 
 
 class ForeignSwing:
-    """Swing after one release, computed in blocks."""
+    """Swing after one release: readings of the encoders, computed in blocks."""
 
     def __init__(self, plant: ForeignPlant, start: Array, theta0: float, rate_hz: float, release: int) -> None:
         self._plant, self._theta0, self._rate_hz, self._release = plant, theta0, rate_hz, release
