@@ -55,7 +55,10 @@ def between(parameter: ParameterChange) -> str:
 
 
 def relative(parameter: ParameterChange, change: float) -> str:
-    """Format a change in per cent of the mean of the first group, or in SI units if this mean is about zero."""
+    """Format a change in per cent of the mean of the first group.
+
+    If this mean is about zero, the change is in SI units.
+    """
     if not _has_size(parameter):
         return f"{change:+.3g} {unit_of(parameter.name)}".strip()
     per_cent = round(100 * change / abs(parameter.first), 6)  # equal data must not change by rounding errors

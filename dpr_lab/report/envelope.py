@@ -1,4 +1,4 @@
-"""Reduction of curves for drawing: extremes of long records, interruptions, axis range."""
+"""Reduce curves for drawing, mark interruptions, and compute axis ranges."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,33 +9,32 @@ POINTS = 2400
 """Maximum number of points per line; about four per pixel column of a panel."""
 
 
-def trace(t: Array, y: Array, points: int = POINTS, gap_steps: float = 10.0) -> tuple[Array, Array]:
+def trace(t: Array, y: Array) -> tuple[Array, Array]:
     """Reduce a record for drawing, and mark interruptions by NaN.
 
-    A record with more than `points` samples is divided into `points` / 2 blocks of equal length. The smallest and the
+    A record with more than `POINTS` samples is divided into `POINTS` / 2 blocks of equal length. The smallest and the
     largest sample of each block are kept with their times, so that no peak is lost.
 
     Args:
         t: (n,) increasing times, s
         y: (n,) values; missing values are NaN
-        points: approximate maximum number of points
-        gap_steps: minimum interval between samples that interrupts the curve, in median sample steps
 
     Returns:
-        Instants and values to draw. They equal the input if n <= `points` and no sample is missing.
+        Instants and values to draw. They equal the input if n <= `POINTS` and no sample is missing.
     """
-    points_kept = _extremes(y, points)
-    breaks = _gaps(t, gap_steps)
+    points_kept = _extremes(y)
+    breaks = _interruptions(t)
     middle = (t[breaks] + t[breaks + 1]) / 2
     positions = np.searchsorted(points_kept, breaks, side="right")
     return np.insert(t[points_kept], positions, middle), np.insert(y[points_kept], positions, np.nan)
 
 
-def _extremes(y: Array, points: int) -> NDArray[np.intp]:
+def _extremes(y: Array) -> NDArray[np.intp]:
+    """Return the indices of the first and last sample, and of the smallest and largest sample of each block."""
     n = len(y)
-    if n <= points:
+    if n <= POINTS:
         return np.arange(n)
-    width = -(-n // (points // 2))
+    width = -(-n // (POINTS // 2))
     padded = np.pad(y, (0, -n % width), constant_values=np.nan).reshape(-1, width)
     first = np.arange(len(padded)) * width
     missing = np.isnan(padded)
@@ -44,12 +43,12 @@ def _extremes(y: Array, points: int) -> NDArray[np.intp]:
     return np.unique(np.concatenate([[0, n - 1], lowest, highest]))
 
 
-def _gaps(t: Array, gap_steps: float) -> NDArray[np.intp]:
-    """Return the indices of the last sample before each interruption."""
+def _interruptions(t: Array, steps: float = 10.0) -> NDArray[np.intp]:
+    """Return the index of the last sample before each interval that is longer than `steps` median intervals."""
     if len(t) < 3:
         return np.empty(0, dtype=np.intp)
-    steps = np.diff(t)
-    return np.flatnonzero(steps > gap_steps * np.median(steps))
+    intervals = np.diff(t)
+    return np.flatnonzero(intervals > steps * np.median(intervals))
 
 
 def signal_scale(value: Array, half_width: Array) -> tuple[tuple[float, float], bool]:

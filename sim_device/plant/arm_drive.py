@@ -157,7 +157,7 @@ class ArmDrive:
             swept = low * t + (high - low) * t**2 / (2 * self.config.sweep_s)
             shape = np.sin(2 * np.pi * np.where(t < self.config.sweep_s, swept, high * t))
         elif self.config.program == "prbs":
-            bits = pseudo_random_bits(9)
+            bits = pseudo_random_bits()
             shape = bits[np.floor(t * 2 * high + 1e-9).astype(int) % len(bits)]
         else:
             shape = (np.sin(2 * np.pi * low * t) + np.sin(2 * np.pi * high * t)) / 2
@@ -190,10 +190,10 @@ def replaying(drive: ArmDrive, file: str | Path) -> ArmDrive:
     return replace(drive, table=InputTable(t, values[:, 0]))
 
 
-def pseudo_random_bits(order: int) -> Array:
-    """Return the maximum-length sequence (2^order - 1,) of -1 and 1, by the polynomial x^9 + x^4 + 1 for order 9."""
-    register, bits = [1] * order, []
-    for _ in range(2**order - 1):
+def pseudo_random_bits() -> Array:
+    """Return the maximum-length sequence (511,) of -1 and 1 of the polynomial x^9 + x^4 + 1."""
+    register, bits = [1] * 9, []
+    for _ in range(2**9 - 1):
         bits.append(2.0 * register[-1] - 1.0)
         register = [register[-1] ^ register[3], *register[:-1]]
     return np.array(bits)

@@ -106,10 +106,8 @@ class Plant:
         self._setup = Setup(rig.rods.mounting, rig.added_mass, torques=driven, arm_moves=moves)
         Z = config.Z if rig.added_mass is None else loaded(config.Z, rig.added_mass)
         masses = dict(zip(PARAMETERS[2:5], config.Z[2:5].tolist(), strict=True))
-        self._Z, self._constants = (
-            hung(Z, self._setup),
-            constants_of_run(rig_constants(rig)._replace(**masses), self._setup),
-        )
+        self._Z = hung(Z, self._setup)
+        self._constants = constants_of_run(rig_constants(rig)._replace(**masses), self._setup)
         self.pace = 1.0
         """True seconds per second of the device's clock, which differ from 1 by the clock effect."""
         self.delay = 0.0
@@ -121,7 +119,7 @@ class Plant:
         self.mount: CompliantMount | None = None
         """The mount if it is compliant; otherwise None."""
         if config.mount is not None:
-            _, _, d, e1, *_ = base_parameters(hung(Z, self._setup), rig.L1, rig.g).tolist()
+            _, _, d, e1, *_ = base_parameters(self._Z, rig.L1, rig.g).tolist()
             self.mount = CompliantMount(config.mount, (e1 / rig.g, d / rig.L1))
         if idle := [name for name in config.effects if not self._can_act(name)]:
             lacking = "[arm_drive]" if moves else "an arm that moves"

@@ -117,21 +117,20 @@ def drawn_fault(seed: int, wanted: EffectRequest = ANY_FAULT) -> DriveFault | No
     return None if name is None else DriveFault(name, FAULTS[name](size, rng))
 
 
-def driven(plant: PlantConfig, fault: DriveFault | None, settings: Driving = DRIVING) -> PlantConfig:
+def driven(plant: PlantConfig, fault: DriveFault | None) -> PlantConfig:
     """Return the plant with drives that have the given fault, or no fault."""
-    drives = DriveConfig(noise_Nm=settings.noise_Nm, **(fault.drives if fault else {}))
+    drives = DriveConfig(noise_Nm=DRIVING.noise_Nm, **(fault.drives if fault else {}))
     return plant.model_copy(update={"drives": drives})
 
 
-def drawn_drives(plant: PlantConfig, settings: Driving = DRIVING) -> JointDrives:
-    """Return the drives of the plant, with a table of torques that is drawn from its seed."""
-    rng, t = generator(plant.seed, RandomStream.DRIVES), np.arange(0.0, settings.length_s, settings.row_s)
-    size, phase = (
-        rng.uniform(0, settings.largest_Nm, (settings.tones, 2)),
-        rng.uniform(0, 2 * np.pi, (settings.tones, 2)),
+def drawn_drives(plant: PlantConfig) -> JointDrives:
+    """Return the drives of the plant, with a table of torques that is drawn from the seed of the plant."""
+    rng, t = generator(plant.seed, RandomStream.DRIVES), np.arange(0.0, DRIVING.length_s, DRIVING.row_s)
+    size, phase, rate_hz = (
+        rng.uniform(low, high, (DRIVING.tones, 2))
+        for low, high in ((0, DRIVING.largest_Nm), (0, 2 * np.pi), (0.2, DRIVING.highest_hz))
     )
-    turn = 2 * np.pi * rng.uniform(0.2, settings.highest_hz, (settings.tones, 2))
-    joints = np.sum(size * np.sin(turn * t[:, None, None] + phase), axis=1)
+    joints = np.sum(size * np.sin(2 * np.pi * rate_hz * t[:, None, None] + phase), axis=1)
     return JointDrives(t, joints, plant.drives, plant.seed)
 
 

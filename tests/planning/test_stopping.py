@@ -122,7 +122,14 @@ def test_a_possible_cause_is_not_listed_as_excluded() -> None:
     (cause,) = result.effects
     twin = cause.model_copy(update={"members": list(names[:2])})
     words = exclusion_words(result.model_copy(update={"effects": [twin], "detectable": {name: {} for name in names}}))
-    assert words[0].startswith("1 effects of the library")
+    assert words[0].startswith("Excluded effects of the library: 1.")
+
+
+def test_a_report_without_excluded_effects_refers_to_no_table() -> None:
+    assert (
+        exclusion_words(of_runs(one_cause(advice=[]), "P1", exclusions=[]))[0]
+        == "No effect of the library is excluded."
+    )
 
 
 @pytest.mark.parametrize(

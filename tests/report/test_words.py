@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 """Descriptions before identifiers, and sizes in practical units."""
 
 import pytest
@@ -7,6 +9,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Budget, Evidence, RunBudget
 from dpr_lab.report.angles import DEGREES, RADIANS
 from dpr_lab.report.gap.sections.curves import curves_words
+from dpr_lab.report.gap.sections.friction import friction_words
 from dpr_lab.report.words import in_words, named, parameter_words, size_words
 from dpr_lab.shown import percent
 
@@ -77,3 +80,9 @@ def test_the_report_explains_why_its_free_run_errors_differ_from_the_printed_one
     (words,) = curves_words(Diagnosis.model_construct(evidence=evidence))
     assert "the errors that `dpr-lab diagnose` prints cover 2.6 s, also beyond the horizon" in words
     assert "in first: 20.0 mrad, compared with 5.00 mrad of the corrected model" in words
+
+
+def test_without_a_friction_curve_no_sentence_refers_to_one() -> None:
+    hysteresis = SimpleNamespace(name="hysteresis_joint1")
+    made = Diagnosis.model_construct(evidence=Evidence.model_construct(friction={}), effects=[hysteresis])
+    assert friction_words(made) == ["No joint moves fast enough in both directions."]

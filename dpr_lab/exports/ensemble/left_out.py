@@ -111,6 +111,7 @@ def widening(errors: Sequence[float]) -> float:
 
 
 def _without(component: PosteriorComponent, place: int) -> PosteriorComponent:
+    """Return a component of the posterior of the fit without one recording."""
     recordings = len(component.left_out)
     values = dict(zip(component.free, component.left_out[place], strict=True))
     of_effects = {name: value for name, value in values.items() if name not in component.ratios}

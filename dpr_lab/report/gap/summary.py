@@ -140,8 +140,8 @@ def summary_note(diagnosis: Diagnosis) -> str:
     """Name the effects of the corrected model that are improbable as causes; empty without such effects."""
     improbable = [named(effect.name) for effect in diagnosis.effects if effect.probability < PROBABLE]
     return (
-        f"The corrected model also contains {listed(improbable)}, which improve the fit but are improbable as causes"
-        f" (probability below {percent(PROBABLE)})."
+        f"The corrected model also contains {listed(improbable)}, with a probability below {percent(PROBABLE)}: this"
+        " improves the fit but does not show a cause."
         if improbable
         else ""
     )

@@ -286,7 +286,10 @@ def per_reading(gap: Gap, of: str) -> float:
 
 
 def run_words(name: str, held_out: bool = False) -> str:
-    """Return the label of a run or of a part of a run: pose, time of the recording, and a mark for held-out data."""
+    """Return the label of a run or of a part of a run.
+
+    The label contains the pose, the time of the recording, and a mark for held-out data.
+    """
     return run_label(whole(name)) + name.removeprefix(whole(name)) + (" (held out)" if held_out else "")
 
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.trust import NOTHING, REFUSED, TrustShare, TrustTrial
-from dpr_lab.report.digits import NONE, three
+from dpr_lab.report.digits import three
 from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.report.words import named
-from dpr_lab.shown import percent
+from dpr_lab.shown import counted, percent
 
 
 def trust_words(diagnosis: Diagnosis) -> list[str]:
@@ -43,7 +43,7 @@ def _share(share: TrustShare) -> str:
 
 def _refused(trials: Sequence[TrustTrial]) -> str:
     refused = sum(trial.verdict == REFUSED for trial in trials)
-    return f" In {refused} trials the recordings were refused, and no effect was named." if refused else ""
+    return f" In {counted(refused, 'trial')} the recordings were refused, and no effect was named." if refused else ""
 
 
 @page_table(
@@ -81,4 +81,4 @@ def _grade(trial: TrustTrial) -> str:
         return "false alarm" if trial.named else "correct"
     if trial.wrong:
         return "incorrect effect"
-    return "correct" if set(trial.right) == set(trial.truth) else "missed" if trial.named or not trial.right else NONE
+    return "correct" if set(trial.right) == set(trial.truth) else "missed"

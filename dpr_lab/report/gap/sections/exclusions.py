@@ -16,10 +16,12 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
     excluded, not_excluded = _split(diagnosis)
     undetectable = [name for name, sizes in diagnosis.detectable.items() if sizes and not any(sizes.values())]
     sentences = [
-        f"{len(excluded)} effects of the library are absent or smaller than the size in the table. The"
+        f"Excluded effects of the library: {len(excluded)}. Each is absent or smaller than the size in the table. The"
         " confidence that a larger effect would have been detected in these recordings is at least"
         f" {percent(EXCLUDED.sure)} ({percent(EXCLUDED.of_shapes)} for effects of unknown order, frequency or speed)."
-        " Effects that are indistinguishable from a named effect are not listed.",
+        " Effects that are indistinguishable from a named effect are not listed."
+        if excluded
+        else "No effect of the library is excluded."
     ]
     if not_excluded:
         sentences.append(
@@ -28,8 +30,9 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
         )
     if undetectable:
         names = in_words(", ".join(undetectable))
-        sentences.append(f"If the named effects act, these effects are undetectable at any size: {names}.")
-    if diagnosis.open_gap:
+        condition = "If the named effects act, these" if diagnosis.effects else "These"
+        sentences.append(f"{condition} effects are undetectable at any size: {names}.")
+    if diagnosis.open_gap and excluded:
         sentences.append(
             "The remainder has no named cause and could hide an effect. The stated confidence assumes that"
             " the signature of the remainder differs from the signature of the effect."

@@ -39,8 +39,11 @@ def _draw_joint(axes: Axes, joint: str, curve: JointFriction) -> None:
 
 def friction_words(diagnosis: Diagnosis) -> list[str]:
     """Describe the friction torque of each joint at the smallest and the largest positive speed of its curve."""
+    friction = evidence_of(diagnosis).friction
+    if not friction:
+        return ["No joint moves fast enough in both directions."]
     sentences = []
-    for joint, curve in evidence_of(diagnosis).friction.items():
+    for joint, curve in friction.items():
         torque, std = _in_mNm(curve)
         sizes = [
             f"{plus_minus(torque[k], std[k])} mN m at {three(curve.speed_rad_per_s[k])} rad/s"
@@ -48,14 +51,13 @@ def friction_words(diagnosis: Diagnosis) -> list[str]:
             for k in (len(torque) // 2, -1)
         ]
         sentences.append(f"{_words(joint).capitalize()}: {' and '.join(sizes)}.")
-    if sentences:
-        sentences.append("± precedes the standard deviation.")
+    sentences.append("± precedes the standard deviation.")
     other = [named(effect.name) for effect in diagnosis.effects if effect.name in NOT_OF_SPEED]
     if other:
         sentences.append(
             f"This curve does not contain friction that depends on quantities other than the speed: {listed(other)}."
         )
-    return sentences or ["No joint moves fast enough in both directions."]
+    return sentences
 
 
 @page_table(
