@@ -1,6 +1,6 @@
-from types import SimpleNamespace
-
 """Descriptions before identifiers, and sizes in practical units."""
+
+from types import SimpleNamespace
 
 import pytest
 
