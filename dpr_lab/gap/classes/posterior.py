@@ -1,12 +1,13 @@
 """Classes of effects that are indistinguishable in these recordings, alternatives, and their probabilities.
 
-The signature of an effect is its change of the readings, with ratios and initial states projected out. Effects form one
-class if their signatures have a cosine of at least 0.999 and they fit equally well. Within a class, the probability is
-divided according to the criterion and the prior of each fitted size (`dpr_lab.gap.hypothesis.size_prior`): a clock
-error of 3 % is impossible for a crystal, a length error of 6 % is possible.
+The signature of an effect is the change of the readings by it, with ratios and initial states projected out. Effects
+form one class if their signatures have a cosine of at least 0.999 and they fit equally well. Within a class, the
+probability is divided according to the criterion and the prior of each fitted size
+(`dpr_lab.gap.hypothesis.size_prior`): a clock error of 3 % is impossible for a crystal, a length error of 6 % is
+possible.
 
-A richer form is treated as equal to the simpler form that it contains, under two conditions: its additional amplitudes
-are excluded at their minimum detectable sizes, and together they improve the fit by less than their penalty.
+A richer form counts as the simpler form that it contains under two conditions: its additional amplitudes are excluded
+at their minimum detectable sizes, and the reduction of chi2 by them is smaller than their penalty.
 
 The probability of a class is the softmax of the predictive costs of the selected set, of the fitted sets in which
 another effect replaces the named one, and of the set without it. The softmax is multiplied by the probability that the
@@ -45,7 +46,7 @@ class Alternative:
 
     name: str
     cosine: float
-    """Cosine between the signatures: the part of the named effect that the alternative can imitate."""
+    """Cosine of the signatures of named effect and alternative."""
     cost: float
     """Predictive cost of the set with the alternative."""
     probability: float = 0.0
@@ -61,11 +62,11 @@ class EffectPosterior:
     alternatives: tuple[Alternative, ...]
     probability: float
     forms: tuple[str, ...] = ()
-    """Richer forms that count as the member that they contain."""
+    """Richer forms that count as the member of the class that they contain."""
     odds: tuple[float, ...] = ()
-    """Share of each member in the probability."""
+    """Shares of the members in the probability; their sum is one."""
     outside: float = 0.0
-    """Probability that a cause outside the library replaces the effect."""
+    """Probability that a cause outside the library acts instead of the effect."""
     untested: bool = False
     """Whether the probability is limited because only one release of a single rod was recorded."""
 
@@ -110,7 +111,7 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
 
 @dataclass(frozen=True, slots=True)
 class _Replacements:
-    """One effect of the selected set, and the fits in which another effect replaces it."""
+    """Fits in which another effect replaces one effect of the selected set."""
 
     selection: Selection
     name: str
@@ -151,11 +152,12 @@ def _in_one_class(replacements: _Replacements, score: Score, other: Score) -> bo
     """Return whether an effect and the named effect have the same signature and fit equally well.
 
     In the fit without the named effect, the remaining effects may imitate it, so that equal signatures appear
-    different. The signatures therefore also count as equal if the named effect absorbs the other one in the selected
-    fit. For an unfitted effect, this condition is sufficient.
+    different. Signatures therefore also count as equal if the named effect absorbs the other effect in the selected
+    fit. If the set with the other effect was not fitted, this is sufficient.
 
-    A fitted simpler form is also a member if the named effect improves on it by less than the unexplained remainder,
-    whose cause can imitate the difference. For richer forms, see `_undetectably_richer`.
+    A fitted simpler form is a member as well if the named effect explains less in addition to it than remains
+    unexplained, because the unknown cause of the remainder can imitate the difference. For richer forms, see
+    `_undetectably_richer`.
     """
     selection, fitted = replacements.selection, replacements.with_other(other.effect.name)
     is_form = other.effect.name in score.effect.nested
@@ -185,7 +187,7 @@ def _undetectably_richer(selection: Selection, effect: Effect) -> tuple[str, ...
 
 
 def _adds_nothing(replacements: _Replacements, richer: str) -> bool:
-    """Return whether a richer form adds only excluded amplitudes, which do not reduce the cost."""
+    """Return whether all additional amplitudes of a richer form are excluded and do not reduce the cost."""
     selection, fitted = replacements.selection, replacements.with_other(richer)
     score = selection.final_test.best_score(richer)
     better = fitted is not None and fitted.cost_at(selection.chosen.inflation) < selection.chosen.cost
@@ -209,7 +211,7 @@ def _plausibility(replacements: _Replacements, score: Score) -> float:
 def _size_odds(replacements: _Replacements, alternative: Alternative) -> float:
     """Return the prior odds of the size of an alternative that imitates the named effect completely; otherwise 1.
 
-    If the effect imitates only a part of the alternative, they do not form a class.
+    Effect and alternative do not form a class if the effect imitates only a part of the alternative.
     """
     name, other = replacements.name, alternative.name
     if alternative.cosine < THRESHOLDS.indistinguishable or are_forms(name, other):
@@ -235,9 +237,10 @@ def _alternatives(replacements: _Replacements, named: Score, others: Mapping[str
 def _added_cost(replacements: _Replacements, alternative: Alternative) -> float:
     """Return the cost of the set with an alternative minus that of the selected set.
 
-    It is negative if only the prior odds reject the alternative.
+    The result is negative if the set with the alternative has the lower cost and only its prior odds are smaller.
 
-    A richer form of the named effect costs more, because it also fits integration errors or the unmodelled remainder.
+    For a richer form of the named effect, a margin is added, because it also fits integration errors and the unmodelled
+    remainder.
     """
     chosen = replacements.selection.chosen
     added = alternative.cost - chosen.cost
@@ -249,14 +252,14 @@ def _added_cost(replacements: _Replacements, alternative: Alternative) -> float:
 def prior_odds(selection: Selection, model: Hypothesis, members: Collection[str] = ()) -> float:
     """Return the prior odds of a set against the selected set; 1 for sets of different size.
 
-    They are the quotient of the products of `Effect.prior_odds` of the exchanged effects. For a friction drift that may
-    only fit the residual of a missing dissipative effect, they are `CALIBRATION.drifting`. The prior of the sizes is
-    `_size_odds`.
+    The odds are the product of `Effect.prior_odds` over the added effects, divided by the product over the removed
+    effects. For a friction drift that may only fit the residual of a missing dissipative effect, they are
+    `CALIBRATION.drifting`. Sizes are not considered (`_size_odds`).
 
     Args:
         selection: the selected set
         model: the other set
-        members: the class of the named effect; the named effect counts as common if a member of its class is common
+        members: members of the class of the named effect, which counts as common if a member is common
     """
     if follows_decay(selection.bare, model, selection.chosen):
         return CALIBRATION.drifting
@@ -274,7 +277,7 @@ def outside(selection: Selection, name: str = "", *, members: Iterable[str] = ()
     Args:
         selection: the selected set and all fitted sets
         name: the effect; empty for the gap as a whole
-        members: indistinguishable effects; if every rig has one of them, the effect is no mere compensation
+        members: indistinguishable effects; if every rig has one of them, the effect does not count as a compensation
     """
     remainder = 0.0 if selection.chosen.at_noise_floor else selection.chosen.residuals.noise_ratio
     unexplained = max(1 - selection.share_explained, CALIBRATION.least_left)
@@ -290,7 +293,7 @@ def probabilities(selection: Selection, posteriors: tuple[EffectPosterior, ...],
     Args:
         selection: the selected set of effects
         posteriors: probabilities of the selected effects; empty if no effects are listed
-        kind: the verdict
+        kind: kind of the verdict, such as `no_gap` or `inconclusive`
     """
     if kind == "no_gap" or not posteriors:
         of_bare = {"no_gap": CALIBRATION.sure, "inconclusive": CALIBRATION.unseen}.get(kind, 1 - CALIBRATION.sure)

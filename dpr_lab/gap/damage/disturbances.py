@@ -1,14 +1,13 @@
-"""Exclude parts of recordings that no property of the rig explains, such as kicks.
+"""Exclusion of kicks, pushes and steps of a reading from recordings.
 
-A kick changes the speeds of the rods. A step changes the reading of a joint. Both occur within one segment and are far
-larger than anything else in the recordings (`dpr_lab.gap.damage.jumps`), whereas an effect of the rig acts in many
-segments.
+A kick changes the speeds of the rods. A step changes the reading of a joint. Both occur within one segment and stand
+out from all other segments (`dpr_lab.gap.damage.jumps`), whereas an effect of the rig acts in many segments.
 
 Around a kick, the readings of a tenth of a second are excluded. A push looks like two kicks, at its beginning and at
-its end. All readings between two kicks at a short distance are therefore excluded as well. Each kick belongs to one
-push at most. If a reading steps and returns after a while, the readings in between are excluded. If it stays shifted,
-the encoder missed counts, whose number the diagnosis estimates. A table of angles contains no counts, so its shorter
-part is excluded.
+its end. The readings between two kicks that follow each other closely are therefore excluded as well. Each kick belongs
+to one push at most. If a reading steps and returns after a while, the readings in between are excluded. If it stays
+shifted, the encoder missed counts, whose number the diagnosis estimates. A table of angles contains no counts, so its
+shorter part is excluded.
 """
 
 from collections.abc import Iterable, Sequence
@@ -20,7 +19,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.fitting.cut import MIN_SAMPLES, cut
 from dpr_lab.fitting.estimate import Estimate
-from dpr_lab.gap.damage.hand import fitted_initial_states, without_hand
+from dpr_lab.gap.damage.hand import HELD, fitted_initial_states, without_hand
 from dpr_lab.gap.damage.jumps import JUMP, Jump, jumps_of_segments, outstanding
 from dpr_lab.gap.damage.steps import shows_step
 from dpr_lab.gap.result.finding import SensorFinding
@@ -36,10 +35,9 @@ class DisturbanceRules:
     kick_s: float = 0.1
     """Length of the excluded interval about a kick, s; a hand touches a rod for 20 to 100 ms."""
     joins_s: float = 0.15
-    """Maximum distance, s, at which a step of a reading and a neighbouring interval count as one disturbance."""
+    """Maximum time between a step of a reading and another disturbance that count as one disturbance, s."""
     push_s: float = 2.5
-    """Maximum time between two kicks that count as beginning and end of one push, s. The readings of the push are
-    excluded."""
+    """Maximum duration of the excluded interval of a push, from before its first kick to after its last kick, s."""
     release_s: float = 0.5
     """Time after the first reading within which a kick counts as the hand that releases the rods, s.
 
@@ -48,9 +46,9 @@ class DisturbanceRules:
     rounds: int = 6
     """Maximum number of searches; a large disturbance hides smaller ones."""
     returns: float = 0.25
-    """Maximum sum of a step and a later opposite step, relative to the first step, for a reading that has returned."""
+    """Maximum |sum of a step and a later opposite step|, divided by the first step, for a reading that returns."""
     while_share: float = 0.3
-    """Maximum time for which a reading is shifted and then returns, relative to the duration of the recording."""
+    """Maximum time between the two steps of a reading that returns, divided by the duration of the recording."""
 
 
 DISTURBANCE = DisturbanceRules()
@@ -58,7 +56,7 @@ DISTURBANCE = DisturbanceRules()
 
 @dataclass(frozen=True, slots=True)
 class ExcludedInterval:
-    """Excluded interval of a recording; an infinite end is the end of the recording."""
+    """Excluded interval of a recording, s; an infinite limit stands for the beginning or end of the recording."""
 
     since: float
     until: float
@@ -71,12 +69,12 @@ class ExcludedInterval:
 
     @property
     def of_counts(self) -> bool:
-        """Whether an encoder missed counts. If so, no readings are excluded."""
+        """Whether the interval is a step of missed counts, which excludes no reading."""
         return self.since == self.until
 
 
 def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
-    """Remove the influence of a hand at the beginning, of kicks, and of steps of a reading.
+    """Exclude readings under the influence of a hand, of kicks, and of steps of a reading.
 
     Args:
         recordings: the runs
@@ -114,7 +112,7 @@ def _cleaned(whole: Recordings, parts: Sequence[Sequence[ExcludedInterval]]) -> 
 def _remaining(record: Record, parts: Sequence[ExcludedInterval]) -> Record | None:
     """Return the record without the given intervals, or None if no segment remains.
 
-    If the readings between kicks are the only segments, they are kept.
+    Neighbouring intervals are merged, unless the merged intervals leave no segment.
     """
     ordered = sorted(parts, key=lambda part: part.since)
     for intervals in (_merged(ordered), ordered):
@@ -127,7 +125,7 @@ def _remaining(record: Record, parts: Sequence[ExcludedInterval]) -> Record | No
 def _undriven(record: Record) -> bool:
     """Return whether neither a known torque nor a moving arm drives the rods.
 
-    Errors of a drive could look like a disturbance.
+    An error of a drive could look like a disturbance.
     """
     return record.run.setup.free and not record.encoder0_moves
 
@@ -135,8 +133,8 @@ def _undriven(record: Record) -> bool:
 def _jumps(recordings: Recordings, estimate: Estimate) -> list[Jump]:
     """Detect kicks and steps of readings in free swings.
 
-    The search uses two overlapping divisions into segments, so that no jump lies at the end of a segment in both. If
-    missed counts shift the readings of a recording, a jump does not stand out there.
+    Two divisions into segments are searched, so that no jump lies at the end of a segment in both. Recordings with
+    missed counts are not searched, because a jump does not stand out there.
     """
     searched = [_undriven(record) and not record.screened.breaks for record in recordings.records]
     kicks, steps = list[Jump](), list[Jump]()
@@ -164,7 +162,7 @@ def _later(record: Record, begin: float) -> Record:
 def shows(record: Record, jump: Jump) -> bool:
     """Return whether the readings themselves contain the step.
 
-    The residuals of a model may show a step that the readings do not contain.
+    The residual of a model may also show a step that the readings do not contain.
     """
     return jump.joint is not None and shows_step(record, jump.joint, jump.at, jump.size[0])
 
@@ -172,16 +170,16 @@ def shows(record: Record, jump: Jump) -> bool:
 def _intervals(record: Record, jumps: Sequence[Jump]) -> list[ExcludedInterval]:
     """Return the intervals to exclude.
 
-    The intervals lie around kicks, between a step and its return, and before or after a step that stays.
+    The intervals lie around kicks, between a step and an opposite step, and before or after a lasting step.
     """
     reach, parts = 0.5 * DISTURBANCE.kick_s, list[ExcludedInterval]()
     steps = sorted((jump for jump in jumps if jump.joint is not None), key=lambda jump: jump.at)
     while steps:
         first, *steps = steps
-        back_step = next((step for step in steps if _returns(record, first, step)), None)
-        if back_step is not None:
-            steps = [step for step in steps if step.at > back_step.at]
-            parts.append(ExcludedInterval(first.at, back_step.at, (first, back_step)))
+        opposite = next((step for step in steps if _returns(record, first, step)), None)
+        if opposite is not None:
+            steps = [step for step in steps if step.at > opposite.at]
+            parts.append(ExcludedInterval(first.at, opposite.at, (first, opposite)))
         elif record.screened.on_grid[first.joint]:
             parts.append(ExcludedInterval(first.at, first.at, (first,)))
         elif np.mean(record.t < first.at) < 0.5:
@@ -198,8 +196,8 @@ def _intervals(record: Record, jumps: Sequence[Jump]) -> list[ExcludedInterval]:
 def _returns(record: Record, first: Jump, later: Jump) -> bool:
     """Return whether a later step of the readings cancels an earlier one."""
     sizes = first.size[0], later.size[0]
-    takes_back = first.joint == later.joint and abs(sum(sizes)) < DISTURBANCE.returns * abs(sizes[0])
-    return takes_back and later.at - first.at < DISTURBANCE.while_share * float(np.ptp(record.t))
+    cancels = first.joint == later.joint and abs(sum(sizes)) < DISTURBANCE.returns * abs(sizes[0])
+    return cancels and later.at - first.at < DISTURBANCE.while_share * float(np.ptp(record.t))
 
 
 def _merged(parts: Iterable[ExcludedInterval]) -> list[ExcludedInterval]:
@@ -235,7 +233,7 @@ def _without(record: Record, parts: Sequence[ExcludedInterval]) -> Record:
 
 
 def _with_missed_counts(record: Record, part: ExcludedInterval) -> Record:
-    """Add a step of missed counts to the record; an effect estimates their number."""
+    """Add a step of missed counts to the record; the effect `missed_counts` estimates their number."""
     (step,) = part.jumps
     steps = sorted([*record.screened.breaks, (step.at, int(step.joint or 0))])
     breaks = np.sort(np.append(record.breaks, step.at))
@@ -246,14 +244,16 @@ def _finding(record: Record, part: ExcludedInterval) -> SensorFinding:
     first, run = part.jumps[0], record.run.name
     if not part.of_reading:
         at_s = part.since
-        evidence = "until {:.3g} s the rods do not swing freely: a hand pushes or holds them; excluded"
+        evidence = (
+            "until {:.3g} s the rods do not swing freely: a hand pushes or holds them; these readings are excluded"
+        )
         if np.isinf(part.since):
             at_s = float(record.t[0])
-            evidence = "until {:.2g} s the rods do not swing freely: a hand or a latch still acts; excluded"
+            evidence = HELD
         elif len(part.jumps) == 1:
             speeds = " and ".join(f"{change:+.2g}" for change in dict.fromkeys(first.size))
-            around = f"{DISTURBANCE.kick_s:g} s around it are excluded"
-            at_s, evidence = first.at, f"a kick changes the speed of the rods by {speeds} rad/s: {around}"
+            excluded = f"the readings of {DISTURBANCE.kick_s:g} s around it are excluded"
+            at_s, evidence = first.at, f"a kick changes the speed of the rods by {speeds} rad/s: {excluded}"
         return SensorFinding("disturbance", run, None, at_s, evidence.format(part.until))
     steps = [jump for jump in part.jumps if jump.joint is not None]
     step, name = steps[0], "reading_step"

@@ -1,8 +1,8 @@
-"""Detect a hand or a latch that still acts at the beginning of a recording.
+"""Detection of a hand or a latch that still acts at the beginning of a recording.
 
-push    The energy of the rods is computed with the fitted ratios. It rises at the beginning, or before the model of
-        undriven rods fits the readings. Without a drive the energy only decreases.
-hold    The first segment fits worse than all other segments. Without its first readings it fits as well as they do.
+push    The energy of the rods, computed with the fitted ratios, rises at the beginning of the recording and then only
+        decreases. Undriven rods never gain energy.
+hold    The first segment fits worse than all other segments. Without its first readings, it fits as well as the others.
 """
 
 from dataclasses import dataclass, replace
@@ -27,21 +27,21 @@ class HandRules:
     """Thresholds of the detection of a hand."""
 
     followed: float = 8.0
-    """Maximum chi2 per reading, relative to its usual value, of a segment that the model of undriven rods fits."""
+    """Maximum chi2 per reading of a segment that the model of undriven rods fits, relative to the median segment."""
     rises: float = 0.05
     """Minimum rise of the energy by a push, relative to the maximum of the energy."""
     first: float = 3.0
-    """Maximum chi2 per reading of the first segment, and maximum ratio to the worst other segment.
+    """Maximum chi2 per reading of a free first segment, absolute and relative to the worst other segment.
 
-    If both are exceeded, a force other than gravity and friction acts in the segment.
+    If both limits are exceeded, a hand or a latch acts in the segment.
     """
     at_rest: float = 0.3
     """Maximum speed of rods that a hand holds, relative to their maximum speed.
 
-    If the rods are faster, they are not held: the record begins during the swing.
+    Faster rods are not held: the record begins during the swing.
     """
     held: float = 0.8
-    """Maximum part of the first segment in which the rods may still be held, as a fraction of its duration."""
+    """Maximum time for which the rods are held, as a fraction of the duration of the first segment."""
     scatters: float = 5.0
     """Minimum rise of the energy, in standard deviations of the noise of the energy."""
     smoothed: int = 5
@@ -49,7 +49,7 @@ class HandRules:
     early: float = 0.3
     """Fraction of the recording within which the rise must occur.
 
-    Any later rise must be less than half as large.
+    A later rise must be less than half as large.
     """
     iterations: int = 15
     """Maximum number of iterations of a fit of initial states."""
@@ -57,9 +57,12 @@ class HandRules:
 
 HAND = HandRules()
 
+HELD = "until {:.2g} s the rods do not swing freely: a hand or a latch still acts; these readings are excluded"
+"""Evidence of a hand or a latch at the beginning; the argument is a time, s."""
+
 
 def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Record:
-    """Exclude the readings at the beginning during which a hand still acts on the rods.
+    """Exclude the readings at the beginning of a run while a hand still acts on the rods.
 
     Args:
         recordings: the runs
@@ -72,8 +75,7 @@ def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Recor
     until = _pushed_until(alone, problem, fitted)
     evidence = "the rods gain energy until {:.2g} s: a hand still pushes, so these readings are excluded"
     if until is None:
-        until = _held_until(alone, problem, fitted)
-        evidence = "until {:.2g} s the rods do not swing freely: a hand or a latch still acts; excluded"
+        until, evidence = _held_until(alone, problem, fitted), HELD
     if until is None:
         return record
     finding = SensorFinding("disturbance", record.run.name, None, float(record.t[0]), evidence.format(until))
@@ -83,14 +85,14 @@ def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Recor
 def fitted_initial_states(recordings: Recordings, estimate: Estimate, length: float) -> tuple[Problem, Fit]:
     """Cut recordings into segments, and fit only the initial states of the segments.
 
-    The ratios and the effects of the estimate are fixed. `length` is the approximate length of a segment, s.
+    Ratios and effects keep the values of `estimate`. `length` is the approximate length of a segment, s.
     """
     problem, initial = replace(recordings, ratios=None).cut(length)
     return problem, fit(problem, estimate.changed(initial=initial), (), iterations=HAND.iterations)
 
 
 def energies(problem: Problem, estimate: Estimate) -> Array:
-    """Return the (segments,) energy at the start of each segment, divided by b, 1/s^2.
+    """Return the (segments,) energy of the rods at the start of each segment, divided by b, 1/s^2.
 
     The energy is zero for hanging rods at rest.
     """
@@ -103,19 +105,19 @@ def energies(problem: Problem, estimate: Estimate) -> Array:
     return kinetic + e1 * (1 + np.cos(th1)) + d * constants.g / constants.L1 * (1 + np.cos(th2))
 
 
-def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float | None:
-    """Return the start, s, of the first segment that the model fits after the energy rose.
+def _pushed_until(recordings: Recordings, problem: Problem, fitted: Fit) -> float | None:
+    """Return the start, s, of the first segment that the model fits after a rise of the energy.
 
-    The result is None if the energy does not rise.
+    The result is None if the energy does not rise as by a push.
     """
-    energy = energies(problem, fit.estimate)
+    energy = energies(problem, fitted.estimate)
     begins = problem.t[problem.segments.offsets[:-1]]
     if len(energy) < 2 * HAND.smoothed or not np.isfinite(energy).all():
         return None
-    level = fit.linear.chi2_by_segment / np.diff(problem.segments.offsets)
+    level = fitted.linear.chi2_by_segment / np.diff(problem.segments.offsets)
     if level[0] > max(HAND.first, HAND.first * float(level[1:].max())):
         # The model of undriven rods does not fit a push, so the speeds are estimated from the readings.
-        of_readings = energies(problem, fit.estimate.changed(initial=recordings.cut(LENGTHS.first)[1]))
+        of_readings = energies(problem, fitted.estimate.changed(initial=recordings.cut(LENGTHS.first)[1]))
         energy = np.concatenate([of_readings[:1], energy[1:]])
     smooth, scatter = np.median(neighbours(energy, HAND.smoothed // 2), axis=1), _scatter(energy)
     top = int(np.argmax(energy >= smooth.max() - 2 * scatter))
@@ -127,7 +129,7 @@ def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float |
 def _first_followed(level: Array, top: int) -> int:
     """Return the index of the first segment at or after `top` that the undriven model fits.
 
-    This excludes the segment of the push, in which the fit does not give the energy at the start.
+    In the segment of the push itself, the fitted energy is wrong, so this segment is excluded.
     """
     usual = max(float(np.median(level[top:])), 1.0)
     followed = np.flatnonzero(level[top:] < HAND.followed * usual)
@@ -135,10 +137,10 @@ def _first_followed(level: Array, top: int) -> int:
 
 
 def _held_until(recordings: Recordings, problem: Problem, fitted: Fit) -> float | None:
-    """Return the time, s, until which something holds the rods.
+    """Return the time, s, until which a hand or a latch holds the rods.
 
-    The time lies in the first segment. From then on, the model of undriven rods fits as well as in other segments. The
-    result is None if nothing holds the rods.
+    It lies in the first segment: from this time on, the model of undriven rods fits as well as in the other segments.
+    The result is None if there is no such time.
     """
     (recording,) = recordings.records
     level = fitted.linear.chi2_by_segment / np.diff(problem.segments.offsets)
@@ -177,6 +179,6 @@ def _only_rose_before(energy: Array, smooth: Array, top: int, begins: Array, sca
 
 
 def _scatter(energy: Array) -> float:
-    """Estimate the noise of the energy from second differences, in which a slow decay cancels."""
+    """Estimate the standard deviation of the energy from second differences, in which a slow decay cancels."""
     variance = 1.0 + 4.0 + 1.0  # second difference of white noise of unit variance
     return spread(np.diff(energy, 2)) / variance**0.5

@@ -1,6 +1,6 @@
-"""Detection of jumps of the rods' speeds or of a reading.
+"""Detection of jumps of the speeds of the rods, or of a reading.
 
-The generalised likelihood ratio of a change within one segment is computed. In a linearised segment, a change at an
+A generalised likelihood ratio test detects a change within one segment. In a linearised segment, a change at the
 instant t_k adds h to the later readings,
 
     kick        h = C(t) Phi(t_k)^-1 [0; M^-1] p     with the impulses p of joints 1 and 2
@@ -10,7 +10,7 @@ Here M is the inertia matrix. Phi is the derivative of the state with respect to
 is the derivative of the readings with respect to this initial state. The initial state of the segment and torques that
 are polynomials in time are projected out. An error of the model acts along the whole segment, so the projection removes
 most of it. For the whitened and projected residual e and response h, the change reduces chi2 by its gain (h e)^2 / h^2.
-The gains at all times follow from sums over the later readings.
+Cumulative sums over the later readings give the gains at all instants.
 
 Source: Willsky & Jones (1976), A generalized likelihood ratio approach to the detection and estimation of jumps in
 linear systems, IEEE Trans. Autom. Control 21, 108-112.
@@ -36,33 +36,33 @@ class JumpRules:
     gain: float = 50.0
     """Minimum gain of a jump.
 
-    Among the 1e4 instants of three recordings, white noise of the assumed size reaches a gain of 25.
+    Over the 1e4 instants of three recordings, the largest gain of white noise is about 25.
     """
     outstanding_step: float = 3.0
     """Minimum ratio of the gain of a step to the largest gain elsewhere."""
     outstanding_kick: float = 8.0
     """Minimum ratio of the gain of a kick to the largest gain elsewhere.
 
-    The ratio was at most 1.7 on 40 undamaged rigs with effects, but load-dependent friction acts mostly where a swing
-    is fastest (5.2).
+    In trials with effects and without kicks, the ratio was at most 1.7, except with load-dependent friction (5.2),
+    which acts mostly where a swing is fastest.
     """
     others: int = 6
-    """Minimum number of segments elsewhere to which a jump is compared."""
+    """Minimum number of other segments with which a jump is compared."""
     most: float = 0.1
     """Maximum number of jumps as a share of the number of segments; at least two jumps are always permitted."""
     kick_torques: int = 0
-    """Degree of the polynomial torques that are projected out before kicks: a constant.
+    """Degree of the polynomial torques that are projected out for the detection of kicks.
 
-    A higher degree imitates a kick.
+    A polynomial of higher degree than a constant could imitate a kick.
     """
     step_torques: int = 2
-    """Degree of the polynomial torques that are projected out before steps of a reading; no torque imitates a step."""
+    """Degree of the polynomial torques that are projected out for the detection of steps; no torque imitates a step."""
     margin: int = 3
     """Number of readings at either end of a segment in which no jump is sought."""
     kick_s: float = 0.06
-    """Time before and after the middle of a kick within which a hand touches a rod, s."""
+    """Maximum time between the middle of a kick and a step of the residual that the kick may cause, s."""
     near_s: float = 0.1
-    """Maximum time between a jump and another segment that may still contain a part of the jump, s."""
+    """Maximum distance of a jump from another segment whose gain it may increase, s."""
 
 
 JUMP = JumpRules()
@@ -86,7 +86,7 @@ class Jump:
 
 
 def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
-    """Return the jumps whose gain far exceeds the gains of all segments at other times.
+    """Return the jumps whose gains far exceed the gains of all other segments.
 
     Args:
         candidates: best jump of each segment; segments may overlap
@@ -106,8 +106,8 @@ def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
 def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[Jump]]:
     """Return the best kick and the best step of a reading in each segment.
 
-    Constant torques are projected out before kicks, parabolic torques before steps. A step has a joint only if neither
-    a kick of finite duration nor a single wrong reading explains the residual equally well.
+    Constant torques are projected out for kicks, parabolic torques for steps. The joint of a step is None if a kick of
+    finite duration, or a single wrong reading, explains the residual equally well.
     """
     reference = trajectory(problem, fitted.estimate, spacing=TRAJECTORY.coarse_s)
     with_constant = _Changes.of(problem, fitted, reference, JUMP.kick_torques)
@@ -118,7 +118,7 @@ def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[J
     beyond_kick = np.max([with_constant.steps(joint)[0] for joint in range(2)], axis=0) > _highest_near(
         problem.t, kick_gain
     )
-    certain = beyond_kick & (step_gain > with_parabola.lone())
+    certain = beyond_kick & (step_gain > with_parabola.outliers())
     instants = problem.t - 0.5 * np.diff(problem.t, prepend=problem.t[0])
     kicks, steps, ends = list[Jump](), list[Jump](), pairwise(problem.segments.offsets.tolist())
     for run, (first, last) in zip(problem.segments.run.tolist(), ends, strict=True):
@@ -221,10 +221,10 @@ class _Changes:
         gain, size = step_gains(self.weight[:, joint], self.e[:, joint], self.Q[:, joint], self.ends)
         return self._inside(gain), size
 
-    def lone(self) -> Array:
-        """Return the gain of excluding a single wrong reading near each sample.
+    def outliers(self) -> Array:
+        """Return the (samples,) gain of a single wrong reading near each sample.
 
-        The result has the shape (samples,). The wrong reading is the sample itself or its neighbour.
+        The gain is the reduction of chi2 if the sample itself or one of its neighbours is left out.
         """
         remaining = 1.0 - np.sum(self.Q**2, axis=2)
         gain = np.max(self.e**2 / np.maximum(remaining, STEPS.seen), axis=1)
@@ -236,7 +236,7 @@ class _Changes:
 
 
 def _of_torques(problem: Problem, fitted: Fit, reference: Trajectory, degree: int) -> Array:
-    """Return (segments, m, k) orthonormal responses of the readings to polynomial torques.
+    """Return an orthonormal basis (segments, m, k) of the responses of the readings to polynomial torques.
 
     The initial states are projected out of the responses.
     """

@@ -1,4 +1,4 @@
-"""Isolated outliers, which at a low sampling rate are visible only in the residual of a model."""
+"""Detection of isolated outliers in the residual of a model, for low sampling rates."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,12 +15,11 @@ class OutlierRules:
     """Limits of the detection of isolated outliers."""
 
     deviation: float = 8.0
-    """Minimum deviation of an outlier from its neighbours, in standard deviations."""
+    """Minimum deviation of an outlier from a line through its neighbours, in standard deviations."""
     among: float = 6.0
     """Minimum ratio of the deviation of an outlier to the deviations of its neighbours."""
     quantile: float = 0.8
-    """Quantile that represents the deviations of the neighbours; a second outlier among them then does not hide the
-    first."""
+    """Quantile of the deviations of the neighbours; a second outlier among them does not change it."""
     line: int = 7
     """Number of residuals to which a robust line is fitted: the three readings of an outlier are a minority."""
 
@@ -31,8 +30,8 @@ OUTLIERS = OutlierRules()
 def isolated_outliers(problem: Problem, estimate: Estimate) -> Flags:
     """Return the (samples, 2) mask of isolated outliers of up to three readings.
 
-    A robust straight line (Theil and Sen) is fitted to the seven residuals around a reading. An outlier is far from
-    this line, farther than its neighbours, and the next residuals return to the previous level. In contrast, the
+    A robust straight line (Theil and Sen) is fitted to the seven residuals around a reading. An outlier deviates from
+    this line far more than its neighbours, and the residuals before and after it have the same level. In contrast, the
     residual of a missing effect is smooth, large for some time, or a step.
     """
     r = np.nan_to_num(problem.weight * (problem.measured - problem.predict(estimate)))

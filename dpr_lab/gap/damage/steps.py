@@ -24,13 +24,13 @@ class StepSettings:
     degree: int = 5
     """Degree of the polynomial that is fitted to the readings around a step."""
     reach: int = 3
-    """Maximum number of readings by which the residual may misplace a step."""
+    """Maximum error of the position of a step in the residual, in readings."""
     part: float = 0.5
     """Minimum ratio of the step in the readings to the step of the residual."""
     errors: float = 3.0
-    """Number of standard errors by which the step in the readings may be smaller than the step of the residual.
+    """Tolerance of the size of the step in the readings, and its minimum size, in standard errors.
 
-    A visible step in the readings exceeds the same number of standard errors.
+    The minimum size is `part` of the step of the residual if this is smaller.
     """
 
 
@@ -38,12 +38,10 @@ STEPS = StepSettings()
 
 
 def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
-    """Return whether a step significantly improves a polynomial through the readings.
+    """Return whether the readings themselves contain the step of a residual.
 
-    The step in the readings must be visible, and must not be far smaller than the step of the residual. By chance,
-    readings without a step may resemble a small part of the residual's step. The step in the readings must therefore be
-    nearer to the step of the residual than to zero. If too few readings lie before or after the instant, the step
-    counts as a zero error of the recording.
+    A polynomial with a step is fitted to the readings. Its step must be significant, and must not be far smaller than
+    the step of the residual (`StepSettings`). The result is False if too few readings lie before or after the instant.
 
     Args:
         record: the recording
@@ -63,7 +61,7 @@ def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
 
 
 def _step_shape() -> Array:
-    """Return a step in the middle of (2 side,) readings, with the polynomial projected out."""
+    """Return a unit step in the middle of (2 side,) readings, with polynomials projected out."""
     around = np.arange(-STEPS.side, STEPS.side)
     smooth = np.linalg.qr(np.vander((around + 0.5) / STEPS.side, STEPS.degree + 1))[0]
     shape = (around >= 0).astype(np.float64)

@@ -1,4 +1,4 @@
-"""Further recordings of a rig, with the corrections that its diagnosis applied."""
+"""Further recordings of a diagnosed rig, with the corrections of its diagnosis."""
 
 from collections.abc import Iterable
 
@@ -12,7 +12,7 @@ from dpr_lab.run import Run
 def recordings_as_in(diagnosis: Diagnosis, runs: Iterable[Run], rig: Rig) -> Recordings:
     """Screen runs, and apply the shutter and torque timing corrections of a diagnosis.
 
-    The runs and the diagnosis belong to the same rig.
+    `runs` are further recordings of the diagnosed rig.
     """
     recordings = Recordings(tuple(record(run, rig) for run in runs), rig, exact_torques=diagnosis.exact_torques)
     return recordings.with_earlier_torques(diagnosis.torques_earlier).with_shutter(diagnosis.shutter)

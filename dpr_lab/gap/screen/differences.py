@@ -30,7 +30,7 @@ class SpeedNoiseSettings:
     It is the inverse of the efficiency, 0.37, of the median absolute deviation for normal values.
     """
     least_level: float = 0.1
-    """Minimum uncertainty of the squared level of a bin, relative to the largest squared level."""
+    """Lower limit of the squared level in the weight of a bin, relative to the largest squared level."""
 
 
 SPEED_NOISE = SpeedNoiseSettings()
@@ -56,11 +56,10 @@ def spread(values: Array) -> float:
 
 
 def stride_ratio(values: Array, floor: float) -> float:
-    """Return the noise of every third sample, divided by the noise of neighbours.
+    """Return the noise estimated from every third sample, divided by that from neighbouring samples.
 
     The ratio is 1 for white noise and larger for smoothed readings. `floor` is a lower limit of the noise of
-    neighbours, rad. The limit is needed because the reading of a coarse encoder repeats between counts while the rod is
-    slow.
+    neighbouring samples, rad, because the reading of a coarse encoder is constant between counts while the rod is slow.
     """
     adjacent, distant = spread(sixth(values)), min(spread(sixth(values[k:], 3)) for k in range(3))
     return distant / max(adjacent, floor) if adjacent > 0 else 1.0
@@ -78,7 +77,7 @@ def noise_by_speed(
     Args:
         t: (n,) times, s
         joints: (n, 2) angles, rad
-        floor: (2,) standard deviation at rest, rad; while a rod is slow, an intact coarse encoder can show less noise
+        floor: (2,) lower limit of the noise level, rad: the standard deviation at rest
         period: nominal sampling interval, s; neighbourhoods with missing readings are excluded
         keep: (n, 2) mask of the readings without a fault. If given, the noise level is a root mean square, which
             includes rare large time-stamp errors; if None, it is a robust estimate
@@ -107,7 +106,7 @@ def noise_by_speed(
 def _line(speed2: Array, residual: Array, floor: float, level: Callable[[Array], float]) -> tuple[float, float]:
     """Regress the variance of `residual` on the squared speed `speed2`; return slope and standard error.
 
-    The variance is computed in bins of speed by the function `level`.
+    The variance is that of bins of the speed; the function `level` estimates the standard deviation of a bin.
     """
     in_bin = len(residual) / SPEED_NOISE.bins
     if in_bin < SPEED_NOISE.fewest:

@@ -14,12 +14,12 @@ class ImplausibleSettings:
     fastest: float = 200.0
     """Maximum speed of a rod, rad/s; no laboratory rod rotates thirty times per second."""
     moved: float = 8.0
-    """Minimum motion since the last new reading for which an unchanged reading counts as repeated, in standard
-    deviations of a reading."""
+    """Minimum motion of the rod since the reading last changed, in standard deviations of a reading, for an unchanged
+    reading that counts as repeated."""
     late: float = 12.0
-    """Minimum motion that repeated readings lack if the next readings can be late, in standard deviations of a reading.
+    """Minimum motion that repeated readings miss before late readings, in standard deviations of a reading.
 
-    With a limit of 8, the readings of a vibrating rod were late.
+    With a limit of 8, readings of a vibrating rod counted as late.
     """
     goes_on: float = 0.25
     """Minimum motion of the rod just before and after a repeated reading, relative to the usual motion per sample."""
@@ -27,8 +27,8 @@ class ImplausibleSettings:
     """Minimum change of the first new reading after repeated readings, relative to the motion since the last new
     reading.
 
-    The change contains the motion that the repeated readings lack. In contrast, a vibrating rod that was at rest
-    continues from its last position. For late readings, the limit is relative to the missing motion.
+    After repeated readings, this change contains the motion that they missed. After a true rest, a vibrating rod
+    continues from its last position. For late readings, the limit is relative to the missed motion.
     """
     reach: int = 4
     """Number of samples on either side for the estimate of the speed; one wrong instant then has little influence.
@@ -41,7 +41,7 @@ IMPLAUSIBLE = ImplausibleSettings()
 
 
 def too_fast(t: Array, joints: Array) -> Flags:
-    """Return a (n, 2) mask of implausible readings.
+    """Return the (n, 2) mask of the readings with an impossible speed.
 
     Such a reading differs from both neighbours by more than a rod can move between two samples.
     """
@@ -53,12 +53,12 @@ def too_fast(t: Array, joints: Array) -> Flags:
 def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) -> Flags:
     """Detect readings that equal the previous reading although the rod moves.
 
-    The rod moves if three conditions hold: its path since the last new reading is many standard deviations of a
-    reading, it moves in the same direction before and after, and the next new reading contains the missing motion.
-    Consecutive repeated readings are classified together. A jump after repeated readings is not a missed count.
+    The rod moves if three conditions hold: its path since the reading last changed is many standard deviations of a
+    reading, the readings before and after change in the same direction, and the next change contains the missed motion.
+    Consecutive repeated readings are classified together. The jump after them is not a missed count.
 
-    In a queue, the readings after a repeated one are late, until one reading contains the missing motion. The late
-    readings are marked too. Apart from this jump, the rod moves regularly.
+    In a queue, the readings after a repeated reading are late until one change contains the missed motion. These
+    readings are marked if the rod moves regularly apart from this jump.
 
     Args:
         t: (n,) times, s

@@ -1,4 +1,4 @@
-"""Tests of the sign and unit of an arm's input, and of its angles."""
+"""Tests of the sign and unit of the arm's input, and of the angles of arm and rods."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -30,33 +30,34 @@ from dpr_lab.run import turned_arm
 
 @dataclass(frozen=True, slots=True)
 class InputRules:
-    """Thresholds for an arm that is described as moving or clamped, and for other interpretations of a table."""
+    """Thresholds of the tests of an arm's description, and effects of these tests."""
 
     still: float = 6.0
     """Maximum range of the arm's angle for an arm that counts as at rest, in standard deviations of a reading."""
     likely: tuple[str, ...] = (SPRING_JOINT0.name, COULOMB_JOINT0.name)
-    """Effects that most arms have. Without them in the model, the torque of a strong cable can hide a wrong sign."""
+    """Effects that the model of the tests contains. Without them, the torque of a strong cable can hide a wrong
+    sign."""
     alike: float = 1.1
-    """Maximum ratio of chi-square with the other zero of the rods to chi-square with the given zero.
+    """Maximum ratio of the chi-square of the fit with the other zero of the rods to that with the stated zero.
 
-    Up to this ratio both fits count as equally good.
+    Up to this ratio the other zero fits as well.
     """
 
 
 INPUT = InputRules()
 GAIN_EXCESS = param_index(DRIVE_GAIN.name, DRIVE_GAIN.amplitudes[0].name)
-"""Place of the excess of the drive's gain, relative to the rig file, in the parameters of the effects."""
+"""Index of the relative error of the drive's gain in the parameters of the effects."""
 
 
 def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
-    """Refuse recordings in which the sign or unit of the arm or the input is not as stated.
+    """Reject recordings whose arm angle or input has another sign or unit than stated.
 
     Args:
         recordings: the runs
         start: (7,) initial ratios, b and p/b
 
     Raises:
-        RunError: the arm does not move, although it is described as moving, or the reverse.
+        RunError: the arm is at rest although it is described as moving, or moves although it is described as clamped.
         IdentificationError: another sign or unit explains the recordings; the message names it.
     """
     if not recordings.arm_moves:
@@ -85,8 +86,7 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
 def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
     """Return whether the fitted gravity torque of a recording has the wrong sign.
 
-    In this case the angles of the table are measured from hanging but were interpreted as measured from upright, or the
-    reverse.
+    The cause is a wrong zero: angles that are measured from hanging were read as measured from upright, or vice versa.
     """
     rig, e1 = recordings.rig, BASE.index("e1")
     return any(
@@ -111,9 +111,9 @@ def _refuse_other_modes(recordings: Recordings) -> None:
 
 
 def _fitted(recordings: Recordings, start: Array, effects: tuple[str, ...] = ()) -> Interpreted:
-    """Fit a model with a free gain and some effects to short segments.
+    """Fit ratios, the gain of a driven arm, and the given effects to short segments.
 
-    The fit starts from the unit of the input that fits best.
+    The initial gain is that of the unit of the input with the smallest chi-square.
     """
     problem, initial = recordings.cut(LENGTHS.first)
     estimate = Estimate.of(start, recordings.start_params, initial)

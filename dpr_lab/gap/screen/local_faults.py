@@ -27,17 +27,17 @@ class LocalFaultSettings:
     degree: int = 5
     """Degree of the polynomial; over 28 ms it fits a rotation at 5 Hz to 1e-5 rad."""
     stands_out: float = 6.0
-    """Minimum significance of a fault, in standard deviations.
+    """Minimum size of a fault, in standard deviations of its estimate.
 
     Three runs contain 6e4 readings. Noise alone exceeds the threshold in about one of 1e4 such sets.
     """
     above_surroundings: float = 4.0
-    """Minimum ratio of a fault to the usual level of its surroundings.
+    """Minimum ratio of the significance of a fault to the usual level of its surroundings.
 
-    Violent motion increases all residuals of the surroundings, but a fault increases only its own residual.
+    Fast motion increases the residuals of the whole neighbourhood, a fault only those nearby.
     """
     usual: float = 0.9
-    """Quantile of the surroundings that defines the usual level.
+    """Quantile of the significance that defines the usual level of the surroundings.
 
     The surroundings are the readings at a distance of 2 to 10 half windows.
     """
@@ -81,7 +81,7 @@ def local_faults(
     steps: list[tuple[int, float]] = []
     if keep.sum() >= 4 * half:
         grid = np.arange(t[0], t[-1] + 0.5 * period, period)
-        z = _significance(_at(grid, t[keep], angle[keep]), half, noise, period)
+        z = _significance(_interpolated(grid, t[keep], angle[keep]), half, noise, period)
         for instant_near in grid[_peaks(z, half)]:
             window = (half + 0.5) * period
             first, last = (
@@ -99,7 +99,7 @@ def local_faults(
     return outliers, steps
 
 
-def _at(grid: Array, t: Array, angle: Array) -> Array:
+def _interpolated(grid: Array, t: Array, angle: Array) -> Array:
     """Return the readings at the instants of an even grid, interpolated unless they were taken at these instants."""
     if len(t) == len(grid) and np.allclose(t, grid, rtol=0.0):
         return angle
@@ -158,7 +158,7 @@ def _usual(z: Array, centres: Integers, half: int) -> Array:
 
 
 def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tuple[int, float | None]:
-    """Decide whether one of a few samples is an outlier or the beginning of a step.
+    """Return the sample that is most likely an outlier or the beginning of a step.
 
     Args:
         t: (n,) times, s

@@ -14,11 +14,12 @@ class QuantisationSettings:
     """Limits for readings on the grid of the counts, and for independent rounding errors."""
 
     still_counts: float = 0.2
-    """Noise before rounding up to which the rounding errors of neighbouring readings are dependent, in counts."""
+    """Maximum noise before rounding, in counts, at which neighbouring readings have dependent rounding errors."""
     fewest_at_rest: int = 20
     """Minimum number of readings at rest for the detection of constant counts."""
     on_grid: float = 0.7
-    """Minimum |mean of exp(2 pi i reading / count)| of a table on the grid of counts; zero for an even distribution."""
+    """Minimum |mean of exp(2 pi i reading / count)| of readings on the grid of counts; an even distribution gives
+    zero."""
 
 
 QUANTISATION = QuantisationSettings()
@@ -27,7 +28,7 @@ QUANTISATION = QuantisationSettings()
 def count_size(run: Run, rig: Rig) -> Array:
     """Return the (3,) smallest change of a reading of encoders 0, 1 and 2, rad; zero for a table of angles.
 
-    A coarse encoder with a finer counter changes by several counts.
+    The reading of a coarse encoder with a finer counter changes by several counts at a time.
     """
     if run.counts is None:
         return np.zeros(3)
@@ -38,7 +39,7 @@ def count_size(run: Run, rig: Rig) -> Array:
 def is_on_grid(run: Run, rig: Rig, joints: Array) -> Flags:
     """Return whether the readings of each joint differ by whole counts.
 
-    An interpolated or fused table contains no counts.
+    The readings of an interpolated or filtered table do not.
     """
     if run.counts is not None:
         return np.ones(2, dtype=bool)
@@ -65,7 +66,7 @@ def has_dither(run: Run, rig: Rig, count: Array, still: Flags) -> Flags:
 def changing(readings: Array, still: Flags) -> Flags:
     """Return an (m,) mask of the joints whose readings mostly differ from the previous one.
 
-    The readings have the shape (n, m). Readings that stay on their step are not counted.
+    The readings have the shape (n, m). Samples that the mask `still` marks are not considered.
     """
     changes = np.where(still[1:], np.nan, np.abs(np.diff(readings, axis=0)))
     moves = np.isfinite(changes).any(axis=0)

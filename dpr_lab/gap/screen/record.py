@@ -29,10 +29,10 @@ from dpr_lab.run import Run
 from dpr_lab.setup import Setup
 
 AFTER_READING_S = 1e-6
-"""Delay of a break after the last reading before missing readings, s; at any rate it lies between two readings."""
+"""Time from the last reading before an interruption to its break, s; shorter than any sampling interval."""
 
 RATE_HZ = 200.0
-"""Rate of a thinned record, Hz: blocks of 5 ms, over which most swings are a parabola."""
+"""Lowest block rate of averaged readings, Hz; over a block of 5 ms, most angles are parabolas in time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class ThinningSettings:
     after_release_s: float = 0.03
     """Time of the first reading that is used, s after the release.
 
-    Earlier, the latch may touch the rod, and an initial state lies 20 ms before its segment.
+    Before this time, the latch may touch the rod. The initial state of a segment lies 20 ms before its first reading.
     """
     gap_s: float = 0.03
     """Longest interruption that a segment may contain, s."""
@@ -52,12 +52,12 @@ class ThinningSettings:
     The larger of the two limits applies. The frames of a camera are 33 ms apart, and a few of them may be lost.
     """
     averaged_from: float = 1.5
-    """Minimum ratio of the sampling rate to the rate of the blocks; a recording with a larger ratio is averaged."""
+    """Ratio of the sampling rate to the block rate from which readings are averaged."""
     bent: float = 0.092
-    """Coefficient of (speed times a block)^4 in the remaining curvature bias of a block mean, rad."""
+    """Coefficient of (speed times block length)^4 in the remaining curvature bias of a block mean, rad."""
     most_bias: float = 6.0
-    """Maximum bias at the highest speeds, in standard deviations of a block. A bias of 27 was significant, a bias of 7
-    was not."""
+    """Maximum bias at the highest speeds, in standard deviations of a block mean. A bias of 27 was significant, a bias
+    of 7 was not."""
     fastest: float = 0.995
     """Quantile of the speed that counts as the highest speed."""
     turn: float = 0.1
@@ -65,7 +65,7 @@ class ThinningSettings:
     least_kept: float = 0.5
     """Minimum number of trusted readings in a block, relative to the usual number."""
     distinct: float = 0.6
-    """Minimum fraction of distinct values among the changes of neighbouring readings, for readings without a fixed
+    """Fraction of distinct values among the differences of neighbouring readings below which the readings have a fixed
     step."""
     arm_moves: float = 5.0
     """Maximum lag-1 autocorrelation of encoder 0 for an arm that counts as at rest, in standard errors."""
@@ -110,7 +110,7 @@ class Record:
     def may_be_film(self) -> bool:
         """Whether the readings may come from a video.
 
-        They are then angles of an undriven swing, without the steps of an encoder.
+        A film shows an undriven swing, and its angles have no fixed step.
         """
         run = self.run
         encoder = run.counts is not None or run.rate_hz >= SCREEN.colour_hz or self._rounded or self._counted
@@ -162,7 +162,10 @@ class Record:
         return self.only(~np.isin(self.t, t[off.any(axis=1)])).with_findings(findings)
 
     def left_out(self, since: float, until: float) -> "Record":
-        """Return a copy without the readings from `since` to `until`, s."""
+        """Return a copy without the readings from `since` to `until`, s.
+
+        No segment and no free run spans a finite end of this interval.
+        """
         inside = (self.t >= since) & (self.t < until)
         edges = [edge for edge in (since, until) if np.isfinite(edge)]
         return replace(
@@ -197,8 +200,8 @@ def record(run: Run, rig: Rig) -> Record:
     t, joints, sigma = _as_read(screened) if rate_hz is None else _blocks(screened, rate_hz, least_kept)
     valid = np.isfinite(joints).all(axis=1) & (t >= THINNING.after_release_s)
     t, joints, sigma = t[valid], joints[valid], sigma[valid]
-    holes = np.flatnonzero(~without_gap(run, t))
-    breaks = np.sort(np.concatenate([[instant for instant, _ in screened.breaks], t[holes] + AFTER_READING_S]))
+    interruptions = np.flatnonzero(~without_gap(run, t))
+    breaks = np.sort(np.concatenate([[instant for instant, _ in screened.breaks], t[interruptions] + AFTER_READING_S]))
     if not cut(t, np.inf, breaks):
         raise RunError(
             f"{run.name}: no sequence of {MIN_SAMPLES} valid samples without an interruption: nothing to diagnose"
@@ -265,7 +268,7 @@ def _fastest(screened: Screened) -> float:
 
 
 def _block_rate(screened: Screened, fastest: float, rate_hz: float) -> float | None:
-    """Return the lowest block rate, Hz, at which the bias of a mean is below its noise.
+    """Return the lowest block rate, Hz, at which the bias of a mean is acceptable (`THINNING.most_bias`).
 
     The rate is `RATE_HZ` times a power of two. It is None if the readings must not be averaged.
     """
@@ -291,7 +294,7 @@ def _as_read(screened: Screened) -> tuple[Array, Array, Array]:
 def _blocks(screened: Screened, rate_hz: float, least_kept: float) -> tuple[Array, Array, Array]:
     """Average times and readings over blocks; return the means and their standard deviations.
 
-    A block takes 1 / `rate_hz`. If the rounding errors are not independent (no dither), the standard deviations are
+    A block lasts 1 / `rate_hz`, s. If the rounding errors are not independent (no dither), the standard deviations are
     larger.
     """
     number = np.floor(screened.t * rate_hz + 1e-6).astype(np.int64)
@@ -317,18 +320,18 @@ def _blocks(screened: Screened, rate_hz: float, least_kept: float) -> tuple[Arra
 
 
 def _curvature(t: Array, values: Array, rate_hz: float) -> Array:
-    """Estimate the (n, m) second derivative at a given rate from parabolas.
+    """Estimate the (n, m) second derivative of (n, m) values from parabolas.
 
-    Each parabola is fitted to seven neighbours. At the ends of a uniform segment the nearest value is repeated.
-    Segments that are too short have the value zero. Three neighbours would suffice for the swing, but would correlate
-    the noise of neighbouring averages.
+    Each parabola is fitted to seven neighbouring values at the rate `rate_hz`, Hz. At the ends of a sequence without
+    interruptions, the nearest estimate is repeated; in sequences of fewer than seven values, the derivative is zero.
+    Three values would suffice for the swing, but would correlate the noise of neighbouring averages.
 
     Source: Savitzky & Golay (1964), Smoothing and differentiation of data, Anal. Chem. 36, 1627-1639.
     """
     parabola = np.array([5.0, 0.0, -3.0, -4.0, -3.0, 0.0, 5.0]) / 42
     reach, curvature = len(parabola) // 2, np.zeros_like(values)
-    holes = np.flatnonzero(np.diff(t) * rate_hz > 1.5) + 1
-    for first, last in pairwise([0, *holes.tolist(), len(values)]):
+    interruptions = np.flatnonzero(np.diff(t) * rate_hz > 1.5) + 1
+    for first, last in pairwise([0, *interruptions.tolist(), len(values)]):
         if last - first >= len(parabola):
             columns = [np.convolve(column, parabola, mode="valid") for column in values[first:last].T]
             curvature[first:last] = np.pad(np.stack(columns, axis=1), ((reach, reach), (0, 0)), mode="edge")
@@ -338,7 +341,7 @@ def _curvature(t: Array, values: Array, rate_hz: float) -> Array:
 def _arm_moves(run: Run) -> bool | None:
     """Return whether the arm moves, or None if encoder 0 was not recorded.
 
-    Neighbouring readings of a moving arm are correlated, those of noise are not.
+    Neighbouring readings of a moving arm are correlated; white noise is not.
     """
     swing = run.swing.theta[:, 0]
     if run.arm_read is False or (run.counts is None and np.ptp(swing) == 0.0):

@@ -36,8 +36,8 @@ class SegmentLengths:
     working: float = 0.5
     """Length at which effects are distinguished.
 
-    Segments of this length are four to seven times as sensitive as the first segments, and Gauss-Newton still
-    converges.
+    The readings of such segments are four to seven times as sensitive to effects as those of the first segments, and
+    Gauss-Newton still converges.
     """
     steady: float = 2.0
     """Maximum length for a single rod, which is not chaotic; the influence of friction accumulates over swings."""
@@ -58,9 +58,11 @@ class InitialGuess:
     """Settings of the estimate of initial states from neighbouring readings."""
 
     near_s: float = 0.03
-    """Time before and after the start from which readings are used, s; a cubic fits any swing in this time."""
+    """Maximum time from the start of a segment to a reading that is used, s; a cubic polynomial fits any swing within
+    it."""
     fewest: int = 6
-    """Minimum number of readings for a cubic. If fewer readings are within this time, the nearest readings are used."""
+    """Minimum number of readings for a cubic polynomial; with fewer readings within `near_s`, the next readings are
+    used."""
     before: int = 4
     """Number of readings before the start of a segment that are used if fewer than `fewest` are within `near_s`."""
 
@@ -75,7 +77,7 @@ class TrackingNoise:
     correlation: float
     """Autocorrelation of the errors of neighbouring readings."""
     factor: Array
-    """(2,) ratio of the standard deviation of all errors to that of their rough part, for joints 1 and 2."""
+    """(2,) standard deviation of the errors divided by that of their high-frequency part, for joints 1 and 2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,12 +93,12 @@ class Recordings:
     torque_noise_Nm: tuple[float, float] = (np.inf, np.inf)
     """Upper limit of the standard deviation of the measured torques of joints 1 and 2, from a fit, N m."""
     tracking: TrackingNoise | None = None
-    """Correlated errors that a fit has found; None if the errors are white, or if the recordings themselves show
-    them."""
+    """Correlated errors estimated from a fit; None if the errors are white, or if their correlation was measured at
+    rest."""
     shutter: RollingShutter | None = None
     """Rolling shutter for which the readings are corrected; None if no correction was made."""
     camera_rad: float = 0.0
-    """Standard deviation of the angle of the picture of a camera that is not fixed, rad; 0 for a fixed camera."""
+    """Standard deviation of the rotation of the picture, rad; 0 for a fixed camera."""
     torques_earlier: float = 0.0
     """Time by which known torques act before their rows, as a share of the interval between rows.
 
@@ -204,7 +206,7 @@ class Recordings:
     def with_shutter(self, shutter: RollingShutter | None) -> "Recordings":
         """Correct the recordings for the rolling shutter of a camera.
 
-        The corrected readings are those at the times of the frames.
+        The readings are interpolated to the times of the frames.
         """
         if shutter is None:
             return self
@@ -224,7 +226,8 @@ class Recordings:
     def with_camera(self, angle_rad: float) -> "Recordings":
         """Add a slow rotation of the picture to the noise of the recordings.
 
-        The recordings do not change if the angle is zero, or if any of them is no film.
+        `angle_rad` is the standard deviation of the rotation. The recordings do not change if it is zero, or if a
+        recording is not a film.
         """
         if not angle_rad or not self.may_be_films:
             return self
@@ -254,7 +257,7 @@ class Recordings:
         """Cut the recordings into segments of about the given length, s.
 
         Returns:
-            the problem, and (segments, 4) initial states from the readings
+            the problem, and (segments, 4) initial states from the readings, or (segments, 6) if an arm moves
         """
         records = self.records
         cuts = [cut(record.t, length, record.breaks) for record in records]
@@ -277,9 +280,9 @@ class Recordings:
             camera_rad=self.camera_rad,
         )
         relative2 = self.rig.encoders.joint2 == "relative"
-        rough = _with_arm if self.arm_moves else _initial_states
+        states_of = _with_arm if self.arm_moves else _initial_states
         initial = np.concatenate(
-            [rough(recording, pieces, relative2) for recording, pieces in zip(records, cuts, strict=True)]
+            [states_of(recording, pieces, relative2) for recording, pieces in zip(records, cuts, strict=True)]
         )
         if self.ratios is not None:
             estimate = Estimate.of(self.ratios, self.start_params, initial)
@@ -304,7 +307,7 @@ class Recordings:
 def _initial_states(record: Record, slices: Sequence[slice], relative2: bool) -> Array:
     """Estimate (segments, states) initial states by cubics through the readings.
 
-    The rods are at rest at a release.
+    At a release, the initial state is the mean reading at rest with zero speeds.
 
     Returns:
         theta1, theta2, omega1, omega2, and theta0, omega0 of a moving arm, rad and rad/s
@@ -347,7 +350,7 @@ def _with_arm(record: Record, slices: Sequence[slice], relative2: bool) -> Array
 def _near(record: Record, starts: Integers, begins: Array) -> tuple[Integers, Integers]:
     """Return the range of the readings near each instant; the range does not extend across an interruption.
 
-    If these readings are too few, the range contains the readings near the start of the segment.
+    If it contains fewer than `GUESS.fewest` readings, it is extended to neighbours of the first reading of the segment.
 
     Args:
         record: the run

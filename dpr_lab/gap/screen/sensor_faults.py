@@ -45,28 +45,30 @@ ALL_AXES = (*AXES, "joint0")
 
 @dataclass(frozen=True, slots=True)
 class ScreenSettings:
-    """Limits beyond which a property of a whole run is a finding."""
+    """Limits beyond which a property of a run is reported as a fault."""
 
     gap_periods: float = 1.5
-    """Maximum distance of two samples between which no sample is missing, in sampling periods."""
+    """Maximum interval between two samples without a missing sample, in sampling periods."""
     gap_near: int = 10
     """Number of samples that are compared before and after a long sampling interval.
 
     If a sample is missing, the later samples lag by at least half a period.
     """
     noise_ratio: float = 1.5
-    """Minimum ratio of two noise levels that is a finding.
+    """Minimum ratio of two noise levels that is reported as a fault.
 
-    The ratio compares measured and stated noise, in either order, or the noise at wide and at narrow spacings.
+    The levels are the measured and the stated noise, in either order, or the noise of distant and of neighbouring
+    samples.
     """
     colour_hz: float = 500.0
-    """Minimum sample rate for a comparison of the noise over spacings, Hz; at lower rates it contains the swing."""
+    """Minimum sampling rate, Hz, for the comparison of distant and neighbouring samples."""
     significance: float = 6.0
     """Minimum significance of an increase of the noise with speed, in standard errors."""
     repeating: float = 0.5
-    """Fraction of repeated readings at one position of a cycle above which all of these readings count as repeated."""
+    """Fraction of repeated readings at one position of a cycle above which all readings at this position count as
+    repeated."""
     repeating_in_part: float = 0.05
-    """Minimum excess of the fraction of repeated readings at one position of a cycle, if only some readings repeat."""
+    """Minimum difference between the fractions of repeated readings at one position of a cycle and at the others."""
     rows_in_short_period: float = 80.0
     """Minimum number of samples per period of the faster small oscillation to detect steps in readings of two free
     rods.
@@ -190,10 +192,10 @@ def with_arm(screened: Screened, rig: Rig) -> Screened:
 
 
 def _timed(run: Run, rig: Rig) -> tuple[Run, Flags, list[SensorFinding]]:
-    """Correct the time stamps of a run, and detect readings that were taken at an unknown instant.
+    """Correct the time stamps of a run, and detect readings whose instants are unknown.
 
     Returns:
-        the run with its true instants, the mask of these readings in its swing, and the findings
+        the run with corrected instants, the (n,) mask of these readings in its swing, and the findings
     """
     queued, waiting = _queued(run, rig)
     run, stamped = _on_true_instants(run, rig)
@@ -207,7 +209,7 @@ def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[SensorFinding]]:
     """Replace jittering time stamps by even times, or even time stamps by the times of uneven film frames.
 
     Returns:
-        the run and the finding
+        the run with the replaced time stamps, and the finding; no finding if the time stamps are kept
     """
     if (film := rounded_frames(run.t, _read_joints(run, rig))) is not None:
         instants = film.instants - min(film.instants[run.t >= 0.0].min(), 0.0)
@@ -292,7 +294,7 @@ def _steps(run: str, axis: str, t: Array, steps: Sequence[tuple[int, float]], co
 
 
 def _events(finding: SensorFinding, instants: list[float]) -> list[SensorFinding]:
-    """Create a finding for each instant, or a single one for many instants."""
+    """Create a finding for each instant, or a single finding for more than `SCREEN.shown` instants."""
     if len(instants) > SCREEN.shown:
         return [replace(finding, at_s=instants[0], count=len(instants))]
     return [replace(finding, at_s=s) for s in instants]
@@ -344,8 +346,9 @@ def jitter_of(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, lis
 def _colour(run: Run, rig: Rig, joints: Array, floor: Array) -> tuple[Array, list[SensorFinding]]:
     """Compare the noise of distant and of neighbouring samples; return a (2,) factor and findings.
 
-    The factor is the noise from differences of distant samples divided by that of neighbouring samples. Without a
-    significant difference, the factor is 1.
+    The factor is the noise of distant samples divided by that of neighbouring samples, or 1 without a significant
+    difference. Below the sampling rate `SCREEN.colour_hz`, it is always 1, and only a correlation of the errors is
+    reported.
     """
     factor, findings = np.ones(2), []
     if run.rate_hz < SCREEN.colour_hz:
@@ -354,11 +357,11 @@ def _colour(run: Run, rig: Rig, joints: Array, floor: Array) -> tuple[Array, lis
         )
         if run.film_noise is not None:
             evidence = "the lengths of the rods in neighbouring frames have correlated errors (correlation {:.2f})"
-        shared = rest_correlation(run, rig).tolist()
+        correlations = rest_correlation(run, rig).tolist()
         return factor, [
-            SensorFinding("non_white_noise", run.name, name, None, evidence.format(alike))
-            for name, alike in zip(AXES, shared, strict=True)
-            if alike
+            SensorFinding("non_white_noise", run.name, name, None, evidence.format(correlation))
+            for name, correlation in zip(AXES, correlations, strict=True)
+            if correlation
         ]
     for axis, name in enumerate(AXES):
         ratio = stride_ratio(joints[:, axis], float(floor[axis]))

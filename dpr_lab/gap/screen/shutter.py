@@ -31,16 +31,16 @@ class RollingShutter(Saved):
     lines: Lines
     """Direction of the lines of the picture."""
     delay_s_per_m: float
-    """Delay between lines per distance on the rig, s/m."""
+    """Delay between two lines of the picture, divided by their distance on the rig, s/m."""
 
     def corrected(self, t: Array, shown: Array, constants: RigConstants, *, alone: bool) -> Array:
-        """Convert readings to the times of the line of the pivot.
+        """Interpolate readings to the times at which the line of the pivot is exposed.
 
         The ends of the rods are at p_i at the times t_i + k n . p_i. These positions are interpolated to t_i by cubic
         splines.
 
         Args:
-            t: (n,) times of the line of the pivot, s
+            t: (n,) times at which the line of the pivot is exposed, s
             shown: (n, 2) angles of the joints in the picture, rad
             constants: lengths of the rods
             alone: whether only the inner rod is mounted

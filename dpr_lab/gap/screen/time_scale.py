@@ -2,9 +2,9 @@
 
 A rod swings like a mass point at the distance I / S from its joint, with inertia I and first moment S. If all mass is
 between the joint and the end of the rod at L, this equivalent length is at most L (Huygens). If all time intervals are
-recorded k times too long, the equivalent length appears k^2 times longer. The error has no other effect, because the
-motion of one rod determines I / S only in combination with the unit of time. With two rods the unit of time is
-identifiable, because the coupling d relates gravity to L1.
+recorded k times too long, the equivalent length appears k^2 times longer. The readings do not show the error in any
+other way, because the motion of one rod determines I / S only in combination with the unit of time. With two rods the
+unit of time is identifiable, because the coupling d relates gravity to L1.
 
 Source: Huygens (1673), Horologium oscillatorium, part 4.
 """
@@ -35,7 +35,7 @@ class TimeScaleRules:
     apart: float = 3.0
     """Maximum factor between the equivalent length and its value from the rig file, in either direction.
 
-    The factor is large because some values in the file are guesses.
+    The limit is large because some values in the file are guesses.
     """
     swings: int = 10
     """Number of swings that the message recommends to time with a stopwatch."""
@@ -66,9 +66,9 @@ def equivalent_length(whole: Array, setup: Setup, rig: Rig) -> float:
 
 
 def _contradiction(record: Record, rig: Rig, ratios: Array) -> str:
-    """Describe how the time stamps of a single-rod recording are inconsistent with gravity.
+    """Describe how the time stamps of a single-rod recording contradict gravity.
 
-    The text is empty without a contradiction.
+    The text is empty if they are consistent, or if the recording is not a free swing of a single rod.
     """
     setup = record.run.setup
     swings = are_pieces([record.run.name]) or shows_a_period(record.run.swing.theta[:, 1:])

@@ -1,14 +1,14 @@
 """Correlated errors of angles that were tracked in a video.
 
-The errors of a tracker have the same sign over several frames. High-order differences contain only the rough part of
-such errors and underestimate the noise. The smooth part looks like an effect of the rig. The residual of the bare model
-contains both parts. Within a segment its covariance is
+The errors of a tracker have the same sign over several frames. High-order differences contain only the high-frequency
+part of such errors and underestimate the noise. The low-frequency part looks like an effect of the rig. The residual of
+the bare model contains both parts. Within a segment its covariance is
 
     K(i, j) = s^2 rho^|i - j| + v^2 exp(-(t_i - t_j)^2 / (2 l^2)),
 
 the sum of a first-order autoregressive error and a smooth error of the motion. The standard deviations s and v, the
 correlation rho and the correlation time l are free. The spectrum of the first term decreases with the square of the
-frequency, that of the second much faster. This difference separates the two terms. The value of rho is its
+frequency, that of the second much faster. The two terms are therefore separable. The value of rho is its
 maximum-likelihood estimate.
 
 Source: Rasmussen & Williams (2006), Gaussian Processes for Machine Learning, sections 4.2.1 and 5.4.1.
@@ -41,14 +41,14 @@ class TrackingNoiseSettings:
     correlations: tuple[float, ...] = tuple((1 - np.geomspace(1.0, 0.04, 24)).tolist())
     """Tested correlations of neighbouring errors, 0 first."""
     remainders: tuple[float, ...] = (0.0, *np.geomspace(0.1, 1e5, 13).tolist())
-    """Tested variances of the smooth remainder, relative to the variance of the errors."""
+    """Tested values of v^2 / s^2, the variance of the smooth error relative to that of the correlated error."""
     smooth: tuple[float, ...] = (0.5, 1.0)
-    """Tested time scales l of the smooth remainder, in units of sqrt(L1 / g)."""
+    """Tested correlation times l of the smooth error, in units of sqrt(L1 / g)."""
     significant: float = 10.8
     """Minimum of twice the logarithm of the likelihood ratio to white noise. Chance exceeds this minimum in 0.1 % of
     cases."""
     rougher: float = 1.5
-    """Maximum ratio of the estimated errors to the errors indicated by differences of neighbouring readings.
+    """Maximum ratio of the estimated errors to those estimated from differences of neighbouring readings.
 
     Abrupt stops of a sticking rod increase this ratio, although they are not errors of a tracker.
     """
@@ -66,7 +66,7 @@ def tracking_noise(recordings: Recordings, problem: Problem, bare: Fit) -> Track
         bare: bare model, fitted to the segments
 
     Returns:
-        the noise; None if white noise is equally likely, or if the noise was measured
+        the noise; None if it is not significantly more likely than white noise, too large for a tracker, or measured
     """
     records = recordings.records
     if recordings.tracking or not all(record.may_be_film and not record.noise_measured for record in records):
@@ -86,20 +86,20 @@ def tracking_noise(recordings: Recordings, problem: Problem, bare: Fit) -> Track
     if minus2logs[0] - minus2logs[best] < TRACKING.significant:
         return None
     correlation, factor = TRACKING.correlations[best], np.sqrt(variances[:, best])
-    if (factor > TRACKING.rougher / _rough_part(correlation)).any():
+    if (factor > TRACKING.rougher / _high_frequency_part(correlation)).any():
         return None
     return TrackingNoise(correlation, factor)
 
 
-def _rough_part(correlation: float) -> float:
-    """Return the standard deviation of sixth differences of autoregressive errors of unit variance."""
+def _high_frequency_part(correlation: float) -> float:
+    """Return the standard deviation of the scaled sixth differences of autoregressive errors of unit variance."""
     unit = sixth(np.eye(ORDER + 1))[0]
     lags = np.arange(len(unit))
     return float(np.sqrt(unit @ np.power(correlation, np.abs(lags[:, None] - lags)) @ unit))
 
 
 def _windows(problem: Problem, bare: Fit) -> tuple[Array, Array] | None:
-    """Return the (n,) times of a window, s, and (2, n, windows) residuals in units of noise.
+    """Return the (n,) times of a window, s, and (2, n, windows) residuals in standard deviations of the noise.
 
     The result is None if there are too few windows.
     """
@@ -121,10 +121,10 @@ def _windows(problem: Problem, bare: Fit) -> tuple[Array, Array] | None:
 
 
 def _profile(t: Array, residual: Array, times: Array) -> tuple[Array, Array]:
-    """Minimise -2 log-likelihood over the smooth error, for each correlation.
+    """Minimise -2 log L over the smooth error, for each correlation of the other error.
 
     Returns:
-        (correlations,) minimum, and (correlations,) error variance at the minimum
+        (correlations,) minimum of -2 log L, and (correlations,) variance s^2 at the minimum
     """
     apart = np.abs(t[:, None] - t)
     lags = np.abs(np.subtract.outer(np.arange(len(t)), np.arange(len(t))))

@@ -1,4 +1,4 @@
-"""Free torques and encoder errors: sums of hat functions of one coordinate."""
+"""Free-form torques and encoder errors, each a sum of hat functions of one coordinate."""
 
 import math
 from collections.abc import Sequence
@@ -15,18 +15,18 @@ from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import Trajectory
 
 BINS = 10
-"""Number of hat functions over a coordinate. This number resolves a friction curve, and the readings still determine
-each function."""
+"""Number of hat functions over a coordinate: enough for a friction curve, and few enough to be determined by the
+readings."""
 
 Kind = Literal["torque", "friction", "error"]
-"""Torque or friction of a joint, or error of its encoder."""
+"""Kind of a free function: torque or viscous friction coefficient of a joint, or error of its encoder."""
 
 Coordinate = Literal["angle", "speed", "time"]
 
 
 @dataclass(frozen=True, slots=True)
 class FreeFunctions:
-    """Hat functions of one coordinate, for a torque, friction, or encoder error of a joint."""
+    """Hat functions of one coordinate, for the torque, the viscous friction or the encoder error of a joint."""
 
     joint: int
     kind: Kind
@@ -34,12 +34,12 @@ class FreeFunctions:
     values: Array
     """(n, k) torques along the trajectory, or (samples, k) errors of the encoder, per unit of each function."""
     knots: Array
-    """(k,) coordinates of the maxima of the functions, SI."""
+    """(k,) coordinates of the maxima of the functions: rad, rad/s or s."""
     unit: str
     """Unit of the coefficients: N m, N m s/rad (friction over time) or rad (error)."""
 
     def readings(self, problem: Problem, reference: Trajectory) -> Array:
-        """Compute the (segments, m, k) whitened change of the readings by each function."""
+        """Compute the (segments, m, k) whitened change of the readings per unit of each function."""
         if self.kind != "error":
             return under_torque(problem, reference, self.joint, self.values)
         readings = np.zeros((len(self.values), problem.axes, len(self.knots)))
@@ -50,7 +50,7 @@ class FreeFunctions:
 def free_functions(
     problem: Problem, reference: Trajectory, joint: int, kind: Kind, coordinate: Coordinate
 ) -> FreeFunctions:
-    """Compute hat functions of one kind over a coordinate of a joint."""
+    """Create the hat functions of one kind over one coordinate of a joint."""
     speed = reference.joint_speed[:, joint]
     unit = "rad" if kind == "error" else "N m"
     match kind, coordinate:
@@ -79,7 +79,7 @@ def hats(x: Array, knots: Array) -> Array:
 
 
 def angle_hats(angle: Array) -> tuple[Array, Array]:
-    """Return the (n, k) hat functions around the circle, and the angles of their knots."""
+    """Return (n, k) periodic hat functions of an angle, and the angles of their knots, rad."""
     knots = np.linspace(-math.pi, math.pi, BINS + 1)
     weights = hats(without_turns(angle), knots)
     weights[:, 0] += weights[:, -1]
@@ -87,7 +87,7 @@ def angle_hats(angle: Array) -> tuple[Array, Array]:
 
 
 def speed_hats(speed: Array) -> tuple[Array, Array]:
-    """Return the (n, k) hat functions over the speed and their knots.
+    """Return (n, k) hat functions of the speed, and their knots, rad/s.
 
     The knots are denser at low speed.
     """
@@ -98,7 +98,7 @@ def speed_hats(speed: Array) -> tuple[Array, Array]:
 
 
 def time_hats(t: Array) -> tuple[Array, Array]:
-    """Return (n, k) hat functions of time since the release, and their knots, s."""
+    """Return (n, k) hat functions of the time since the release, and their knots, s."""
     knots = np.linspace(0, float(t.max()), BINS)
     return hats(t, knots), knots
 
@@ -115,16 +115,13 @@ def encoder_speed(reference: Trajectory, joint: int) -> Array:
 
 
 def beyond_fit(linear: Linearisation, fitted: Sequence[int], columns: Array) -> ColumnSpace:
-    """Return the space of further columns (segments, m, k) with the fitted columns projected out."""
+    """Return the space of `columns` (segments, m, k) with the columns of the fitted parameters projected out."""
     space = ColumnSpace.of(np.concatenate([linear.A[:, :, fitted], columns], axis=2), linear.e)
     return space.projected_out(slice(0, len(fitted)), slice(len(fitted), None))
 
 
 def under_torque(problem: Problem, reference: Trajectory, joint: int, torque: Array) -> Array:
-    """Return the (segments, m, k) whitened change of the readings by torques of a joint.
-
-    `torque` contains the torques (n, k), N m.
-    """
+    """Return the (segments, m, k) whitened change of the readings by (n, k) torques of a joint, N m."""
     zeros = np.zeros_like(torque)
     on_rods = {0: [torque, zeros], 1: [-torque, torque]}.get(joint, [zeros, zeros])
     torques = [*on_rods, torque if joint in (2, ARM) else zeros][: problem.axes]

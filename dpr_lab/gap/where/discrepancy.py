@@ -2,16 +2,16 @@
 
     e = A p + M m + noise,    m ~ N(0, s^2)
 
-M contains hat functions over angle, speed and time for each joint, with the initial states projected out as in A. Every
-column is scaled by its influence on the readings: each group of hat functions has a mean squared norm of one, so that
-one size s applies to all.
+The columns of A are those of the fitted parameters. The columns of M are the responses to hat functions of angle, speed
+and time of each joint. The initial states are projected out of both. The columns of each group of hat functions are
+scaled to a mean squared norm of one, so that one size s applies to all groups.
 
-The size s maximises the restricted likelihood, with A free and the noise variance profiled out. It is zero if no size
-is more likely. With H the normal matrix of M given A, l = variance / s^2 and n independent readings,
+The size s maximises the restricted likelihood, with p free and the noise variance profiled out. With the normal matrix
+H of M after the projection of A, l = variance / s^2, q columns and n independent readings,
 
     -2 log L = n log(rss(l)) + log det(H + l) - q log l.
 
-The term shifts the fitted values by (A^T A)^-1 A^T M m, which widens their intervals.
+The term shifts the fitted values by (A^T A)^-1 A^T M m. Their intervals are therefore wider.
 
 Source: M. C. Kennedy & A. O'Hagan (2001), Bayesian calibration of computer models, J. R. Statist. Soc. B 63, 425-464;
 D. A. Harville (1977), Maximum likelihood approaches to variance component estimation, JASA 72, 320-338.
@@ -36,18 +36,19 @@ class DiscrepancyRules:
     """Settings of the discrepancy term and of its description."""
 
     ridges: tuple[float, ...] = (100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
-    """Tested ratios of the noise variance to the prior variance: from a negligible term to a nearly free term."""
+    """Tested ratios l of the noise variance to the prior variance, from a negligible term to a nearly free term."""
     kinds: tuple[tuple[Kind, Coordinate], ...] = (
         ("torque", "angle"),
         ("torque", "speed"),
         ("friction", "time"),
         ("error", "angle"),
     )
-    """Kinds of the free functions, each with its coordinate."""
+    """Kinds of free functions, each with its coordinate."""
     likelier: float = 10.0
     """Minimum reduction of -2 log likelihood for which the discrepancy term is included in the model."""
     mostly: float = 2.0
-    """Minimum ratio between the mean squared torques at low and high speed for which the sentence names the speed."""
+    """Minimum ratio of the mean squared torques at low and high speed, or vice versa, for which the sentence names the
+    speed."""
 
 
 DISCREPANCY = DiscrepancyRules()
@@ -60,15 +61,16 @@ class Discrepancy:
     columns: Array
     """(segments, m, q) whitened change of the readings by one standard deviation of the prior, for each function."""
     torque_Nm: tuple[float, ...]
-    """Rms over the recordings of the posterior mean torque of joint 1, joint 2 and optionally joint 0, N m."""
+    """Rms, over the recordings, of the posterior mean torque of joint 1, joint 2 and, if the arm moves, joint 0, N
+    m."""
     reading_rad: tuple[float, ...]
-    """Rms of the posterior mean reading error of the encoders by angle, rad."""
+    """Rms of the posterior mean error of each encoder, rad."""
     slow: tuple[float, ...]
     """Ratio of the mean squared torques in the slower and the faster half of the readings, for each joint."""
 
     @property
     def sentence(self) -> str:
-        """Sentence on the size and location of the larger torque of the discrepancy."""
+        """Sentence that states the size and the joint of the largest torque of the discrepancy."""
         joint = int(np.argmax(self.torque_Nm))
         text = f"{1e3 * self.torque_Nm[joint]:.2g} mN m rms in joint {ALL_AXES[joint][-1]}"
         if self.slow[joint] > DISCREPANCY.mostly:
@@ -81,7 +83,7 @@ class Discrepancy:
 def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
     """Return the discrepancy term of a fit, or None if it is not significant.
 
-    It is not significant if only noise remains, or if no size is more likely than zero.
+    It is significant if more than noise remains and the term reduces -2 log L by at least `DISCREPANCY.likelier`.
     """
     linear = model.fit.linear
     if model.at_noise_floor or not np.isfinite(linear.residual).all():
@@ -119,9 +121,9 @@ def discrepancy_columns(problem: Problem, fit: Fit) -> Array:
 
 
 def _scaled(problem: Problem, fit: Fit, reference: Trajectory) -> tuple[list[FreeFunctions], Array]:
-    """Return the groups of free functions, and their columns (segments, m, q).
+    """Return the groups of free functions, and the (segments, m, q) columns of all functions.
 
-    In each group, the mean squared norm of a column is one.
+    The columns of each group have a mean squared norm of one.
     """
     groups, columns = list[FreeFunctions](), [np.zeros((*fit.linear.e.shape, 0))]
     prescribed = all(setup.inner is not None for setup in problem.segments.setups)

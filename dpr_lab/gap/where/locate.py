@@ -1,10 +1,11 @@
 """Residual maps of torque and encoder error, which locate the gap before effects are named.
 
-Each map is a least-squares sum of hat functions of one coordinate, for example the speed of joint 1. The hat functions
-are the torque of a joint or the error of an encoder. The ratios and initial states are projected out of the influence
-of a map on the readings, as for any effect. A map contains nothing that the ratios can absorb: a torque over the speed
-has no straight line, which would be viscous friction. No torque is computed from differentiated angles. The share of
-the excess chi2 that a map explains is the largest share of the gap that this location can cause.
+A map is a torque of a joint, or an error of an encoder, as a function of one coordinate, for example the speed of joint
+1. It is a sum of hat functions, fitted to the residual by least squares. Ratios and initial states are projected out of
+the responses of the readings, as for any effect. A map therefore contains no part that the ratios can absorb: a torque
+over the speed contains no straight line, because this line would be viscous friction. No torque is computed from
+differentiated angles. The share of the excess chi2 that a map explains is the largest share of the gap that this
+location can cause.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,10 +28,10 @@ CONVINCING = 0.6
 Maps = Sequence[tuple[Kind, Coordinate]]
 
 MAPS: Maps = (*DISCREPANCY.kinds, ("error", "speed"))
-"""Kinds of the maps, each with the coordinate on which the torque, the friction or the error depends."""
+"""Kinds of maps, each with its coordinate."""
 
 SIGNIFICANT = 3.0
-"""Minimum residual for which the gap is located or divided, and minimum trend of a map, in standard deviations."""
+"""Minimum significance of a residual that is located or divided, and of a trend of a map, in standard deviations."""
 
 
 def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:
@@ -49,10 +50,10 @@ def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:
 
 
 def _maps(problem: Problem) -> Iterator[tuple[int, Kind, Coordinate]]:
-    """Yield the possible maps, each with the index of its joint.
+    """Yield the axis (0, 1, 2 for joints 1, 2, 0), kind and coordinate of each possible map.
 
-    The indices 0, 1, 2 stand for joints 1, 2, 0. If no outer rod rotates in joint 2, all its maps are omitted. Torques
-    do not move a prescribed joint 1 or a held joint 2, so only the maps of encoder errors remain.
+    Without an outer rod, joint 2 has no maps. A torque does not move a prescribed joint 1 or a held joint 2, so these
+    joints have only maps of encoder errors.
     """
     setups = problem.segments.setups
     of_errors: Maps = [(kind, coordinate) for kind, coordinate in MAPS if kind == "error"]
@@ -78,7 +79,7 @@ def where_sentence(places: tuple[Where, ...]) -> str:
 
 
 def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, free: FreeFunctions) -> Where:
-    """Fit the residual map of a joint together with ratios and initial states."""
+    """Fit a residual map together with ratios and initial states, and describe it."""
     columns = bare.fit.linear.projected(np.nan_to_num(free.readings(problem, reference), posinf=0.0, neginf=0.0))
     fitted = residual_map(bare.fit.linear, range(len(bare.fit.free)), columns, free.knots)
     share = float(np.clip((fitted.gain - len(fitted.e)) / bare.residuals.excess, 0.0, 1.0))
@@ -99,7 +100,7 @@ def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, free: Free
 
 
 def _shape(fitted: ResidualMap, free: FreeFunctions, least: float) -> str:
-    """Describe a residual map in words; trends below `least` standard deviations are omitted."""
+    """Describe a residual map in words; trends smaller than `least` standard deviations are not named."""
     x = fitted.knots
     match free.coordinate:
         case "speed":
@@ -108,7 +109,7 @@ def _shape(fitted: ResidualMap, free: FreeFunctions, least: float) -> str:
             if max(even, odd) < MAP.mostly * fitted.gain:
                 return "different in the two directions"
             if np.ptp(np.sign(x)) < 2.0:
-                return "reached in one direction only"
+                return "measured in one direction only"
             if even > odd:
                 return "equal in both directions"
             trend = 0.0 if free.kind == "error" else fitted.trend(np.sign(x))

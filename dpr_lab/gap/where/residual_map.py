@@ -1,14 +1,14 @@
-"""Least-squares map of a free torque or encoder error, without the directions that the ratios absorb.
+"""Least-squares map of a free-form torque or encoder error, without the directions that the ratios absorb.
 
-Let M be the columns of the hat functions with the initial states projected out, and P M the same columns with the
-ratios also projected out. After this projection, a direction m of the map retains the share s = |P M m|^2 / |M m|^2 of
-its influence on the readings. The directions are those of the generalised eigenproblem
+Let M be the responses of the readings to the hat functions, with the initial states projected out, and P the projection
+that removes the responses to the ratios. A map with the values m retains the share s = |P M m|^2 / |M m|^2 of its
+squared influence on the readings. The directions m are the eigenvectors of
 
     (P M)^T P M m = s M^T M m.
 
-A direction with a small share is undetermined, and is omitted. For a torque as a function of speed, for example,
-viscous friction absorbs a straight line. The share of this direction is of the order 1e-5 instead of zero, because of
-numerical errors and of speeds outside the knots.
+A direction with a small share is undetermined and is omitted. For example, viscous friction absorbs a torque that is
+proportional to the speed. The share of this direction is about 1e-5 instead of zero, because of numerical errors and of
+speeds outside the knots.
 """
 
 from collections.abc import Sequence
@@ -28,9 +28,10 @@ class MapRules:
     """Settings of the fit and of the description of a residual map."""
 
     absorbed: float = 1e-3
-    """Maximum share of its squared influence on the readings that an absorbed direction keeps."""
+    """Maximum share s of a direction that counts as absorbed."""
     mostly: float = 0.75
-    """Minimum share of the chi-square reduction that a symmetric or slow part must reach, to describe the map."""
+    """Minimum share of the reduction of chi-square by which a symmetric, antisymmetric or slowly varying part describes
+    the map."""
 
 
 MAP = MapRules()
@@ -38,12 +39,12 @@ MAP = MapRules()
 
 @dataclass(frozen=True, slots=True)
 class ResidualMap:
-    """Least-squares map in d independent directions, each of which has a whitened amplitude."""
+    """Least-squares map in d independent directions with amplitudes of unit variance."""
 
     knots: Array
     """(k,) coordinates of the hat functions that influence the readings."""
     e: Array
-    """(d,) amplitudes, with the standard deviation of the whitened readings."""
+    """(d,) amplitudes, each with a standard deviation of one."""
     directions: Array
     """(k, d) values of the map for unit amplitudes."""
     amplitudes: Array
@@ -65,11 +66,11 @@ class ResidualMap:
         return float(self.e @ self.e)
 
     def gain_of(self, maps: Array) -> float:
-        """Return the reduction of the squared residual by a sum of given maps (k, n)."""
+        """Return the reduction of the squared residual by the best linear combination of (k, n) maps."""
         return ColumnSpace.of(self.amplitudes @ maps, self.e).gain()
 
     def trend(self, shape: Array) -> float:
-        """Return the least-squares factor of a map (k,), divided by its standard deviation."""
+        """Return the least-squares amplitude of a (k,) map, divided by its standard deviation."""
         return float(ColumnSpace.of(self.amplitudes @ shape[:, None], self.e).gradient[0])
 
 

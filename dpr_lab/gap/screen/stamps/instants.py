@@ -3,11 +3,10 @@
 Two faults of data loggers are detected without a model:
 
     stamp_jitter     Samples are taken at an even rate and receive their time stamps on arrival. The sixth differences
-                     of the angles are then smaller on even times than on the stamps. If uneven
-                     stamps are correct, they give smaller differences and are kept.
+                     of the angles are then smaller on even times than on the stamps. Uneven stamps that are correct
+                     give smaller differences than even times and are kept.
     periodic_delay   Every n-th reading is taken a constant time after its stamp (a multiplexer, a buffer that is
-                     written to disk). Its error is the product of delay and speed, in both joints, at the same
-                     position of each cycle.
+                     written to disk). The error of this reading is the product of delay and speed, in both joints.
 """
 
 from dataclasses import dataclass
@@ -27,9 +26,9 @@ class InstantSettings:
     uneven: float = 1e-3
     """Maximum standard deviation of the stamps about an even clock for stamps that count as even, in periods."""
     widest: float = 0.5
-    """Maximum distance of a stamp from the even clock for which no sample is missing, in periods."""
+    """Maximum difference between a stamp and the even clock if no sample is missing, in periods."""
     drift: int = 50
-    """Number of samples on either side for the median offset of the clock."""
+    """Number of samples on either side from which the median offset of the clock is computed."""
     usual_jitter: float = 3.0
     """Maximum deviation of a stamp that is used for the clock, in standard deviations of the jitter."""
     wander: float = 0.5
@@ -48,21 +47,20 @@ class InstantSettings:
     contrast: float = 2.0
     """Minimum ratio of the delay of the late reading to the largest other delay in the cycle."""
     likely: float = 0.3
-    """Minimum significance of a further cycle that is also fitted, relative to the largest significance."""
+    """Minimum significance of a cycle that is fitted, relative to the most significant cycle."""
     unshared: float = 0.15
     """Quantile over all cycle lengths that gives the scatter due to jitter. It is small, because late readings increase
     the scatter of some cycle lengths."""
     least: float = 0.1
     """Minimum delay, in periods; a smaller delay counts as noise."""
     outliers: int = 5
-    """Number of late readings with the largest influence that are left out to exclude outliers (decision 98)."""
+    """Number of possible outliers: the late readings of largest influence, which a test leaves out (decision 98)."""
     remaining: float = 4.0
-    """Minimum periodic delay without these readings, in standard errors."""
+    """Minimum periodic delay without the possible `outliers`, in standard errors."""
     wild: float = 8.0
     """Limit of the error of a single reading in the search for a cycle, in standard deviations."""
     usual: float = 0.98
-    """Quantile of the errors that replaces the limit `wild` if the quantile is larger. A cycle may have many late
-    readings."""
+    """Quantile of the errors that replaces the limit `wild` if it is larger, because many readings may be late."""
     reach: int = 4
     """Number of samples on either side for the estimate of the speed."""
 
@@ -91,8 +89,8 @@ def even_instants(t: Array, joints: Array) -> Array | None:
 
         sum over joints of  k / 7 ln(rms on stamps / rms on even times)
 
-    for k windows, of which one in seven is independent. Large differences are limited in the same way on both sides,
-    because a wrong reading affects both.
+    for k windows, of which one in seven is independent. Large differences are clipped to the same limit on stamps and
+    on even times, because a wrong reading affects both.
 
     Args:
         t: (n,) stamps, s
@@ -141,9 +139,10 @@ def _likelihood_ratio(on_stamps: Array, on_even: Array, counts: Flags) -> float:
 def _even_clock(t: Array) -> tuple[float, Array, Flags]:
     """Fit an even clock to the stamps; return its period, its times, and a mask.
 
-    The period is in s, as are the (n,) times. The (n,) mask is true in parts without a lost sample. Time stamps may
-    come in bursts, so the period is a mean over many samples. After a lost sample, the times continue one period later.
-    If no samples are lost and the clock is steady, a straight line through all stamps has the least noise.
+    The period and the (n,) times are in s. The (n,) mask is true in parts without a lost sample. Stamps may come in
+    bursts, so the period is the median over many samples. After a lost sample, the times continue one period later. If
+    no samples are lost and the clock is steady, the times are a straight line through all stamps, which has the least
+    noise.
     """
     index, drift = np.arange(len(t)), min(INSTANTS.drift, len(t) // 4)
     period = float(np.median(t[drift:] - t[:-drift])) / drift
@@ -159,15 +158,15 @@ def _even_clock(t: Array) -> tuple[float, Array, Flags]:
 
 
 def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
-    """Return the cycle with the most significant late readings, or None.
+    """Return the most significant periodic delay, or None.
 
     Let r = W theta be the divided differences of windows of seven readings. If reading i is late by d, r = W_i d
     omega_i. Therefore
 
         d_i = (W^T r)_i / ((W^T W)_ii omega_i),    information (W^T W)_ii omega_i^2 / sigma^2,
 
-    summed over every n-th reading, for each n and each position in the cycle. The likely cycles are fitted by least
-    squares, and the cycle with the largest reduction is returned.
+    Both are summed over every n-th reading, for each n and each position in the cycle. The likely cycles are fitted by
+    least squares; the most significant delay is returned.
 
     Args:
         t: (n,) times, s
@@ -193,7 +192,7 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
         score += speed * np.clip(error, -most, most) / std**2
         information += speed**2 * power / std**2
     ticks = _ticks(t, period)
-    by_cycle = {cycle: _by_place(ticks % cycle, cycle, score, information) for cycle in range(2, INSTANTS.cycle + 1)}
+    by_cycle = {cycle: _by_position(ticks % cycle, cycle, score, information) for cycle in range(2, INSTANTS.cycle + 1)}
     # random jitter increases the scatter in all cycles, a late reading only in related cycles
     spreads = [NORMAL_MAD * np.median(np.abs(z - np.median(z))) for cycle, z in by_cycle.items() if cycle > ORDER]
     scatter = max(1.0, float(np.quantile(spreads, INSTANTS.unshared)))
@@ -210,9 +209,9 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
 
 
 def _ticks(t: Array, period: float) -> Integers:
-    """Return the (n,) index of each sample in a count that includes lost samples.
+    """Return the (n,) sample numbers, in which lost samples are counted.
 
-    After a late stamp, in contrast to a lost sample, the next interval is short.
+    A long interval is caused by a lost sample unless a neighbouring interval is short, as after a late stamp.
     """
     spacing = np.diff(t)
     around = neighbours(spacing, 1).sum(axis=1)
@@ -242,7 +241,7 @@ def _without_outliers(fit: PeriodicDelay, score: Array, information: Array) -> f
     return float(np.sign(fit.delay_s) * score[fit.late][others].sum() / known**0.5)
 
 
-def _by_place(position: Integers, cycle: int, score: Array, information: Array) -> Array:
+def _by_position(position: Integers, cycle: int, score: Array, information: Array) -> Array:
     """Return the delay at each position of a cycle, (cycle,), divided by its standard error."""
     known = np.maximum(np.bincount(position, information, cycle), np.finfo(float).tiny)
     return np.bincount(position, score, cycle) / np.sqrt(known)
@@ -274,7 +273,7 @@ def _to_samples(values: Array, samples: int) -> Array:
 
 
 def _speed(t: Array, angle: Array) -> Array:
-    """Estimate the (n,) speed from distant neighbours, which limits the influence of a wrong instant."""
+    """Estimate the (n,) speed from distant neighbours, so that one wrong instant has little influence."""
     speed, reach = np.gradient(angle, t), INSTANTS.reach
     speed[reach:-reach] = (angle[2 * reach :] - angle[: -2 * reach]) / (t[2 * reach :] - t[: -2 * reach])
     return speed

@@ -42,18 +42,19 @@ class QueueSettings:
     Noise of the readings causes turning points, too.
     """
     excluded: int = 2
-    """Minimum number of successive single counts whose rows are excluded, because the queue may not be full."""
+    """Minimum number of successive single counts whose rows are excluded: the queue may not be full."""
     repeats: float = 0.01
-    """Maximum fraction of rows that repeat the previous row, outside of pauses."""
+    """Maximum fraction of rows that repeat the previous row; a logger that writes a row per count repeats none."""
     full: float = 0.5
     """Minimum fraction of the rows with a full queue; the other rows are excluded."""
     least: float = 1.0
     """Minimum time by which a series deviates from the motion around it, in median intervals of the rows.
 
-    The time is zero if each row is stamped when it is read.
+    If each row is stamped when it is read, the deviation is zero.
     """
     span: float = 1.5
-    """Number of rows on either side of a series to which a polynomial is fitted, relative to the rows in the series."""
+    """Number of rows on either side of a series to which a polynomial is fitted, divided by the length of the
+    series."""
     degree: int = 4
     """Degree of the polynomial from which the delay of a series is measured."""
     grid: int = 1000

@@ -3,7 +3,7 @@
 A program exports a film at a rate that does not divide its frame rate, for example eight rows per second of a film with
 30 frames per second. Row i then shows the frame floor(i q + p) for q frames per row and a constant p, so that the rows
 are three or four frames apart, but the time stamps are even. The error of an angle is up to half a frame multiplied by
-its speed. As for a jittering clock, the sixth differences of the angles are much smaller at the instants of the frames.
+its speed. The sixth differences of the angles are much smaller at the instants of the frames than at the time stamps.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class RoundedFrameSettings:
     even: float = 0.05
     """Maximum deviation of a time stamp from an even clock, in periods."""
     rows: float = 1.1
-    """Maximum number of rows including missing ones, as a multiple of the rows of the table."""
+    """Maximum number of rows, including missing rows, divided by the rows of the table."""
     whole: float = 0.02
     """Minimum distance of the number of frames per row from an integer."""
     phases: int = 32
@@ -58,7 +58,7 @@ class RoundedFrames:
 
 
 def rounded_frames(t: Array, joints: Array) -> RoundedFrames | None:
-    """Return the frames of a film that explain errors of the angles at even time stamps, or None.
+    """Return the film frames that explain the angles better than the even time stamps, or None.
 
     Args:
         t: (n,) time stamps, s, in which rows may be missing
