@@ -11,24 +11,24 @@ class Calibration:
     temperature: float = 3.0
     """Divisor of differences of the log predictive density."""
     half_unexplained: float = 0.35
-    """Remaining share of the excess at which causes outside and inside the library are equally probable.
+    """Unexplained share of the excess at which causes outside and inside the library are equally probable.
 
-    The value applies to a remainder that equals the noise.
+    The value applies if the rms of the remainder equals the noise.
     """
     far: float = 8.0
     """Remainder, in units of the noise, above which the evidence for a cause outside the library no longer increases.
 
-    On real rigs, small causes change the readings by more than the noise of the encoders.
+    On real rigs, small unknown causes change the readings by more than the noise of the encoders.
     """
     steepness: float = 4.0
-    """Exponent with which the odds of an outside cause increase with the remaining share."""
+    """Exponent of the unexplained share in the odds of an outside cause."""
     imitates: float = 0.25
-    """Odds that an effect imitates an unknown cause.
+    """Odds that a part of an unknown cause is mistaken for an effect.
 
-    The value applies to an effect that explains as much as the remainder, if the remainder is far above the noise.
+    The value applies if effect and remainder are equally large and far above the noise.
     """
     compensates: float = 0.009
-    """Own share at which a smaller effect is equally likely to be a cause or a compensation.
+    """Own share at which a minor effect is equally likely to be a cause or a compensation.
 
     A compensation makes up for the inexact form of a larger effect. Own shares are at least `least_own`, so the odds of
     a compensation are at most 0.81.
@@ -42,27 +42,28 @@ class Calibration:
     drifting: float = 0.1
     """Prior odds of a friction drift against a dissipative torque that depends on speed.
 
-    They apply where a single decay cannot separate the two. Every rod has air drag, so a drift is less probable.
+    They apply to recordings of a single decay, which do not distinguish the two. Every rod has air drag, so a drift is
+    less probable.
     """
     unseen: float = 0.5
     """Probability of "no gap" if most effects are undetectable in the recordings."""
     least_listed: float = 1e-9
-    """Minimum probability of a listed alternative. Alternatives below it differ too little in probability to be
-    ranked."""
+    """Minimum probability of a listed alternative."""
     alternatives: int = 5
     """Maximum number of alternatives of each named effect."""
     hidden: float = 0.5
-    """Fraction of the size of an effect at which the additional parameters of a richer form are tested.
+    """Minimum detectable size of an additional parameter of a richer form, relative to the effect, that counts as
+    undetectable.
 
-    The richer form is a probable alternative if these parameters are undetectable at this size.
+    If all additional parameters are undetectable, the richer form belongs to the class of the effect.
     """
     negligible: float = 50.0
-    """Difference of the log probability beyond which a set has no weight."""
+    """Maximum difference of log probabilities; larger differences are clipped."""
     least_left: float = 1e-6
-    """Lower limit of the remaining share of the excess; the error of the integrator is never exactly zero."""
+    """Lower limit of the unexplained share of the excess, because of the error of the integrator."""
 
     def unit(self, inflation: float) -> float:
-        """Return the difference of cost that reduces the probability by the factor e."""
+        """Return the increase of cost by which the probability falls by the factor e."""
         return 2 * inflation * self.temperature
 
 
@@ -86,17 +87,17 @@ def odds_outside(
         (unexplained / half)^steepness * m + imitates * unexplained / unique * m / far + (compensates / own)^2,
         m = min(remainder / noise, far)
 
-    1. First term: if the library lacks the true law, a share of the gap remains that does not depend on the ratio of
-       gap to noise. The small causes of every rig leave a remainder of about the noise, for any size of
-       the gap, unless the noise is much smaller than these causes.
-    2. Second term: an effect that explains no more than the remainder may imitate a part of the unknown cause.
-    3. Third term: a smaller effect may compensate for the inexact form of a large one.
+    1. First term: if the library lacks the true law, the unexplained share does not depend on the ratio of gap to
+    noise. In contrast, the small unknown causes of every rig leave a remainder of about the noise, for any size of the
+    gap, unless the noise is much smaller. 2. Second term: an effect that explains no more than the remainder may
+    imitate a part of the unknown cause. 3. Third term: a smaller effect may compensate for the inexact form of a large
+    one.
 
     Args:
         unexplained: share of the excess that is not explained
         remainder: rms of the unexplained residual, in units of the noise; zero if only noise remains
         unique: share of the excess that only the effect explains; infinite for the gap as a whole
-        own_share: fraction of `unique` that no other form of the other effects explains; 1 for a dominant effect
+        own_share: fraction of `unique` that no other form of the other effects explains; 1: no compensation is possible
         calibration: calibration of the probabilities
     """
     size = min(remainder, calibration.far)

@@ -6,17 +6,16 @@ all runs,
 
     dp = (H - H_r)^-1 (g - g_r),    V = (H - H_r)^-1.
 
-The quality of the prediction of r is the logarithm of its predictive density. For Gaussian errors,
+The prediction of r is judged by the logarithm of its predictive density. For Gaussian errors,
 
     -2 log p(r | rest) = chi2(all) - chi2(rest) + f (log det H - log det (H - H_r)) + const,
 
 where f is the variance inflation n / n_eff. If only r determines a parameter, the prediction is therefore uncertain but
-not biased. The initial states of held-out segments are free, so the score measures the motion and not its initial
-state.
+not biased. The initial states of held-out segments are free, so that only the motion is predicted.
 
-A shape parameter that the other runs hardly determine is also free. An example is the cubic term of a spring that only
-one run deflects far: the other runs would extrapolate this term. The size of an effect, its first parameter, is always
-taken from the other runs.
+A shape parameter that the other runs hardly determine is also fitted to the held-out run. An example is the cubic term
+of a spring that is far deflected in one run only. The size of an effect, which is its first parameter, is always taken
+from the other runs.
 """
 
 from collections.abc import Sequence
@@ -30,7 +29,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.residuals import ASSUMPTIONS
 
 PRIOR = 10.0
-"""Standard deviation of the prior of an effect, in typical sizes; it is wide enough for any rig, and finite."""
+"""Standard deviation of the prior of the size of an effect, in typical sizes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +39,7 @@ class FoldSettings:
     quarters: int = 4
     """Number of folds into which a single recording is divided."""
     alone: float = 1e4
-    """Maximum factor by which the variance of a shape parameter may grow if a run is held out.
+    """Factor of the variance of a shape parameter without a run above which the parameter is also fitted to this run.
 
     If the factor is larger, the parameter is also fitted to the held-out run.
     """
@@ -52,9 +51,9 @@ FOLDS = FoldSettings()
 def folds(problem: Problem) -> Integers:
     """Return the (segments,) index of the cross-validation fold of each segment.
 
-    A fold is a run or, if there is a single run, a quarter of it. Quarters have equally many segments. If a known input
-    drives the run, the joints cover equal paths in each quarter. A controller may keep the joints at rest for most of
-    the recording, and data at rest cannot predict the other quarters. The indices are consecutive and begin at 0.
+    A fold is a run or, if there is a single run, a quarter of it. The quarters have equal numbers of segments or, if a
+    known input drives the run, equal paths of the joints. A controller may keep the joints at rest for most of a run,
+    and segments at rest cannot predict the other quarters. The indices are consecutive and begin at 0.
     """
     run, starts = problem.segments.run, problem.segments.offsets[:-1]
     if run.min() < run.max():
@@ -70,7 +69,7 @@ def folds(problem: Problem) -> Integers:
 
 
 def scaled_columns(fit: Fit, columns: Sequence[int]) -> Array:
-    """Return the (segments, m, k) Jacobian of selected parameters in prior standard deviations."""
+    """Return the (segments, m, k) Jacobian of selected parameters, per prior standard deviation."""
     return fit.linear.A[:, :, columns] * np.array([PRIOR * fit.free[i].size for i in columns])
 
 
@@ -101,8 +100,8 @@ def split(A: Array, e: Array, fold: Integers) -> list[Fold]:
 class _Folds:
     """Normal equations of a fit, for all segments and for each fold.
 
-    The parameters are divided by their prior standard deviations, so that the prior is a unit matrix. A segment that
-    cannot be simulated has the largest possible residual, as in `bounded_residual`.
+    The parameters are divided by their prior standard deviations, so that the prior is a unit matrix. The readings of a
+    segment that cannot be simulated have the residual `ASSUMPTIONS.wildest`.
     """
 
     def __init__(self, fit: Fit, fold: Integers) -> None:
@@ -117,9 +116,9 @@ class _Folds:
         self.H, self.gradient = self._total(self.folds)
 
     def without(self, left_out: Fold) -> tuple[Array, Array]:
-        """Sum the normal equations of all folds except one.
+        """Return the normal equations of all folds except one, with the prior.
 
-        A difference of sums could lose the prior by rounding.
+        They are a new sum, because the difference of two sums could lose the prior by rounding.
         """
         return self._total([part for part in self.folds if part is not left_out])
 
@@ -130,8 +129,8 @@ class _Folds:
     def free_in(self, fold: Fold, V: Array) -> Flags:
         """Return a (free,) mask of the parameters that are free in a held-out run.
 
-        Like its initial state, two kinds of parameters are free: the encoder zeros that are set before the run, and the
-        shape parameters whose variance V grows too much without the run.
+        These are the encoder zeros that are set before the run, and the shape parameters whose variance grows too much
+        without the run. V is the covariance without the run.
         """
         zeros = self.zeros & (np.diag(self.H) - np.diag(fold.H) <= 1.0)
         if not self.shapes.any():
@@ -140,10 +139,10 @@ class _Folds:
 
 
 def _within_bounds(fit: Fit) -> list[int]:
-    """Return the indices of the parameters whose linear minimum is inside their bounds.
+    """Return the indices of the parameters whose values at the linear minimum are within their bounds.
 
-    A fit may end so near a bound that this minimum is beyond the bound, where it cannot be reached. Otherwise an effect
-    of the wrong sign would count as evidence for the effect.
+    If a fit ends near a bound, the linear minimum may lie beyond it. It would then count as evidence for an effect
+    whose sign is impossible.
     """
     free = fit.inside
     while free:

@@ -20,13 +20,13 @@ from dpr_lab.gap.result.evidence import DetectableSizes, Exclusion
 from dpr_lab.rig import load_rig
 
 SIGMAS = 5.0
-"""Minimum ratio of the size of a detectable effect to its standard deviation.
+"""Ratio of the minimum detectable size to the standard deviation of the amplitude.
 
-The largest ratio that pure noise reaches among 600 shapes is smaller.
+It exceeds the largest ratio that noise alone reaches among 600 shapes.
 """
 
 SEEN = 1e-6
-"""Minimum fraction of a column's squared norm that remains after projection, for a detectable amplitude."""
+"""Minimum fraction of the squared norm of a column that remains after the projection if its amplitude is detectable."""
 
 
 def detectable(model: Hypothesis, test: ScoreTest) -> DetectableSizes:
@@ -37,7 +37,8 @@ def detectable(model: Hypothesis, test: ScoreTest) -> DetectableSizes:
         size = 5 sqrt(f) / | s |
 
     Here s is the change of the whitened readings per unit of the amplitude, with initial states and fitted parameters
-    projected out, and f is the variance inflation n / n_eff. The result is None if the readings do not change.
+    projected out, and f is the variance inflation n / n_eff. The size is None if s is zero, because the readings do not
+    change or other parameters absorb the amplitude.
 
     Args:
         model: the fitted model
@@ -68,8 +69,8 @@ def detectable(model: Hypothesis, test: ScoreTest) -> DetectableSizes:
 def detectable_arm_scale(problem: Problem, model: Hypothesis, step: float = 1e-3) -> float | None:
     """Return the minimum detectable relative error of the angle of prescribed arms.
 
-    This angle is an input of the model, so its error is no effect of the library. The result is None if no arm moves as
-    prescribed, or if the fitted values absorb the error.
+    The library contains no such error, because the prescribed angle is an input of the model. The result is None if no
+    arm is prescribed, or if the fitted parameters absorb the error.
 
     Args:
         problem: segments and noise
@@ -89,15 +90,15 @@ def detectable_arm_scale(problem: Problem, model: Hypothesis, step: float = 1e-3
 
 
 def _size(spread: float, scale: float, remaining: float) -> float | None:
-    """Return the minimum detectable amplitude of a column, or None if no size is detectable."""
+    """Return the minimum detectable amplitude of a column, or None if other parameters absorb it."""
     return float(spread * scale / remaining**0.5) if remaining > SEEN and scale < 1 / TINY else None
 
 
 def comparable_size(params: Array, effect: Effect, amplitude: EffectParameter) -> float:
-    """Convert the size of a fitted effect to the unit of a different amplitude.
+    """Convert the size of a fitted effect to the unit of an amplitude of another effect.
 
-    If the units differ, the size is converted by the typical sizes: half the typical offset corresponds to half the
-    typical drift.
+    If the units differ, the ratio to the typical size is kept: half the typical offset corresponds to half the typical
+    drift.
 
     Args:
         params: (SIZE,) fitted parameters
@@ -111,8 +112,8 @@ def comparable_size(params: Array, effect: Effect, amplitude: EffectParameter) -
 def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float | None]) -> list[Exclusion]:
     """Test whether the minimum detectable size of each amplitude is excluded.
 
-    The other amplitudes are zero, and no intervals are computed. A linear estimate a of standard deviation s excludes
-    the minimum detectable size 5 s with the confidence P(|x| < 5 s) = Phi(5 - |a| / s).
+    Each amplitude is estimated with all other amplitudes equal to zero. A linear estimate a of standard deviation s
+    excludes the minimum detectable size 5 s with the confidence P(|x| < 5 s) = Phi(5 - |a| / s).
 
     Args:
         test: score test with the named effects in the model
@@ -138,7 +139,8 @@ def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float |
 def count_detectable(least: DetectableSizes, limits: Array | None) -> tuple[int, int]:
     """Count the effects that are detectable at their typical size, and at any size.
 
-    If an effect is undetectable at any size, it does not act in these recordings or is absorbed by the ratios.
+    Effects that are undetectable at any size are not counted, unless all are undetectable: they do not act in these
+    recordings, or the ratios absorb them.
 
     Args:
         least: minimum detectable sizes, the result of `detectable`
@@ -156,9 +158,9 @@ def count_detectable(least: DetectableSizes, limits: Array | None) -> tuple[int,
 def _typical(effect: str, parameter: EffectParameter, limits: Array | None) -> float:
     """Return the typical size of an amplitude on this rig.
 
-    The library states sizes on a laboratory rig. Torques and inertias of larger rods are larger in proportion to their
-    limits, which are the gravity torque and the inertia about the joint. For example, friction of 1 mN m is typical for
-    rods of 0.4 m, but not for rods of 1.4 m.
+    The library states typical sizes on a laboratory rig. For larger rods, the sizes of torques and inertias are
+    multiplied by the ratio of their limits, which are proportional to gravity torque and inertia about the joint. For
+    example, friction of 1 mN m is typical for rods of 0.4 m, but not for rods of 1.4 m.
     """
     if limits is None or parameter.scale_power != 1:
         return parameter.typical

@@ -1,4 +1,4 @@
-"""Hypothesis: a set of effects fitted with ratios and initial states, and its cost."""
+"""Hypothesis: a set of effects, fitted together with ratios and initial states, and its cost."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,7 +26,8 @@ class Penalty:
     parameter: float = 9.0
     """Penalty of one parameter: the logarithm of about 1e4 samples (BIC)."""
     curve: int = 3
-    """Minimum number of amplitudes of a curve, which can imitate a sum of other effects on a small arc."""
+    """Minimum number of amplitudes of an effect that counts as a curve. On a small arc, a curve can imitate a sum of
+    other effects."""
     ordinary: float = 0.1
     """Maximum size s0 of a curve without an additional penalty: a typical eccentricity."""
 
@@ -42,25 +43,25 @@ class Hypothesis:
     fit: Fit
     residuals: ResidualStatistics
     predictive_loss: float
-    """Loss of predicting each run, or each quarter of a single run, from the others, in units of chi2."""
+    """Predictive loss in units of chi2: each run, or each quarter of a single run, is predicted from the others."""
     curves: Mapping[str, float]
-    """Size s of each curve in the set: the rms of its amplitudes relative to their limits."""
+    """Size s of each curve in the set, dimensionless: the rms of its amplitudes, each divided by its limit."""
     harmonic_vibrations: frozenset[str] = frozenset()
     """Vibrations in the set at a multiple of the swing's frequency."""
     decay_drifts: frozenset[str] = frozenset()
-    """Friction drifts in the set, if the recordings are one decay: amplitude and time are inseparable."""
+    """Friction drifts in the set if the recordings are a single decay, in which amplitude and time are inseparable."""
     priors: Mapping[str, float] = field(default_factory=dict)
-    """Prior weight of each effect with its fitted size, for a spring relative to the penalty of all its amplitudes."""
+    """Prior weight of each effect with its fitted size (`fitted_prior`)."""
 
     @property
     def cost(self) -> float:
-        """Criterion: predictive loss plus variance inflation times penalty."""
+        """Selection criterion: predictive loss plus variance inflation times penalty."""
         return self.cost_at(self.inflation)
 
     def cost_at(self, inflation: float) -> float:
-        """Return the cost with the variance inflation of another set.
+        """Return the cost with a given variance inflation, for example that of another set.
 
-        The residual of the other set is thus treated as noise.
+        With the inflation of another set, the residual of that set is treated as noise.
         """
         return self.predictive_loss + inflation * self.penalty
 
@@ -73,9 +74,9 @@ class Hypothesis:
     def penalty(self) -> float:
         """Penalty of the parameters, in chi2 of independent readings.
 
-        A curve of n amplitudes and size s > s0 has the additional penalty 2 n ln(s / s0), because a prior of unknown
-        common scale has the density s^-n. The reason is that a curve whose large amplitudes cancel each other imitates
-        other effects.
+        A curve of n amplitudes and size s > s0 has the additional penalty 2 n ln(s / s0), which corresponds to a prior
+        density s^-n of unknown common scale. It is necessary because a curve with large amplitudes that cancel each
+        other can imitate other effects.
         """
         penalty = PENALTY.parameter * self.parameters
         for name, size in self.curves.items():
@@ -89,7 +90,7 @@ class Hypothesis:
 
     @property
     def inflation(self) -> float:
-        """Variance inflation n / n_eff: chi2 of one independent reading."""
+        """Variance inflation n / n_eff, the mean chi2 per independent reading."""
         return self.residuals.inflation
 
     @property
@@ -109,7 +110,7 @@ class Hypothesis:
 
     @property
     def far_from_noise(self) -> bool:
-        """Whether linear scores are only approximate, because the residual is large."""
+        """Whether the residual is so large that linear scores are only approximate."""
         return self.residuals.chi2 > THRESHOLDS.far * self.residuals.dof
 
     @property
@@ -134,14 +135,14 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
 
 
 def explained(bare: Hypothesis, model: Hypothesis) -> float:
-    """Return the reduction of the excess by a set of effects."""
+    """Return the reduction of the bare model's excess chi-square by a set of effects."""
     return bare.bounded_excess - model.bounded_excess
 
 
 def log_prior_ratio(model: Hypothesis, current: Hypothesis) -> float:
     """Return the logarithm of the ratio of the prior weights of two sets, at their fitted sizes.
 
-    It is zero for sets of different size, which the penalty of the parameters compares.
+    It is zero for sets of different size, which are compared by the penalty of their parameters.
     """
     if len(model.effects) != len(current.effects):
         return 0.0

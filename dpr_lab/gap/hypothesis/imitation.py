@@ -1,4 +1,4 @@
-"""Effects that only fit the residual of other causes, and free-form curves that imitate a removed effect."""
+"""Detection of effects that only fit the residual of other causes, and of curves that imitate a removed effect."""
 
 import math
 
@@ -16,9 +16,8 @@ def follows_remainder(bare: Hypothesis, larger: Hypothesis, simple: Hypothesis) 
 def curve_follows_remainder(bare: Hypothesis, with_curve: Hypothesis, simple: Hypothesis) -> bool:
     """Return whether a curve only fits the small remainder of unknown causes.
 
-    This is so under three conditions: the simpler set explains nearly as much, its remainder is below the noise, and
-    the curve is not significant if this remainder is treated as noise. The rule does not apply to a set with far larger
-    prior odds.
+    Three conditions must hold: the simpler set explains nearly as much, its remainder is below the noise, and the curve
+    is not significant if this remainder is treated as noise. A set with far larger prior odds is exempt.
     """
     curves = set(with_curve.curves) - simple.key
     if not curves or not simple.effects or simple.residuals.noise_ratio > 1.0:
@@ -33,7 +32,7 @@ def follows_swing(bare: Hypothesis, vibrating: Hypothesis, other: Hypothesis) ->
     """Return whether a vibration at a multiple of the swing frequency only fits the residual of a missing effect.
 
     Any missing torque that depends on angle or speed leaves a residual at these frequencies. The vibration is rejected
-    if another set explains most of the residual.
+    if another set reduces the excess by more than half as much.
     """
     if not vibrating.harmonic_vibrations - other.key or not other.effects:
         return False
@@ -52,10 +51,10 @@ def follows_decay(bare: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> 
 
 
 def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:
-    """Return the curve of a smaller set that imitates the removed effect, or None.
+    """Return the curve that imitates the removed effect in a smaller set, or None.
 
-    Its amplitudes cancel each other, and grow when the effect is removed. For example, an eccentricity with large
-    harmonics imitates a zero offset on a small arc. The offset is still necessary.
+    The amplitudes of such a curve cancel each other, and grow when the effect is removed. For example, an eccentricity
+    with large harmonics imitates a zero offset on a small arc, although the offset is the cause.
     """
     if smaller.cost <= model.cost:
         return None

@@ -1,6 +1,6 @@
-"""Fits of a set after one effect is added or removed.
+"""Fits of a set to which one effect was added, or from which one effect was removed.
 
-A fit starts from a fitted set or from the solution of a score test.
+The initial values are those of a fitted set or of the linear solution of a score test.
 """
 
 from collections.abc import Sequence
@@ -22,17 +22,17 @@ class RefitSettings:
     """Settings of the preliminary fits that the search compares."""
 
     preliminary: float = 3e-3
-    """Relative reduction of the cost at which a fit far from the noise ends.
+    """Relative decrease of chi2 per iteration below which a fit far from the noise ends.
 
-    Far from the noise, the residual is an error of the model, and the costs of two sets differ by factors. A change of
-    a thousandth is then irrelevant. The fit of the selected set is continued to its minimum.
+    Far from the noise, the costs of two sets differ by factors, so that a change by a few thousandths is irrelevant.
+    The fit of the selected set is continued to its minimum.
     """
     without: int = 15
     """Maximum number of iterations of the fit of a set without one effect."""
     lost: float = 10.0
     """Maximum ratio of chi2 at the linear prediction to chi2 of the original set.
 
-    At a larger ratio the linear prediction is a worse initial value than the original set.
+    At a larger ratio, the fit starts from the original set instead of the linear prediction.
     """
 
 
@@ -41,9 +41,9 @@ PRELIMINARY = GaussNewton(preliminary=REFITS.preliminary)
 
 
 def settings_to_beat(model: Hypothesis) -> GaussNewton:
-    """Return the settings of a fit that stops early unless it becomes better than the previous fit.
+    """Return the settings of a fit that stops early if it will not become better than the fit of `model`.
 
-    Both fits have the same set of effects.
+    Both fits have the same set of effects and different initial values.
     """
     return replace(PRELIMINARY, to_beat=model.fit.chi2, race=True)
 
@@ -67,7 +67,7 @@ def best_start(
 ) -> Iteration:
     """Return the best of several short fits with one additional effect.
 
-    Each of these fits starts from another shape of the effect.
+    Each fit starts from the shape and the linear solution of one score.
     """
     best: Iteration | None = None
     for score in scores:
@@ -95,13 +95,13 @@ def refit_with(
 
 
 def _started_with(problem: Problem, before: Hypothesis, test: ScoreTest, score: Score) -> Iteration:
-    """Add one effect, with the linear solution of its score test as initial value."""
+    """Add one effect to a fit and perform one iteration, whose step is the linear solution of the score test."""
     linear = test.linear.chosen([*test.fitted_columns, *score.columns])
     return descend(problem, shaped(before, score), score.free, iterations=1, first=linear)
 
 
 def shaped(before: Hypothesis, score: Score) -> Estimate:
-    """Return the estimate of a fit with the shape parameters of a score."""
+    """Return the estimate of a set, with the shape parameters of a score."""
     params = before.estimate.params.copy()
     for index, value in score.shape:
         params[index] = value
@@ -109,7 +109,7 @@ def shaped(before: Hypothesis, score: Score) -> Estimate:
 
 
 def refit_without(problem: Problem, before: Hypothesis, effect: str, bare: Hypothesis) -> Hypothesis:
-    """Refit a set without one effect, starting from the linearised solution.
+    """Fit a set without one of its effects, starting from the linear prediction.
 
     If b is not identifiable without the effect, its value is taken from the bare model.
     """

@@ -1,4 +1,4 @@
-"""Residuals of a fit relative to the noise, and the effective number of independent values."""
+"""Statistics of the residuals of a fit, relative to the noise."""
 
 from dataclasses import dataclass
 
@@ -14,16 +14,17 @@ class NoiseAssumptions:
     """Assumptions about the residuals of a fit."""
 
     level: tuple[float, float] = (0.3, 1.3)
-    """Range of the variance ratio in which a deviation counts as an error of the noise floor, not as a gap."""
+    """Range of the ratio of estimated to assumed noise variance that counts as an error of the noise floor, not as a
+    gap."""
     most_correlated: float = 0.99
     """Maximum autocorrelation of neighbouring residuals.
 
-    At a larger autocorrelation, a record of seconds would have an effective sample size of one.
+    At a larger value, a record of a few seconds would have an effective sample size of one.
     """
     wildest: float = 1e6
     """Residual of the readings in a segment that cannot be simulated, in standard deviations.
 
-    It is the largest residual that is possible.
+    Larger residuals are clipped to this value.
     """
 
 
@@ -38,15 +39,15 @@ class ResidualStatistics:
     dof: int
     """Degrees of freedom; 1 if there are as many parameters as readings, or more."""
     level: float
-    """Variance of the rough part of the residual, in units of the noise that the fit assumed."""
+    """Noise variance estimated from differences of neighbouring residuals, relative to the assumed noise variance."""
     autocorrelation: float
-    """Correlation of neighbouring residuals: the smooth fraction of their variance."""
+    """Correlation of neighbouring residuals."""
     noise_correlation: float = 0.0
     """Correlation of the errors of neighbouring readings."""
 
     @property
     def excess(self) -> float:
-        """Excess chi-square: chi2 above the noise."""
+        """Excess chi-square: chi2 minus its expected value for noise alone."""
         return self.chi2 - self.level * self.dof
 
     @property
@@ -70,13 +71,13 @@ class ResidualStatistics:
 
     @property
     def inflation(self) -> float:
-        """Variance inflation: n / n_eff of a first-order process times the residual variance."""
+        """Variance inflation: n / n_eff of a first-order process, times the residual variance if this exceeds one."""
         rho = min(max(self.autocorrelation, 0.0), ASSUMPTIONS.most_correlated)
         return max(self.chi2 / self.dof, 1.0) * (1 + rho) / (1 - rho)
 
     @property
     def noise_ratio(self) -> float:
-        """Ratio of the residual to the noise, both rms."""
+        """Ratio of the rms of the residual above the noise to the rms of the noise."""
         return float(np.sqrt(max(self.excess, 0.0) / (self.level * self.dof)))
 
 
@@ -90,13 +91,13 @@ def bounded_residual(problem: Problem, fit: Fit) -> Array:
 
 
 def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
-    """Compute the statistics of a residual from its smooth and its rough part.
+    """Compute the statistics of a residual from its values and their differences.
 
-    Both parts are equal for white noise, and unequal if an effect is missing. Noise with the correlation rho between
-    neighbouring readings is as rough as white noise of 1 - rho times its variance. The noise level is estimated from
-    differences of neighbouring residuals (von Neumann). Therefore an error of the noise floor by a few per cent does
-    not count as a gap. If a residual is rougher than the noise floor allows, this also counts as excess. The difference
-    between chi2 and its rough part is the sum of products of neighbours. For white noise this sum has the variance dof.
+    The noise level is estimated from differences of neighbouring residuals (von Neumann), because a missing effect
+    changes the residual slowly. An error of the noise floor by a few per cent therefore does not count as a gap. If rho
+    is the correlation of the errors of neighbouring readings, half the mean squared difference is 1 - rho times the
+    variance of the noise. If the estimated level is outside `ASSUMPTIONS.level`, the difference counts as excess. For
+    white noise, the excess has the variance dof.
 
     Source: J. von Neumann (1941), Distribution of the ratio of the mean square successive difference to the variance,
     Annals of Mathematical Statistics 12(4), 367-395.

@@ -1,4 +1,4 @@
-"""Scan of shape parameters: orders, frequencies, and times of steps in a reading."""
+"""Scan of shape parameters of effects, such as orders and frequencies."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -24,27 +24,27 @@ class ScanSettings:
     """Settings of the scan over shapes."""
 
     many: int = 24
-    """Number of shapes above which an effect is scanned along the swing before the score test."""
+    """Maximum number of shapes of an effect without a preliminary scan before the score test."""
     kept: int = 2
-    """Number of shapes that a scan returns: the best shape, and the best shape that is not its neighbour."""
+    """Number of shapes that a scan returns: the best shape and the best shapes that are not its neighbours."""
     neighbours: float = 0.1
     """Maximum relative difference between the frequencies or orders of two neighbouring shapes."""
     finer: int = 13
-    """Number of additional shapes around a shape of the grid.
+    """Number of additional values of a shape parameter around a grid point, because peaks of the gain are narrow.
 
     The width of a peak is the inverse of the record length.
     """
     reach: float = 0.75
-    """Range of the additional shapes on either side, in steps of the grid."""
+    """Range of the additional values on either side, in steps of the grid."""
     block: int = 32
     """Number of columns that are processed together, so that they fit into the cache."""
     amplitudes: int = 2
-    """Number of leading amplitudes of an effect that a scan fits."""
+    """Number of amplitudes of an effect that a scan fits: the first ones."""
     periods: int = 2
-    """Minimum number of periods that a joint must cover. A pattern that does not repeat is not evidence of a periodic
-    effect."""
+    """Minimum number of periods that the motion of a joint must cover; a pattern that does not repeat is not evidence
+    of a periodic effect."""
     gap_rad: float = 0.5
-    """Largest interval of unvisited angles of a joint that counts as revolving, rad."""
+    """Maximum interval of angles that are not visited, for a joint that counts as revolving, rad."""
 
 
 SCAN = ScanSettings()
@@ -59,7 +59,7 @@ polynomial fits any smooth force and any nonlinearity of the encoder, so it is e
 
 @dataclass(frozen=True, slots=True)
 class FittedColumns:
-    """Linearised fit: columns A of the parameters, residual e, and columns Q of initial states."""
+    """Linearised fit: columns A of the parameters, residual e, and orthonormal columns Q of the initial states."""
 
     space: ColumnSpace
     """Column space of A and e."""
@@ -85,7 +85,7 @@ class FittedColumns:
         return self.of_products(products.sum(axis=0), within.sum(axis=0), count)
 
     def products(self, columns: Array, count: int) -> tuple[Array, Array]:
-        """Return the inner products of columns without the part that the initial states reproduce.
+        """Return inner products of columns, with the initial states projected out of the columns.
 
         Returns:
             (segments, k + 1, sets * count) products with A and e, and (segments, sets, count, count) products within
@@ -136,8 +136,9 @@ class ShapeScan:
     def _covered(self, joint: int) -> float:
         """Return the arc that a joint covers, rad.
 
-        A fit that lacks the zero error or the tilt of the rig oscillates about another angle, so its arc is larger than
-        that of the readings. The readings of encoder 2 may be angles of the outer rod and not of joint 2.
+        The arc of joint 1 is at most that of its readings, because a fit without the zero error or tilt of the rig may
+        cover a larger arc. The readings of encoder 2 are not used: they may be angles of the outer rod instead of joint
+        2.
         """
         covered = arc(self.reference.joint_angle[:, joint])
         readings = self.problem.measured[self.problem.read[:, 0], 0]
@@ -145,10 +146,10 @@ class ShapeScan:
 
     @cached_property
     def resolved_hz(self) -> float:
-        """Half the sampling rate: samples do not distinguish a higher frequency from a lower one.
+        """Half the sampling rate, Hz: higher frequencies are aliased.
 
-        Each joint has its own instants. The rate is that of the joint with more readings per second; it is infinite if
-        no run has two readings of a joint.
+        The joints may have different sampling rates; the higher rate counts. The result is infinite if no run has two
+        readings of a joint.
         """
         segments = self.problem.segments
         run = segments.run[segments.owner]
@@ -159,8 +160,8 @@ class ShapeScan:
     def _between(self, effect: Effect, separate: list[Shape]) -> list[Shape]:
         """Return the best shapes between the grid points of a continuous shape parameter.
 
-        The width of a frequency peak is the inverse of the record length. Such a peak is too narrow for a nonlinear fit
-        that starts from the grid.
+        The width of a peak over the frequency is the inverse of the record length. This is too narrow for a nonlinear
+        fit that starts from a grid point.
         """
         shape = effect.shapes[0]
         if len(effect.shapes) > 1 or not shape.continuous:
@@ -172,13 +173,13 @@ class ShapeScan:
 
     @cached_property
     def _fitted(self) -> FittedColumns:
-        """Columns of the fitted parameters."""
+        """Linearised fit, in the form that the scan uses."""
         return FittedColumns.of(self.fit.linear)
 
     def _gains(self, effect: Effect, candidates: list[Shape]) -> Array:
         """Predict the (shapes,) reduction of chi2 for each value of the shape parameters.
 
-        Only the first amplitudes of the effect are used. The fitted model is projected out of their columns.
+        Only the first `SCAN.amplitudes` amplitudes are used. The fitted parameters are projected out of their columns.
         """
         amplitudes = effect.amplitudes[: SCAN.amplitudes]
         positive = [p.sign == "positive" for p in amplitudes] == [True]
@@ -190,8 +191,8 @@ class ShapeScan:
 def arc(angle: Array) -> float:
     """Return the arc that angles (n,) cover, rad.
 
-    The arc is the circle without the largest interval between two neighbouring angles. For a joint that revolves, the
-    arc is the whole range of the angles, because a periodic pattern repeats in each turn.
+    The arc is the full circle minus the largest interval between two neighbouring angles. For a joint that revolves,
+    the arc is the range of the angles including full turns, because a periodic pattern repeats in each turn.
     """
     around = np.sort(np.mod(angle, 2 * np.pi))
     gap = float(np.diff(around, append=around[0] + 2 * np.pi).max())
@@ -244,7 +245,7 @@ def shape_columns(
 
 
 def _one_amplitude(effect: Effect, sizes: Sequence[float], shapes: Sequence[Shape]) -> Array:
-    """Return (shapes * sizes, SIZE) parameters: in each row, one amplitude of an effect is not zero."""
+    """Return (shapes * sizes, SIZE) parameters: each row has one non-zero amplitude of the effect."""
     params = np.tile(effect_params({}), (len(shapes), len(sizes), 1))
     for i, size in enumerate(sizes):
         params[:, i, param_index(effect.name, effect.amplitudes[i].name)] = size

@@ -1,11 +1,11 @@
-"""Score test: predicted reduction of chi2 by each effect of the library.
+"""Score test: predicted reduction of chi2 by each effect of a library.
 
-Let e be the whitened residual, A the Jacobian of the fitted parameters, and C the Jacobian of a candidate, with the
-initial states projected out. The predicted reduction is that of the bounded least-squares problem
+Let e be the whitened residual, A the Jacobian of the fitted parameters, and C the Jacobian of a candidate. The initial
+states are projected out of all three. The predicted reduction is that of the bounded least-squares problem
 
     min | e - A dp - C a |^2,    friction and other one-signed amplitudes non-negative.
 
-No swing is integrated again. The solution is the initial value of the candidate's nonlinear fit.
+The candidate is not simulated. The solution is the initial value of its nonlinear fit.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -34,13 +34,13 @@ class Score:
     gain: float
     """Predicted reduction of chi2."""
     columns: tuple[int, ...]
-    """Columns of the amplitudes that are not absorbed; of all amplitudes if all are absorbed."""
+    """Indices of the columns of the amplitudes that are not absorbed; of all amplitudes if all are absorbed."""
     free: tuple[FreeParameter, ...]
-    """Parameters of the fit, then amplitudes of the effect."""
+    """Parameters of `columns` after those of the fit."""
     amplitudes: Array
     """(columns,) amplitudes of the linear solution."""
     absorbed: Mapping[str, str] = field(default_factory=dict)
-    """Amplitudes that are indistinguishable from a parameter, with the name of this parameter."""
+    """Name of the parameter that absorbs an amplitude, by the name of the amplitude."""
 
     @property
     def named_amplitudes(self) -> dict[str, float]:
@@ -65,7 +65,7 @@ class ScoreTest:
     shaped: Mapping[str, tuple[Score, ...]] = field(default_factory=dict)
     """Scores of all shapes of each effect, best first."""
     tested: frozenset[str] = frozenset()
-    """Names of the tested effects; those that the recordings cannot show have no score."""
+    """Names of the tested effects. Effects without a shape in these recordings have no score."""
 
     @property
     def fitted_columns(self) -> tuple[int, ...]:
@@ -94,7 +94,7 @@ class ScoreTest:
         return self.space.projected_out(list(self.fitted_columns), list(columns))
 
     def cosine(self, target: Score, other: Score) -> float:
-        """Return the cosine between the signature of `target` and the nearest signature of `other`."""
+        """Return the cosine of the signature of `target` and the nearest direction in the space of `other`."""
         count = len(target.columns)
         direction = target.amplitudes if target.amplitudes.any() else self.space.scale[list(target.columns)]
         space = self.projected((*target.columns, *other.columns))
@@ -139,7 +139,7 @@ def score_test(problem: Problem, fitted: Fit, library: Iterable[Effect], recorde
 
 
 def _score(test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ...]) -> Score:
-    """Score one shape of an effect by its amplitudes that are not absorbed."""
+    """Compute the score of one shape of an effect, from the amplitudes that are not absorbed."""
     fitted = test.fitted_columns
     prior = test.prior_of([*fitted, *columns])
     hidden = prior.absorbed(test.space.chosen([*fitted, *columns]))[len(fitted) :]
@@ -153,7 +153,7 @@ def _score(test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ..
 
 
 def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
-    """Return the parameter whose signature is nearest to that of an amplitude."""
+    """Return the name of the parameter whose column is nearest to that of an absorbed amplitude."""
     before = [*test.fitted_columns, *columns[:index]]
     nearest = before[int(np.argmax(np.abs(test.space.H[before, columns[index]])))] if before else None
     visible = nearest is not None and abs(test.space.H[nearest, columns[index]]) > 0.0

@@ -1,4 +1,4 @@
-"""Significance of a reduction of cost, relative to noise, chance, and inexact functional forms."""
+"""Significance of a reduction of cost, in view of noise, chance and inexact functional forms."""
 
 import math
 
@@ -14,9 +14,9 @@ from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 def promising_gain(model: Hypothesis) -> float:
     """Return the smallest predicted reduction of chi2 for which an effect is fitted.
 
-    It is the largest reduction by chance, divided by the factor `GAUSS_NEWTON.exceeded` by which a fit may exceed its
-    prediction. With few readings, a single cause inflates the residuals so much that it is insignificant relative to
-    them. `THRESHOLDS.promising` then limits the predicted reduction.
+    The largest reduction by chance is divided by `GAUSS_NEWTON.exceeded`, the factor by which a fit may exceed its
+    prediction. With few readings, one cause can increase the variance inflation so much that its own reduction seems
+    due to chance. The result is therefore at most the share `THRESHOLDS.promising` of the excess.
     """
     residuals = model.residuals
     inflation = min(residuals.inflation, max(1.0, residuals.chi2 / residuals.dof))
@@ -33,9 +33,9 @@ def cost_with_prior(model: Hypothesis, current: Hypothesis) -> float:
 def member_odds(model: Hypothesis, chosen: Hypothesis, name: str, other: str) -> float:
     """Return the odds of an indistinguishable effect against the named effect, from priors and numbers of parameters.
 
-    The odds follow from the difference of the criterion. For an effect with fewer parameters, at most the penalty of
-    the saved parameters counts, because the rest of the difference can be an error of the integrator. Forms of one
-    effect are compared by their priors.
+    The odds are the ratio of the priors times a factor from the difference of the costs. If the other effect has the
+    lower cost, at most the penalty of its fewer parameters counts, because the rest of the difference can be an error
+    of the integrator. Simpler or richer forms are compared by their priors alone.
 
     Args:
         model: set with the other effect
@@ -58,7 +58,7 @@ def are_forms(name: str, other: str) -> bool:
 def indifference(
     bare: Hypothesis, model: Hypothesis, *, independent: float = THRESHOLDS.chance, share: float = THRESHOLDS.integrator
 ) -> float:
-    """Return the difference of cost that chance or the steps of the integrator can cause."""
+    """Return the largest difference of cost that chance or the steps of the integrator can cause."""
     return max(independent * model.inflation, share * (bare.residuals.chi2 - model.residuals.chi2))
 
 
@@ -74,7 +74,8 @@ def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> flo
         a residual remains with the effect     max(`chance` i, `integrator` r), at most `segment_scatter`
 
     An effect that follows the noise of a tracker reduces the inflation, and with it the penalty of all parameters. If
-    only noise remains without the effect, this is not evidence: both sets are compared at the inflation of the larger.
+    only noise remains without the effect, this reduction of the penalty is not evidence: both sets are compared at the
+    inflation of the larger set.
     """
     if not before.effects:
         limit = after.chance
@@ -96,8 +97,8 @@ def segment_scatter(
 ) -> float:
     """Return the reduction of chi2 that can occur by chance, from its scatter between segments.
 
-    Segments are the independent units, because the residual of small unknown effects is smooth along a segment. The
-    result is inf if there are too few.
+    Segments count as independent units, because the residual of small unknown effects is smooth along a segment. The
+    result is inf if there are fewer than `THRESHOLDS.fewest_segments`.
 
     Args:
         before: set of larger chi2
@@ -124,11 +125,12 @@ def most_excess(bare: Hypothesis, before: Hypothesis) -> float:
 
 
 def evidence_ratio(bare: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:
-    """Return the ratio of the evidence for an effect to the required evidence.
+    """Return the evidence for an effect, relative to the required evidence.
 
-    Above the noise floor, the evidence is the factor by which the excess increases without the effect. The required
-    factor is `excess_factor` for an effect that is large or improves every segment, `necessary_factor_if_small` for a
-    small effect, and `necessary_factor` for any other effect.
+    At the noise floor, the evidence is the increase of the cost without the effect. Above the noise floor, it is the
+    factor by which the excess increases without the effect. The required factor is `excess_factor` for an effect that
+    is large or improves the segments consistently, `necessary_factor_if_small` for a small effect, and
+    `necessary_factor` otherwise.
 
     Args:
         bare: model whose excess is the whole gap (`FittedSets.corrected_bare`)
@@ -148,10 +150,10 @@ def evidence_ratio(bare: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> 
 
 
 def explains_as_much(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> bool:
-    """Return whether a smaller set explains nearly as much as a richer set, at no significantly higher cost.
+    """Return whether a set with fewer parameters explains nearly as much, at no significantly higher cost.
 
-    While a residual remains, neither set is the exact model. The difference is then compared with its scatter between
-    segments, and not with the noise of a reading.
+    While a residual remains, neither set is the exact model. The difference of their costs is then compared with its
+    scatter between segments instead of the noise.
 
     Source: Vuong (1989), Likelihood ratio tests for model selection and non-nested hypotheses, Econometrica 57,
     307-333.
@@ -167,7 +169,7 @@ def explains_as_much(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> 
 
 
 def form_indifference(bare: Hypothesis, model: Hypothesis) -> float:
-    """Return the largest increase of cost at which a simpler form replaces a richer one.
+    """Return the largest increase of cost at which a simpler form replaces a richer form.
 
     The richer form may follow the residual or, at the noise floor, the error of the integrator.
     """
@@ -176,7 +178,7 @@ def form_indifference(bare: Hypothesis, model: Hypothesis) -> float:
 
 
 def adds_less_than_remains(richer: Hypothesis, simpler: Hypothesis | None) -> bool:
-    """Return whether a richer form reduces the excess of a simpler form by less than half.
+    """Return whether a richer form explains less in addition to a simpler form than remains unexplained.
 
     The result is False if the richer form leaves only noise, or if the simpler form was not fitted.
     """

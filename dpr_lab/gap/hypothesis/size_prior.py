@@ -1,13 +1,14 @@
 """Prior of the fitted size of an effect on one rig.
 
-The sizes of most effects are compared with those of laboratory rigs (`dpr_lab.effects.plausibility`). A spring and an
-error of the encoder scale imitate each other on a single rod, so that their priors decide. Both depend on the rig:
+For most effects, the prior is that of laboratory rigs (`dpr_lab.effects.plausibility`). A spring and an error of the
+encoder scale imitate each other on a single rod, so that their priors decide between them. These priors depend on the
+rig:
 
-- The stiffness of a spring is compared with gravity, because heavy rods have strong cables. It is either weak or
-  arbitrary.
-- An encoder scale is exact, has a tolerance, belongs to another common encoder, or is arbitrary (belt, potentiometer).
+- The stiffness of a spring is compared with the gravity torque, because heavy rods have strong cables. A spring is weak
+or, with a small prior weight, arbitrarily strong. - A scale error is a tolerance, belongs to another common encoder, or
+is arbitrary (belt, potentiometer).
 
-Most springs are linear. A spring therefore has the weight of its simplest form that fits.
+Most springs are linear. The weight of a spring is therefore that of its simplest adequate form.
 """
 
 import math
@@ -37,7 +38,8 @@ class SizePrior:
     tolerance: float = 5e-3
     """Largest relative error of a scale that counts as a tolerance.
 
-    On one rod, a spring of twice this fraction of the gravity torque imitates it. This is the scale of weak springs.
+    On a single rod, a spring of twice this fraction of the gravity torque imitates such an error. This torque is
+    therefore the scale of the prior of weak springs.
     """
     other_encoder: float = 0.5
     """Prior weight of the scale of another common encoder, relative to a tolerance."""
@@ -48,7 +50,7 @@ class SizePrior:
 SIZE_PRIOR = SizePrior()
 
 SCALES, SPRINGS = (tuple(effect.name for effect in pair) for pair in (ENCODER_SCALE, SPRING))
-"""Names of the scale errors and of the springs of joints 1 and 2."""
+"""Names of the scale errors, and of the springs, of joints 1 and 2."""
 
 
 def gravity_torques(problem: Problem, estimate: Estimate) -> tuple[float, float]:

@@ -1,9 +1,9 @@
 """Vibrations at harmonics of the swing, and recordings of a single decay.
 
 If the model lacks a torque that depends on angle or speed, the residual contains multiples of the swing frequency. This
-frequency changes slowly with the amplitude. A vibration of the base at such a multiple can follow the residual along
-one release. The frequency of a true vibration is independent of the swing, so such a match is not evidence of a
-vibration.
+frequency changes slowly with the amplitude. A vibration of the base at such a multiple can fit this residual of one
+release. A good fit at a multiple of the swing frequency is therefore not evidence of a vibration, whose true frequency
+is independent of the swing.
 
 Along a single decay, the amplitude is a function of time. A drift of friction then looks like a dissipative torque that
 depends on speed.
@@ -32,9 +32,9 @@ class LineSettings:
     Friction, drag and errors of the readings cause only small components at higher multiples.
     """
     resolution: float = 0.5
-    """Half width of a spectral line, in units of the inverse duration of the recording."""
+    """Half width of a spectral line, multiplied by the duration of the recording."""
     equal: float = 0.1
-    """Maximum relative difference between the amplitudes of equal releases."""
+    """Maximum relative difference of the amplitudes of two releases that count as equal."""
     swings: int = 2
     """Minimum number of half swings for the estimate of a frequency."""
 
@@ -46,7 +46,7 @@ def on_swing_line(problem: Problem, effect: str, estimate: Estimate) -> bool:
     """Return whether an effect is a vibration at a harmonic of the swing frequency.
 
     Args:
-        problem: segments of free swings of a single rod; other swings have no such frequency
+        problem: segments of the recordings; the result is False unless they are free swings of a single rod
         effect: name of the effect
         estimate: estimate with the frequency of the effect
     """
@@ -88,10 +88,10 @@ def _line(problem: Problem, run: int) -> tuple[float, float, float] | None:
 
 
 def one_decay(problem: Problem) -> bool:
-    """Return whether the amplitude is a single function of time.
+    """Return whether the amplitude of the swings is a function of time alone.
 
-    Amplitude and time are then inseparable. The amplitude is such a function for a single undriven swing (one release
-    or its pieces) and for equal releases of one rod.
+    Influences of amplitude and time are then inseparable. This holds for a single undriven swing (one release or its
+    pieces), and for releases of one rod from equal angles.
     """
     segments = problem.segments
     if not all(setup.free for setup in segments.setups):

@@ -1,4 +1,4 @@
-"""Acceptance thresholds of effects, for `significance` and `imitation`."""
+"""Acceptance thresholds of effects."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ class Thresholds:
 
     # noise and chance
     noise_floor: float = 4.0
-    """Maximum residual that counts as noise, in standard deviations."""
+    """Maximum significance of a residual that counts as noise, in standard deviations."""
     far: float = GAUSS_NEWTON.far
     """chi2 per degree of freedom above which fits may end in local minima."""
     chance: float = 30.0
@@ -23,7 +23,7 @@ class Thresholds:
     chance_at_floor: float = 90.0
     """Maximum reduction of chi2 by chance if only noise remains without the effect."""
     promising: float = 0.5
-    """Minimum predicted reduction of an effect that is fitted to few readings, as a fraction of the excess."""
+    """Predicted reduction of chi2 from which an effect is fitted in any case, as a fraction of the excess."""
     significant_scatter: float = 4.0
     """Minimum significant reduction of chi2 while a residual remains, in standard errors from the segments."""
     chance_scatter: float = NORMAL_Q90
@@ -39,23 +39,23 @@ class Thresholds:
     excess_factor: float = 1.3
     """Minimum ratio of the excess without an effect to the excess with it, for an added effect and for a large one."""
     necessary_factor: float = 3.0
-    """Minimum factor by which the excess increases without an effect that is kept."""
+    """Minimum factor by which the excess increases if a necessary effect is removed."""
     necessary_factor_if_small: float = 30.0
-    """Minimum factor by which the excess increases without a small effect that is kept."""
+    """Minimum factor by which the excess increases if a necessary small effect is removed."""
     local_minimum_factor: float = 10.0
     """Minimum factor by which a repeated fit reduces chi2 if the first fit was a local minimum."""
 
     # fractions of the whole gap
     large: float = 0.04
-    """Minimum size of a large effect; another form of a named effect explains less."""
+    """Minimum contribution of a large effect; another form of a named effect contributes less."""
     small: float = 0.01
-    """Size below which an effect merely compensates for another form while a residual remains."""
+    """Contribution below which an effect counts as a compensation for an inexact form while a residual remains."""
     secondary: float = 0.1
-    """Size below which an effect may compensate for the form of a larger one even if only noise remains."""
+    """Contribution below which an effect may be a compensation even if only noise remains."""
     open_share: float = 0.5
-    """Maximum fraction that remains without an effect for the test of `own_share` to apply."""
+    """Maximum fraction that remains without an effect if the limit `own_share` applies to it."""
     explained: float = 0.93
-    """Minimum share of the bare model's excess that the explanation of the gap explains.
+    """Minimum share of the bare model's excess that a set explains if it counts as the explanation of the gap.
 
     In blind trials, correct sets explained at least 0.97, and sets from a library without the cause at most 0.91.
     """
@@ -64,7 +64,8 @@ class Thresholds:
     simpler_share: float = 0.9
     """Minimum reduction of the excess by a simpler explanation, relative to that by the richer one."""
     vibration_share: float = 0.5
-    """Minimum relative reduction by an explanation that replaces a vibration at a multiple of the swing's frequency."""
+    """Minimum reduction by a set that replaces a vibration at a multiple of the swing frequency, relative to the
+    vibration."""
     richer_form_share: float = 0.003
     """Minimum fraction of the explained chi2 that a richer form adds while a residual remains."""
     own_share: float = 0.15
@@ -75,11 +76,12 @@ class Thresholds:
     curve_growth: float = 2.0
     """Minimum growth factor of the amplitudes of a curve that replaces a removed effect."""
     likelier: float = 5.0
-    """Minimum ratio of the prior probabilities if an effect replaces another one that explains as much."""
+    """Minimum ratio of the prior odds of a set that replaces another set although it explains only about as much."""
     tie: float = 1.5
-    """Ratio of the probabilities of two indistinguishable effects up to which a fixed order or the search decides."""
+    """Maximum ratio of the probabilities of two indistinguishable effects between which a fixed order or the search
+    decides."""
     indistinguishable: float = 0.999
-    """Minimum cosine of the signatures of two effects that recordings hardly distinguish."""
+    """Minimum cosine of the signatures of two effects that count as indistinguishable."""
 
 
 THRESHOLDS = Thresholds()
