@@ -1,4 +1,4 @@
-"""Published search, repeated with several seeds and true values on and off the grid."""
+"""Repetitions of the published search, with several seeds and with true values on and off the grid."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -24,14 +24,14 @@ TRUTHS: dict[Grid, Array] = {
     "off": TRUE * np.random.default_rng(2012).uniform(0.85, 1.15, len(TRUE)),
 }
 """True parameters of a search by grid. `on`: the published values, which are in the middle of the coding grid. `off`:
-each of these values is multiplied by a random factor."""
+each of these values, multiplied by a random factor of 0.85 to 1.15."""
 
 HISTORY = ("best_cost", "best_fitness", "population_fitness")
 
 
 @dataclass(frozen=True, slots=True)
 class SearchCase:
-    """One search of the campaign."""
+    """Case of a search: interpretation of H, true values and seed."""
 
     reading: str
     """Interpretation of H: a name in `READINGS`."""
@@ -49,28 +49,29 @@ class SearchResult:
     H: float
     """H of the best parameters, in the interpretation of the search."""
     E: dict[str, Array]
-    """For each name in `TERMS`, E (3,) from the poses X1, X2, X3."""
+    """(3,) E from the poses X1, X2, X3, by the name of its interpretation in `TERMS`."""
     generations: int
     evaluations: int
     gate_opened: int | None
-    """First generation with dynamic encoding and feedback mutation (step 4 of the algorithm); None if there is none."""
+    """First generation whose population has converged, so that step (4) of the algorithm is used; None if there is
+    none."""
     wall_s: float
     cpu_s: float
     history: dict[str, list[float]]
-    """Values of the columns `HISTORY`, one per generation."""
+    """Values of the quantities `HISTORY`, one value per generation."""
 
     @property
     def percent(self) -> Array:
-        """Signed relative errors (9,) of the nine parameters, %."""
+        """(9,) signed relative errors of the parameters, %."""
         return 100 * (self.best / TRUTHS[self.case.grid] - 1)
 
     def ratio_percent(self, rig: Rig) -> Array:
-        """Compute the signed relative errors (5,) of the ratios a/b, d/b, e1/b, c1/b, c2/b, %."""
+        """Compute the (5,) signed relative errors of the ratios a/b, d/b, e1/b, c1/b, c2/b, %."""
         return ratio_percent(self.best, TRUTHS[self.case.grid], rig)
 
     @property
     def as_good_as_printed(self) -> bool:
-        """Whether H is at most the H of the best published row."""
+        """Whether H is at most the best published H."""
         return self.H <= BEST_H
 
     def record(self, rig: Rig) -> dict[str, Any]:
@@ -93,7 +94,7 @@ class SearchResult:
 
 
 def ratio_percent(Z: Array, truth: Array, rig: Rig) -> Array:
-    """Compute the (5,) signed relative errors of the ratios for nine parameters, %."""
+    """Compute the (5,) signed relative errors of the ratios of (9,) parameters, %."""
     L1, g = rig.L1, rig.g
     return 100 * (ratios(base_parameters(Z, L1, g)) / ratios(base_parameters(truth, L1, g)) - 1)
 
@@ -105,7 +106,7 @@ def search_cases(seeds: int, readings: Sequence[str]) -> list[SearchCase]:
 
 
 def run_search(case: SearchCase, rig: Rig, settings: IgaSettings) -> SearchResult:
-    """Run one search; the result does not depend on the number of cores."""
+    """Run one search; apart from the times, the result does not depend on the number of cores."""
     reading, truth = READINGS[case.reading], swings(TRUTHS[case.grid], rig)
     wall, cpu = time.perf_counter(), time.process_time()
     rng = np.random.default_rng(case.seed)
@@ -127,7 +128,7 @@ def run_search(case: SearchCase, rig: Rig, settings: IgaSettings) -> SearchResul
 
 
 def run_searches(cases: Sequence[SearchCase], rig: Rig, settings: IgaSettings, workers: int) -> Iterator[SearchResult]:
-    """Run searches in parallel, each on one core, and yield their results as they end.
+    """Run searches in parallel, each on one core, and yield each result when its search has ended.
 
     Separate processes are more efficient than the threads of one search, whose batches are often too small for all
     cores.

@@ -1,4 +1,4 @@
-"""Draw figures 2 to 4 of the publication for the repeated search."""
+"""Figures 2 to 4 of the publication, for the repeated search."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,6 +1,6 @@
-"""List the parameter values of the publication (docs/theory.md) with as many digits as it prints.
+"""Values that the publication prints (docs/theory.md), with all printed digits.
 
-The values of a row are in SI units, in the order of `dpr_lab.rig.PARAMETERS`.
+Parameters are in SI units and in the order of `dpr_lab.rig.PARAMETERS`.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Run the reproduction and write its results: `paper.json`, tables as CSV, figures, and `paper.md`."""
+"""Reproduction of the published experiment and its files: `paper.json`, tables as CSV, figures, and `paper.md`."""
 
 import csv
 import io
@@ -21,7 +21,7 @@ from dpr_lab.whole_file import write_text
 
 @dataclass(frozen=True, slots=True)
 class Reproduction:
-    """All computed results of the reproduction."""
+    """Results of the reproduction."""
 
     settings: IgaSettings
     results: tuple[SearchResult, ...]
@@ -34,8 +34,8 @@ class Reproduction:
     def best(self) -> SearchResult:
         """Search with the smallest angle error E from X1; the figures show it.
 
-        Only searches with the true values on the coding grid are considered. Values of the objective H in different
-        interpretations are not comparable.
+        Only searches with the true values on the coding grid are considered. Their H is not compared, because its
+        interpretations differ.
         """
         return min((f for f in self.results if f.case.grid == "on"), key=lambda f: f.E["angles"][0])
 
@@ -57,7 +57,7 @@ def reproduce(
         seeds: number of searches for each interpretation of H and each grid
         readings: names in `READINGS`
         workers: number of searches in parallel
-        on_search: function that is called with the result of each search
+        on_search: function that is called with each result as soon as its search has ended
 
     Raises:
         ValueError: `seeds` is zero, or an interpretation is unknown.

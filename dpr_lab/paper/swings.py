@@ -1,4 +1,4 @@
-"""Compute E(Z) of docs/theory.md, equation (2), for the published experiment.
+"""Error E(Z) of docs/theory.md, equation (2), for the published experiment.
 
 The experiment consists of 10 s from each of the poses X1, X2 and X3.
 """
@@ -34,10 +34,10 @@ TERMS: dict[str, Callable[[Array], Array]] = {
     "relative angles": lambda error: JointAngles(relative2=True).of_rods(_angles(error)),
     "angles and speeds": lambda error: error,
 }
-"""Interpretations of E(Z) by name: functions that return the errors to be squared and summed.
+"""Interpretations of E(Z) by name: functions that return the errors of which E is the sum of squares.
 
-docs/theory.md (2) contains angles and speeds, but the printed values are compatible with angles alone. An encoder at
-joint 2 measures theta2 - theta1.
+Equation (2) contains angles and speeds, but the printed values are compatible with angles alone. The relative angle
+theta2 - theta1 is the reading of an encoder at joint 2.
 """
 
 
@@ -98,7 +98,7 @@ def errors(Z: ArrayLike, truth: Array, rig: Rig) -> dict[str, Array]:
 
 
 def objective(reading: Reading, truth: Array, rig: Rig) -> Objective:
-    """Create the cost function of a population for one interpretation of H.
+    """Create the objective of a search for one interpretation of H.
 
     Args:
         reading: the interpretation: poses and terms

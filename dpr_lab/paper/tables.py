@@ -1,4 +1,4 @@
-"""Build the tables of the publication from printed and recomputed values, and state the conclusions."""
+"""Tables of the publication with printed and recomputed values, and conclusions."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from dpr_lab.rig import PARAMETERS, Rig
 
 @dataclass(frozen=True, slots=True)
 class PaperTable:
-    """Table whose cells contain text."""
+    """Table of text cells with its title and column heads."""
 
     name: str
     title: str
@@ -25,16 +25,16 @@ class PaperTable:
 
 @dataclass(frozen=True, slots=True)
 class Recomputed:
-    """Recomputed values of E for all printed rows of parameters."""
+    """Recomputed values of E for the printed rows of parameters."""
 
     table1: dict[str, Array]
-    """Name in `TERMS` -> E (7, 3) for the rows of Table 1 and the three poses."""
+    """(7, 3) E of the rows of Table 1 from the three poses, by the name of its interpretation in `TERMS`."""
     table3: dict[str, Array]
-    """Name in `TERMS` -> E (10, 3) for the rows of Table 3 and the three poses."""
+    """(10, 3) E of the rows of Table 3 from the three poses, by the name of its interpretation in `TERMS`."""
 
 
 def recompute(rig: Rig) -> Recomputed:
-    """Simulate all published rows."""
+    """Compute E for the rows of Tables 1 and 3."""
     truth = swings(TRUE, rig)
     return Recomputed(*(_by_term([errors(row[:9], truth, rig) for row in table]) for table in (TABLE_1, TABLE_3)))
 

@@ -27,7 +27,7 @@ To add an algorithm, write one file and add one row here.
 
 
 def search_words(name: str) -> str:
-    """Return the title and key of an algorithm, such as `improved genetic algorithm [iga]`.
+    """Return the title and name of an algorithm, such as `improved genetic algorithm [iga]`.
 
     An unknown name is returned unchanged.
     """

@@ -17,7 +17,7 @@ Settings = TypeVar("Settings", bound=SearchSettings)
 
 @dataclass(frozen=True, slots=True)
 class Algorithm(Generic[Settings]):
-    """Settings and populations of a search algorithm."""
+    """A search algorithm: its settings, and the generator of its populations."""
 
     settings: type[Settings]
     populations: Callable[[SearchProblem, Settings, np.random.Generator], Iterator[Population]]
@@ -31,12 +31,12 @@ class Algorithm(Generic[Settings]):
     def run(
         self, objective: Objective, bounds: Bounds, settings: Settings, rng: np.random.Generator
     ) -> Iterator[Generation]:
-        """Search the box for the smallest cost H.
+        """Search within the bounds for the candidate with the smallest cost H.
 
-        The consumer may stop the search at any generation.
+        The caller may stop the iteration at any generation.
 
         Args:
-            objective: (n, d) candidates -> (n, poses) E >= 0
+            objective: function from (n, d) candidates to (n, poses) errors E >= 0
             bounds: (2, d) lower and upper bound of each gene, equal for a fixed gene
             settings: population size, rates and constants
             rng: source of randomness; the same state gives the same generations
@@ -54,7 +54,7 @@ class Algorithm(Generic[Settings]):
 def _generations(
     problem: SearchProblem, populations: Iterable[Population], settings: SearchSettings
 ) -> Iterator[Generation]:
-    """Record the populations of a search, numbered, until it ends or stagnates."""
+    """Yield the recorded generations of a search until the last generation or stagnation."""
     best_costs: list[float] = []
     for number, population in enumerate(populations):
         best_costs.append(float(population.cost[0]))
@@ -64,10 +64,9 @@ def _generations(
 
 
 def _stagnated(best_costs: list[float], settings: SearchSettings) -> bool:
-    """Return whether the search stagnates.
+    """Return whether the best cost has stagnated.
 
-    The search stagnates if the relative decrease of the best cost over `stagnation_generations` is at most
-    `stagnation_improvement`.
+    Its relative decrease over `stagnation_generations` is then at most `stagnation_improvement`.
     """
     patience = settings.stagnation_generations
     if patience is None or len(best_costs) <= patience:

@@ -24,16 +24,16 @@ LARGEST_GROWTH = 64
 class CmaEsSettings(SearchSettings, frozen=True):
     """Settings of the covariance matrix adaptation.
 
-    When a search has ended, the next search starts with a larger population (IPOP).
+    After each stop of the strategy, it restarts with a larger population (IPOP).
     """
 
     algorithm: Literal["cma_es"] = "cma_es"
     generations: Annotated[int, Field(ge=0)] = 500
-    """Maximum number of generations after the first sample, summed over all restarts."""
+    """Maximum number of generations after the first one, summed over all restarts."""
     population: Annotated[int, Field(ge=4)] | None = None
     """Number of candidates in a generation of the first search; default: 4 + 3 ln(number of genes)."""
     sigma: Annotated[PositiveFloat, Field(le=1)] = 0.3
-    """Initial standard deviation of the sample, as a share of each gene's range."""
+    """Initial standard deviation of the candidates, as a share of each gene's range."""
     restart_growth: PositiveInt = 2
     """Factor by which the population grows at each restart, up to `LARGEST_GROWTH` times the first population."""
 
@@ -41,8 +41,8 @@ class CmaEsSettings(SearchSettings, frozen=True):
 def cma_es(problem: SearchProblem, settings: CmaEsSettings, rng: np.random.Generator) -> Iterator[Population]:
     """Yield the populations of a search by CMA-ES.
 
-    A population consists of the sample of a generation and the best individual so far. A restart begins at a random
-    point of the box.
+    A population consists of the candidates of a generation and the best individual so far. A restart begins at a random
+    point within the bounds.
 
     Source: Hansen (2016), The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772; restarts: Auger & Hansen (2005),
     IEEE Congress on Evolutionary Computation, 1769-1776.

@@ -7,7 +7,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 
 FAILED_ABOVE = 1e100
-"""Largest error E of a swing that did not diverge; sums of larger errors could overflow."""
+"""Largest error E of a candidate that did not fail; sums of larger errors could overflow."""
 AGGREGATES = {"sum": np.sum, "max": np.max, "min": np.min}
 
 
@@ -21,7 +21,7 @@ def cost(errors: Array, aggregate: Literal["sum", "max", "min"]) -> Array:
     Returns:
         (n,) H; `inf` for a candidate that failed in at least one pose, with every aggregate
 
-    Source: docs/theory.md (10). The aggregate of the publication is lost; the sum is one interpretation.
+    Source: docs/theory.md (10). The publication does not state the aggregate; the sum is one interpretation.
     """
     failed = np.any(~(errors <= FAILED_ABOVE), axis=1, keepdims=True)
     return AGGREGATES[aggregate](np.where(failed, np.inf, errors), axis=1)

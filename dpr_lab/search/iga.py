@@ -57,7 +57,7 @@ def _converged(population: Population, settings: IgaSettings) -> bool:
 def _refreshed(
     problem: SearchProblem, population: Population, settings: IgaSettings, rng: np.random.Generator
 ) -> Population:
-    """Replace near-duplicates by new chromosomes, step (4) of the algorithm."""
+    """Replace near-duplicates by new chromosomes: dynamic encoding and feedback mutation, step (4)."""
     lower, upper = problem.box
     alike = near_duplicates(population.genes, settings.similarity * (upper - lower))
     best, count = population.genes[0], int(alike.sum())

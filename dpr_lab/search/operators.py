@@ -94,8 +94,8 @@ def cross(x: Array, y: Array, rng: np.random.Generator) -> tuple[Array, Array]:
 
         x_i' = beta x_i + (1 - beta) y_i,   y_i' = (1 - beta) x_i + beta y_i,   beta in {0, 0.1, ..., 1}
 
-    Each crossover of a gene adds a decimal digit to the grid of hybrid coding. The precision therefore increases in the
-    region of the search.
+    Each crossover of a gene adds a decimal digit to the grid of hybrid coding, so that the precision increases during
+    the search.
 
     Args:
         x: (pairs, n) first parents
@@ -149,14 +149,14 @@ def mutate(genes: Array, rate: float, box: Bounds, rng: np.random.Generator) -> 
 
 
 def around(best: Array, size: int, mu: float, nu: float, box: Bounds, rng: np.random.Generator) -> Array:
-    """Return new chromosomes near the best chromosome.
+    """Return new chromosomes near the best chromosome by dynamic encoding.
 
-    At the published settings, each gene differs by at most 5 %.
+    With the published settings, each gene differs by at most 5 % from that of the best chromosome.
 
         y_i = (mu + nu beta) x_i,   beta uniform on {0, 0.1, ..., 1}, clipped to the bounds
 
-    The range is a share of the gene's value. It is therefore suitable for parameters far from zero, such as masses and
-    lengths.
+    The width of the range is proportional to the gene, which is suitable for parameters far from zero, such as masses
+    and lengths.
 
     Args:
         best: (n,) best chromosome x
@@ -176,14 +176,14 @@ def around(best: Array, size: int, mu: float, nu: float, box: Bounds, rng: np.ra
 
 
 def near_duplicates(genes: Array, tolerance: Array) -> Flags:
-    """Return the mask of the chromosomes that nearly equal a better chromosome.
+    """Return the (M,) mask of the chromosomes that nearly equal a better chromosome.
 
     Args:
         genes: (M, n) population, best first
         tolerance: (n,) largest difference at which two genes count as equal
 
     Returns:
-        (M,) True if a better chromosome differs in fewer than two genes; always False for the best chromosome
+        True if a better chromosome differs in fewer than two genes; False for the best chromosome
     """
     alike = inbred(genes[:, None], genes[None], tolerance)
     return np.any(np.tril(alike, k=-1), axis=1)

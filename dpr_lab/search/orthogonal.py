@@ -54,16 +54,17 @@ def array_for(name: str, genes: int) -> Levels:
 
 
 def experiment(x: Array, y: Array, levels: Levels, costs: Callable[[Array], Array]) -> tuple[Array, Array]:
-    """Find the best combination of the genes of each pair of chromosomes.
+    """Return the best tested combination of the genes of each pair of chromosomes.
 
-    The candidates of a pair are the combinations of the orthogonal array, and the combination that is optimal according
-    to the main effects of the genes.
+    The tested combinations of a pair are those of the orthogonal array, and the combination of the better level of each
+    gene (`better_levels`).
 
     Args:
         x: (pairs, n) chromosomes, level 0 of each gene
         y: (pairs, n) chromosomes, level 1 of each gene
         levels: (runs, n) orthogonal array
-        costs: (any, n) genes -> (any,) H; called once for all trials and once for all predictions
+        costs: function from (any, n) genes to (any,) H; called once for all trials and once for all predicted
+            combinations
 
     Returns:
         (pairs, n) offspring and (pairs,) their H

@@ -1,6 +1,6 @@
 """Traditional genetic algorithm, for comparison with the improved one.
 
-It uses tournaments, single-point crossover, Gaussian mutation and elitism.
+It uses tournament selection, single-point crossover, Gaussian mutation and elitism.
 """
 
 from collections.abc import Iterator
@@ -46,13 +46,13 @@ def plain_ga(problem: SearchProblem, settings: PlainGaSettings, rng: np.random.G
     population = ranked(genes, problem.costs(genes))
     while True:
         yield population
-        children = _mutated(_crossed(population.genes, settings, rng), problem.box, settings, rng)
-        offspring = Population(children, problem.costs(children))
+        genes = _mutated(_crossed(population.genes, settings, rng), problem.box, settings, rng)
+        offspring = Population(genes, problem.costs(genes))
         population = merged(population.best(settings.elite), offspring).best(settings.population)
 
 
 def _crossed(genes: Array, settings: PlainGaSettings, rng: np.random.Generator) -> Array:
-    """Return the (size, n) children of parents that are selected by tournaments.
+    """Return the (size, n) offspring of parents that are selected by tournaments.
 
     The rows of `genes` are sorted, best first, so the winner of a tournament is its lowest index.
     """

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.search.problem import SearchProblem
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,18 +33,3 @@ def merged(first: Population, second: Population) -> Population:
     If two individuals have equal costs, the individual from `first` comes first.
     """
     return ranked(np.vstack([first.genes, second.genes]), np.concatenate([first.cost, second.cost]))
-
-
-def latin_hypercube(problem: SearchProblem, size: int, rng: np.random.Generator) -> Population:
-    """Draw a population by Latin hypercube sampling, the best individual first.
-
-    The range of each gene is divided into `size` equal intervals. Each interval contains exactly one individual.
-
-    Source: McKay, Beckman & Conover (1979), Technometrics 21(2), 239-245.
-    """
-    from scipy.stats.qmc import LatinHypercube  # slow to import
-
-    lower, upper = problem.box
-    shares = LatinHypercube(len(lower), rng=rng).random(size)
-    genes = np.clip(lower + shares * (upper - lower), lower, upper)
-    return ranked(genes, problem.costs(genes))

@@ -37,10 +37,7 @@ class Generation:
 
 @dataclass(slots=True)
 class SearchProblem:
-    """Objective of a search as a function of the free genes.
-
-    The instance counts the evaluations.
-    """
+    """Objective of a search as a function of the free genes, with a counter of its evaluations."""
 
     objective: Objective
     bounds: Bounds
@@ -71,28 +68,20 @@ class SearchProblem:
     def costs(self, genes: Array) -> Array:
         """Return the (size,) costs H of candidates given by (size, n) free genes.
 
-        The cost is `inf` for a candidate that failed.
-
-        Raises:
-            ValueError: as for `errors`.
-        """
-        return self.cost(self.errors(genes)) if len(genes) else np.empty(0)
-
-    def errors(self, genes: Array) -> Array:
-        """Return the (size, poses) errors E of candidates given by (size, n) free genes.
-
-        At least one candidate is required.
+        The cost of a candidate that failed is `inf`.
 
         Raises:
             ValueError: the objective did not return one row of E >= 0 for each candidate.
         """
+        if not len(genes):
+            return np.empty(0)
         errors = np.asarray(self.objective(self.candidates(genes)), dtype=np.float64)
         if errors.ndim != 2 or len(errors) != len(genes) or not errors.size:
             raise ValueError(f"the objective must return ({len(genes)}, poses) values of E, not shape {errors.shape}")
         if (errors < 0).any():
             raise ValueError(f"E is a sum of squares, but the objective returned {np.nanmin(errors)}")
         self.evaluations += len(genes)
-        return errors
+        return self.cost(errors)
 
 
 def _checked(bounds: ArrayLike) -> Bounds:

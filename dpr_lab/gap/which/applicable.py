@@ -1,4 +1,4 @@
-"""Effects of the library that can act in some recordings."""
+"""Selection of the library effects that can act in given recordings."""
 
 from collections.abc import Mapping
 
@@ -15,7 +15,7 @@ def applicable(library: Mapping[str, Effect], problem: Problem, *, of_points: bo
     Args:
         library: effects by name
         problem: segments of the recordings
-        of_points: whether all angles are directions between points in a video, which do not depend on counts per turn
+        of_points: whether all angles come from points in a video, so that counts per turn have no influence
     """
     setups = problem.segments.setups
     torques = [setup.torques for setup in setups if setup.torques]
@@ -30,7 +30,7 @@ def applicable(library: Mapping[str, Effect], problem: Problem, *, of_points: bo
         "drive": rods_driven,
         "drive0": arm_driven,
         "input": rods_driven or arm_driven,
-    }  # stages whose effects act only in some recordings
+    }  # stages that act only in some recordings
 
     def acts(effect: Effect) -> bool:
         of_other_arm = effect.presumes_still_arm if arm_moves else effect.of_arm

@@ -1,9 +1,9 @@
-"""Collection of all fitted sets of effects with their score tests.
+"""Collection of the fitted sets of effects, with their score tests.
 
-A set is fitted from several shapes of its last effect, from short segments, and from the sets with one effect more and
-one effect fewer. The best of these fits is stored. `restarts` repeats the fit of a set from another
-starting point. Each move adds its fits and score tests to its own copy, so that they do not change an earlier state of
-the search. All copies share the results of functions that depend only on their arguments.
+The initial values of a fit come from several shapes of the last effect, from short segments, or from a set with one
+effect more or fewer. The best fit of each set is stored. `restarts` repeats fits from other initial values. Each move
+adds its fits and score tests to a copy of the collection, so that an earlier state of the search does not change. All
+copies share the results of functions that depend only on their arguments.
 """
 
 from collections.abc import Callable, Mapping, Set
@@ -41,7 +41,7 @@ Arguments = tuple[Hypothesis] | tuple[Hypothesis, ScoreTest, Score] | tuple[Hypo
 
 @dataclass(frozen=True, slots=True)
 class FittedSets:
-    """Sets of effects from which a move can choose, with functions that fit further sets."""
+    """Fitted sets from which a move can choose, with functions that fit further sets."""
 
     recordings: Recordings
     problem: Problem
@@ -50,7 +50,7 @@ class FittedSets:
     """Model without effects."""
     on_progress: Progress = lambda event: None
     expected: frozenset[str] = frozenset()
-    """Effects that the rig is known to have. They stay in the model even if the recordings hardly show them."""
+    """Effects that the rig is known to have. They stay in the model even if they are hardly detectable."""
     held_out_chi2: Callable[[Hypothesis], float] | None = None
     """Function that returns the chi2 of a model, summed over the held-out runs; None without held-out runs."""
     _fits: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
@@ -58,9 +58,9 @@ class FittedSets:
     _refitted_from: set[tuple[frozenset[str], frozenset[str]]] = field(default_factory=set)
     """Pairs of a smaller and a larger set, if the smaller one was fitted from the larger one."""
     _short: list["FittedSets"] = field(default_factory=list)
-    """The collection of sets for short segments; empty until a move needs it."""
+    """Collection for short segments, as the only element; empty until a move needs it."""
     results: dict[Arguments, Hypothesis] = field(default_factory=dict)
-    """Fits by their arguments, because several moves request the same fits."""
+    """Fits by their arguments, so that no fit is repeated."""
     is_short: bool = False
     """Whether the problem consists of the short segments."""
 
@@ -98,26 +98,26 @@ class FittedSets:
         return not (self.oversized(model) or rises(self.problem, model))
 
     def oversized(self, model: Hypothesis) -> tuple[str, ...]:
-        """Return the effects of a set whose sizes are impossible or typical of another cause."""
+        """Return the effects of a set whose sizes are impossible or indicate another cause."""
         return (*significantly_oversized(model, self.problem.limits), *self.imitating(model))
 
     def imitating(self, model: Hypothesis) -> tuple[str, ...]:
-        """Return the effects of a set whose sizes are typical of another cause."""
+        """Return the effects of a set whose sizes indicate another cause."""
         return (*off_axis(self.problem, model), *springs_like_scale(self.problem, self.library, model))
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
-        """Return whether a set is at least as feasible as another set: possible, or both are impossible."""
+        """Return whether a set is possible, or the other set is impossible as well."""
         return self.possible(model) or not self.possible(other)
 
     def unexpected(self, model: Hypothesis) -> list[str]:
-        """Return the effects of a set for which the recordings are the only evidence."""
+        """Return the effects of a set that the rig is not known to have."""
         return [name for name in model.effects if name not in self.expected]
 
     def corrected_bare(self, model: Hypothesis) -> Hypothesis:
         """Return the bare model plus the effects that correct the rig file or time stamps.
 
-        The other effects explain parts of the gap that remains with this model. An error of the description may cause a
-        gap a thousand times as large, and is not a property of the rig.
+        The contributions of the other effects are relative to the gap that remains with this model, because an error of
+        the rig file may cause a gap a thousand times as large.
         """
         corrections = [name for name in model.effects if self.library[name].corrects]
         if not corrections:
@@ -125,7 +125,7 @@ class FittedSets:
         return reduce(self.without, (name for name in model.effects if name not in corrections), model)
 
     def best_known(self, model: Hypothesis) -> Score | None:
-        """Return the largest positive score among the known effects that a set does not contain, or None."""
+        """Return the known effect with the largest positive score that a set does not contain, or None."""
         missing = self.expected - model.key
         test = self._tested(model, missing) if missing else self.test(model)
         return next((score for score in test.ranking if score.effect.name in missing and score.gain > 0), None)
@@ -137,8 +137,8 @@ class FittedSets:
     def score(self, model: Hypothesis, effect: str) -> Score | None:
         """Return the best score of one further effect for a given set.
 
-        The result is None if the recordings cannot show the effect. An effect with several shapes is compared with all
-        other effects (`_from_shapes`).
+        The result is None if the effect has no score. An effect with shapes is tested together with all other effects,
+        because `_from_shapes` compares their scores.
         """
         shapeless = effect in self.library and not self.library[effect].shapes
         return (self._tested(model, {effect}) if shapeless else self.test(model)).best_score(effect)
@@ -146,7 +146,7 @@ class FittedSets:
     def _tested(self, model: Hypothesis, effects: Set[str]) -> ScoreTest:
         """Return the score test of a set that contains at least the given effects.
 
-        If a previous test lacks some of these effects, it is repeated with all effects, for the same fit.
+        A previous test that lacks some of these effects is repeated with all effects, for the same fit.
         """
         test = self._tests.get(model.key)
         chance = model.chance
@@ -162,7 +162,7 @@ class FittedSets:
     def with_one(self, model: Hypothesis, score: Score) -> Hypothesis:
         """Fit a set with one additional effect.
 
-        If chi2 decreases far less than predicted, the set is fitted from shorter segments as well.
+        If chi2 decreases far less than predicted, the set is also fitted with initial values from short segments.
         """
         key = model.key | {score.effect.name}
         if key in self._fits:
@@ -175,7 +175,7 @@ class FittedSets:
         return self.keep(larger)
 
     def _from_short_segments(self, model: Hypothesis, score: Score, settings: GaussNewton) -> Hypothesis:
-        """Fit one additional effect to short segments first, so that the fit converges even if the effect is large."""
+        """Fit one additional effect to short segments, then to full segments."""
         short_sets = self.on_short()
         start = shaped(model, score).changed(initial=short_sets.bare.estimate.initial)
         near = descend(short_sets.problem, start, score.free, iterations=EFFORT.short, settings=PRELIMINARY).estimate
@@ -184,7 +184,7 @@ class FittedSets:
         return refit(self.problem, near.changed(initial=states), names, EFFORT.short, settings=settings)
 
     def _best_shape(self, model: Hypothesis, score: Score) -> Hypothesis:
-        """Fit one additional effect from its best shape, or from its best few shapes.
+        """Fit one additional effect, from its best shape or from several of its best shapes.
 
         `score` belongs to the current score test of the set.
         """
@@ -200,9 +200,9 @@ class FittedSets:
         return refit_with(self.problem, model, test, score, EFFORT.thorough, best)
 
     def on_short(self) -> "FittedSets":
-        """Return the sets for short segments, in which effects act more linearly.
+        """Return the collection for short segments, in which the readings depend more linearly on the effects.
 
-        At first there is only the bare model. All copies of these sets share the fits to short segments.
+        At first it contains only the bare model. All copies of this collection share it.
         """
         if not self._short:
             cut, initial = self.recordings.cut(LENGTHS.first)
@@ -230,9 +230,9 @@ class FittedSets:
         return self.predictive(best) if self.held_out_chi2(best) < self.held_out_chi2(model) else model
 
     def without(self, model: Hypothesis, effect: str) -> Hypothesis:
-        """Fit a set without one effect, starting from a larger or a smaller set.
+        """Fit a set without one effect, with initial values from a larger and from a smaller set.
 
-        The better fit is used.
+        The better of the two fits is returned.
         """
         key = model.key - {effect}
         if key in self._fits and not self._stuck(self._fits[key], model):
@@ -249,9 +249,9 @@ class FittedSets:
         return self.keep(smaller)
 
     def _stuck(self, smaller: Hypothesis, model: Hypothesis) -> bool:
-        """Return whether a few segments trap the fit of a smaller set in a local minimum.
+        """Return whether a few segments keep the fit of a smaller set in a local minimum.
 
-        The fit of a larger set shows this: it reduces the chi2 of such a segment to less than half.
+        This is assumed if the fit of a larger set reduces the chi2 of such a segment to less than half.
         """
         if (smaller.key, model.key) in self._refitted_from or smaller.at_noise_floor:
             return False

@@ -1,16 +1,16 @@
-"""Other functional forms of an effect: its torque or error times a free function.
+"""Other functional forms of an effect: products of its torque, or of its error, with a free function.
 
 The library contains each effect in one functional form, and a real effect may have another: friction that grows with a
 power of the load, a softening spring, a delay that decreases with speed. While a residual remains, an additional effect
 may merely compensate for such a deviation. It must therefore explain a part of the residual that no other form of the
-remaining effects can explain. Conservative torques and encoder errors have no form that depends on the speed: for
-example, a tilt whose sign changes with the speed would be friction.
+remaining effects can explain. Conservative torques and encoder errors have no forms that depend on the speed: a tilt
+whose sign changes with the speed, for example, would be friction.
 
 A form that contains the tested effect itself is not an alternative explanation. Air drag, for example, is Coulomb
 friction multiplied by a function of the speed. For two dissipative effects at one joint, forms that depend on the speed
 are therefore not considered. The same applies to forms that depend on time, because the amplitude of a free swing
-decreases with time. The free function of the speed is an effect of the library (`friction_curve`), with which the
-search compares both.
+decreases with time. A free function of the speed is itself an effect of the library (`friction_curve`), and the search
+compares both effects with it.
 """
 
 import numpy as np
@@ -37,19 +37,19 @@ from dpr_lab.gap.where.coordinates import (
 )
 
 READINGS_PER_FORM = 8
-"""Minimum number of readings per column of the other forms. With fewer readings, free functions follow any residual."""
+"""Minimum number of readings per column of the other forms; with fewer readings, free functions can fit any
+residual."""
 
 
 def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: str) -> float | None:
     """Return the own share of an effect, 0 to 1.
 
-    It is the part of the reduction that no other form of the effects in the smaller set explains. With the reduction
-    G(...) of chi2 by the fitted parameters p, the effect c and the other forms o together,
+    It is the part of the reduction of chi2 by the effect that no other form of the remaining effects explains. Let
+    G(...) be the reduction of chi2 by the fitted parameters p, the effect c and the other forms o. Then
 
         own share = (G(p, c, o) - G(p, o)) / (G(p, c) - G(p))
 
-    The share is 1 if the recordings are too short to determine the other forms. The share is None if the effect was not
-    tested.
+    The result is 1 if the recordings are too short to determine the other forms, and None if the effect has no score.
 
     Args:
         problem: segments and noise
@@ -79,9 +79,9 @@ def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: st
 
 
 def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, name: str, tested: Effect) -> Array:
-    """Return the (segments, m, k) whitened change of the readings by other forms of one effect.
+    """Return the (segments, m, k) whitened changes of the readings by the other forms of one effect.
 
-    Forms that contain the tested effect are left out.
+    Forms that contain the tested effect are omitted.
     """
     effect, estimate = EFFECTS[name], model.estimate
     if effect.stage == "load":
@@ -114,9 +114,10 @@ def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, nam
 
 
 def _free(effect: Effect, tested: Effect, angle: Array, speed: Array, t: Array) -> Array:
-    """Return (n, k) hat functions of angle, time and speed.
+    """Return the (n, k) hat functions of angle, time and speed that multiply an effect.
 
-    Functions of time or speed are omitted for effects that cannot depend on time or speed.
+    Functions of time and speed are omitted if the forms would contain the tested effect, and those of speed for
+    conservative torques and encoder errors.
     """
     of_pose = not effect.dissipative and effect.stage in ("torque", "encoder")
     functions = [angle_hats(angle)[0]]
@@ -128,7 +129,7 @@ def _free(effect: Effect, tested: Effect, angle: Array, speed: Array, t: Array) 
 def _are_losses_of_speed(effect: Effect, tested: Effect) -> bool:
     """Return whether both effects are speed-dependent dissipative torques at one joint.
 
-    The tested torque must not depend on the load of the joint.
+    The tested effect must not be load-dependent friction.
     """
     share_joint = not set(effect.joints).isdisjoint(tested.joints)
     return share_joint and effect.dissipative and tested.dissipative and tested.stage != "load"

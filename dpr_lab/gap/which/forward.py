@@ -1,4 +1,4 @@
-"""Forward selection: rank candidates by score tests, fit the best, and extend two sets."""
+"""Forward selection: candidates are ranked by score tests, the best are fitted, and two sets are extended."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 @dataclass(frozen=True, slots=True)
 class Beam:
-    """Width of the forward search: numbers of fitted candidates and of extended sets."""
+    """Limits of the beam search: numbers of fitted candidates and of extended sets."""
 
     fitted: int = 4
     """Number of candidates that are fitted near the noise."""
@@ -33,18 +33,19 @@ class Beam:
     exceeded: float = GAUSS_NEWTON.exceeded
     """Largest expected ratio of a fitted to the predicted reduction."""
     as_promising: float = 0.5
-    """Minimum predicted reduction of a further candidate, relative to one that leaves only noise."""
+    """Minimum predicted reduction of a further candidate, relative to the actual reduction by one that leaves only
+    noise."""
     same_gain: float = 1e-3
-    """Relative difference of predicted reductions within which only one of similar effects is fitted."""
+    """Maximum relative difference of the predicted reductions of two similar effects of which only one is fitted."""
 
 
 BEAM = Beam()
 
 
 def forward_selection(max_effects: int, *, to_floor: bool = False) -> Move:
-    """Create the move that adds effects one at a time, if `to_floor` only until noise remains.
+    """Create the move that adds effects one at a time.
 
-    Longer segments then show the remaining effects.
+    With `to_floor`, the move ends as soon as only noise remains: longer segments then show the remaining effects.
     """
     return Move(
         "add",
@@ -56,12 +57,12 @@ def forward_selection(max_effects: int, *, to_floor: bool = False) -> Move:
 
 
 def _larger_sets(fitted_sets: FittedSets, start: Hypothesis, max_effects: int, to_floor: bool) -> Iterator[Proposal]:
-    """Yield the best set of each size.
+    """Yield the best set of each size, in the order of the sizes.
 
     Far from the noise, the search continues after one rejected effect, because two effects may reduce the excess only
-    together. It ends when it refutes the noise of known torques, because it is then repeated without this noise
-    (`dpr_lab.gap.corrections`). With `to_floor`, one effect is fitted before this test, because a linear test predicts
-    the reduction by a backlash poorly.
+    together. It ends if the residual is inconsistent with the noise of known torques, because the search is then
+    repeated without this noise (`dpr_lab.gap.corrections`). With `to_floor`, one effect is fitted before this test,
+    because a linear test predicts the reduction by a backlash poorly.
     """
     best, front, last_rejected = start, [start], False
     for remaining in range(max_effects - len(fitted_sets.unexpected(start)), 0, -1):
@@ -118,14 +119,14 @@ def _with_one_more(
 ) -> dict[frozenset[str], Hypothesis]:
     """Extend a set by one promising effect at a time; return the extended level.
 
-    Once a set leaves only noise, only effects that promise the same are fitted. A candidate is skipped if even
-    `BEAM.exceeded` times its predicted reduction leaves too much excess (`_deciding_excess`).
+    Once a set leaves only noise, only candidates with a similar predicted reduction are fitted. A candidate is skipped
+    if even `BEAM.exceeded` times its predicted reduction leaves too much excess (`_deciding_excess`).
 
     Args:
         fitted_sets: the fitted sets
         best: best smaller set
         model: set that is extended
-        level: sets of the next larger size so far
+        level: sets of the next larger size that were fitted so far
         last: whether the search ends after this level unless it accepts a set
     """
     extended, least = dict(level), 0.0
@@ -143,7 +144,7 @@ def _with_one_more(
 
 
 def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
-    """Return the most promising effects, one of each nearly equal group, and their simpler forms."""
+    """Return the effects with the largest scores, without nearly equal ones, and their simpler forms."""
     least = promising_gain(model)
     promising = [score for score in test.ranking if score.gain > least and not set(score.effect.nested) & model.key]
     picked: list[Score] = []
@@ -158,7 +159,7 @@ def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
 
 
 def _nearly_equal(score: Score, other: Score) -> bool:
-    """Return whether two similar effects predict the same reduction."""
+    """Return whether two similar effects have nearly the same predicted reduction and equally many amplitudes."""
     same_gain = abs(score.gain - other.gain) <= BEAM.same_gain * max(score.gain, other.gain)
     return same_gain and len(score.columns) == len(other.columns) and other.effect.name in score.effect.twins
 
@@ -166,7 +167,7 @@ def _nearly_equal(score: Score, other: Score) -> bool:
 def _deciding_excess(
     fitted_sets: FittedSets, best: Hypothesis, model: Hypothesis, level: Sequence[Hypothesis], last: bool
 ) -> float:
-    """Return the largest excess at which a further extension of `model` could be extended or accepted.
+    """Return the largest excess at which a further extension of `model` could be accepted or extended in turn.
 
     Near the noise, an extension with fewer parameters than a fitted set may have a larger excess at the same cost.
     """
@@ -221,7 +222,7 @@ def _ranked(fitted_sets: FittedSets, best: Hypothesis, models: Iterable[Hypothes
 def _doubts(
     fitted_sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], model: Hypothesis
 ) -> tuple[bool, bool]:
-    """Return two flags: a size of the set is impossible; an effect of the set only imitates other causes."""
+    """Return whether a size of a set is impossible, and whether an effect of the set only imitates other causes."""
     imitates = follows_remainder(fitted_sets.bare, model, best) or any(
         follows_swing(fitted_sets.bare, model, other) or follows_decay(fitted_sets.bare, model, other)
         for other in models
@@ -230,7 +231,7 @@ def _doubts(
 
 
 def _runners_up(fitted_sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
-    """Return the next best sets of similar excess, except simpler or richer forms of the best set."""
+    """Return the next best sets of similar excess, without simpler or richer forms of the best set."""
     separate = [model for model in others if not _are_forms(fitted_sets, model, best)]
     return [model for model in separate[: BEAM.width - 1] if model.bounded_excess < BEAM.worse * best.bounded_excess]
 

@@ -1,4 +1,4 @@
-"""Order of the moves of the search, and two of the moves: known effects, and convergence of the fit."""
+"""Order of the moves of the search, and the two moves `known effects` and `converge`."""
 
 from collections.abc import Iterator
 
@@ -14,7 +14,7 @@ from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 
 def _with_known_effects(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the bare model plus the known effects of the rig, the largest first."""
+    """Propose the bare model with the known effects of the rig, added in the order of their scores."""
     model = fitted_sets.bare
     while score := fitted_sets.best_known(model):
         model = fitted_sets.with_one(model, score)

@@ -1,4 +1,4 @@
-"""Moves that remove effects which are unnecessary, only compensate, or do not transfer."""
+"""Moves that remove effects: unnecessary ones, compensations, and those that worsen held-out predictions."""
 
 from collections.abc import Iterator
 
@@ -22,8 +22,8 @@ from dpr_lab.shown import percent
 def _smaller_adequate(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose the smallest fitted set that explains nearly as much as the current set.
 
-    Only sets with the known effects of the rig are considered. Sizes that are typical of another cause must also occur
-    in the current set. Impossible sizes are allowed, because later moves can make them possible.
+    Only sets with the known effects of the rig are considered. Effects whose sizes indicate another cause must be in
+    the current set with such a size as well. Impossible sizes are allowed, because later moves can correct them.
     """
     smaller_sets = [
         model
@@ -38,7 +38,7 @@ def _smaller_adequate(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[
 
 
 def _explains_nearly_as_much(fitted_sets: FittedSets, model: Hypothesis, current: Hypothesis) -> bool:
-    """Return whether a smaller set explains nearly as much as the current set and is about as likely."""
+    """Return whether a smaller set explains nearly as much as the current set, at no significantly higher cost."""
     lost = model.bounded_excess - current.bounded_excess
     if lost >= THRESHOLDS.large * fitted_sets.corrected_bare(current).bounded_excess:
         return False
@@ -99,9 +99,9 @@ DROP = Move(
 def _without_least_own(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose the set without the effect that has the smallest own share, while a residual remains.
 
-    The own share of an effect is the part of its reduction of chi2 that no form of the remaining effects explains. It
-    is small even for a true cause with few amplitudes if a free function in the set imitates this cause. Therefore, if
-    the set without this function explains as much, this set is proposed first.
+    The own share is defined in `forms.own_share`. It is small even for a true cause if a free function in the set
+    imitates this cause. Therefore, if a set without another effect has fewer parameters and explains as much, this set
+    is proposed first.
     """
     if current.at_noise_floor or len(current.effects) < 2:
         return
@@ -123,8 +123,8 @@ def _without_least_own(fitted_sets: FittedSets, current: Hypothesis) -> Iterator
 def _without_possible_compensations(fitted_sets: FittedSets, current: Hypothesis) -> dict[str, Hypothesis]:
     """Return the set without each effect that may only compensate for the inexact form of another effect.
 
-    Two kinds of effects are not included: those that every rig has, and those without which the excess is far above
-    that of the best fitted set. The result is empty if a removal would lead the search to a curve that explains less.
+    Effects that every rig has, and effects without which the excess is far above that of the best fitted set, are not
+    included. The result is empty if the search would replace a removed effect by a curve that explains less.
     """
     closest = min(model.bounded_excess for model in fitted_sets.fits.values())
     limit = min(THRESHOLDS.necessary_factor_if_small * closest, THRESHOLDS.open_share * fitted_sets.bare.bounded_excess)
@@ -144,8 +144,8 @@ def _without_possible_compensations(fitted_sets: FittedSets, current: Hypothesis
 def _removal_leads_to_curve(fitted_sets: FittedSets, current: Hypothesis) -> bool:
     """Return whether the set with the lowest cost among those of fewer effects contains a curve.
 
-    It then has more parameters and a higher cost than the current set. The search would choose it after a removal. All
-    sets with fewer effects must be fitted first.
+    A curve is recognised by more parameters at a higher cost than the current set. After a removal, the search would
+    choose this set. All sets without one effect must be fitted first.
     """
     others = (
         model
@@ -174,7 +174,7 @@ OWN_SHARE = Move(
 
 
 def _without_misleading(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the set without effects that worsen held-out predictions or, if better, with replacements of them."""
+    """Propose the set without effects that worsen held-out predictions, or with better replacements."""
     smaller = fitted_sets.predictive(current)
     if smaller is current or fitted_sets.held_out_chi2 is None:
         return

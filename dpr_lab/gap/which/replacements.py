@@ -26,7 +26,7 @@ from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 
 def _as_good(fitted_sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    """Accept a replacement that explains as much as the set, within the margin for forms."""
+    """Accept a simpler form that explains about as much as the current set."""
     model, margin = proposal.model, form_indifference(fitted_sets.bare, current)
     adequate = (
         model.at_noise_floor
@@ -50,8 +50,8 @@ SIMPLER_FORM = Move(
 def _several_for_one(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose sets in which effects with one amplitude, and in total fewer parameters, replace a curve.
 
-    On a small arc, a curve imitates a tilt, friction and drag together, and is selected first. A shape is a further
-    parameter of an effect.
+    On a small arc, a curve can imitate a tilt, friction and drag together, and is then selected first. Shape parameters
+    are counted as parameters.
     """
     for curve in fitted_sets.unexpected(current):
         if curve not in current.curves:
@@ -136,7 +136,7 @@ BETTER_ALTERNATIVE = Move(
 def _larger_priors(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Propose sets in which an indistinguishable effect or a simpler form replaces another.
 
-    The value of a proposal is the ratio of the probabilities.
+    The value of a proposal is the ratio of the probabilities of new and replaced effect.
     """
     chosen = fitted_sets.predictive(current)
     margin = indifference(fitted_sets.bare, chosen)
@@ -193,11 +193,12 @@ LARGER_PRIOR = Move(
 def fit_alternatives(fitted_sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[str], Hypothesis]:
     """Fit the sets in which an alternative replaces an effect, and return all fitted sets.
 
-    Alternatives are indistinguishable by the linear scores, or have the largest scores, or are simpler forms while a
-    residual remains. A fit can reduce the cost by much more than its linear score. While a residual remains, effects
-    with a similar signature and nearly the score of the effect are therefore fitted, too. If an indistinguishable
-    effect fits worse, its fit ended in a local minimum and is repeated from the selected solution. The fit
-    is not repeated from other starting points if its cost is far too high (`EFFORT.hopeless`).
+    Alternatives are effects that are indistinguishable in the score test, effects with the largest scores and, while a
+    residual remains, simpler forms. A fit can reduce the cost by much more than its linear score predicts. Common
+    effects, and while a residual remains all effects, with a similar signature and score are therefore fitted as well.
+    If an indistinguishable effect fits worse, its fit ended in a local minimum and is repeated from the solution of the
+    selected set. Its fit is also repeated from other initial values, unless its cost is far too high
+    (`EFFORT.hopeless`).
     """
     if not chosen.at_noise_floor:
         for simpler in simpler_forms(fitted_sets, chosen):
@@ -221,7 +222,7 @@ def fit_alternatives(fitted_sets: FittedSets, chosen: Hypothesis) -> Mapping[fro
 
 
 def _similar(test: ScoreTest, name: str) -> Iterator[Score]:
-    """Yield the scores of other effects with a similar signature and nearly the score of the effect."""
+    """Yield the scores of other effects whose signature and score are similar to those of the effect `name`."""
     if (named := test.best_score(name)) is not None:
         for score in test.ranking:
             nearly = EFFORT.nearly_common if score.effect.common else EFFORT.nearly
@@ -231,7 +232,7 @@ def _similar(test: ScoreTest, name: str) -> Iterator[Score]:
 
 
 def _indistinguishable(test: ScoreTest, name: str) -> Iterator[Score]:
-    """Yield the scores of effects, other than forms of `name`, that have the same signature."""
+    """Yield the scores of effects with the same signature as `name`, without its simpler and richer forms."""
     if (current_score := test.best_score(name)) is None:
         return
     for score in test.ranking:

@@ -1,4 +1,4 @@
-"""Fits of sets from other starting points: they leave local minima, or replace one effect by another.
+"""Repeated fits from other initial values, which leave local minima or replace one effect by another.
 
 Local minima are caused by a few segments, by long segments, or by a wrong order of a periodic effect.
 """
@@ -18,7 +18,7 @@ from dpr_lab.gap.which.fitted_sets import FittedSets
 
 
 def escaped(fitted_sets: FittedSets, model: Hypothesis) -> Hypothesis:
-    """Refit a set to leave a local minimum; the result is not fitted again."""
+    """Return the best of repeated fits of a set; the result is stored and not fitted again."""
     best = fitted_sets.keep(fitted_sets.once((model,), lambda: _escaped(fitted_sets, model)))
     fitted_sets.results[best,] = best
     return best
@@ -48,7 +48,7 @@ def fitted_to_working_segments(fitted_sets: FittedSets, short: Hypothesis) -> Hy
 def _lengthened(fitted_sets: FittedSets, near: Fit, initial: Array, iterations: int) -> Fit:
     """Continue a fit to short segments with the segments of this collection.
 
-    Missing initial states are taken from `initial`.
+    `initial` contains the initial states of segments whose states the short segments do not determine.
     """
     short_segments = fitted_sets.on_short().problem.segments
     initial_states = carried(short_segments, near.estimate.initial, fitted_sets.problem.segments, initial)
@@ -57,7 +57,7 @@ def _lengthened(fitted_sets: FittedSets, near: Fit, initial: Array, iterations: 
 
 
 def _in_best_order(fitted_sets: FittedSets, model: Hypothesis) -> Hypothesis:
-    """Replace the orders of effects by neighbouring orders, as long as this reduces chi2.
+    """Change the integer orders of effects by one, as long as this reduces chi2.
 
     On an arc of less than a turn, different orders have similar signatures, and scores may favour a wrong order.
     """
@@ -105,8 +105,9 @@ def simpler_forms(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Hypo
 def replaced(fitted_sets: FittedSets, model: Hypothesis, effect: str, other: str) -> Hypothesis | None:
     """Replace one effect of a set by another; return None if the other effect has no score.
 
-    The fit starts without either effect. If this fit fails, a fit with both effects precedes it, in which the new
-    effect gradually takes over the share of the replaced effect.
+    The first fit starts from the set without both effects. If it fails, a fit starts from the amplitudes of the
+    replaced effect. If the original set leaves only noise but the new set does not, a fit starts from the linear
+    prediction at the original set.
     """
     smaller = fitted_sets.without(model, effect)
     score = fitted_sets.score(smaller, other)
@@ -123,8 +124,8 @@ def replaced(fitted_sets: FittedSets, model: Hypothesis, effect: str, other: str
 def _replaced_from_amplitudes(fitted_sets: FittedSets, model: Hypothesis, effect: str, other: str) -> Hypothesis:
     """Replace one effect by another, starting from the amplitudes of the replaced effect.
 
-    Rods that hardly move stick even at the smallest Coulomb friction, so its derivative at zero is not a useful search
-    direction.
+    This is necessary for Coulomb friction: rods that hardly move stick even at the smallest friction, so the derivative
+    at zero friction is useless.
     """
     params = model.estimate.params.copy()
     values = named_params(params).get(effect, {})  # empty if its fitted size is zero
@@ -138,8 +139,8 @@ def _replaced_from_amplitudes(fitted_sets: FittedSets, model: Hypothesis, effect
 def replaced_linearly(fitted_sets: FittedSets, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
     """Replace one effect by another, starting from the linear prediction at `model`.
 
-    From this estimate, two indistinguishable effects fit equally well. A fit that starts without both effects may end
-    in a local minimum in which another effect has a wrong shape. `score` is the score of the new effect.
+    There, an indistinguishable effect fits equally well. A fit that starts from the set without both effects may end in
+    a local minimum in which a remaining effect has a wrong shape. `score` is the score of the new effect.
     """
     return fitted_sets.keep(
         fitted_sets.once((model, effect, score), lambda: _at_linear_prediction(fitted_sets, model, effect, score))

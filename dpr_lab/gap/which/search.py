@@ -1,4 +1,4 @@
-"""Moves of the search: each proposes sets of effects, accepts or rejects them, and returns a new state."""
+"""State and moves of the search; a move proposes sets of effects, and accepts or rejects them."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -51,7 +51,7 @@ class SearchState:
     fitted_sets: FittedSets
     """All fitted sets with their score tests; each move works on a copy."""
     max_effects: int
-    """Maximum number of effects, not counting those that every rig of this kind has."""
+    """Maximum number of effects in addition to those that the rig is known to have."""
     trace: tuple[SearchStep, ...] = ()
     """All trials so far, in order."""
 
@@ -72,7 +72,7 @@ class SearchState:
 
 
 def _caveat(model: Hypothesis) -> str:
-    """Return a note if the fit of a set did not reach the linear prediction that its criterion contains."""
+    """Return a note if the fit of a set ended without a descent, or an empty text."""
     stuck = model.fit.stop is StopReason.NO_DESCENT
     return "; its fit may not have reached the minimum that the criterion assumes" if stuck else ""
 
@@ -85,7 +85,7 @@ def apply_moves(moves: Sequence[Move], state: SearchState) -> SearchState:
 
 
 def apply_move(move: Move, state: SearchState) -> SearchState:
-    """Apply one move; `_refusal` can refuse a set that the move accepts."""
+    """Apply one move; a set that the move accepts can be rejected by `_refusal`."""
     fitted_sets = state.fitted_sets.copied()
     while True:
         before = state.current
@@ -101,7 +101,7 @@ def apply_move(move: Move, state: SearchState) -> SearchState:
 
 
 def _refusal(state: SearchState, model: Hypothesis) -> str:
-    """Return the reason, if any, why no move may replace the current set by a given set."""
+    """Return the reason why no move may replace the current set by a given set; empty if it may."""
     fitted_sets = state.fitted_sets
     if follows_remainder(fitted_sets.bare, model, state.current):
         return "the additional effect only fits the remainder of small unknown causes"

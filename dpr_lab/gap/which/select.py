@@ -1,7 +1,7 @@
 """Selection of effects: forward selection, then the moves that refine the set.
 
-Forward selection alone is greedy. Therefore two sets are extended in parallel, and the moves of `moves` remove, replace
-and validate effects afterwards.
+Forward selection is greedy. Therefore two sets are extended in parallel, and further moves then remove and replace
+effects (`dpr_lab.gap.which.moves`).
 """
 
 from collections.abc import Iterator, Mapping
@@ -29,9 +29,9 @@ MOST_REVISIONS = 3
 def forward(fitted_sets: FittedSets, max_effects: int = 4) -> SearchState:
     """Return the state of the search after forward selection of at most `max_effects` effects.
 
-    Far from the noise, short segments are searched first, in which effects are more linear. If they refute the noise of
-    known torques, the search ends: it is repeated without this noise (`dpr_lab.gap.corrections`). Full segments have
-    fewer free initial states, so they refute it too.
+    Far from the noise, the search begins with short segments, in which the readings depend more linearly on the
+    effects. If their residual is inconsistent with the noise of known torques, the search ends and is repeated without
+    this noise (`dpr_lab.gap.corrections`).
     """
     start = SearchState(fitted_sets.bare, fitted_sets, max_effects)
     if not fitted_sets.bare.far_from_noise:
@@ -54,10 +54,10 @@ def refined(state: SearchState) -> Selection:
 
 
 def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | None:
-    """Return a better fit of the bare model if its first fit was a local minimum, or None.
+    """Return a better fit of the bare model if its first fit was a local minimum; otherwise None.
 
-    The fit starts from the set of one effect at the end of the path. If an effect only leads the fit out of such a
-    minimum, it is not a cause.
+    The fit starts from the smallest set of the path. An effect that only leads the fit out of a local minimum is not a
+    cause.
     """
     first = selection.bare
     if not selection.path or not first.far_from_noise:
@@ -83,10 +83,10 @@ def _one_search(state: SearchState) -> Selection:
 
 
 def short_segments(short: SearchState) -> Move:
-    """Create the move that refines the set selected with short segments, and fits it to full segments.
+    """Create the move that fits the set selected with short segments to full segments.
 
-    Two effects may have replaced one effect. Which of the two sets is better then depends on the length of the
-    segments, so that the smaller set is fitted, too, unless the chosen one leaves only noise.
+    The set is refined first. If it replaced a smaller set, the smaller set may be better in full segments, and is
+    fitted as well unless only noise remains.
     """
 
     def propose(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
@@ -125,8 +125,8 @@ def _predicts_whole_segments(fitted_sets: FittedSets, current: Hypothesis, propo
 def _revised(state: SearchState) -> SearchState:
     """Try the revisions, each with the moves that follow it, and return the state after the first success.
 
-    A revision succeeds if the criterion of the resulting set is not significantly higher than before, or, for a set
-    with more parameters, lower. Otherwise it is undone.
+    A revision succeeds if it does not increase the criterion significantly; with more parameters, the criterion must
+    decrease. Otherwise the revision is undone.
     """
     for revision, moves in REVISIONS:
         after = apply_move(revision, state)
@@ -144,7 +144,7 @@ def _revised(state: SearchState) -> SearchState:
 
 
 def _selection(state: SearchState, misleading: tuple[str, ...]) -> Selection:
-    """Return the result of the search, with the sets that lack or replace each effect."""
+    """Return the result of the search, with the fits in which each effect is removed or replaced."""
     fitted_sets, chosen = state.fitted_sets.copied(), state.current
     fits = fit_alternatives(fitted_sets, chosen)
     without = {name: fitted_sets.without(chosen, name) for name in chosen.effects}
@@ -169,7 +169,7 @@ def _selection(state: SearchState, misleading: tuple[str, ...]) -> Selection:
 
 
 def _own_shares(fitted_sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypothesis]) -> dict[str, float]:
-    """Return the own shares of secondary effects, except of a single effect and of effects that every rig has."""
+    """Return the own shares of secondary effects by name, without a single effect and effects that every rig has."""
     limit = chosen.bounded_excess + THRESHOLDS.secondary * fitted_sets.bare.residuals.excess
     shares: dict[str, float] = {}
     for name, smaller in without.items():

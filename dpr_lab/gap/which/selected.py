@@ -1,4 +1,4 @@
-"""Result of the search: selected set, compared sets, and trials."""
+"""Result of the search: the selected set, the sets compared with it, and the trials."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -39,11 +39,12 @@ class Selection:
     """Own share, 0 to 1, of each secondary effect that not every rig has.
 
     The own share is the part of the reduction by an effect that no other functional form of the other effects explains
-    (`dpr_lab.gap.which.forms.own_share`). Secondary effects are below the share `THRESHOLDS.secondary` of the gap.
+    (`dpr_lab.gap.which.forms.own_share`). An effect is secondary if it explains less than the share
+    `THRESHOLDS.secondary` of the gap.
     """
     path: tuple[tuple[str, Hypothesis], ...]
-    """Sets from the bare model to the selected set. Each set adds one effect to the previous set, the largest effect
-    first."""
+    """Sets of increasing size up to the selected set, each with the name of the effect that it adds, most necessary
+    effect first."""
     expected: frozenset[str] = frozenset()
     """Effects that the rig is known to have; they may stay in the model at any size."""
     impossible: frozenset[frozenset[str]] = frozenset()
@@ -51,20 +52,20 @@ class Selection:
     oversized: tuple[str, ...] = ()
     """Effects of the selected set whose sizes are physically impossible or typical of another cause."""
     misleading: tuple[str, ...] = ()
-    """Effects that are not in the selected set because they worsen the prediction of held-out runs."""
+    """Effects that were removed because they worsen the prediction of held-out runs."""
     trace: tuple[SearchStep, ...] = ()
     """All trials of the search, in order."""
 
     @property
     def models(self) -> dict[str, Hypothesis]:
-        """The two compared models: the bare model `before`, and the selected model `after`."""
+        """The bare model, `before`, and the selected model, `after`."""
         return {"before": self.bare, "after": self.chosen}
 
     @property
     def absorbed(self) -> dict[str, dict[str, str]]:
-        """Parameter that absorbs an amplitude, by effect and amplitude.
+        """Name of the parameter that absorbs an amplitude, by effect and amplitude.
 
-        An effect of the selected set is tested in the set without this effect.
+        For an effect of the selected set, the score test of the set without it applies.
         """
         scores = {name: self.tests_without.get(name, self.final_test).best_score(name) for name in EFFECTS}
         return {name: dict(score.absorbed) for name, score in scores.items() if score is not None and score.absorbed}
@@ -76,9 +77,9 @@ class Selection:
         return float(np.clip(1 - max(after, 0.0) / before, 0.0, 1.0)) if before > 0 else 0.0
 
     def unique_share(self, name: str) -> float:
-        """Return the unique contribution of an effect.
+        """Return the unique contribution of an effect, 0 to 1.
 
-        It is the share of the bare model's excess that only this effect removes.
+        It is the share of the bare model's excess that returns if the effect is removed and the others are refitted.
         """
         before, after = self.bare.residuals.excess, max(self.chosen.residuals.excess, 0.0)
         returned = self.without_substitute[name].residuals.excess - after

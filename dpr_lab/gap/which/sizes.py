@@ -1,7 +1,7 @@
-"""Detect effect sizes that are impossible on a rig or typical of another cause.
+"""Detection of effect sizes that are impossible or indicate another cause.
 
-Near the noise the amplitudes of an effect are poorly separated. For example, a cable spring with a hardening term must
-have a stiffness. A fit may estimate this stiffness as zero although its interval contains the right value.
+Near the noise, the amplitudes of an effect are strongly correlated. A fit may, for example, estimate the stiffness of a
+hardening spring as zero, which is impossible. The intervals of the sizes are therefore considered.
 """
 
 from collections.abc import Container, Mapping
@@ -63,7 +63,7 @@ def half_width(model: Hypothesis, effect: str, name: str) -> float | None:
 def significantly_oversized(model: Hypothesis, limits: Array | None) -> tuple[str, ...]:
     """Return the effects with impossible sizes, within the errors of the fit.
 
-    A size is impossible if it is at a limit, or if it is not possible together with the other sizes of its effect.
+    A size is impossible at its limit, or if the sizes of the effect cannot occur together.
 
     Args:
         model: the fitted set
@@ -105,7 +105,7 @@ def off_axis(problem: Problem, model: Hypothesis) -> tuple[str, ...]:
     """Return the centre-of-mass offset of the inner rod if its size is implausible.
 
     The offset is implausible if it is significantly larger than the distance of the centre of mass along the rod. Such
-    a rod would hang at more than 45 degrees of its readings. A wrong zero of the angles, or a constant torque, is more
+    a rod would hang at more than 45 degrees from zero. A wrong zero of the angles, or a constant torque, is more
     probable.
     """
     effect, constants = COM_OFFSET_LINK1, problem.model.constants
@@ -122,8 +122,8 @@ def off_axis(problem: Problem, model: Hypothesis) -> tuple[str, ...]:
 def rises(problem: Problem, model: Hypothesis) -> bool:
     """Return whether the gravity torque of the inner rod is significantly negative.
 
-    Gravity would then lift the rod. In swings of similar amplitude, an effect that depends on the angle can replace
-    gravity, and compensate for a gravity torque of the wrong size or sign.
+    In swings of similar amplitude, an effect that depends on the angle can compensate for a gravity torque of wrong
+    size or sign.
     """
     torque = _gravity_torque(problem, model)
     if torque is None or torque >= 0.0:
@@ -133,7 +133,7 @@ def rises(problem: Problem, model: Hypothesis) -> bool:
 
 
 def refuse_rising(problem: Problem, model: Hypothesis) -> None:
-    """Check that the weight of the inner rod does not lift the rod.
+    """Reject a model in which the weight of the inner rod acts upwards.
 
     Raises:
         IdentificationError: the gravity torque is significantly negative.
@@ -162,16 +162,16 @@ def _gravity_torque(problem: Problem, model: Hypothesis) -> float | None:
 
 
 def springs_like_scale(problem: Problem, library: Container[str], model: Hypothesis) -> tuple[str, ...]:
-    """Return the significantly softening springs whose ratio k3 / k is the ratio of a scale error.
+    """Return the softening springs that an error of the encoder scale probably causes.
 
     An encoder of a single rod that reads q = (1 + x) theta changes the acceleration of the reading by
 
         -x w (sin q - q cos q),    w = e1 / a.
 
-    Up to terms in q^7, this is the change by a spring k q + k3 q^3 with k / a = 4 x w and k3 = -k / 12, together with a
-    gravity torque that is smaller by k. On an arc of 3 rad the best ratio k3 / k is -0.071, and 0.4 % of the change
-    remain. The recordings of one rod therefore do not distinguish the two causes. A real spring would have exactly this
-    ratio only by coincidence.
+    Up to terms in q^7, this equals the change by a spring k q + k3 q^3 with k / a = 4 x w and k3 = -k / 12, and by a
+    gravity torque that is smaller by k. On an arc of 3 rad, the best ratio k3 / k is -0.071, and 0.4 % of the change
+    are not reproduced. The recordings of a single rod therefore do not distinguish the two causes. A real spring would
+    have this ratio only by coincidence, so a significantly softening spring with this ratio is returned.
     """
     springs: list[str] = []
     if not all(setup.held for setup in set(problem.segments.setups)):
