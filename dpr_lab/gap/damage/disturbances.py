@@ -233,7 +233,7 @@ def _without(record: Record, parts: Sequence[ExcludedInterval]) -> Record:
 
 
 def _with_missed_counts(record: Record, part: ExcludedInterval) -> Record:
-    """Add a step of missed counts to the record; the effect `missed_counts` estimates their number."""
+    """Add a step of missed counts to the record; an effect of the model estimates their number."""
     (step,) = part.jumps
     steps = sorted([*record.screened.breaks, (step.at, int(step.joint or 0))])
     breaks = np.sort(np.append(record.breaks, step.at))
