@@ -18,7 +18,7 @@
 Why was cause X preferred to Y? The field `search` of a diagnosis lists all trials of the search. The trial that rejects
 Y, or that replaces Y by X, states its move and the reason.
 
-Reading order. The rules of this choice are in modules of about 9,000 words:
+Reading order. The rules of this choice are in modules of about 9,500 words:
 
     `hypothesis.hypothesis`      the cost, by which sets are compared
     `hypothesis.thresholds`      the numbers in the rules
