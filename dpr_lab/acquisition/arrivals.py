@@ -1,7 +1,7 @@
 """Estimate the clock rate of the device from the arrival times of its samples.
 
 A sample cannot arrive before it was taken. Therefore arrival = offset + tick * period + delay with delay >= 0. Buffers
-and a busy host make individual delays long, but the shortest delay within a block of time hardly changes. A line is
+and a busy host make individual delays long, but the shortest delay of a block of time is nearly constant. A line is
 fitted to the samples with the shortest delays.
 """
 
@@ -32,7 +32,8 @@ class ArrivalSettings:
     """Assumed bound on an undetected change of the shortest delay during a recording, s: a few time slices of the
     host."""
     central: tuple[float, float] = (0.1, 0.9)
-    """Quantiles of the residuals; only blocks between them are used. Other blocks may lie entirely within a stall."""
+    """Two quantiles of the residuals; their difference is the scatter. Residuals outside them may come from blocks that
+    lie entirely within a stall."""
 
 
 ARRIVALS = ArrivalSettings()
@@ -43,14 +44,18 @@ class ArrivalFit:
     """Clock rate estimated from arrival times."""
 
     arrival_ppm: float
-    """Difference of the sample rate from its nominal value by the host's clock, relative, ppm."""
+    """Relative deviation of the sample rate, measured with the host's clock, from its nominal value, ppm."""
     arrival_margin_ppm: float
     """Bound on the error of `arrival_ppm`, ppm: possible change of the delay divided by the duration of the
     recording."""
 
 
 class Arrivals:
-    """Arrival times of samples: the newest pair (device tick, host time) of each bin."""
+    """Arrival times of samples: the pair (device tick, host time) with the shortest delay of each bin.
+
+    Args:
+        rate_hz: nominal sample rate, Hz
+    """
 
     def __init__(self, rate_hz: float) -> None:
         self._rate_hz = rate_hz

@@ -1,4 +1,4 @@
-"""Messages of one read of the link, and its samples as arrays."""
+"""Messages of one read of the link, and conversion of samples to arrays."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,7 +26,7 @@ class Batch:
     messages: tuple[Message, ...]
     """All messages except samples and torques."""
     lost_before: Mapping[str, int] = field(default_factory=dict)
-    """Losses of the device before this batch, by cause (`dpr_lab.run.LOSS_CAUSES`)."""
+    """Number of samples and frames lost before this batch, by cause (`dpr_lab.run.LOSS_CAUSES`)."""
 
 
 def torques_of(rows: Sequence[AnyRow], unit_uNm: int) -> Array | None:
@@ -48,7 +48,7 @@ def arrays(rows: Sequence[AnyRow]) -> tuple[Integers, Integers]:
 
 
 class Counter:
-    """Total count of a 16-bit counter, which overflows and restarts with every stream."""
+    """Running total of a 16-bit counter of the device, which wraps, and restarts at 0 with every stream."""
 
     def __init__(self) -> None:
         self.total = 0
@@ -60,5 +60,5 @@ class Counter:
         self._last = low
 
     def restart(self) -> None:
-        """Start a new stream."""
+        """Expect a counter that restarts at 0 with a new stream; the total is kept."""
         self._last = 0

@@ -145,7 +145,7 @@ def capture(
         path = new_path(out_dir, pose_name, device.info.uid)
         return recorder.record(path, metadata, held.window, hanging)
     except BaseException:
-        with suppress(DprError):
+        with suppress(DprError, KeyboardInterrupt):  # the first error is raised again
             device.stop()
         raise
 
@@ -166,10 +166,10 @@ def in_file_name(pose_name: str) -> str:
 
 
 def check_encoders(device: Device, rig: Rig) -> None:
-    """Refuse a device whose encoders differ from the rig file.
+    """Check that the encoders of a device have the resolutions in the rig file.
 
     Raises:
-        ConfigError: the counts per turn differ.
+        ConfigError: the counts per turn of a joint differ.
     """
     of_rig, of_device = rig.encoders.counts_per_rev, device.info.counts_per_rev
     if of_rig != of_device:

@@ -117,11 +117,11 @@ def conformity(link: Transport, settings: ConformanceSettings = ConformanceSetti
 
 
 class _Peer:
-    """Host in an exchange; it sends only the given messages."""
+    """Host side of an exchange, without automatic keepalives and repetitions of commands."""
 
     def __init__(self, link: Transport, settings: ConformanceSettings) -> None:
         self.link, self.settings = link, settings
-        self.meaningless = 0
+        self.invalid_frames = 0
         self.drives: set[str] = set()
         """Kinds of drives in `DRIVES` that the device has."""
         self.topic: str | None = None
@@ -131,7 +131,7 @@ class _Peer:
         self._heard: list[Message] = []
 
     def to_idle(self) -> None:
-        """Start a new session with an idle device, from any previous state."""
+        """Start a new session, and bring the device to the state IDLE from any other state."""
         self._released = None
         self.ask(Hello(token=200))
         for command in (Stop(token=201), ClearFault(token=202), Hold(token=203), Stream(token=204)):
@@ -142,15 +142,15 @@ class _Peer:
 
     def ask(self, message: Message) -> list[Message]:
         """Send a message and return the answers."""
-        return self.tell(encode(message))
+        return self.send(encode(message))
 
-    def tell(self, frame: Frame) -> list[Message]:
+    def send(self, frame: Frame) -> list[Message]:
         """Send a frame and return the answers."""
         self.link.send(frame)
         return self.answers()
 
-    def fall_silent(self, seconds: float) -> list[Message]:
-        """Wait some seconds without sending, and return the messages that arrive."""
+    def wait_silently(self, seconds: float) -> list[Message]:
+        """Send nothing for some seconds, and return the messages that arrive."""
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             self.read()
@@ -177,7 +177,7 @@ class _Peer:
             try:
                 fresh += [decode(frame)] if frame.node == DEVICE_NODE else []
             except RemoteProtocolError:
-                self.meaningless += 1
+                self.invalid_frames += 1
         self._heard += fresh
         return fresh
 
@@ -213,10 +213,10 @@ def _step(peer: _Peer, step: Step, where: str) -> str:
     The text is empty if the device does not deviate.
     """
     if "silent_s" in step:
-        request, answers = f"{step['silent_s']} s of silence", peer.fall_silent(step["silent_s"])
+        request, answers = f"{step['silent_s']} s of silence", peer.wait_silently(step["silent_s"])
     elif "frame" in step:
         identifier, payload = step["frame"]
-        request, answers = f"frame {identifier:#x} {payload}", peer.tell(Frame(identifier, bytes.fromhex(payload)))
+        request, answers = f"frame {identifier:#x} {payload}", peer.send(Frame(identifier, bytes.fromhex(payload)))
     else:
         name, fields = step["send"]
         request, answers = name, peer.ask(MESSAGES[name](**fields))
@@ -233,7 +233,8 @@ def _step(peer: _Peer, step: Step, where: str) -> str:
         status = peer.status()
         if (status.state, status.latched, status.fault) != (State[state], latched, Fault[fault]):
             reported = f"{status.state.name}, latched {status.latched}, fault {status.fault.name}"
-            return f"{where}, after {request}: reports {reported}"
+            required = f"{state}, latched {latched}, fault {fault}"
+            return f"{where}, after {request}: the device reports {reported}, but {required} is required"
     return ""
 
 
@@ -283,8 +284,8 @@ def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) ->
         )
         low, high = settings.reports_hz
         hz = reports / settings.timing_s
-        yield Conformity("STATUS ten times a second", low <= hz <= high, f"{hz:.1f} a second")
-    yield Conformity("every frame is valid", not peer.meaningless, f"{peer.meaningless} invalid")
+        yield Conformity("STATUS is sent ten times per second", low <= hz <= high, f"{hz:.1f} Hz")
+    yield Conformity("every frame is valid", not peer.invalid_frames, f"{peer.invalid_frames} invalid")
 
 
 def sample_rate(arrived: Sequence[tuple[float, int]], nominal_hz: float) -> float:

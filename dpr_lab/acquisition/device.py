@@ -19,10 +19,7 @@ from dpr_lab.errors import DeviceFault, DeviceLost, LinkError, LinkTimeout, Safe
 from dpr_lab.transports.software_link import leads_to_software
 from dpr_lab.transports.transport import Received, Transport
 from firmware_protocol.clock import ClockFit
-from firmware_protocol.errors import (
-    DevicesCollide,
-    RemoteProtocolError,
-)
+from firmware_protocol.errors import DevicesCollide, RemoteProtocolError
 from firmware_protocol.host_role import HostSession
 from firmware_protocol.identity import DeviceInfo
 from firmware_protocol.messages import (
@@ -31,6 +28,7 @@ from firmware_protocol.messages import (
     Ack,
     ArmInput,
     Command,
+    Frame,
     Hello,
     Hold,
     Message,
@@ -53,7 +51,8 @@ class Device:
     """Device on an open transport; a context manager that closes the transport.
 
     Commands and `poll` belong to one thread. Every method can raise DeviceLost after the link is lost or the device has
-    stopped sending.
+    stopped sending. A command raises DeviceFault if the device refuses it, LinkTimeout if the device does not answer,
+    and SafetyStop if the device was opened read-only.
 
     Args:
         transport: the open link
@@ -80,7 +79,7 @@ class Device:
         self._batches: deque[Batch] = deque()
         self._lost_before: dict[str, int] = {}
         """Losses up to the newest batch, by cause."""
-        self._bytes = self._frames = self._meaningless = 0
+        self._bytes = self._frames = self._invalid_frames = 0
         self._held: Row | None = None
         """The newest sample, delayed until the next sample arrives; discarded if the next sample contradicts it."""
         self._overruns, self._dropped = Counter(), Counter()
@@ -124,7 +123,7 @@ class Device:
 
     @property
     def silence_s(self) -> float:
-        """Time without messages after which the device counts as lost, s."""
+        """Time without a sample and a STATUS after which the device counts as lost, s."""
         patience = self.timing.simulated_patience if self.simulated_time else 1.0
         return self.timing.silence_s * patience
 
@@ -217,7 +216,7 @@ class Device:
             return {
                 "device_overrun": self._overruns.total + self._dropped.total,
                 "crc": errors["crc"],
-                "framing": errors["framing"] + self._meaningless,
+                "framing": errors["framing"] + self._invalid_frames,
                 "contradicted": contradicted,
                 "tick_gap": self._stream.lost_tick_gap,
                 **({"torque": self._torques.missing} if self._torques is not None else {}),
@@ -287,6 +286,7 @@ class Device:
                     self._changed.notify_all()
         except Exception as error:  # every error must be reported to the caller, not only end the thread
             with self._lock:
+                self._append(Received(time.monotonic(), (), b""), self._last_rows(), [])
                 self._failure = error
                 self._changed.notify_all()
 
@@ -295,33 +295,45 @@ class Device:
         self._frames += len(received.frames)
         rows: list[AnyRow] = []
         messages: list[Message] = []
-        for frame in received.frames:
-            try:
-                message = self._session.receive(frame)
-            except DevicesCollide as error:
-                raise LinkError(f"{self.url}: {error}") from error
-            except RemoteProtocolError:
-                self._meaningless += 1
-                continue
-            if isinstance(message, Sample):
-                rows += self._driven(self._trusted(message))
-            elif isinstance(message, Torque | ArmInput):
-                self._note_torque(message)
-            elif message is not None:
-                self._stream.feed(message)
-                self._note(message, received.host_time)
-                messages.append(message)
-                if isinstance(message, Ack) and message.command == _STOP:
-                    rows += self._driven(self._hand_over(None))
-                    rows += self._torques.rest() if self._torques is not None else []
+        try:
+            for frame in received.frames:
+                self._take_frame(frame, received.host_time, rows, messages)
+        finally:  # an error must not discard the data before it
+            self._append(received, rows, messages)
         sampled = any(frame.number == NUMBERS[Sample] for frame in received.frames)
         self._check_silence(received.host_time, sampled or any(not isinstance(m, Pong) for m in messages))
-        if received.raw or messages:
+
+    def _take_frame(self, frame: Frame, host_time: float, rows: list[AnyRow], messages: list[Message]) -> None:
+        try:
+            message = self._session.receive(frame)
+        except DevicesCollide as error:
+            raise LinkError(f"{self.url}: {error}") from error
+        except RemoteProtocolError:
+            self._invalid_frames += 1
+            return
+        if isinstance(message, Sample):
+            rows += self._driven(self._trusted(message))
+        elif isinstance(message, Torque | ArmInput):
+            self._note_torque(message)
+        elif message is not None:
+            self._stream.feed(message)
+            self._note(message, host_time)
+            messages.append(message)
+            if isinstance(message, Ack) and message.command == _STOP:
+                rows += self._last_rows()
+
+    def _append(self, received: Received, rows: Sequence[AnyRow], messages: Sequence[Message]) -> None:
+        if received.raw or rows or messages:
             lost_before, self._lost_before = self._lost_before, self.losses
             self._batches.append(Batch(received.host_time, received.raw, tuple(rows), tuple(messages), lost_before))
 
+    def _last_rows(self) -> list[AnyRow]:
+        """Return the delayed samples at the end of a stream, with their torques if the device has drives."""
+        rows = self._driven(self._hand_over(None))
+        return [*rows, *(self._torques.rest() if self._torques is not None else [])]
+
     def _trusted(self, sample: Sample) -> list[Row]:
-        """Return the preceding sample, which was held back for a plausibility check, unless `sample` contradicts it."""
+        """Return the previous sample as a list, unless `sample` has the same tick and contradicts it."""
         if self._held is not None and self._stream.contradicts(self._held, sample):
             self._held = None
         row = self._stream.feed(sample)

@@ -9,9 +9,9 @@ from firmware_protocol.messages import NakCode, Status, explain
 
 
 def translated(url: str, error: RemoteProtocolError, status: Status | None) -> DprError:
-    """Translate the error of a command.
+    """Convert the protocol error of a command to an error for the operator.
 
-    If the device refused it after a fault, the message names the fault.
+    If the device refused the command because of a fault, the message names the fault.
 
     Args:
         url: link of the device

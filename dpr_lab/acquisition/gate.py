@@ -29,12 +29,12 @@ class Check:
     limit: float
     unit: str
     sentence: str
-    """Sentence with the measured value and, if the check failed, a remedy."""
+    """Sentence with the measured value, the limit and a remedy; it is shown only if the check failed."""
 
 
 @dataclass(frozen=True, slots=True)
 class QualityReport:
-    """Results of all possible checks of a recording."""
+    """Results of the quality checks of a recording."""
 
     checks: tuple[Check, ...]
     notes: tuple[str, ...] = ()
@@ -86,7 +86,7 @@ class JudgedRun:
     hanging: RodPair | None = None
     """Deviation of the hanging rods from the vertical before they were raised, rad; None if not measured."""
     limits: QualityLimits = QUALITY_LIMITS
-    word: DeviceState | None = None
+    device: DeviceState | None = None
     """Information from the device; None for a table, or a run recorded without a device."""
 
     @property
@@ -100,14 +100,15 @@ def judge(judged: JudgedRun) -> QualityReport:
 
     Checks without data, such as the rest of an imported table, are omitted from the report.
     """
-    return QualityReport(tuple(check for question in CHECKS if (check := question(judged)) is not None))
+    return QualityReport(tuple(check for apply in CHECKS if (check := apply(judged)) is not None))
 
 
 def fastest_possible(rig: Rig) -> Array:
-    """Return the (2,) maximum speeds of the rods in a swing, rad/s.
+    """Return upper bounds (2,) on the speeds of the rods in a swing, rad/s.
 
-    If one rod has all the potential energy E = 2 (e1 + e2), its squared speed is omega_i^2 = 2 E (M^-1)_ii, where M is
-    the mass matrix. This value is largest if the rods are in line. M^-1 then has the diagonal [b, a] / (a b - d^2).
+    The kinetic energy of a free swing is at most E = 2 (e1 + e2), the difference of potential energy between upright
+    and hanging. With this energy, the squared speed of rod i is at most 2 E (M^-1)_ii, where M is the mass matrix. This
+    bound is largest if the rods are in line. M^-1 then has the diagonal [b, a] / (a b - d^2).
     """
     a, b, d, e1, _, _ = base_parameters(rig.nominal, rig.L1, rig.g)
     energy = 2 * (e1 + d * rig.g / rig.L1)
@@ -228,7 +229,9 @@ def _jitter(judged: JudgedRun) -> Check | None:
         return None
     differences = periods - periods[0]
     jitter = float(np.sqrt(np.mean((differences - np.round(differences)) ** 2)))
-    sentence = f"the samples deviate from their grid by {jitter:.3f} periods rms (limit {limit}): irregular clock"
+    sentence = (
+        f"the samples deviate from their grid by {jitter:.3f} periods rms (limit {limit}): check the device's timer"
+    )
     return Check("jitter", jitter <= limit, jitter, limit, "periods", sentence)
 
 
@@ -250,14 +253,14 @@ def _clock_fit(judged: JudgedRun) -> Check | None:
 
     The estimates come from PING and from arrival times.
     """
-    word, limits = judged.word, judged.limits
-    if word is None or not word.real_time:
+    device, limits = judged.device, judged.limits
+    if device is None or not device.real_time:
         return None
     rates = clock_rates(judged.run.clock)
     std = judged.run.clock.get("rate_ppm_std", np.inf)
     if "pong" not in rates:
         reason = (
-            word.no_clock_fit
+            device.no_clock_fit
             or "its samples arrive at the rate of real time, although it declares its time as simulated"
         )
         sentence = f"the device's clock could not be checked by PING and PONG ({reason}): check PONG in its firmware"
@@ -279,12 +282,12 @@ def _clock_fit(judged: JudgedRun) -> Check | None:
 
 def _latch(judged: JudgedRun) -> Check | None:
     """Check that the device detected the opening of its latch."""
-    word, limits = judged.word, judged.limits
-    if word is None or word.statuses < limits.fewest_statuses:
+    device, limits = judged.device, judged.limits
+    if device is None or device.statuses < limits.fewest_statuses:
         return None
-    share = word.latched / word.statuses
+    share = device.latched / device.statuses
     sentence = (
-        f"after the release {word.latched} of {word.statuses} STATUS messages reported that the latch holds:"
+        f"after the release {device.latched} of {device.statuses} STATUS messages reported that the latch holds:"
         " check the latch's sensor and the firmware"
     )
     return Check("latch", share <= limits.latched_share, share, limits.latched_share, "1", sentence)
@@ -313,14 +316,14 @@ def _moved(judged: JudgedRun) -> Check | None:
         return None
     readings = swing.theta if swing.counts is None else judged.rig.theta(swing.counts)
     if (turned := elbow_turn(readings, swing.mounting)) > MOUNTED.still:
-        sentence = f"joint 2 turned by {turned:.2f} rad, but --rods or --elbow declare it as fixed"
+        sentence = f"joint 2 turned by {turned:.2f} rad, but --rods or --elbow declare it as fixed: correct them"
         return Check("moved", False, turned, MOUNTED.still, "rad", sentence)
     counts = judged.rig.positions(swing.theta) if swing.counts is None else swing.counts
     travel = np.ptp(counts, axis=0)[1 : 2 if judged.run.setup.held else 3]
     joint, least = 1 + int(travel.argmin()), float(travel.min())
     sentence = (
-        f"encoder {joint} moved by {least:.0f} counts (required: at least {limit}); if it moved less, check the"
-        " encoder, the latch, and whether the rods are in balance at this pose"
+        f"encoder {joint} moved by {least:.0f} counts (required: at least {limit}): check the encoder,"
+        " the latch, and whether the rods are in balance at this pose"
     )
     return Check("moved", least >= limit, least, limit, "counts", sentence)
 

@@ -1,4 +1,4 @@
-"""Steps between pose and release: hold, guide to the pose, wait for rest, permission."""
+"""Steps before a release: hold the rods, guide them to the pose, wait for rest and for permission."""
 
 import time
 from collections import deque
@@ -23,7 +23,7 @@ HANGING = Pose(theta1=np.pi, theta2=np.pi)
 
 @dataclass(frozen=True, slots=True)
 class PoseReading:
-    """Angles of the rods while the operator places them."""
+    """Event: angles of the rods while the operator places them."""
 
     theta: RodAngles
     """Absolute angles, rad."""
@@ -35,7 +35,7 @@ class PoseReading:
 
 @dataclass(frozen=True, slots=True)
 class RestReading:
-    """Angles and residual motion of the held rods."""
+    """Event: angles and residual motion of the held rods."""
 
     theta: RodAngles
     """Newest absolute angles, rad."""
@@ -56,7 +56,7 @@ class RestReading:
 
 @dataclass(frozen=True, slots=True)
 class HangReading:
-    """Deviation of the hanging rods before they are raised."""
+    """Event: deviation of the hanging rods from the vertical before they are raised."""
 
     error: RodPair
     """Signed deviation of inner and outer rod from the vertical, rad."""
@@ -70,7 +70,7 @@ Confirm: TypeAlias = Callable[[], bool | None]
 
 
 class RestWindow:
-    """The samples of the last second of the held rods."""
+    """Samples of the held rods in the last `window_s` seconds of device time."""
 
     def __init__(self, rate_hz: int, window_s: float) -> None:
         self.batches: deque[Batch] = deque()
@@ -109,7 +109,12 @@ def _last_tick(batch: Batch) -> int:
 
 
 def raise_faults(url: str, batches: Iterable[Batch]) -> None:
-    """Raise an exception if a message reports a fault or an expired lease."""
+    """Raise an exception if a message reports a fault or an expired lease.
+
+    Raises:
+        DeviceFault: the device reports a fault.
+        LinkError: the device has stopped streaming, because it received no messages of the host.
+    """
     for batch in batches:
         for message in batch.messages:
             _raise_for(url, message)
@@ -138,7 +143,7 @@ def _raise_if_open(url: str, batches: Iterable[Batch]) -> None:
 def look_at_hanging(device: Device, rig: Rig, on_reading: OnReading, settings: CaptureSettings) -> RodPair | None:
     """Return the deviation of the hanging rods from the vertical, rad.
 
-    The result is None if the rods are not at rest with the latch open, or if a clamped elbow tilts them.
+    The result is None if the rods do not hang at rest with the latch open, or if a clamped elbow tilts them.
     """
     if rig.rods.mounting == "clamped":
         return None
@@ -256,6 +261,9 @@ class HeldPose:
         """Wait for the permission to release, then repeat the checks of the rods.
 
         The rods are checked again because they may have moved during the wait.
+
+        Raises:
+            SafetyStop: the permission was refused, or the rods are not at rest at the pose.
         """
         while (answer := confirm()) is None:
             self._look(self._settings.poll_s)

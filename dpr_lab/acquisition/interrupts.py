@@ -8,10 +8,13 @@ from contextlib import contextmanager
 
 @contextmanager
 def unbroken() -> Iterator[None]:
-    """Defer Ctrl-C and SIGTERM until the block of this context manager ends.
+    """Defer Ctrl-C and SIGTERM until the block of this context manager ends, also by an exception.
 
     An incomplete record would make the rest of the file unreadable, and a lock whose acquisition is interrupted stays
     locked. Only the main thread receives signals; in other threads the context has no effect.
+
+    Raises:
+        KeyboardInterrupt: one of both signals arrived during the block.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -26,5 +29,5 @@ def unbroken() -> Iterator[None]:
             signal.signal(signal.SIGTERM, terminate)
         finally:
             signal.signal(signal.SIGINT, interrupt)
-    if held_back:
-        signal.raise_signal(signal.SIGINT)
+        if held_back:
+            signal.raise_signal(signal.SIGINT)

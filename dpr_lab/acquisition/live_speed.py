@@ -13,8 +13,8 @@ from dpr_lab.rig import Rig
 class LiveSpeed:
     """Kalman filter for the speeds of both rods, updated with new samples of a recording.
 
-    The creation of a filter imports the filter library, which takes about a second. Create the filter before the rods
-    are released.
+    The constructor imports the filter library, which takes about a second, so create the object before the rods are
+    released.
 
     Args:
         rig: the rig, for its encoders

@@ -11,8 +11,8 @@ class PingClock:
     """Schedule of the PING commands, and the clock fit to the PONG answers.
 
     Args:
-        timing: interval of the requests
-        now: host time of the first request, s
+        timing: intervals of the PING commands, and number of exchanges that are kept
+        now: host time of the first PING, s
     """
 
     def __init__(self, timing: DeviceTiming, now: float) -> None:
@@ -23,7 +23,7 @@ class PingClock:
         self._streaming = False
 
     def restart(self, now: float) -> None:
-        """Start a new stream with new ticks."""
+        """Discard the exchanges of the previous stream, and send fast PING commands from the host time `now`, s."""
         self._exchanges.clear()
         self._streaming = True
         self._quick, self._sent, self._due_at = self._timing.quick_pings, 0, now
@@ -51,11 +51,13 @@ class PingClock:
             self._exchanges.append(exchange)
 
     def fit(self, rate_hz: float) -> tuple[ClockFit | None, str]:
-        """Fit the host time over the ticks; return the fit, or None and the reason."""
+        """Fit the host time as a linear function of the ticks.
+
+        Return the fit and an empty text, or None and the reason.
+        """
         exchanges = list(self._exchanges)
         if len(exchanges) < FEWEST:
-            answers = f"{len(exchanges)} of {self._sent} PING commands were answered"
-            return None, answers.replace("0 of", "none of", 1) if not exchanges else answers
+            return None, f"{len(exchanges) or 'none'} of {self._sent} PING commands were answered"
         ticks = {exchange.ticks for exchange in exchanges}
         try:
             return fit_clock(exchanges, rate_hz), ""

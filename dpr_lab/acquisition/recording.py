@@ -1,4 +1,4 @@
-"""Recording of samples to the run file, with a spool for the quality checks."""
+"""Recording of samples to the run file, and to a temporary file for the quality checks."""
 
 import time
 from collections.abc import Iterable, Mapping
@@ -28,7 +28,7 @@ class Recording:
 
     Args:
         writer: the open run file
-        lost: losses of the device before the first sample; only additional losses are attributed to this run
+        lost: number of samples lost before the first sample, by cause; only later losses are attributed to this run
         duration: duration after the release, s; later samples are ignored, so that the length of a run does not depend
             on the speed of the host
         hanging: deviation of the hanging rods from the vertical before they were raised, rad; None if not measured
@@ -72,7 +72,7 @@ class Recording:
         self.samples.close()
 
     def expect_release(self) -> None:
-        """Accept the release time that the device reports; call this just before RELEASE is sent."""
+        """Accept a reported release from the newest sample on; call this just before RELEASE is sent."""
         self._earliest_release = max(self._newest_tick, 0)
 
     @property
@@ -158,7 +158,7 @@ class Recording:
 
         It must agree if the device declares real time, or if its samples arrive steadily near real time. A simulated
         clock is many times faster or slower, or irregular. A real clock that is declared as simulated runs steadily
-        near real time. A device that this program simulates has no real clock, at any pace.
+        near real time. A device of a `sim:` link has no real clock.
         """
         if self._writer.metadata.extra.get("simulated_time") != "true":
             return True
@@ -172,11 +172,11 @@ class Recording:
         )
 
     def _judged(self, run: Run, duration: float) -> QualityReport:
-        word = DeviceState(self._in_real_time, self._no_clock_fit, self._statuses, self._latched)
-        return judge(JudgedRun(run, self.rig, duration, self._hanging, self._limits, word))
+        device = DeviceState(self._in_real_time, self._no_clock_fit, self._statuses, self._latched)
+        return judge(JudgedRun(run, self.rig, duration, self._hanging, self._limits, device))
 
     def since(self, first: int) -> tuple[Array, Array]:
-        """Return times and angles from sample `first` on.
+        """Return times and angles of the samples from index `first` on.
 
         The times (n,) are in s since the release; the angles (n, 3) are in rad.
         """
@@ -265,7 +265,7 @@ class Recording:
         return (note,) if lost else ()
 
     def _arm_notes(self) -> tuple[str, ...]:
-        """Return a note if the arm moves although it is described as clamped, or is driven although free."""
+        """Return a note if a clamped arm moves, or if the motor of a free arm has an input."""
         if self.release_tick is None:
             return ()
         if self.rig.arm.mode == "clamped":
@@ -315,14 +315,12 @@ class Recording:
             self._writer.status(host_ns, state | counters)
 
     def _take_release(self, tick: int, within_s: float = 60.0) -> bool:
-        """Accept the instant of the release, which the device repeats.
+        """Accept the tick of the release, and return whether it is new and valid.
 
-        Return False if the instant is already known, or if the link damaged it, so that it is more than `within_s` of
-        device time ahead of the samples.
+        The device repeats the tick. A tick more than `within_s` after the newest sample was damaged by the link.
 
         Raises:
-            DeviceFault: the instant is before RELEASE was sent, so the device does not know when the rods were
-                released.
+            DeviceFault: the tick is before RELEASE was sent, so the device does not know when the rods were released.
         """
         if self.release_tick is not None or tick - max(self._newest_tick, 0) > within_s * self.rate_hz:
             return False

@@ -60,8 +60,8 @@ class QualityLimits:
     release_speed: float = 0.2
     """Maximum initial speed, rad/s. The fit over 20 ms has an uncertainty of about 0.03 rad/s."""
     sigmas: float = 5.0
-    """Maximum change of a speed that does not count as a push or a jump. The unit is the standard deviation of the
-    speed error due to the encoder resolution."""
+    """Initial speed of a rod, and jump of an angle, that may be noise, in standard deviations of its error due to the
+    encoder noise."""
     lost_share: float = 1e-3
     gap_periods: int = 10
     """Maximum number of consecutive missing samples."""
@@ -108,14 +108,15 @@ class CaptureSettings:
     """Maximum duration of the check of the hanging rods, s."""
     hang_readings: int = 3
     hang_near: float = 0.35
-    """Maximum deviation of a rod that counts as hanging, rad. A larger deviation means that a hand holds the rod."""
+    """Maximum deviation of a rod that counts as hanging, rad. A rod with a larger deviation is probably held by
+    hand."""
     elbow_error: float = 0.2
     """Maximum difference between the angle of a clamped elbow and that of a pose, rad. It is large because a clamp is
     coarse, and the measured angle is used."""
     release_timeout_s: float = 2.0
-    """Maximum waiting time for the message with the instant of the release, s."""
+    """Maximum waiting time for the message with the tick of the release, s."""
     last_status_s: float = 0.5
-    """Maximum waiting time for the last status after the stop, s. The last status contains the losses."""
+    """Maximum waiting time for the STATUS after STOP, s. This STATUS contains the final loss counters."""
     rest_after_s: float = 2.0
     """Duration for which the rods must be still after a swing to count as being at rest, s."""
     pace_window_s: float = 10.0

@@ -15,7 +15,7 @@ from dpr_lab.acquisition.recording import Recording
 from dpr_lab.acquisition.rest import RodAngles, RodPair, at_rest
 from dpr_lab.acquisition.settings import CaptureSettings
 from dpr_lab.arrays import Array
-from dpr_lab.errors import DeviceLost, DprError, LinkError, LinkTimeout, RunError
+from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, LinkTimeout, RunError
 from dpr_lab.storage.metadata import RunMetadata
 from dpr_lab.storage.writer import RunWriter
 from firmware_protocol.messages import State, Status
@@ -65,10 +65,7 @@ class Captured:
 
 @dataclass(frozen=True, slots=True)
 class SwingRecorder:
-    """Recorder of one swing, for a given duration or until rest.
-
-    It also reports the progress.
-    """
+    """Recorder of one swing, for a given duration or until rest; it also reports the progress."""
 
     device: Device
     longest: float
@@ -113,7 +110,7 @@ class SwingRecorder:
                     recording.abort(_reason(error))
                 data_kept = f"the data recorded so far are kept in {path}"
                 if isinstance(error, KeyboardInterrupt):
-                    raise KeyboardInterrupt(f"{STOPPED}; {data_kept}") from error
+                    raise KeyboardInterrupt("; ".join(filter(None, (STOPPED, str(error), data_kept)))) from error
                 if isinstance(error, DprError) and not isinstance(error, RunError):  # a RunError already names the file
                     raise type(error)(f"{error}; {data_kept}") from error
                 raise
@@ -131,7 +128,8 @@ class SwingRecorder:
         while recording.release_tick is None:
             if time.monotonic() > deadline:
                 raise LinkError(
-                    f"{self.device.url}: the message with the instant of the release was lost: record again"
+                    f"{self.device.url}: the device opened the latch, but the message with the instant was lost: record"
+                    " again"
                 )
             self._take(recording)
 
@@ -177,7 +175,8 @@ class SwingRecorder:
     def _stop(self, recording: Recording) -> tuple[str, ...]:
         """Stop the stream; read the remaining samples and the status with the final counts.
 
-        The recording is complete, so it is kept if the device does not answer or is lost: the result is then a note.
+        The recording is complete, so it is kept if the device does not answer, is lost or reports a fault: the result
+        is then a note.
         """
         notes: tuple[str, ...] = ()
         try:
@@ -187,12 +186,12 @@ class SwingRecorder:
             while not counted and time.monotonic() < deadline:
                 messages = [message for batch in self._take(recording) for message in batch.messages]
                 counted = any(isinstance(message, Status) and message.state is State.IDLE for message in messages)
-        except (LinkTimeout, DeviceLost) as error:
+        except (LinkError, DeviceFault) as error:
             notes = (f"the recording is complete, but {self._stop_again(error)}{error}",)
         recording.count_losses(self.device.losses)
         return notes
 
-    def _stop_again(self, error: LinkError) -> str:
+    def _stop_again(self, error: DprError) -> str:
         """Repeat an unanswered STOP; return a warning if it is not answered either."""
         if isinstance(error, LinkTimeout):  # a lost device stops by itself, because it receives no keepalives
             try:
@@ -203,12 +202,13 @@ class SwingRecorder:
 
 
 def _release(device: Device) -> None:
+    warning = "RELEASE was sent, so the rods may be free: keep clear until you have checked them"
     try:
         device.release()
     except LinkError as error:
-        raise type(error)(
-            f"{error}; RELEASE was sent, so the rods may be free: keep clear until you have checked them"
-        ) from error
+        raise type(error)(f"{error}; {warning}") from error
+    except KeyboardInterrupt as error:
+        raise KeyboardInterrupt(warning) from error
 
 
 class _Pace:

@@ -115,6 +115,19 @@ def test_an_uninterruptible_block_ends_before_the_interrupt() -> None:
     assert done == ["all of it", "elsewhere"]
 
 
+def test_an_interrupt_during_a_failing_uninterruptible_block_is_not_lost() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        _interrupted_failure()
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def _interrupted_failure() -> None:
+    with unbroken():
+        signal.raise_signal(signal.SIGINT)
+        raise DeviceLost("the port is lost")
+
+
 def _interrupted_block(done: list[str]) -> None:
     with unbroken():
         signal.raise_signal(signal.SIGINT)
@@ -194,6 +207,27 @@ def test_a_complete_recording_is_kept_although_the_port_is_lost_after_stop(
         with pytest.raises(DeviceLost):
             device.stop()
     assert "the recording is complete, but the port is lost (unplugged)" in captured.quality.sentence
+    assert_complete(captured)
+
+
+def test_a_complete_recording_is_kept_although_the_device_reports_a_fault_after_stop(
+    paper: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bench, agree
+) -> None:
+    with bench(clock="fast") as (device, _):
+        stop, poll = device.stop, device.poll
+        fault = Batch(0.0, b"", (), (Event(EventKind.FAULT, Fault.LATCH, 5),))
+
+        def stop_with_a_fault() -> None:
+            stop()
+            monkeypatch.setattr(device, "poll", lambda timeout: [*poll(timeout), fault])
+
+        def arm(progress: Progress) -> None:
+            if isinstance(progress, Released):
+                monkeypatch.setattr(device, "stop", stop_with_a_fault)
+
+        captured = capture(device, paper, "X1", SHORT, tmp_path, arm, agree)
+    assert "the recording is complete, but " in captured.quality.sentence
+    assert "latch did not reach" in captured.quality.sentence
     assert_complete(captured)
 
 

@@ -20,7 +20,7 @@ from dpr_lab.transports.transport import Capacity, Received
 from firmware_protocol.device_role import DeviceSession
 from firmware_protocol.errors import CommandUnanswered
 from firmware_protocol.identity import DeviceInfo
-from firmware_protocol.messages import NUMBERS, Ack, Frame, Position, State, Status, Stream, encode
+from firmware_protocol.messages import NUMBERS, Ack, Frame, Info, Position, State, Status, Stream, encode
 
 LINKS = ("pty", "slcan", "tcp:0", "virtual:device-test")
 
@@ -251,6 +251,24 @@ def test_samples_received_before_the_cable_was_pulled_are_delivered_first(simula
         assert len(ticks) > 300
         with pytest.raises(DeviceLost):
             device.stop()
+
+
+@pytest.mark.parametrize("last", ["two devices", "port"])
+def test_samples_of_the_last_read_are_delivered_before_the_error(last: str) -> None:
+    loop = Loop()
+    with Device(loop) as device:
+        device.connect()
+        device.hold()
+        device.stream(1000)
+        loop.push(list(loop.session.positions(0, (0, 0, 0))))
+        frames = [loop.session.sample(tick, (0, 0, 0)) for tick in range(3)]
+        other = encode(Info(2, {"uid_low": 7}))
+        loop.push(frames + ([other] if last == "two devices" else []))
+        ticks = ticks_of(collect(device, lambda batches: len(ticks_of(batches)) >= 2))
+        loop.broken = DeviceLost("the port is lost")
+        with pytest.raises(LinkError, match="two devices" if last == "two devices" else "port is lost"):
+            poll_on(device, ticks)
+    assert ticks == [0, 1, 2]
 
 
 def test_device_that_falls_silent_is_lost() -> None:

@@ -46,7 +46,7 @@ def _failed(verdict: QualityReport) -> list[str]:
 
 
 def test_good_run_passes_every_check(good: Run, rig: Rig) -> None:
-    verdict = judged(good, rig, duration=5.0, hanging=(0.001, -0.002), word=WORD)
+    verdict = judged(good, rig, duration=5.0, hanging=(0.001, -0.002), device=WORD)
     assert len(verdict.checks) == len(CHECKS)
     assert verdict.ok
     assert verdict.sentence == "ok"
@@ -108,7 +108,7 @@ FAST = {"arrival_ppm": 50_000.0, "arrival_margin_ppm": 4_000.0}
 def test_what_the_device_reports_is_compared_with_what_arrives(
     good: Run, rig: Rig, clock: dict[str, float], word: DeviceState, failed: list[str], says: str
 ) -> None:
-    verdict = judged(replace(good, clock=clock), rig, duration=5.0, word=word)
+    verdict = judged(replace(good, clock=clock), rig, duration=5.0, device=word)
     assert _failed(verdict) == failed
     assert says in verdict.sentence
 
@@ -213,7 +213,7 @@ def test_each_check_fails_on_its_own_fault(name: str, good: Run, rig: Rig) -> No
 
 def test_every_check_has_a_fault_that_fails_it(good: Run, rig: Rig) -> None:
     of_the_device = {"clock_fit", "latch"}  # which test_what_the_device_reports_is_compared_with_what_arrives tries
-    checks = judged(good, rig, duration=5.0, word=WORD).checks
+    checks = judged(good, rig, duration=5.0, device=WORD).checks
     assert [check.name for check in checks if check.name not in of_the_device] == list(FAULTS)
 
 
