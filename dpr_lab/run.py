@@ -19,8 +19,9 @@ from dpr_lab.shown import Shown
 
 LOSS_CAUSES = ("device_overrun", "crc", "framing", "contradicted", "tick_gap")
 """Causes of missing samples. `device_overrun`: the device was too slow. `crc`, `framing`: the sample was damaged on the
-link. `contradicted`: two values arrived for one tick. `tick_gap`: the sample never arrived. Devices with drives also
-have the cause `torque`: the torques of the sample never arrived."""
+link. `contradicted`: two values arrived for one tick, or a message with the complete count of a joint contradicted the
+samples. `tick_gap`: the sample never arrived. Devices with drives also have the cause `torque`: the torques of the
+sample never arrived."""
 
 
 @dataclass(frozen=True, slots=True)

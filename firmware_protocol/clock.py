@@ -71,7 +71,7 @@ class ClockFit:
     """Standard uncertainty of the offset, s: uncertainty of the line at tick 0, and of the unknown division of the
     shortest round trip into its two directions."""
     rate_ppm: float
-    """Difference of the tick rate from its nominal value by the host's clock, relative, ppm."""
+    """Relative deviation of the tick rate, measured with the host's clock, from its nominal value, ppm."""
     rate_ppm_std: float
     rtt_min: float
     """Shortest round trip, s."""
@@ -79,10 +79,6 @@ class ClockFit:
     """Number of used exchanges."""
     period: float
     """Duration of one tick in host time, s."""
-
-    def host_time(self, tick: float) -> float:
-        """Return the host time of a device tick, s."""
-        return self.offset + tick * self.period
 
 
 def fit_clock(exchanges: Sequence[Exchange], rate_hz: float) -> ClockFit:
@@ -95,8 +91,7 @@ def fit_clock(exchanges: Sequence[Exchange], rate_hz: float) -> ClockFit:
     weighted by the inverse variances. If the scatter is larger than expected, the uncertainties are increased in
     proportion.
 
-    Source: after K. O'Connor, Klipper, `clocksync.py` (regression on exchanges with short round trips); the weights are
-    not from this source.
+    Source of the regression on exchanges with short round trips, without weights: K. O'Connor, Klipper, `clocksync.py`.
 
     Args:
         exchanges: at least `FEWEST`, at different ticks

@@ -1,7 +1,7 @@
 """Conversion of dataclasses to and from the byte layout defined by a DBC.
 
-A message whose signals are all whole bytes is converted by `struct` with a format derived from the DBC; this takes less
-than a microsecond for a sample. A message with single bits or pages is converted by cantools.
+A message whose signals all consist of whole bytes is converted by `struct` with a format derived from the DBC. The
+conversion of a sample takes less than a microsecond. A message with single bits or pages is converted by cantools.
 """
 
 import struct

@@ -8,9 +8,9 @@ from firmware_protocol.errors import RemoteProtocolError, VersionMismatch
 from firmware_protocol.messages import ArmQuantity, Info, TorqueKind
 
 PAGES = 8
-"""Number of INFO pages of a complete identity. A device with joint drives sends one more before them."""
+"""Number of INFO pages of a complete identity, and number of the additional page of a device with joint drives."""
 ARM_PAGE = PAGES + 1
-"""Number of the INFO page of a device whose arm has a drive."""
+"""Number of the additional INFO page of a device whose arm has a drive."""
 _TORQUE_FLAGS = {"torque_measured": TorqueKind.MEASURED, "torque_commanded": TorqueKind.COMMANDED}
 _INPUT_FLAGS = {"input_measured": TorqueKind.MEASURED, "input_commanded": TorqueKind.COMMANDED}
 

@@ -51,33 +51,25 @@ class SampleStream:
     def __init__(self) -> None:
         self.lost_tick_gap = 0
         """Number of missing ticks between received samples."""
-        self.out_of_order = 0
-        """Number of samples discarded because their tick was repeated or past."""
         self.contradicted = 0
-        """Number of ticks that were repeated with different counts."""
+        """Number of contradictory messages: ticks that were repeated with different counts, and POSITION messages that
+        differ from the rows by multiples of 65536 counts. Some rows since the previous POSITION are then wrong."""
         self.went_back = False
         """Whether the device's ticks have decreased. The time of later samples is then unknown."""
         self._recent: dict[int, Sample] = {}
         self._late = 0
-        self.unanchored = 0
-        """Number of samples discarded because the complete counter of a joint was still unknown."""
-        self.position_slips = 0
-        """Number of POSITION messages that contradicted the rows by multiples of 65536 counts.
-
-        In each case, some rows since the previous POSITION are wrong.
-        """
         self._blind = HALF_RANGE
         self._tick = -1
         self._leap: int | None = None
         self._counts: list[int | None] = [None, None, None]
-        self._told_at = [-1, -1, -1]
+        self._position_ticks = [-1, -1, -1]
 
     def restart(self, blind_ticks: int = HALF_RANGE) -> None:
         """Restart at tick 0; positions remain known.
 
         Call it once, before STREAM is sent.
         """
-        self._blind, self._tick, self._leap, self._told_at = blind_ticks, -1, None, [-1, -1, -1]
+        self._blind, self._tick, self._leap, self._position_ticks = blind_ticks, -1, None, [-1, -1, -1]
         self._late, self.went_back = 0, False
         self._recent.clear()
 
@@ -96,8 +88,7 @@ class SampleStream:
     def _row(self, sample: Sample) -> Row | None:
         step = (sample.tick - self._tick) & 0xFFFF
         if not 0 < step < 0x8000:
-            self.out_of_order += 1
-            self._doubt(sample)
+            self._count_late(sample)
             return None
         if step > self._blind and not self._after_gap(sample.tick, self._tick + step):
             return None
@@ -107,7 +98,6 @@ class SampleStream:
         self.lost_tick_gap += step - 1
         near0, near1, near2 = self._counts
         if near0 is None or near1 is None or near2 is None:
-            self.unanchored += 1
             return None
         counts = (
             near0 + ((sample.position0 - near0 + 0x8000) & 0xFFFF) - 0x8000,
@@ -122,7 +112,7 @@ class SampleStream:
         low = tuple(count & 0xFFFF for count in row.counts)
         return sample.tick == row.tick & 0xFFFF and low != (sample.position0, sample.position1, sample.position2)
 
-    def _doubt(self, late: Sample) -> None:
+    def _count_late(self, late: Sample) -> None:
         if self._tick < 0:
             return  # a sample of the previous stream
         before = self._recent.get(late.tick % REMEMBERED)
@@ -138,20 +128,20 @@ class SampleStream:
         leap, self._leap = self._leap, low
         if leap is None or not 0 < (low - leap) & 0xFFFF <= self._blind:
             return False
-        for joint, told_at in enumerate(self._told_at):
-            if tick - max(told_at, self._tick) > self._blind:
+        for joint, position_tick in enumerate(self._position_ticks):
+            if tick - max(position_tick, self._tick) > self._blind:
                 self._counts[joint] = None
         return True
 
     def _anchor(self, position: Position) -> None:
-        near, angle = self._counts[position.joint], unwrap(position.tick, self._tick, 16)
+        near, tick = self._counts[position.joint], unwrap(position.tick, self._tick, 16)
         if self._tick >= 0:
-            if angle < self._tick - self._blind:
+            if tick < self._tick - self._blind:
                 return  # the message is so late that the joint may have made another turn since
-            self._told_at[position.joint] = angle
-        if near is None or angle - self._tick > self._blind:
+            self._position_ticks[position.joint] = tick
+        if near is None or tick - self._tick > self._blind:
             self._counts[position.joint] = position.position
             return
         whole = unwrap(position.position, near, 32)
-        self.position_slips += abs(whole - near) >= 0x8000
+        self.contradicted += self._tick >= 0 and abs(whole - near) >= 0x8000
         self._counts[position.joint] = whole

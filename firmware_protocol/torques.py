@@ -27,7 +27,7 @@ class DrivenRow(NamedTuple):
 
 
 class TorquePairs:
-    """Combination of one device's samples and torques in the order of arrival.
+    """Assignment of the torques of one device to its samples.
 
     Args:
         kinds: kinds of torques that follow every sample
@@ -48,9 +48,9 @@ class TorquePairs:
     def note(self, torque: Torque | ArmInput) -> None:
         """Process a TORQUE or an ARM_INPUT."""
         tick = unwrap(torque.tick, self._newest, 16)
-        kinds_seen = self._received.setdefault(tick, {})
+        pairs = self._received.setdefault(tick, {})
         pair = (torque.input, 0) if isinstance(torque, ArmInput) else (torque.torque1, torque.torque2)
-        kinds_seen[torque.kind] = pair if kinds_seen.get(torque.kind, pair) == pair else None
+        pairs[torque.kind] = pair if pairs.get(torque.kind, pair) == pair else None
         for old in sorted(self._received)[: max(0, len(self._received) - KEPT)]:
             del self._received[old]
 
@@ -75,8 +75,8 @@ class TorquePairs:
         return [row for row in map(self._with_torques, ready) if row is not None]
 
     def _with_torques(self, row: Row) -> DrivenRow | None:
-        kinds_seen = self._received.pop(row.tick, {})
-        pairs = [pair for kind in self.kinds if (pair := kinds_seen.get(kind)) is not None]
+        received = self._received.pop(row.tick, {})
+        pairs = [pair for kind in self.kinds if (pair := received.get(kind)) is not None]
         if len(pairs) < len(self.kinds):
             self.missing += 1
             return None

@@ -53,7 +53,7 @@ PARTS = {
     "device_overrun": "device too slow",
     "crc": "damaged on the link",
     "framing": "incomplete frame",
-    "contradicted": "two values for one tick",
+    "contradicted": "contradictory values",
     "tick_gap": "never arrived",
     "torque": "torques missing",
     "rest_speed": "speed at rest",

@@ -26,7 +26,7 @@ class LinkKind:
     """Description for the operator."""
     opener: str
     """Location of the function that opens the link, `module:function`. The module is imported on demand, so
-    that only the library of the used link is needed. The function receives the parsed URL and the rig file, and returns
+    that only the libraries of this link are needed. The function receives the parsed URL and the rig file, and returns
     a `Transport`."""
     example: str
     """Example of a URL for error messages and help."""

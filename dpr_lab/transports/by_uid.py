@@ -11,7 +11,7 @@ from firmware_protocol.host_role import HostSession
 
 
 def find(url: str, uid: str, ports: Iterable[str], open_port: Callable[[str], Transport]) -> Transport:
-    """Return an open link to the device whose UID ends with given digits.
+    """Return an open link to the device whose UID ends with the given digits.
 
     Args:
         url: URL given by the operator
@@ -52,9 +52,9 @@ def uid_digits(text: str) -> str:
 
 
 def uid_at(link: Transport, timeout: float = 0.7) -> str:
-    """Request the UID of the device on an open link.
+    """Return the UID of the device on an open link, in hexadecimal form.
 
-    The text is empty if no device answers in this protocol within `timeout` s. The message HELLO is repeated every 0.1
+    The message HELLO is repeated every 0.1 s. The UID is empty if no device answers in this protocol within `timeout`
     s.
 
     Raises:

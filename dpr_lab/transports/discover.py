@@ -1,5 +1,6 @@
-"""Search for links of this computer: serial ports and CAN backends."""
+"""Search for the serial ports, CAN interfaces and CAN backends of this computer."""
 
+import fnmatch
 import glob
 import os
 from dataclasses import dataclass
@@ -51,9 +52,13 @@ def serial_ports() -> tuple[SerialPortFound, ...]:
 def matching_ports(pattern: str) -> list[str]:
     """Return the serial ports whose name matches a pattern with the wildcard `*`.
 
-    If the pattern is empty, return all ports that can be opened.
+    An empty pattern selects all ports that can be opened. A name without `*` is returned unchanged. The ports of
+    Windows, such as COM3, are not files, so they are searched in the list of ports.
     """
-    return sorted(glob.glob(pattern)) if pattern else [port.device for port in serial_ports() if not port.problem]
+    if "*" in pattern:
+        listed = fnmatch.filter([port.device for port in serial_ports()], pattern)
+        return sorted({*glob.glob(pattern), *listed})
+    return [pattern] if pattern else [port.device for port in serial_ports() if not port.problem]
 
 
 def can_interfaces(root: Path = Path("/sys/class/net")) -> tuple[str, ...]:

@@ -28,10 +28,10 @@ class Patience:
     first_start_s: float = 600.0
     """Maximum duration of the first start on a computer, s. The first start takes long because it compiles the
     dynamics."""
-    told_s: float = 5.0
+    notice_s: float = 5.0
     """Time after which a first start is reported as compiling, s. Errors in the arguments are reported earlier."""
     stop_s: float = 2.0
-    """Waiting time after each attempt to end the child, s. The attempts range from closing its stdin to killing it."""
+    """Waiting time after each attempt to end the child, s: closing its standard input, terminating it, killing it."""
 
 
 PATIENCE = Patience()
@@ -64,8 +64,8 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
     if url.host or url.path.strip("/"):
         raise LinkUrlError(f"{url.text}: a simulated device has no address; use for example sim://?plant=paper&seed=1")
     child = ChildProgram([sys.executable, "-m", "sim_device", "--exit-with-parent", *_arguments(options, rig_file)])
-    telling = threading.Timer(PATIENCE.told_s, compiling_simulator)
-    telling.start()
+    notice = threading.Timer(PATIENCE.notice_s, compiling_simulator)
+    notice.start()
     try:
         link = open_transport(_ready_url(url.text, child))
         compiling_simulator()  # the device already answers while it compiles
@@ -74,7 +74,7 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
         child.end(PATIENCE.stop_s)
         raise
     finally:
-        telling.cancel()
+        notice.cancel()
 
 
 def _arguments(options: dict[str, Any], rig_file: Path | None) -> list[str]:

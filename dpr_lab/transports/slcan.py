@@ -1,7 +1,7 @@
 """CAN adapter with Lawicel's ASCII protocol over a serial port: `can://slcan/dev/ttyACM0?bitrate=1000000`.
 
-This implementation replaces that of python-can, which parses each line byte by byte and takes a third of a core at 1
-kHz.
+This implementation replaces that of python-can, which parses each line byte by byte and takes a third of the time of a
+processor core at 1 kHz.
 """
 
 import re

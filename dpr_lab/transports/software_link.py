@@ -39,7 +39,7 @@ def leads_to_software(url: str) -> bool:
 
 
 def _is_pseudo_terminal(pattern: str) -> bool:
-    ports = matching_ports(pattern) if "*" in pattern else [pattern]
+    ports = matching_ports(pattern)
     return bool(ports) and all(_PSEUDO_TERMINAL.fullmatch(os.path.realpath(port)) for port in ports)
 
 

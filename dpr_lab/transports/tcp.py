@@ -1,7 +1,7 @@
 """TCP connection: `socket://192.168.1.20:5555`.
 
-This client replaces `socket://` of pyserial. The value `in_waiting` of pyserial is only 0 or 1. pyserial also discards
-data when the peer closes and while the connection opens.
+This client replaces `socket://` of pyserial, whose value `in_waiting` is only 0 or 1. pyserial also discards data that
+arrive while the connection opens or closes.
 """
 
 import select

@@ -1,4 +1,4 @@
-"""Interface between a link and the device driver: frames in both directions."""
+"""Interface of links for the device driver: frames in both directions, errors and capacity."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Capacity:
         return replace(self, bits_per_sample=frames * self.bits_per_sample)
 
     def load(self, rate_hz: int) -> str:
-        """Describe the load of a sample rate on the link, with its calculation."""
+        """Describe the share of the capacity that a sample rate needs, with the calculation."""
         needed = rate_hz * self.bits_per_sample
         return (
             f"{rate_hz} Hz needs {needed:,} bit/s, {100 * needed / self.bits_per_s:.0f} % of {self.name}"

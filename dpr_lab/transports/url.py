@@ -12,7 +12,7 @@ _LINKS = {
     re.compile("/dev/|COM[0-9]"): "serial://{}?baud=921600",
     re.compile("v?can[0-9]"): "can://socketcan/{}?bitrate=1000000",
 }
-"""Pattern of the name of a port or an interface, and format of the link URL that contains this name."""
+"""Format of a link URL with the name of a port or an interface, by the pattern of the name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ def seconds(text: str) -> float:
 
 
 def one_of(*choices: str) -> Callable[[str], str]:
-    """Create a function that returns a given word unchanged and rejects any other word."""
+    """Create a function that returns one of the given words unchanged and raises a ValueError for other texts."""
 
     def read(text: str) -> str:
         if text not in choices:

@@ -21,7 +21,7 @@ typedef struct {
     uint32_t release_tick;
 } dpr_device_t;
 
-/* Start: no handshake yet, latch open, ticks at the default rate. */
+/* Initialise a device: no handshake yet, latch open, ticks at the default rate. */
 void dpr_device_start(dpr_device_t *device, const dpr_identity_t *identity, void *port);
 
 /* Process a received frame. */

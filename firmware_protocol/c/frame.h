@@ -26,7 +26,7 @@ typedef struct {
 /* Decoder of a byte stream; initialise it with zeros. */
 typedef struct {
     uint32_t crc_errors;     /* complete packets with a wrong CRC */
-    uint32_t framing_errors; /* byte sequences that are not packets */
+    uint32_t framing_errors; /* invalid packets: damaged COBS, too short, too long, or an identifier beyond 11 bits */
     uint8_t packet[DPR_MAX_ENCODED - 1u];
     uint8_t length;
     bool skipping;

@@ -12,7 +12,7 @@ extern "C" {
 #endif
 
 #define DPR_LEASE_MS 500u /* without a message from its host for this time, a device stops streaming */
-#define DPR_REMEMBERED 16u /* answers stored for repetition; a host has one pending command */
+#define DPR_REMEMBERED 16u /* answers stored for repetition; a host has only one pending command */
 
 /* Tasks that the owner of a session must carry out. */
 typedef enum {

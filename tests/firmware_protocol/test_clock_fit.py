@@ -62,7 +62,7 @@ def test_an_exact_line_is_found_exactly():
     assert fit.offset == pytest.approx(3.0, abs=1e-9)
     assert fit.rate_ppm == pytest.approx(0.0, abs=1e-6)
     assert fit.offset_std >= fit.rtt_min / np.sqrt(12)
-    assert fit.host_time(5000.0) == pytest.approx(8.0, abs=1e-9)
+    assert fit.offset + 5000.0 * fit.period == pytest.approx(8.0, abs=1e-9)
 
 
 def test_a_line_that_takes_longer_one_way_stays_within_the_offset_s_uncertainty(rng: np.random.Generator):

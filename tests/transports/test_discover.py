@@ -19,6 +19,13 @@ def test_can_interfaces_are_those_of_the_can_type(tmp_path: Path) -> None:
     assert module.can_interfaces(tmp_path / "none") == ()
 
 
+def test_ports_that_are_not_files_match_a_name_or_a_pattern(monkeypatch: pytest.MonkeyPatch) -> None:
+    ports = tuple(module.SerialPortFound(f"COM{n}", "", "", "") for n in (3, 4))
+    monkeypatch.setattr(module, "serial_ports", lambda: ports)
+    assert module.matching_ports("COM3") == ["COM3"]
+    assert module.matching_ports("COM*") == ["COM3", "COM4"]
+
+
 def test_forbidden_port_is_reported_with_the_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     port = tmp_path / "ttyUSB0"
     port.touch()

@@ -2,26 +2,26 @@
 
 #include <string.h>
 
-/* Replace the own version by the stated one in a sent frame. */
+/* Replace the version in a sent INFO by the claimed one. */
 static void restate(const dpr_host_t *host, dpr_frame_t *info)
 {
-    struct dpr_info_t told = {0};
-    dpr_info_unpack(&told, info->data, info->length);
-    if (told.page == 0) {
-        told.major = (uint8_t)(told.major + host->major_shift);
-        told.schema_hash += host->schema_shift;
-        dpr_info_pack(info->data, &told, DPR_MAX_DATA);
+    struct dpr_info_t page = {0};
+    dpr_info_unpack(&page, info->data, info->length);
+    if (page.page == 0) {
+        page.major = (uint8_t)(page.major + host->major_shift);
+        page.schema_hash += host->schema_shift;
+        dpr_info_pack(info->data, &page, DPR_MAX_DATA);
     }
 }
 
-/* Replace the stated version by the own one in a received frame. */
+/* Replace the claimed version in a received HELLO by that of this firmware. */
 static void translate(const dpr_host_t *host, dpr_frame_t *hello)
 {
-    struct dpr_hello_t heard;
-    if (hello->length == DPR_HELLO_LENGTH && dpr_hello_unpack(&heard, hello->data, hello->length) == 0) {
-        heard.major = (uint8_t)(heard.major - host->major_shift);
-        heard.schema_hash -= host->schema_shift;
-        dpr_hello_pack(hello->data, &heard, DPR_MAX_DATA);
+    struct dpr_hello_t message;
+    if (hello->length == DPR_HELLO_LENGTH && dpr_hello_unpack(&message, hello->data, hello->length) == 0) {
+        message.major = (uint8_t)(message.major - host->major_shift);
+        message.schema_hash -= host->schema_shift;
+        dpr_hello_pack(hello->data, &message, DPR_MAX_DATA);
     }
 }
 
@@ -119,11 +119,11 @@ void dpr_host_receive(
     host->millis = millis;
     host->tick = tick;
     host->fraction = fraction;
-    dpr_frame_t heard = *frame;
-    if ((heard.id & DPR_NUMBER_MASK) == DPR_HELLO_FRAME_ID) {
-        translate(host, &heard);
+    dpr_frame_t received = *frame;
+    if ((received.id & DPR_NUMBER_MASK) == DPR_HELLO_FRAME_ID) {
+        translate(host, &received);
     }
-    dpr_device_receive(&host->device, &heard);
+    dpr_device_receive(&host->device, &received);
 }
 
 void dpr_host_poll(dpr_host_t *host, uint32_t millis, const dpr_reading_t *readings, size_t count)

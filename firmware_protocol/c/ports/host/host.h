@@ -21,7 +21,7 @@ typedef struct {
     uint32_t millis, tick;
     uint16_t fraction;
     uint8_t fault;
-    uint8_t major_shift; /* stated version minus the version of its dpr.dbc */
+    uint8_t major_shift; /* claimed version minus the version of its dpr.dbc */
     uint32_t schema_shift;
     const dpr_reading_t *readings;
     size_t waiting;

@@ -27,7 +27,7 @@ typedef struct {
 
 #define TIMER0 ((board_timer_t *)0x40000000u)
 #define UART0 ((uart_t *)0x40004000u) /* the link to the host */
-#define UART1 ((uart_t *)0x40005000u) /* keys reset the board or set a fault; prints a line at every start */
+#define UART1 ((uart_t *)0x40005000u) /* the bench: keys reset the board or set a fault; the board prints a line at every start */
 #define SYSTICK ((systick_t *)0xE000E010u)
 #define NVIC_ENABLE (*(volatile uint32_t *)0xE000E100u)
 #define NVIC_CLEAR_PENDING (*(volatile uint32_t *)0xE000E280u)

@@ -179,7 +179,7 @@ static void start_board(void)
     rods_let_go(&rods);
 }
 
-static void tell_bench(const char *text)
+static void print_on_bench(const char *text)
 {
     for (; *text != '\0'; text++) {
         while (UART1->state & UART_TX_FULL) {
@@ -213,7 +213,7 @@ int main(void)
     static dpr_decoder_t decoder;
     start_board();
     dpr_device_start(&device, &IDENTITY, NULL);
-    tell_bench("started\n");
+    print_on_bench("started\n");
     for (;;) {
         receive(&device, &decoder);
         dpr_device_poll(&device);
