@@ -11,5 +11,6 @@ export      EXPORTERS: .csv, .parquet, .h5, .mat, JointState in .mcap
 tables      a text table of any logger: its columns, their meaning and plausibility, a preview
 readers     READERS: reads files of other formats as such a table
 csv_import  import_csv: converts a table to a run
+spool       temporary file of a recording, check of the disk space
 viewers     VIEWERS: layouts of Foxglove and PlotJuggler for run files
 """

@@ -1,4 +1,4 @@
-"""Extension of `mcap.writer.Writer`: index on disk, and calls that write many messages."""
+"""Extensions of `mcap.writer.Writer`: a chunk index on disk, and a function that writes many messages at once."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,13 +18,13 @@ from dpr_lab.arrays import Integers
 class ChunkIndices:
     """Chunk index that is kept in a temporary file while an MCAP file is written.
 
-    `mcap.writer.Writer` writes the index at the end of the MCAP file.
+    `mcap.writer.Writer` copies the index to the end of the MCAP file.
 
     Args:
         folder: folder of the temporary file, which takes 0.15 kB per chunk
 
     Raises:
-        OSError: the disk is full. `append` raises this error too.
+        OSError: the file cannot be created. `append` raises this error if the disk is full.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -27,7 +27,7 @@ COLUMNS: tuple[str, ...] = ("t_s", "theta0_rad", "theta1_rad", "theta2_rad")
 COUNT_COLUMNS: tuple[str, ...] = ("counts0", "counts1", "counts2")
 TORQUE_COLUMNS: tuple[str, ...] = ("tau1_Nm", "tau2_Nm")
 INPUT_COLUMN = "arm_input"
-"""Input of the arm's drive, in the SI unit of its kind in the rig file."""
+"""Name of the column of the arm's drive input, in SI units; the rig file states its quantity."""
 BOTH_KINDS: tuple[str, ...] = ("tau1_measured_Nm", "tau2_measured_Nm", "tau1_commanded_Nm", "tau2_commanded_Nm")
 
 Columns = dict[str, Array | Integers]
@@ -181,7 +181,7 @@ JOINTS_TOPIC, JOINT_NAMES = "/joint_states", ("theta0", "theta1", "theta2")
 def write_joint_states(run: Run, path: Path) -> None:
     """Write MCAP with `sensor_msgs/JointState` on `/joint_states`.
 
-    Positions are absolute angles. The time starts at the first sample.
+    Positions are absolute angles, rad. The stamp of the first sample is 1 s, because 0 denotes a missing stamp.
     """
     with extra("ros2"):
         from mcap_ros2.writer import Writer

@@ -82,7 +82,10 @@ class Verification:
 
 
 def unchanged(interrupted: str) -> str:
-    """State that a file is unchanged, and whether its recording is complete."""
+    """Return the text for an unchanged file.
+
+    `interrupted` is the reason why the recording ended early; it is empty for a complete recording.
+    """
     return f"unchanged; {interrupted}" if interrupted else "complete and unchanged"
 
 
@@ -194,13 +197,13 @@ def recover(path: Path | str, out: Path | str, rig: Rig | None = None) -> int:
         Number of recovered samples.
 
     Raises:
-        RunError: no sample can be recovered, `out` cannot be written, or the rig does not describe the recording.
+        RunError: no sample is readable, `out` cannot be written, or the rig does not describe the recording.
     """
     stored = scan(Path(path))
     samples = stored.samples()
     recovered = len(samples.ticks)
     if not recovered:
-        raise RunError(f"{path}: no sample can be recovered")
+        raise RunError(f"{path}: contains no readable sample, so nothing can be recovered: record again")
     origin = {"recovered_from": stored.path.name, "recovered_from_sha256": stored.sha256}
     summary = _summary(stored, samples)
     if interruption := _interruption(stored, samples):
@@ -222,10 +225,12 @@ def recover(path: Path | str, out: Path | str, rig: Rig | None = None) -> int:
 
 
 def _refuse_fixed(stored: Scan, samples: Samples, rig: Rig) -> None:
-    """Check that a rig changes no value that the recording states independently of its rig.
+    """Check that a corrected rig differs only in values that have an effect on the run.
+
+    A table contains angles instead of counts, and a run may state the modes of arm and inner rod itself.
 
     Raises:
-        RunError: a value would be changed without effect.
+        RunError: the rig has another zero or mode, which would have no effect.
     """
     old, extra = stored.metadata.rig, stored.metadata.extra
     fixed = {
@@ -248,7 +253,7 @@ def _interruption(stored: Scan, samples: Samples) -> str:
     if stored.stopped or stored.summary is None:
         reason = stored.stopped or f"the file is {stored.damage or 'without an end record'}"
     elif stored.samples_announced != len(samples.ticks):
-        reason = f"{stored.samples_announced} samples were recorded"
+        reason = f"only {len(samples.ticks)} of {stored.samples_announced} recorded samples are readable"
     else:
         return ""
     untimed = stored.release_tick is None and stored.metadata.time_source == "ticks"

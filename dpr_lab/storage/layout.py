@@ -1,4 +1,4 @@
-"""Define the layout of a run file: channels and their schemas, metadata records, limits.
+"""Layout of a run file: channels and their schemas, metadata records, limits.
 
 On every channel, `log_time` counts nanoseconds from the start of the stream. For samples and for events with a tick,
 `log_time` is the device time, tick / rate_hz. For an imported table, it is the time column. On the other channels,
@@ -24,7 +24,7 @@ PROVENANCE, UNITS, END = "provenance", "units", "end"
 """Names of the metadata records before the first and after the last sample."""
 
 INTERRUPTED = "interrupted"
-"""Key of the further metadata that states where and why a recovered recording was interrupted."""
+"""Key in `RunMetadata.extra` for the text that states where and why a recovered recording was interrupted."""
 
 SAMPLES, RAW, EVENTS, STATUS, CLOCK = "/samples", "/raw", "/events", "/status", "/clock"
 

@@ -1,4 +1,4 @@
-"""Define the metadata of a run: its origin (`RunMetadata`) and its end (`RunSummary`)."""
+"""Metadata of a run: its origin (`RunMetadata`) and its end (`RunSummary`)."""
 
 import hashlib
 import json
@@ -35,7 +35,7 @@ class RunMetadata:
     """The rig. The file contains it completely, as a TOML attachment, so that no other file is needed to read the
     run."""
     pose: str | None
-    """Name of the requested pose, one of the poses of the rig; None for a table without a pose."""
+    """Name of the requested pose, one of the poses of the rig; None if no pose was requested."""
     rate_hz: float
     """Nominal sample rate, Hz."""
     source: str = "device"
@@ -134,7 +134,7 @@ class RunSummary:
     gate: str = ""
     """Verdict of the quality gate, as a sentence."""
     gate_figures: Mapping[str, float] = field(default_factory=dict)
-    """Figures on which the verdict of the quality gate is based, by name with unit."""
+    """Measured values of the quality checks, by name with unit."""
     pose_measured: tuple[float, float, float] | None = None
     """Absolute angles measured just before the release, rad; None if not measured."""
     notes: tuple[str, ...] = ()
@@ -210,8 +210,8 @@ def plain(value: Any) -> Any:
 def rig_toml(rig: Rig) -> str:
     """Convert a rig to TOML.
 
-    The result is the text of the rig file if the file is unchanged. Otherwise it is generated from the values of the
-    rig.
+    The result is the text of the rig file if the file still exists unchanged; otherwise it is generated from the
+    values of the rig.
     """
     if rig.path is not None and rig.path.is_file():
         content = rig.path.read_bytes()

@@ -117,14 +117,11 @@ def run_of(stored: Scan) -> Run:
 
 
 TABLES = "options", "columns", "film_noise"
-"""Facts about an import that are JSON objects."""
+"""Keys in `RunMetadata.extra` of an import whose values are JSON objects."""
 
 
 def of_a_table(metadata: RunMetadata) -> dict[str, Any]:
-    """Return the fields of a `Run` that exist only for imported tables.
-
-    Examples are `keep_rest` and `film_noise`.
-    """
+    """Return the fields of a `Run` that only imported tables have, such as `keep_rest` and `film_noise`."""
     if metadata.time_source != "table":
         return {}
     options, columns, film = (stored_object(metadata.extra.get(key, "")) for key in TABLES)
@@ -147,7 +144,7 @@ def _film_noise(stored: dict[str, Any]) -> FilmNoise | None:
 
 
 def stored_object(text: str) -> dict[str, Any]:
-    """Read a JSON object in the metadata; an invalid text is an empty object."""
+    """Parse a JSON object in the metadata; return an empty object for an invalid text."""
     try:
         return json_object(text.encode())
     except STRANGE:
@@ -155,9 +152,10 @@ def stored_object(text: str) -> dict[str, Any]:
 
 
 def released(run: Run) -> Run:
-    """Return the swing of an imported run, from its start to its end.
+    """Return the free swing of an imported run, without the parts in which the rods are held.
 
-    If this part cannot be determined, the whole run is returned. `refuse_held` then raises an error with the reason.
+    If this part cannot be determined, the whole run is returned. `dpr_lab.estimation.held_rods.refuse_held` raises the
+    error with the reason.
     """
     try:
         part = free_part_of(run)
@@ -234,7 +232,7 @@ def _delay(stored: Scan) -> float:
 
 
 def clock_of(stored: Scan) -> dict[str, float]:
-    """Return the final clock fit of a run, otherwise the last one during the recording.
+    """Return the final clock fit of a run, or the last fit during the recording if there is no final one.
 
     The result is empty if there is no fit.
     """
@@ -252,10 +250,7 @@ def stored_rig(path: Path | str) -> Rig:
 
 
 def lost_by_gaps(stored: Scan, samples: Samples) -> dict[str, int]:
-    """Count lost samples from the ticks alone, for a file without an end record.
-
-    The result contains the number of lost samples by cause.
-    """
+    """Return the number of lost samples by cause, from the ticks alone, for a file without an end record."""
     return {"tick_gap": samples.missing} if stored.metadata.time_source == "ticks" else {}
 
 
@@ -282,7 +277,7 @@ def release_row(release: int | None, ticks: Integers) -> int:
 
 
 def full_turns(rig: Rig, pose: str | None, t: Array, theta: Array) -> Array:
-    """Return the full turns (3,), rad, that must be subtracted from the angles.
+    """Return the full turns (3,), rad, to subtract from the angles of arm, inner and outer rod.
 
     After subtraction, each rod lies within pi of the pose at t = 0. The result is zero if the run has no pose. Full
     turns between recordings are then kept, because they may indicate a wrong number of counts per turn.

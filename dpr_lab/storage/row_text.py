@@ -1,10 +1,8 @@
-"""Write samples as JSON; blocks of many samples have a fixed width.
+"""Samples as JSON texts, one by one, or in blocks of texts with a fixed width.
 
-These blocks are written as arrays of bytes, without a Python call for each row.
-
-Within a block, each number has the same number of characters in every row. Shorter numbers are preceded by blanks,
-which JSON allows, so any JSON reader can read these messages. A block in which a number needs more digits is written
-row by row.
+A block is an array of bytes that is created without a Python call for each row. In all rows of a block, a number has
+the same number of characters. Shorter numbers are preceded by blanks, which JSON allows, so any JSON reader can read
+these messages. If a number needs too many digits for this format, the samples are converted one by one.
 """
 
 from collections.abc import Iterator
@@ -20,7 +18,7 @@ from dpr_lab.storage.layout import TORQUE_KEYS
 
 @dataclass(frozen=True, slots=True)
 class TextSettings:
-    """Format of the numbers in fixed-width text."""
+    """Settings of the numbers in fixed-width text."""
 
     decimals: tuple[int, ...] = (3, 6, 9, 11)
     """Numbers of decimals to try, in this order. The first number of decimals that reproduces every value of a column
@@ -56,7 +54,7 @@ class Samples:
 
     @property
     def vectors(self) -> dict[str, Array | Integers]:
-        """Values (n, k) of each key of a sample that contains a list."""
+        """Values (n, k) by key, for each key of a sample whose value is a list."""
         counted = {} if self.counts is None else {"counts": self.counts}
         return counted | {"theta": self.theta} | dict(zip(TORQUE_KEYS, self.torques, strict=False))
 
@@ -85,7 +83,7 @@ def message_records(channel: int, log_ns: Integers, texts: Bytes) -> Bytes:
 
 
 def sample_texts(samples: Samples) -> Bytes | None:
-    """Return (n, w) JSON texts of samples; None if a number has no fixed width."""
+    """Return JSON texts (n, w) of equal width, or None if a number needs too many digits."""
     parts: list[Bytes | str | None] = ['{"tick":', _decimals(samples.ticks), ',"t":', _decimals(samples.t)]
     for key, vector in samples.vectors.items():
         for number, column in enumerate(vector.T):
@@ -134,10 +132,7 @@ def _fixed(scaled: Integers, decimals: int) -> Bytes:
 
 
 def sample_messages(samples: Samples) -> Iterator[bytes]:
-    """Format samples as JSON.
-
-    This is three times as fast as `json.dumps`.
-    """
+    """Yield the JSON text of each sample; three times as fast as `json.dumps`."""
     texts = [f'{{"tick":{tick},"t":{t}' for tick, t in zip(samples.ticks.tolist(), samples.t.tolist(), strict=True)]
     for key, vector in samples.vectors.items():
         texts = [f'{text},"{key}":{row}' for text, row in zip(texts, vector.tolist(), strict=True)]

@@ -14,7 +14,7 @@ from dpr_lab.storage.layout import CLOCK, EVENTS, LIMITS, RELEASED, SAMPLES, TOR
 from dpr_lab.storage.row_text import Samples
 
 STRANGE = (ValueError, KeyError, TypeError, OverflowError, RecursionError, AttributeError)
-"""Exceptions that JSON with unexpected content causes."""
+"""Exceptions that are raised for JSON with unexpected content."""
 
 
 def _decoded(rows: list[dict[str, Any]]) -> Samples:
@@ -43,14 +43,16 @@ def json_object(content: bytes) -> dict[str, Any]:
 
 @dataclass(slots=True)
 class Gathered:
-    """Collector of the numbers in a file's messages; arrays save memory."""
+    """Samples, first release and last clock fit of a file, collected chunk by chunk as arrays."""
 
     release_tick: int | None = None
     """Tick of the first valid release."""
     clock: bytes = b""
     """Last clock fit, JSON."""
     strange_event: str = ""
+    """Error in the first event or clock fit with unexpected content; empty if there is none."""
     strange_sample: str = ""
+    """Error in the first sample with unexpected content; empty if there is none."""
     _parts: list[Samples] = field(default_factory=list)
 
     def take(self, messages: list[Stored]) -> None:
@@ -101,7 +103,9 @@ class Gathered:
 
 
 def _numbers(rows: list[dict[str, Any]], key: str, shape: tuple[int, ...], kinds: str = "if") -> NDArray[Any]:
-    """Convert finite numbers of a key to an array (n, *shape); `kinds` contains the permitted kinds of its type.
+    """Convert the numbers of a key to an array (n, *shape).
+
+    `kinds` contains the permitted `dtype.kind`: `i` for integers, `f` for finite floats.
 
     Raises:
         ValueError: a value is not of this kind or shape; the message contains the first such value.

@@ -89,9 +89,9 @@ class Scan:
 
     @property
     def interrupted(self) -> str:
-        """Reason why the recording ended early, or an empty text.
+        """Reason why the recording ended early; empty if it did not end early.
 
-        The reason of a recovered file is that of the original.
+        A recovered file has the reason of the original file.
         """
         return self.stopped or self.metadata.extra.get(INTERRUPTED, "")
 
@@ -140,9 +140,10 @@ class Scan:
 
 @dataclass(slots=True)
 class _Room:
-    """Remaining budget of bytes for unpacked chunks of a file."""
+    """Limit on the unpacked size of all chunks of a file."""
 
     left: int = LIMITS.surplus_bytes
+    """Remaining budget, bytes."""
 
     def take(self, packed: int, expanded: int) -> None:
         """Check the unpacked size of a chunk, and subtract it from the budget.
@@ -255,7 +256,7 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
 
 
 def no_such_file(path: Path) -> RunError:
-    """Return the error of a file that does not exist; a pattern is a file name if it is in quotation marks."""
+    """Create the error for a file that does not exist, with a hint for a pattern such as `'*.mcap'`."""
     return RunError(
         f"{path}: no such file; {'write * outside quotation marks' if '*' in path.name else 'check the path'}"
     )

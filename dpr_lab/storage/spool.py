@@ -1,7 +1,4 @@
-"""Temporary file for the samples of a recording, and check of the free disk space.
-
-The file keeps the memory from growing.
-"""
+"""Temporary file for the samples of a recording, which limits the memory, and check of the free disk space."""
 
 import shutil
 from pathlib import Path
@@ -25,7 +22,7 @@ class Spool:
         folder: folder of the temporary file, which takes 32 bytes per sample
 
     Raises:
-        OSError: the disk is full. `extend` raises this error too.
+        OSError: the file cannot be created. `extend` raises this error if the disk is full.
     """
 
     def __init__(self, folder: Path) -> None:

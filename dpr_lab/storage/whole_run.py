@@ -1,7 +1,4 @@
-"""Write a run whose content is already complete.
-
-The file gets its final name only when it is complete.
-"""
+"""Write a run from another file; the run file gets its final name only when it is complete."""
 
 import os
 import re
@@ -22,8 +19,8 @@ _PART = re.compile(r".+\.mcap\.\d+\.part")
 def whole_run(path: Path | str, metadata: RunMetadata) -> Iterator[RunWriter]:
     """Provide a writer for a run whose content is already in another file.
 
-    The writer writes to `NAME.mcap.PROCESS.part` in the same folder. The file is renamed at the end. Unfinished files
-    of killed processes are removed.
+    The writer writes to `NAME.mcap.PROCESS.part` in the same folder, where PROCESS is the process number. The file is
+    renamed at the end. Unfinished files of killed processes are removed.
 
     Raises:
         RunError: as for `RunWriter`.

@@ -22,7 +22,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.rig import JOINTS
 from dpr_lab.shown import in_command
-from dpr_lab.storage.chunk_index import keep_on_disk, write_rows
+from dpr_lab.storage.chunk_index import ChunkIndices, keep_on_disk, write_rows
 from dpr_lab.storage.layout import (
     CLOCK,
     END,
@@ -57,7 +57,7 @@ class WriterSettings:
     """Interval at which the file is synchronised with the disk (fsync), s. A call can block for 100 ms. Between the
     calls, data passed to the operating system are lost only in a power failure."""
     messages_a_chunk: int = 500
-    """Maximum number of messages between two flushes, for each kind of event and for the states. Further messages are
+    """Maximum number of messages between two flushes, for each kind of event and for STATUS. Further messages are
     counted but not stored."""
     block_rows: int = 8192
     """Number of table rows that are written at a time; about a chunk."""
@@ -89,8 +89,8 @@ class RunWriter:
         part: path that is written instead of `path`; the caller renames this file and writes its hash
 
     Raises:
-        RunError: the file already exists or cannot be written. Any method raises this error if the disk fails during
-            the recording; the data written before are kept and can be recovered.
+        RunError: the file already exists or cannot be written. Any method raises this error if a write fails during the
+            recording; the data written before are kept and can be recovered.
     """
 
     def __init__(
@@ -112,9 +112,10 @@ class RunWriter:
         self._open = True
         self._failure: RunError | None = None
         self._file = _create(part or self.path)
+        self._files: list[BufferedWriter | ChunkIndices] = [self._file]
         self._mcap = Writer(self._file, LIMITS.chunk_bytes, CompressionType.ZSTD, enable_data_crcs=True)
         with self.disk():
-            self._indices = keep_on_disk(self._mcap, self.path.parent)
+            self._files.append(keep_on_disk(self._mcap, self.path.parent))
             self._channels = self._write_preamble()
             self._sync()
 
@@ -181,7 +182,7 @@ class RunWriter:
     def status(self, host_time_ns: int, status: Mapping[str, Any]) -> None:
         """Append state and counters of the device, with the keys of the `/status` schema.
 
-        The number of states is limited like the number of events.
+        If there are too many of these messages, further ones are only counted, as for events.
         """
         if self._is_flood("states"):
             return
@@ -230,9 +231,9 @@ class RunWriter:
             self.abort(f"{type(error).__name__}: {error}")
 
     def _is_flood(self, kind: str) -> bool:
-        """Count a message, and check whether its kind exceeds the limit until the next flush.
+        """Count a message, and return whether it must be discarded.
 
-        A message above the limit is dropped.
+        It must be discarded if its kind exceeds the maximum number of messages until the next flush.
         """
         self._kept[kind] += 1
         if self._kept[kind] <= SETTINGS.messages_a_chunk:
@@ -285,10 +286,7 @@ class RunWriter:
         self._flush_when_due()
 
     def _add_rows(self, samples: Samples) -> None:
-        """Append samples.
-
-        Many samples are written as one block if all fit a fixed width; otherwise, they are written one by one.
-        """
+        """Append samples: many samples as one block if a fixed width suffices for them, others one by one."""
         channel, log_ns = self._channels[SAMPLES], np.round(samples.t * NANOSECONDS).astype(np.int64)
         texts = sample_texts(samples) if len(log_ns) >= SETTINGS.many_rows else None
         if texts is not None and (np.diff(log_ns) >= 0).all():
@@ -325,18 +323,20 @@ class RunWriter:
             self._mcap.add_metadata(END, sealed(end))
             self._mcap.finish()
             self._sync()
-            self._file.close()
-            self._indices.close()
+            for file in self._files:
+                file.close()
             self._open = False
             if self._part is None:
                 write_sidecar(self.path)
 
     @contextmanager
     def disk(self) -> Iterator[None]:
-        """Report a failed write of this recording, to this or to another file, and leave the run file cut off.
+        """Provide a context for writes of this recording, to this or to another file.
+
+        After an error, the run file is closed without its end.
 
         Raises:
-            RunError: the disk is full. The message names the run file and the command that recovers it.
+            RunError: a write failed, now or earlier. The message names the run file and the command that recovers it.
         """
         if self._failure is not None:
             raise self._failure
@@ -345,7 +345,7 @@ class RunWriter:
         try:
             yield
         except OSError as error:
-            self._leave_cut_off()
+            self._close_unfinished()
             self._failure = RunError(
                 f"{self.path}: cannot be written: {error.strerror}; {self.samples_written} samples were"
                 f" received, the file is kept: free some disk space, then run"
@@ -355,12 +355,12 @@ class RunWriter:
         except BaseException:
             # Ctrl-C in the middle of a chunk: continuing could write the chunk twice, whereas ending the file only
             # loses it.
-            self._leave_cut_off()
+            self._close_unfinished()
             raise
 
-    def _leave_cut_off(self) -> None:
+    def _close_unfinished(self) -> None:
         self._open = False
-        for file in (self._file, self._indices):
+        for file in self._files:
             with suppress(OSError):
                 file.close()
 
@@ -379,7 +379,7 @@ def _create(path: Path) -> BufferedWriter:
 
 
 def exists_already(path: Path) -> RunError:
-    """Create the error for the name of an existing run."""
+    """Create the error for a file name that is already in use."""
     return RunError(f"{path}: exists already; a run is never overwritten, choose another name")
 
 

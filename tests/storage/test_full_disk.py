@@ -8,9 +8,11 @@ from pathlib import Path
 import pytest
 
 from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.storage import writer
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.storage.export import EXPORTERS, export
 from dpr_lab.storage.inspect import recover
+from dpr_lab.storage.metadata import RunMetadata
 from dpr_lab.workflows.checks import check_file_writable, check_folder_writable
 from tests.warm_process import started
 
@@ -75,6 +77,15 @@ def test_an_import_and_a_recovery_that_fail_leave_nothing(tmp_path: Path, paper,
 
 
 @pytest.mark.slow
+def test_a_recording_without_a_temporary_file_is_a_run_error(tmp_path: Path, paper, monkeypatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(writer, "keep_on_disk", full)
+    with pytest.raises(RunError, match=r"run\.mcap: cannot be written: No space left on device"):
+        writer.RunWriter(tmp_path / "run.mcap", RunMetadata(paper, "X1", 1000))
+
+
 def test_a_whole_export_has_its_final_name_alone(tmp_path: Path, recorded) -> None:
     (run, *_) = recorded({}, duration=0.2)
     for suffix in EXPORTERS:
