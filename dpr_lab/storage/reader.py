@@ -232,9 +232,9 @@ def _delay(stored: Scan) -> float:
 
 
 def clock_of(stored: Scan) -> dict[str, float]:
-    """Return the final clock fit of a run, or the last fit during the recording if there is no final one.
+    """Return the last clock fit of a run; empty if there is none.
 
-    The result is empty if there is no fit.
+    The fit in the end record is preferred to those during the recording.
     """
     clock = stored.summary.clock if stored.summary is not None and stored.summary.clock else stored.newest_clock
     return numbers(clock)

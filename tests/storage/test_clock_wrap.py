@@ -108,7 +108,7 @@ def test_times_that_fall_by_no_counter_still_run_backwards(tmp_path: Path, paper
     with pytest.raises(RunError, match="time decreases"):
         import_csv(file, paper, ImportOptions())
     with pytest.raises(
-        RunError, match=r"spans 2.495, which is more than the given period of its counter, 1 \(--time-wrap\)"
+        RunError, match=r"spans 2.495, which is more than the given period of its counter, 1: correct --time-wrap"
     ):
         import_csv(file, paper, ImportOptions(time_wrap=1.0))
 

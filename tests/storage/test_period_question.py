@@ -91,7 +91,7 @@ def test_a_small_swing_in_degrees_is_not_doubted(degrees: float, tmp_path: Path,
 def test_half_the_counts_of_a_turn_change_the_period(tmp_path: Path, one: Rig) -> None:
     counts = np.round(swing(1.2) * one.encoders.counts_per_rev[1] / (4 * np.pi))
     (sentence,) = (sentence for sentence, _ in warned(table(tmp_path, "t,counts", T, counts), one, "counts"))
-    assert "times these angles: is counts_per_rev of the rig file right?" in sentence
+    assert "times these angles: is counts_per_rev of the rig file correct?" in sentence
 
 
 def test_small_swings_of_two_rods_in_radians_are_doubted(tmp_path: Path) -> None:

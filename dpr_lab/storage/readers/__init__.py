@@ -1,4 +1,4 @@
-"""Convert data files to tables; each format has one module and one entry in `READERS`.
+"""Convert data files to tables; each format has one module and an entry in `READERS`.
 
 arrays        named arrays as columns of a table; limits of their size
 merged        rows of a log that contain only other quantities
@@ -68,7 +68,7 @@ def read_any(path: Path, take: Sequence[str] = (), on_progress: OnImport = unwat
         path: a file, or the folder of a ROS 2 bag
         take: names of the requested parts if a file contains more than one recording (`ImportOptions.take`)
         on_progress: function that is called after each block of a text
-        points: whether columns of x and y in a text are treated as points and converted to angles
+        points: whether columns of x and y in a text table are treated as points and converted to angles
 
     Raises:
         RunError: the file cannot be read, or contains no columns of numbers.

@@ -46,7 +46,7 @@ def refuse_large(path: Path, values: int) -> None:
 
 
 def refuse_swollen(path: Path, size: int) -> None:
-    """Refuse a compressed file of numbers that is too large when unpacked.
+    """Refuse a file of numbers whose unpacked size is too large.
 
     Args:
         path: the file
@@ -92,12 +92,12 @@ def table_of(path: Path, kind: str, arrays: Mapping[str, NDArray], take: Sequenc
 
     A vector becomes one column, and a matrix becomes several columns. Single numbers are ignored.
 
-    The columns of a matrix are named `NAME[1]`, `NAME[2]`, .... The column of an array `group/name` is named `name` if
-    this name is unique in the file.
+    The columns of a matrix are named `NAME[1]`, `NAME[2]` and so on. The column of an array `group/name` is named
+    `name` if this name is unique in the file.
 
     Args:
         path: the file
-        kind: kind of the file
+        kind: kind of the file, for the preview
         arrays: arrays of any shape and type; non-numeric arrays are ignored
         take: names of the arrays, and of the groups with their content, that are read
 

@@ -1,6 +1,4 @@
-"""Fit a circle to the path of a tracked point, robustly to outliers.
-
-The fit must be robust because the tracker may have followed another object in some frames.
+"""Fit a circle to the path of a tracked point, robustly to frames in which the tracker followed another object.
 
 The algebraic fit is linear, but noise makes its radius too small: by 22 % on an arc of +-0.2 rad with errors of 0.3 %
 of the radius. The algebraic fit only selects the points near the circle. The final circle has the least squared
@@ -23,8 +21,8 @@ class CircleSettings:
     """Settings for fitting a circle to tracked points."""
 
     triples: int = 100
-    """Number of circles through three random points. If a third of the points are wrong, about 30 of them pass only
-    through correct points."""
+    """Number of circles through three random points. If a third of the points are wrong, about 30 of the circles pass
+    only through correct points."""
     near: float = 6.0
     """Maximum distance from the circle at which a point counts as on the circle, in median distances. It is about 4
     standard deviations."""
@@ -47,7 +45,7 @@ SETTINGS = CircleSettings()
 def most_of_a_circle(points: Array) -> tuple[Array, Flags] | None:
     """Fit a circle to most of the points, robustly to outliers.
 
-    Returns the centre (2,) and the mask (n,) of the points on the circle, or None if the points lie on a line.
+    Return the centre (2,) and the mask (n,) of the points on the circle, or None if the points lie on a line.
 
     The candidates for the first circle are the fit to all points and the circles through three random points. The
     candidate with the smallest median distance of all points is chosen.
@@ -75,10 +73,12 @@ def most_of_a_circle(points: Array) -> tuple[Array, Flags] | None:
 
 
 def circle_of_one(marks: Array, centre: Array | None) -> tuple[Array, float] | None:
-    """Fit a circle on which one of two marks lies in each frame, whichever it is.
+    """Fit a circle that passes through one of two marks in each frame.
 
-    Returns the centre (2,) and the radius, or None if the marks lie on a line. Among the circles through random marks,
-    the one with the smallest median distance of the nearer mark is chosen.
+    The mark on the circle may change from frame to frame. Among the circles through random marks, the one with the
+    smallest median distance of the nearer mark is chosen.
+
+    Return the centre (2,) and the radius, or None if the marks lie on a line.
 
     Args:
         marks: (2, n, 2) finite coordinates of both marks

@@ -1,4 +1,4 @@
-"""Coordinates of points by column names, and the plane of a swing in space."""
+"""Find the coordinates of points by column names, and the plane of a swing in three dimensions."""
 
 import re
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ _UNIT = r"([\W_]*(px|pixels?|mm|cm|m)\W*)?"
 _BY_NAME = re.compile(rf"{_COORDINATE}{_UNIT}", re.I)
 _WORDS = r"[\W_]*(?:coordinate|coord|position|pos)[\W_]*(?:(?:for|of)\b[\W_]*)?(?:the\b[\W_]*)?"
 _IN_WORDS = re.compile(rf"(?P<axis>[xyz]){_WORDS}(?P<point>.+?){_UNIT}", re.I)
-"""Description of a column name, such as "x coordinate of the elbow"."""
+"""Pattern of a column name in words, such as "x coordinate of the elbow"."""
 _ALONE = re.compile(rf"([xyz]){_UNIT}", re.I)
 OTHER = ("", "")
 """Point and axis of a column that contains no coordinate."""
@@ -55,19 +55,20 @@ def only_coordinate(name: str) -> tuple[str, str]:
 
 
 def in_plane(columns: Sequence[tuple[str, str]], values: Sequence[Array]) -> tuple[list[tuple[str, str]], str, str]:
-    """Replace three coordinates by two coordinates in the plane of a circle.
+    """Replace three coordinates of points by two coordinates in the plane of the swing.
 
-    A point swings on this circle. The axis with the largest range is horizontal. The other axis of the plane is the one
-    for which the distances to the centre of the circle scatter least.
+    A point swings on a circle in this plane. The axis with the largest range is horizontal. The other axis of the plane
+    is the one for which the distances to the centre of the circle scatter least.
 
     Args:
         columns: point and axis of each column
         values: values of each column
 
     Returns:
-        point and axis of each column, where x is the horizontal axis and y the other axis of the plane, and the names
-        of the two axes; without three coordinates of a point, the given columns without z and an empty text. The last
-        text is a note if points have three coordinates, but no plane was found; otherwise it is empty.
+        Three values. The first is the point and the axis of each column, where x is the horizontal axis and y the other
+        axis of the plane. The second is the original names of the two axes. If no plane was found, the columns x and y
+        are kept and the second value is empty. The third is a note if points have three coordinates but no plane was
+        found; otherwise it is empty.
     """
     place = {column: values[k] for k, column in enumerate(columns)}
     names = dict.fromkeys(name for name, _ in columns)
@@ -84,7 +85,7 @@ def in_plane(columns: Sequence[tuple[str, str]], values: Sequence[Array]) -> tup
 def _plane(point: dict[str, Array]) -> tuple[float, str, str] | None:
     """Find the plane in which a point swings on a circle.
 
-    The result is the relative scatter about the circle and the two axes, or None if there is no such plane.
+    Return the relative scatter about the circle and the names of the two axes, or None if there is no such plane.
     """
     coordinates = np.column_stack(list(point.values()))
     coordinates = coordinates[np.isfinite(coordinates).all(axis=1)]

@@ -12,7 +12,7 @@ class DirectionSettings:
     """Settings for the direction of the y axis."""
 
     frames_of_speed: int = 8
-    """Ratio of the interval over which energies are compared to half of the interval over which a speed is measured."""
+    """Ratio of the interval over which energies are compared to half the interval over which a speed is measured."""
 
 
 SETTINGS = DirectionSettings()

@@ -1,4 +1,4 @@
-"""Put back the two ends of the rods in frames in which a tracker exchanged them.
+"""Detect the frames in which a tracker exchanged the ends of the two rods.
 
 A program that detects two equal marks in each frame does not know which mark is which: after an encounter of the marks,
 or from frame to frame, elbow and tip may be exchanged. The distance between the marks does not reveal this. However,
@@ -25,8 +25,8 @@ class ExchangeSettings:
     """Settings for detecting exchanged marks."""
 
     better: float = 3.0
-    """Minimum ratio by which a circle for one of the two marks of each frame has a smaller median distance than the
-    circle of the elbow, for it to replace this circle."""
+    """Minimum ratio of the median distance of the elbow from the circle of the elbow to the median distance of the
+    nearer mark from a circle through one mark per frame. Above it, the second circle is used."""
     alike: float = 2.0
     """Maximum ratio of the median distances of both ends from their circles for which the circles do not show which end
     is the elbow. Both rods then swing together about the hanging position, and the elbow is nearer to the pivot. The
@@ -90,7 +90,7 @@ def _off_the_circle(marks: Array, known: Flags, pivot: Array | None) -> Array | 
 
 
 def _least(marks: Array, off: Array, nearest: float, known: Flags) -> Flags:
-    """Return the mask (n,) of the exchanged frames with the least sum of squares."""
+    """Return the mask (n,) of the exchanged frames for which the sum in the module description is smallest."""
     frames = np.flatnonzero(known)
     points, cost = marks[:, frames], np.minimum(off[:, frames] / nearest, CIRCLE.near) ** 2
     straight, crossed = (

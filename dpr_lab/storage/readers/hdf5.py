@@ -1,4 +1,4 @@
-"""Read HDF5 files, including MATLAB files of version 7.3, which are HDF5."""
+"""Read HDF5 files, including MATLAB files of version 7.3."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dpr_lab.errors import RunError
 from dpr_lab.storage.export import extra
 from dpr_lab.storage.readers.arrays import library_of, refuse_swollen, table_of
-from dpr_lab.storage.readers.matlab import object_sentence
+from dpr_lab.storage.readers.matlab import object_error
 from dpr_lab.storage.tables.table import Table
 
 KIND = "HDF5 file"
@@ -49,7 +49,7 @@ def read_hdf5(path: Path, take: Sequence[str]) -> Table:
     with library_of(path, KIND), h5py.File(path, "r") as file:
         for name, held in _objects(path, file):
             if "MATLAB_object_decode" in held.attrs:
-                raise object_sentence(path, _text(held.attrs.get("MATLAB_class", "unknown")))
+                raise object_error(path, _text(held.attrs.get("MATLAB_class", "unknown")))
             if not isinstance(held, h5py.Dataset) or held.dtype.kind not in "biuf":
                 continue
             if held.external or held.is_virtual:
@@ -63,8 +63,11 @@ def read_hdf5(path: Path, take: Sequence[str]) -> Table:
 def _objects(path: Path, file: Any) -> list[tuple[str, Any]]:
     """List each group and data set of a file once, together with its name.
 
-    Links to other files are not followed. Internal groups of MATLAB, whose names begin with `#`, are left out.
-    An object that `#refs#` also contains is left out.
+    Links to other files are not followed. Internal groups of MATLAB, whose names begin with `#`, are omitted with their
+    content.
+
+    Raises:
+        RunError: the file contains too many objects, or groups in too many levels.
     """
     objects: list[tuple[str, Any]] = []
 

@@ -129,7 +129,7 @@ def _gathered(
 ) -> tuple[list[int], list[str], list[dict[int, float]], str]:
     """Collect the content of all messages on the JointState topic.
 
-    The result contains the times, ns, the names of the joints, the positions by joint for each message, and the topic.
+    Return the times, ns, the names of the joints, the positions of each message by joint index, and the topic.
     """
     logged: list[int] = []
     stamped: list[int] = []

@@ -25,7 +25,7 @@ HEADER, TAG, COMPRESSED = 128, 8, 15
 2024)."""
 
 
-def object_sentence(path: Path, class_name: str) -> RunError:
+def object_error(path: Path, class_name: str) -> RunError:
     """Create the error for a file that contains a MATLAB object."""
     commands = "s.time = ts.Time; s.data = ts.Data; save('swing.mat', '-struct', 's')"
     return RunError(
@@ -91,9 +91,9 @@ def _arrays(path: Path, within: str, held: Mapping[str, Any]) -> Iterator[tuple[
             continue
         name = f"{within}{key}"
         if isinstance(value, MatlabOpaque):
-            raise object_sentence(path, _class_of(value))
+            raise object_error(path, _class_of(value))
         if isinstance(value, MatlabObject):
-            raise object_sentence(path, str(value.classname))
+            raise object_error(path, str(value.classname))
         if value.dtype.names and value.size == 1 and not isinstance(value, MatlabFunction):
             fields = value.reshape(-1)[0]
             yield from _arrays(path, f"{name}/", {field: fields[field] for field in value.dtype.names})

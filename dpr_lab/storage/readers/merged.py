@@ -1,4 +1,4 @@
-"""Separate the rows of the angles from the rows of other quantities in one table.
+"""Remove the rows of a table that contain only other quantities than angles.
 
 Some loggers write a row for each message: it contains the values of one quantity, and the other fields are empty.
 """
@@ -14,8 +14,8 @@ from dpr_lab.storage.tables.table import Table
 def rows_of_angles(table: Table, angles: Sequence[str]) -> Table:
     """Remove the rows that a logger wrote only for quantities other than angles.
 
-    A row without an angle is kept in two cases: it is empty, or most rows with an angle also contain its quantities, so
-    that its angle was lost.
+    A row without an angle is kept in two cases. Either it is empty, or its quantities also occur in most rows with an
+    angle, so that the angle was lost.
 
     Args:
         table: the table

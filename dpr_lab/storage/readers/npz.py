@@ -40,7 +40,7 @@ def read_numpy(path: Path, take: Sequence[str]) -> Table:
 
 @contextmanager
 def _plain_arrays(path: Path) -> Iterator[None]:
-    """Refuse pickled objects with a message for the operator."""
+    """Provide a context that converts the error of NumPy for pickled objects to a message for the operator."""
     try:
         yield
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""Read Apache Parquet files by pyarrow."""
+"""Read Apache Parquet files with pyarrow."""
 
 from collections.abc import Sequence
 from pathlib import Path

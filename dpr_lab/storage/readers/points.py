@@ -84,17 +84,17 @@ _INTERPOLATED = (
 @dataclass(frozen=True, slots=True)
 class _Point:
     name: str
-    at: Array
+    xy: Array
     """(n, 2) coordinates, x to the right and y upwards; NaN if the point was not detected."""
     doubt: str = ""
     """Warning about an estimated or corrected point; empty if there is none."""
 
 
 def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched, *, points: bool = True) -> Table:
-    """Read a text table; convert a table of points to angles, unless `points` is false.
+    """Read a text table, and convert points to angles unless `points` is false and `take` is empty.
 
     Raises:
-        RunError: as `dpr_lab.storage.tables.table.read_table`, or points that are not the ends of two rods.
+        RunError: as for `dpr_lab.storage.tables.table.read_table`, or the points are not the ends of one or two rods.
     """
     table = read_table(path, on_progress)
     if not (points or take):
@@ -108,7 +108,7 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
             " to the pivot, remove them from the table: then the coordinates are imported"
         )
         unused = _points(table, despite_angles=True)[1]
-        if any(all(map(varies, point.at.T)) and not _NO_POINT.search(point.name) for point in unused):
+        if any(all(map(varies, point.xy.T)) and not _NO_POINT.search(point.name) for point in unused):
             table = replace(table, notes=(*table.notes, note))
         return _without_copies(table)
     return _angles(replace(table, kind=kind, notes=(*table.notes, note) if note else table.notes), tracked, take)
@@ -203,7 +203,7 @@ def _upwards(table: Table, columns: list[tuple[str, str]], first: int, up: float
 
 def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     pivot, *ends = _chosen(table, points, take)
-    rods = [end.at - start.at for start, end in pairwise([pivot, *ends])]
+    rods = [end.xy - start.xy for start, end in pairwise([pivot, *ends])]
     upside_down = table.kind.startswith(PLAIN) and points_downwards(rods)
     again, filled = _repeats(ends), _interpolated(ends)
     removed = [
@@ -255,9 +255,9 @@ def _repeats(ends: list[_Point]) -> Flags:
     In a repeated frame, the points hardly move, although they move in the same direction before and after this frame.
     The result is a mask (n,) of the frames; it is all False if few frames are repeated.
     """
-    steps = np.diff(np.concatenate([end.at for end in ends], axis=1), axis=0)
+    steps = np.diff(np.concatenate([end.xy for end in ends], axis=1), axis=0)
     sizes = np.sqrt((steps**2).sum(axis=1))
-    again = np.zeros(len(ends[0].at), dtype=np.bool_)
+    again = np.zeros(len(ends[0].xy), dtype=np.bool_)
     if len(steps) < 3:
         return again
     onwards = (steps[:-2] * steps[2:]).sum(axis=1) > 0
@@ -272,15 +272,15 @@ def _interpolated(ends: list[_Point]) -> Flags:
     frame, to the last digits. Points that are tracked to a whole pixel and then scaled have some such frames by chance.
     The expected number of these frames is computed as if the coordinates were independent.
     """
-    unreal = np.zeros(len(ends[0].at), dtype=np.bool_)
+    unreal = np.zeros(len(ends[0].xy), dtype=np.bool_)
     for end in ends:
-        steps = np.diff(end.at, axis=0)
+        steps = np.diff(end.xy, axis=0)
         bends = np.abs(np.diff(steps, axis=0))
         known = bends[np.isfinite(bends).all(axis=1)]
         if len(known) < 3:
             continue
         usual = np.median(known, axis=0)
-        values = [np.unique(column[np.isfinite(column)]) for column in end.at.T]
+        values = [np.unique(column[np.isfinite(column)]) for column in end.xy.T]
         resolution = np.array([np.diff(column).min(initial=np.inf) for column in values])
         if (usual > SETTINGS.fine * resolution).all():
             equal = bends <= SETTINGS.straight * usual + 2 * resolution
@@ -298,7 +298,7 @@ def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Po
     used. They are sorted by the numbers at the end of their names; without such numbers, the order of the table is
     kept. A missing pivot is estimated.
     """
-    origin = _Point("(the origin)", np.zeros(points[0].at.shape))
+    origin = _Point("(the origin)", np.zeros(points[0].xy.shape))
     by_name = {"origin": origin} | {point.name.lower(): point for point in points}
     available = ", ".join(point.name for point in points)
     unknown = [name for name in take if name.lower() not in by_name]
@@ -318,16 +318,16 @@ def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Po
     if len(chosen) == 1 or (len(chosen) == 2 and _moved(chosen[0]) > SETTINGS.at_rest * _moved(chosen[1])):
         ends = _put_back(chosen, None)
         return [_pivot_of(table, ends[0]), *ends]
-    pivot = np.nanmedian(chosen[0].at, axis=0)  # the pivot rests, so its noise differs from that of the rods
-    return [_Point(chosen[0].name, np.broadcast_to(pivot, chosen[0].at.shape)), *_put_back(chosen[1:], pivot)]
+    pivot = np.nanmedian(chosen[0].xy, axis=0)  # the pivot rests, so its noise differs from that of the rods
+    return [_Point(chosen[0].name, np.broadcast_to(pivot, chosen[0].xy.shape)), *_put_back(chosen[1:], pivot)]
 
 
 def _put_back(ends: list[_Point], pivot: Array | None) -> list[_Point]:
-    """Put elbow and tip back in the frames in which the tracker exchanged them."""
+    """Exchange elbow and tip again in the frames in which the tracker exchanged them."""
     if len(ends) != 2:
         return ends
     elbow, tip = ends
-    mask = exchanged(elbow.at, tip.at, pivot)
+    mask = exchanged(elbow.xy, tip.xy, pivot)
     if not mask.any():
         return ends
     doubt = (
@@ -337,8 +337,8 @@ def _put_back(ends: list[_Point], pivot: Array | None) -> list[_Point]:
     )
     swap = mask[:, None]
     return [
-        _Point(elbow.name, np.where(swap, tip.at, elbow.at), doubt),
-        _Point(tip.name, np.where(swap, elbow.at, tip.at)),
+        _Point(elbow.name, np.where(swap, tip.xy, elbow.xy), doubt),
+        _Point(tip.name, np.where(swap, elbow.xy, tip.xy)),
     ]
 
 
@@ -350,7 +350,7 @@ def _by_number(points: list[_Point]) -> list[_Point]:
 
 def _moved(point: _Point) -> float:
     """Return the extent of a point's motion between its 5 % and 95 % quantiles."""
-    valid = point.at[np.isfinite(point.at).all(axis=1)]
+    valid = point.xy[np.isfinite(point.xy).all(axis=1)]
     return float(np.hypot(*np.ptp(np.quantile(valid, [0.05, 0.95], axis=0), axis=0))) if len(valid) else 0.0
 
 
@@ -359,7 +359,7 @@ def _pivot_of(table: Table, end: _Point) -> _Point:
 
     The pivot is the origin, or the centre of the circle on which the end of the rod moves.
     """
-    valid = end.at[np.isfinite(end.at).all(axis=1)]
+    valid = end.xy[np.isfinite(end.xy).all(axis=1)]
     if len(valid) < 3:
         raise RunError(f"{table.path}: the point {end.name!r} was detected in too few frames")
     circle = most_of_a_circle(valid)
@@ -368,7 +368,7 @@ def _pivot_of(table: Table, end: _Point) -> _Point:
     centre, near = circle
     scatter, about_origin = (float(np.std(np.hypot(*(valid[near] - c).T))) for c in (centre, np.zeros(2)))
     if about_origin <= SETTINGS.at_origin * scatter:
-        return _Point("(the origin)", np.zeros(end.at.shape))
+        return _Point("(the origin)", np.zeros(end.xy.shape))
     distance = float(np.hypot(*centre) / np.median(np.hypot(*(valid[near] - centre).T)))
     doubt = ""
     if radius_error(valid[near], centre) > CIRCLE.short_arc:
@@ -378,7 +378,7 @@ def _pivot_of(table: Table, end: _Point) -> _Point:
             f"the origin of the coordinates is {percent(distance)} of the rod's length from this centre: if the axes"
             f" were placed at the pivot, use --take origin,{end.name}"
         )
-    return _Point(f"(centre of the circle of {end.name})", np.broadcast_to(centre, end.at.shape), doubt)
+    return _Point(f"(centre of the circle of {end.name})", np.broadcast_to(centre, end.xy.shape), doubt)
 
 
 def _direction(rod: Array) -> Array:

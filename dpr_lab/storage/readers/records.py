@@ -1,4 +1,4 @@
-"""JSON files: records in a list or line by line, or lists of numbers.
+"""Read JSON files: records in a list or line by line, or lists of numbers.
 
 Loggers write each sample as a separate object, `{"t": 0.01, "theta1": 3.1}`, in a list or on its own line. Often the
 file also contains values that describe the recording. The longest list of objects is read as the table. If there is no

@@ -1,4 +1,4 @@
-"""Noise and camera tilt of a video, estimated from the lengths of its rods.
+"""Estimate the noise and the camera tilt of a video from the lengths of the rods in the picture.
 
 The true length of a rod is constant. The scatter of the distance between its ends in the picture is therefore the noise
 of a tracked point. This noise, divided by the length, is the noise of the angle in rad. If the camera does not look

@@ -17,9 +17,9 @@ Values = Mapping[str, Array]
 
 
 def angles(values: Values, options: ImportOptions, rig: Rig, path: Path) -> tuple[Array, Integers | None]:
-    """Convert values to absolute angles (n, 3), rad, and to counts.
+    """Convert values to absolute angles (n, 3), rad, and to counts (n, 3).
 
-    Each column of the angles is contiguous. The counts are None if the values are not counts.
+    The angles are stored column by column. The counts are None if the values are not counts.
 
     Raises:
         RunError: the counts are not integers.

@@ -55,13 +55,13 @@ _ANGLES = {"rad": 1.0, "deg": 180 / math.pi}
 
 @dataclass(frozen=True, slots=True)
 class InputSettings:
-    """Limit of the input of a driven arm, and length of the arm that represents a cart."""
+    """Length of the arm that represents a cart, and minimum input of a driven arm."""
 
     rail_m: float = 10.0
     """Length of the arm that represents a cart, m. At 1 m/s the arm turns at 0.1 rad/s; g / L1 is more than a thousand
     times the square of this speed."""
     least_input: float = 1e-9
-    """Input, SI, that a driven arm exceeds in some row."""
+    """Minimum peak input of a driven arm, SI."""
 
 
 SETTINGS = InputSettings()
@@ -82,9 +82,12 @@ class KnownInputs:
     """Number of mounted rods."""
 
     def torques(self, columns: Mapping[str, Array], t: Array, rows: NDArray[np.intp]) -> dict[str, Array]:
-        """Convert the columns to inputs (k, 2) of the kept rows by kind, SI.
+        """Return the inputs (k, 2) of the kept rows by kind, SI.
 
-        `columns` and `t`, s, contain all rows of the table.
+        Args:
+            columns: values of all rows by column name
+            t: times of all rows, s
+            rows: (k,) indices of the kept rows
         """
         return {
             kind: np.stack([held_torque(t, columns[name], rows) for name in pair], axis=1) * self.factors
@@ -92,10 +95,10 @@ class KnownInputs:
         }
 
     def refuse_silent(self, columns: Mapping[str, Array], rows: NDArray[np.intp], path: object) -> None:
-        """Check that the input of a driven arm is not negligible in all rows.
+        """Check that the input of a driven arm is not negligible.
 
         Raises:
-            RunError: the input is zero in all rows, or never exceeds the least size of a drive.
+            RunError: the input is zero in all rows, or too small for a drive.
         """
         if self.motor is None:
             return
@@ -160,9 +163,9 @@ def known_inputs(
 def stated_arm(
     rig: Rig, options: ImportOptions, path: object, angles: Mapping[str, str], names: Sequence[str]
 ) -> ImportOptions:
-    """Set the mode of the arm in import options.
+    """Complete the modes of arm and inner rod in import options.
 
-    The mode is the stated mode, or otherwise the mode in the rig file.
+    A mode that is not stated is that of the rig file.
 
     Args:
         rig: the recorded rig
@@ -172,7 +175,7 @@ def stated_arm(
         names: names of all columns
 
     Raises:
-        RunError: the mode is not possible for this rig, or its column is missing.
+        RunError: a mode is not possible for this rig, or the column of the arm's angle is missing.
     """
     mode, inner = options.arm or rig.arm.mode, options.inner or rig.joints.inner
     try:
@@ -269,9 +272,9 @@ def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
 def cart_note(
     table: Table, used: Mapping[str, str], rig: Rig, options: ImportOptions
 ) -> tuple[list[str], Array | None]:
-    """Explain how to import a cart if an unused column contains its position.
+    """Return a note on the import of a cart, and the position of the cart (n,), m.
 
-    The result is a note and the position, m, if there is such a column.
+    The note is omitted, and the position is None, unless an unused column contains the position of a cart.
 
     A cart at the position x is represented by an arm of the length R that turns by theta_0 = -x / R. The pivot of the
     rod then has the acceleration of the cart, because the terms with the squared speed of the arm vanish for a long

@@ -41,10 +41,11 @@ ONLY_UNIT = re.compile(rf"\W*({UNIT_WORDS})\W*|\s*(\[[^]]*\]|\([^)]*\))\s*", re.
 UNIT_CELL = re.compile(rf"({ONLY_UNIT.pattern})?", re.I).fullmatch
 _TIME_OR_ANGLE = re.compile(r"\W*(t|time|(theta|phi|angle|joint|q)[\W_]*[0-2]?)(?![a-z0-9])", re.I)
 _RATE = re.compile(r"(rad|deg|degrees?|°|m)/s|omega|veloc|speed|^(?!.*(angle|pitch|roll|tilt)).*(gyro|acc(?!ura))")
-"""Pattern of rates and accelerations in lower case; the angle of a gyroscope is no rate."""
+"""Pattern of names of rates and accelerations, in lower case; the angle of a gyroscope is not a rate."""
 _UNITS = "%|lu?x|[kmcd]?m|g|m?N|[hk]?Pa|°?[CFK]|m?A|m?W|[mµ]?T|dB|k?Hz"
 _OTHER_UNIT = re.compile(rf"(?!\W*[xyXY]\b).*[(\[]\s*({_UNITS})\s*[)\]]\s*$")
-"""Pattern of a name with the unit of another quantity, such as `Light (%)`. Voltages and coordinates give angles."""
+"""Pattern of a name with the unit of another quantity, such as `Light (%)`. Voltages and coordinates are excluded,
+because angles are computed from them."""
 QUANTITY = re.compile(rf"(.*[\d.,])\s*({UNIT_WORDS})", re.I)
 """Pattern of a field with a number and its unit, such as `12.3 deg`."""
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:(?:,\d{3})+(?:\.\d*)?|(?:\.\d{3})+,\d*)")
@@ -117,7 +118,7 @@ def _numbers(fields: list[str]) -> Array | None:
 def are_names(comment: Sequence[str], below: Sequence[str]) -> bool:
     """Check whether a comment contains the names of columns, and the comment below their units.
 
-    Without units, it must name at least two times or angles.
+    Without units, the comment must name at least two times or angles.
     """
     named = any(map(str.strip, below)) or times_and_angles(comment) >= 2
     return named and all(map(UNIT_CELL, below))
@@ -157,7 +158,7 @@ def _with_time(line: str) -> str:
 
 
 def numbers_of(cells: Sequence[str]) -> list[str]:
-    """Split the vectors in a row, so that each number has its own field."""
+    """Split the vectors in a row into separate fields for each number."""
     return [part for cell in cells for part in (cell.strip()[1:].split(NEXT) if NEXT in cell else (cell,))]
 
 
@@ -286,7 +287,8 @@ def with_unit(name: str, unit: str) -> str:
 def _otherwise_separated(early: list[list[str]], delimiter: str | None, width: int) -> list[list[str]]:
     """List possible headers whose delimiter differs from that of the numbers.
 
-    Each header has one name per column. No column is named `(s),Voltage`: `(s)` is the unit of the name before it.
+    Each header has one name per column. Headers in which only some names begin with a bracket are excluded, because a
+    name such as `(s),Voltage` begins with the unit of the previous name.
     """
     lines = [(delimiter or " ").join(row) for row in early]
     lines += [re.sub(r"\s+(?=[(\[])", "", line) for line in lines]  # a blank before a unit separates no names

@@ -1,4 +1,4 @@
-"""Obtain increasing times from a counter that wraps, such as 32 bits of microseconds, or from durations."""
+"""Compute increasing times from a counter that wraps, such as 32 bits of microseconds, or from durations."""
 
 from dataclasses import dataclass
 
@@ -23,8 +23,8 @@ class CounterSettings:
     """Maximum difference between the decrease at a wrap and the width of the counter, relative to the width. The
     difference is up to one interval between rows."""
     returns: float = 2.0
-    """Minimum sum of all decreases of durations, in ranges of their values. Times that decrease once have at most
-    one."""
+    """Minimum sum of all decreases in a column of durations, relative to the range of the values. For times that
+    decrease once, the sum is at most 1."""
     falling: float = 0.25
     """Minimum share of decreases among the changes of durations. It is 1/2 for random durations, and small for times
     with a few wrong rows or for a counter that wraps."""
@@ -45,7 +45,8 @@ def unwrapped_times(times: Array, wrap: float, name: str) -> Array:
     span = float(np.ptp(times[known])) if len(known) else 0.0
     if span >= wrap:
         raise RunError(
-            f"{name}: spans {span:.10g}, which is more than the given period of its counter, {wrap:.10g} (--time-wrap)"
+            f"{name}: spans {span:.10g}, which is more than the given period of its counter, {wrap:.10g}: correct"
+            " --time-wrap"
         )
     falls = np.diff(times[known], prepend=times[known[:1]]) < -wrap / 2
     grown = times.copy()
@@ -54,16 +55,17 @@ def unwrapped_times(times: Array, wrap: float, name: str) -> Array:
 
 
 def wrap_behind(before: float, after: float) -> float | None:
-    """Return the width of the common counter that wrapped between two successive values, or None."""
+    """Return the width of a common counter that can have wrapped between two successive values, or None."""
     widths = sorted(2.0**bits / ticks for bits in SETTINGS.bits for ticks in SETTINGS.ticks)
     within = (width for width in widths if 0 <= after <= before < width)
     return next((width for width in within if abs(before - after - width) < SETTINGS.slack * width), None)
 
 
 def summed_durations(t: Array, name: str) -> tuple[Array, str]:
-    """Return times (n,) and a note, with sums if the column contains the durations of the rows.
+    """Replace the durations of rows by their sums; return the times (n,) and a note.
 
-    Each duration ends at its row. NaN values are kept. `name` is the name of the column in the note.
+    Other times are not changed, and the note is then empty. Each duration ends at its row. NaN values are kept. `name`
+    is the name of the column in the note.
     """
     known = np.flatnonzero(np.isfinite(t))
     values, later = t[known], t[known[1:]]  # the first duration may be 0

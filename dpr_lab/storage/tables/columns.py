@@ -56,7 +56,7 @@ UNIT_IN_NAME = re.compile(
     r"((?<![a-z])rad|(?<![a-z])counts|(?<!m)(?<!milli)deg)(ians|rees|r[eé]s)?(?![a-z])|[°º˚]|gra(us|dos|di|den|d)(?![a-z])"
 )
 _ERROR = re.compile(r"d[xyt]|(delta|δ|unc|uncertainty|sigma|std)\w*")
-"""Pattern of the error of a value, a column of fit programs."""
+"""Pattern of a column with the error of a value, as programs for curve fitting write it."""
 _NO_NAME = re.compile(r"\d+|.+\[\d+\]|[xy]", re.I)
 """Pattern of names without a meaning: numbers, elements of an array, and axes of a plot."""
 _JOINT_STATES = (re.compile(r"(?:.*[/.])?positions?\[\d+\]", re.I), re.compile(r".+/position", re.I))
@@ -120,7 +120,10 @@ def _matches(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
 
 
 def _angles(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
-    """Return the matching names; names with a scaled unit are used only if no other name matches."""
+    """Return the names that match.
+
+    Names with a scaled unit, such as mrad, are used only if no other name matches.
+    """
     if matches := _matches(names, patterns):
         return matches
     stems = [without_scaled_unit(name) for name in names]
@@ -233,7 +236,7 @@ def _clock(table: Table, stated: Mapping[str, str]) -> dict[str, str]:
 
 
 def _only_varying(table: Table, stated: Mapping[str, str]) -> list[str]:
-    """Find the only column that varies, apart from the time; empty for several.
+    """Return the name of the only column that varies, apart from the time; empty if there are several.
 
     Raises:
         RunError: the only column that varies is one coordinate of a point.

@@ -29,7 +29,7 @@ class TableLimits:
     """
 
     looked_at: int = 50
-    """Number of rows used to detect delimiter and decimal sign, and of comments that are kept."""
+    """Number of rows used to detect delimiter and decimal sign, and maximum number of comments that are kept."""
     line_length: int = 1 << 16
     rows: int = 50_000_000
     """Maximum number of rows; an hour at 10 kHz has 36 million."""
@@ -43,7 +43,7 @@ class TableLimits:
     rows_as_columns: int = 7
     """Maximum number of rows that can be quantities: a time, and for arm and two rods an angle and a speed each."""
     instants: int = 5
-    """Minimum number of columns of a table whose rows are quantities and whose columns are instants."""
+    """Minimum ratio of columns to rows for a table whose rows are quantities and whose columns are instants."""
     named: int = 20
     """Maximum number of column names in a message."""
     small_bytes: int = 1 << 24
@@ -66,7 +66,7 @@ class Content:
 
     def __init__(self, path: Path, limits: TableLimits, on_progress: OnImport) -> None:
         self.comments: list[str] = []
-        """Text of the first comments above the numbers, and of the last one."""
+        """Texts of the first comments and of the last comment above the numbers."""
         self._path, self._limits, self._on_progress = path, limits, on_progress
         coding = _coding(path, limits)
         self._packed = path.open("rb")
@@ -133,7 +133,7 @@ class Content:
 
 
 def _unpacked(packed: BinaryIO) -> BinaryIO:
-    """Return the bytes of a text file, decompressed if needed."""
+    """Open a text file for reading as bytes, decompressed if needed."""
     start = packed.read(len(GZIP))
     packed.seek(0)
     return gzip.GzipFile(fileobj=packed) if start == GZIP else packed  # pyright: ignore[reportReturnType]

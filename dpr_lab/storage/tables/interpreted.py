@@ -1,4 +1,4 @@
-"""Define a table with its interpretation, and the limits of the plausibility checks."""
+"""A table with its interpretation, and the limits of the plausibility checks."""
 
 import math
 from collections.abc import Mapping
@@ -42,7 +42,7 @@ class QuestionSettings:
     """Maximum motion of a clamped arm without a warning, rad. The motion due to a yielding brake or column is
     smaller."""
     other_unit: float = 30.0
-    """Factor between the time scales of kinetic and potential energy above which the unit of time must be wrong."""
+    """Factor between the time scales of kinetic and potential energy above which the unit of time is wrong."""
     same_rig: float = 0.15
     """Maximum residual of the torque balance with free L1, relative to gravity. Below it, the inertias are compared
     with the rig file."""
@@ -63,7 +63,7 @@ class QuestionSettings:
     """Two limits on the distance of the release from the named pose, in units of its tolerance: above the first, a
     warning is given; above the second, the table is refused."""
     hanging_rad: float = 0.1
-    """Maximum angle of the rest from the hanging position of the table, rad, for rods that may have been pushed."""
+    """Maximum angle between the rods at rest and the hanging position, rad, at which they may have been pushed."""
     pushed_rad: float = 0.2
     """Smallest later excursion that shows a push, rad."""
     pushed_ratio: float = 10.0
@@ -71,8 +71,8 @@ class QuestionSettings:
     within twice the angle of the release; a wrong zero changes this angle. Of two rods, a light outer rod swings
     further: up to 8.5 times the angle with a tenth of the mass of the inner rod, but 13 times with 3 % of it."""
     of_angle: float = 0.02
-    """Maximum variance, relative to the variance of a column, that is not a function of the angle, for a column of the
-    same rod. A point on the rod has 1e-5, and simulated carts have 0.06 to 0.98."""
+    """Maximum share of the variance of a column that is not a function of the angle, for a column that describes a
+    point of the rod. A point on the rod has 1e-5, and simulated carts have 0.06 to 0.98."""
     carried: float = 0.1
     """Minimum travel of a cart that sets a rod in motion, relative to the length of the pendulum times the excursion of
     the rod in its first period. Simulated carts have 0.7 to 5."""
@@ -127,7 +127,7 @@ class InterpretedTable:
 
     @property
     def arm_moves(self) -> bool:
-        """Whether the motion of the arm is prescribed."""
+        """Whether the arm is not clamped."""
         return self.options.arm != "clamped"
 
     @property
@@ -137,7 +137,7 @@ class InterpretedTable:
 
     @property
     def prescribed(self) -> bool:
-        """Whether a drive of unknown torque prescribes the motion of arm or inner rod."""
+        """Whether the arm moves or the inner rod is prescribed, so that the rods exchange energy with them."""
         return self.arm_moves or self.options.inner == "prescribed"
 
     @property
@@ -156,7 +156,7 @@ class InterpretedTable:
         return slice(self.part.start, min(self.part.stop, self.part.start + SETTINGS.energy_rows))
 
     def near_frames(self, rate_hz: float) -> float:
-        """Return the rate of the rows if the given rate is that of all frames and `rate_hz` is near it."""
+        """Return the given rate divided by `every` if `rate_hz` is near this quotient, otherwise `rate_hz`."""
         rate = (self.options.rate_hz or math.nan) / self.every
         return rate if self.every > 1 and abs(math.log(rate_hz / rate)) < math.log(SETTINGS.near_rate) else rate_hz
 

@@ -1,4 +1,4 @@
-"""Define the options of a table import, and parse the time of its recording."""
+"""Options of a table import, and parsing of the time of the recording."""
 
 import math
 import re
@@ -15,7 +15,7 @@ AXES = ("theta0", "theta1", "theta2")
 
 @dataclass(frozen=True, slots=True)
 class Typed:
-    """Form of an option on the command line and on the screen."""
+    """Help text and limits of an option, for the command line and the screen."""
 
     help: str
     lowest: float = -math.inf
@@ -42,7 +42,7 @@ class ImportOptions:
     """
 
     pose: Annotated[str | None, Typed("Pose of the rig file from which the swing started.")] = None
-    """Pose of the rig from which the swing started, if known."""
+    """Name of the pose of the rig from which the swing started; None if unknown."""
     angles: Annotated[
         Literal["absolute", "relative"],
         Typed("Reference of theta2: the vertical (absolute), or the inner rod (relative)."),
@@ -187,7 +187,7 @@ class TypedOption:
 
     @property
     def reads_text(self) -> bool:
-        """Whether `read` must convert the text of the option to a value."""
+        """Whether the option is a mapping or a tuple, so that `read` must convert its text."""
         return get_origin(self.kind) in (Mapping, tuple)
 
     def read(self, text: str) -> Any:
@@ -256,7 +256,7 @@ def parse_recorded_at(text: str) -> str:
             day, instant = None, datetime.fromisoformat(text).astimezone(UTC)
     except (ValueError, OverflowError, OSError) as error:
         raise ValueError(
-            f"recorded_at must be a date or a date and time, as 2026-03-01 or 2026-03-01T14:30, not {text[:50]!r}"
+            f"recorded_at must be a date or a date and time, such as 2026-03-01T14:30, not {text[:50]!r}"
         ) from error
     if instant > datetime.now(UTC):
         raise ValueError(f"recorded_at {text} is in the future")

@@ -63,7 +63,8 @@ class Plausible:
     turns: tuple[tuple[float, str], ...] = ((1.0, "turns"), (2.0, "half turns"))
     """Periods at which angles in turns and in half turns wrap, and their units."""
     wrapped: tuple[float, int] = (0.4, 3)
-    """Maximum step of a rod, in periods, and minimum number of wraps. A wrap shortens the period by such a step."""
+    """Maximum step of a rod, in periods, and minimum number of wraps. The reading jumps by one period minus such a step
+    at a wrap."""
     whole: float = 1e-6
     """Maximum difference from integers for which the steps of an angle count as integers."""
     typical_rows: int = 20_000
@@ -108,7 +109,7 @@ def refuse_missing(path: Path, t: Array, whole: Flags) -> None:
         whole: (n,) mask of the rows that have all values
 
     Raises:
-        RunError: more than a tenth of the rows have no value, and these rows are not scattered.
+        RunError: more than a tenth of the rows have no value, or more than half of them if these rows are scattered.
     """
     edges = np.flatnonzero(np.diff(whole, prepend=True, append=True))  # start and end of intervals without a value
     intervals = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a > PLAUSIBLE.lost_rows]
@@ -145,7 +146,7 @@ def without_wraps(column: Array, axis: str, rig: Rig, options: ImportOptions) ->
     """Unwrap a column at the period that the options state; missing values are kept.
 
     If the period is the width of an integer, the first value is within half a period of the zero of its axis: large
-    values of a signed counter are readings below the zero. This matters if the width is no whole number of turns.
+    values of a signed counter are readings below the zero. This matters if the width is not a whole number of turns.
     """
     known = np.isfinite(column)
     if options.wrap is None or not known.any():
@@ -172,12 +173,12 @@ def turn_of_hanging(angle: Array) -> float:
 
 
 def wrap_notes(angles: Mapping[str, Array]) -> list[str]:
-    """Return notes about the axes whose angles (n,), rad, the logger has wrapped."""
+    """Return a note for each axis whose angle (n,), rad, was wrapped by the logger."""
     return [f"{axis}: wrapped by the logger, unwrapped" for axis, x in angles.items() if unwrapped(x) is not x]
 
 
 def turn_notes(angles: Mapping[str, Array]) -> list[str]:
-    """Return a note if angles (n,) in radians wrap like turns from 0 to 1, or half turns from -1 to 1."""
+    """Return a note if angles (n,), read as radians, wrap like turns from 0 to 1 or half turns from -1 to 1."""
     step, fewest = PLAUSIBLE.wrapped
     leap = 1 - step
     for axis, x in angles.items():
@@ -191,7 +192,7 @@ def turn_notes(angles: Mapping[str, Array]) -> list[str]:
             ):
                 factor = 2 * np.pi / period
                 return [
-                    f"{axis} jumps {leaps.sum()} times by almost {period:g} rad, as angles in {unit} do that a logger"
+                    f"{axis} jumps {leaps.sum()} times by almost {period:g} rad, like angles in {unit} that a logger"
                     f" wraps: if the angles are in {unit}, import with --wrap {period:g} --scale {factor:.6g}"
                 ]
     return []
@@ -214,9 +215,9 @@ def outliers(angles: Array) -> Flags:
 
 
 def refuse_converter(read: Mapping[str, Array], columns: Mapping[str, str], rig: Rig, path: Path) -> None:
-    """Refuse angles in rad that are whole numbers of an analog-to-digital converter.
+    """Refuse angles in rad that are probably whole numbers of an analog-to-digital converter.
 
-    The numbers cover less than half a turn of the encoders of the rig file.
+    The largest number of the converter is less than half a turn of the encoder in the rig file.
 
     Raises:
         RunError: the message states how to convert the numbers.
@@ -306,13 +307,13 @@ def gap_notes(t: Array) -> list[str]:
 
 
 def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool) -> list[str]:
-    """Return notes about impossible motion, or rods that mostly point upwards.
+    """Return notes about impossible motion and about rods that mostly point upwards.
 
     A single rod without a drive turns back only below the upright pose. Its motion between turning points is therefore
     less than one turn. A rod that falls from the upright pose points upwards for a long time, but is slow there.
 
     Args:
-        t: (n,) s
+        t: (n,) times, s
         theta: (n, 3) angles of arm, inner and outer rod, rad
         upright: whether to check if the rods point upwards
         rods: number of rods

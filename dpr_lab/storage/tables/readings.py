@@ -111,7 +111,10 @@ def energy_residual(read: InterpretedTable, other: OtherReading) -> float:
 
 
 def better_readings(fit: EnergyFit, read: InterpretedTable) -> list[OtherReading]:
-    """List interpretations with a clearly smaller energy residual than `fit`, best first."""
+    """List interpretations with a clearly smaller energy residual than `fit`.
+
+    Of interpretations with similar residuals, only those with the fewest differences are listed.
+    """
     if fit.residual <= READ.right:
         return []
     slower = [_slower(read, fit.time_scale)] if np.isfinite(fit.time_scale) else []
@@ -132,7 +135,7 @@ def fewest_changes(readings: Sequence[OtherReading]) -> list[OtherReading]:
 
 
 def read_otherwise(broken: str, others: list[OtherReading], read: InterpretedTable) -> TableQuestion:
-    """Warn about an inconsistency, and list the interpretations of the table without it.
+    """Compose the warning about an inconsistency, with the interpretations of the table without it.
 
     `broken` describes the inconsistency. If there is only one such interpretation, the warning contains its options as
     the correction, and the uncertainty of proposed zeros.
@@ -161,7 +164,7 @@ def _distance_of_zeros(read: InterpretedTable, other: OtherReading) -> float:
 
 
 def _as_counts(read: InterpretedTable) -> OtherReading | None:
-    """Interpret integers as encoder counts, possibly with other zeros.
+    """Create an interpretation of integers as encoder counts, possibly with other zeros.
 
     The result is None unless the energy of a free swing is conserved in this interpretation.
     """
@@ -183,9 +186,9 @@ def _conserves(fit: EnergyFit | None) -> bool:
 
 
 def _with_other_zeros(read: InterpretedTable) -> OtherReading | None:
-    """Return other zeros with which a free swing conserves its energy.
+    """Create an interpretation with other zeros, in which a free swing conserves its energy.
 
-    The result is None without such zeros. It is also None if the zeros differ so little that a diagnosis fits them.
+    The result is None if there are no such zeros, or if they differ so little that a diagnosis fits them.
     """
     rods = read.rods(read.values, read.options)
     added = energy_zeros(read.t, rods, read.rig)
@@ -196,7 +199,10 @@ def _with_other_zeros(read: InterpretedTable) -> OtherReading | None:
 
 
 def balanced_readings(read: InterpretedTable) -> list[OtherReading]:
-    """List interpretations with a clearly smaller residual of the torque balance, best first."""
+    """List interpretations with a clearly smaller residual of the torque balance.
+
+    Of interpretations with similar residuals, only those with the fewest differences are listed.
+    """
 
     def balance(values: Values, options: ImportOptions) -> TorqueBalance | None:
         return torque_balance(read.t, read.rods(values, options), read.torques, read.rig)
@@ -309,7 +315,7 @@ def other_readings(read: InterpretedTable) -> Iterator[OtherReading]:
 
 
 def unit_words(read: InterpretedTable) -> tuple[str, ...]:
-    """Return the options that exchange degrees and radians.
+    """Return the command-line options that exchange degrees and radians.
 
     If the name of a column states its unit, `--unit` would contradict the name. The options are then factors for
     `--scale`.

@@ -1,4 +1,4 @@
-"""Text table of any logger; delimiter, header, comments and decimal sign are detected."""
+"""Read the text table of any logger; delimiter, header, comments and decimal sign are detected."""
 
 import re
 from array import array
@@ -231,7 +231,7 @@ class _Growing:
     """Number of changes of the date."""
 
     def named(self, name: str, number: int) -> Column:
-        """Return the complete column; `number` is its number, from 1."""
+        """Return the complete column; `number` is the number of the column, from 1."""
         values = np.frombuffer(self.values, dtype=np.float64)
         name = name.strip() or ("" if np.isnan(values).all() else f"column {number} (without a name)")
         midnight = 0.0

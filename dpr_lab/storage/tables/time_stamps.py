@@ -121,10 +121,7 @@ def runs(column: Array) -> bool:
 
 
 def never_falls(column: Array) -> bool:
-    """Check whether a column never decreases, as a time does.
-
-    Rows that were written together may have the same value.
-    """
+    """Check whether a column never decreases and its last value exceeds the first, as for a time."""
     steps = np.diff(column)
     return bool(len(steps) and (steps >= 0).all() and column[-1] > column[0])
 
@@ -132,7 +129,7 @@ def never_falls(column: Array) -> bool:
 def different_times(columns: Mapping[str, Array]) -> dict[str, int]:
     """Count the different values of each column (n,) that never decreases; missing values are ignored.
 
-    A time with too few digits has the same value in several rows.
+    Other columns are omitted. A time with too few digits has the same value in several rows.
     """
     known = {name: column[np.isfinite(column)] for name, column in columns.items()}
     return {name: np.unique(column).size for name, column in known.items() if never_falls(column)}
@@ -172,9 +169,9 @@ def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
 
 
 def spread_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Spread the times of successive new readings with one time stamp evenly over the adjacent interruption.
+    """Spread rows with one time stamp evenly over the adjacent interruption; return times and a note.
 
-    The result contains the times and a note. Rows are not spread if the interruption is too short for them, for example
+    Only rows with new readings are spread. Rows are not spread if the interruption is too short for them, for example
     after a row that was written twice.
 
     Args:
@@ -223,7 +220,7 @@ def _of_digits(t: Array) -> Array:
 
 
 def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Move stamps at an interruption to the side that their reading continues; add a note.
+    """Move stamps at an interruption to the side whose motion the reading continues; return times and a note.
 
     The reading next to an interruption is predicted from both sides, each by the parabola through the nearest rows.
 

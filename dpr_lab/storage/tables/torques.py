@@ -39,13 +39,14 @@ _OF_JOINT = [
 """Pattern of a torque with the name of its joint, and the same name with the number of the joint."""
 
 Pairs = Mapping[str, tuple[str, str]]
-"""Names of the columns of joints 1 and 2 for each kind, `measured` first. The kind is empty if no column states it."""
+"""Names of the columns of joints 1 and 2 for each kind, `measured` first. The kind is an empty text if no column
+states it."""
 
 
 def find_torques(
     names: Sequence[str], source: str | None, stated: Mapping[str, str], path: object, *, alone: bool = False
 ) -> Pairs:
-    """Find the torque columns of both joints; a free swing has an empty mapping.
+    """Find the torque columns of both joints; the mapping is empty for a free swing.
 
     If columns of one kind exist, columns without a stated kind are of the other kind. A joint without a torque column
     is passive, and the name of its column is `PASSIVE`.
@@ -172,9 +173,9 @@ def held_torque(t: Array, torque: Array, rows: NDArray[np.intp]) -> Array:
 
 
 def sign_of_drive(table: Table, arm: str) -> str:
-    """Name a varying column of set points or motor commands, or return an empty text.
+    """Describe a column of set points or motor commands that varies; empty if there is none.
 
-    The duty cycle of the motor of a moving arm is no sign that the rods are driven.
+    The duty cycle of the motor of a moving arm does not show that the rods are driven.
     """
     varying = [name for name, column in table.named if varies(column)]
     if name := next(filter(_SET_POINT.search, varying), ""):

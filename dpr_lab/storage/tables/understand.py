@@ -1,4 +1,4 @@
-"""Interpretation of a table: columns, units, zeros, release, and warnings.
+"""Interpret a table: columns, units, zeros, release, and warnings.
 
 The rows are not resampled: uneven steps and interruptions are kept. Rows without a value and rows with the same time as
 the previous row are removed, counted and reported. Times change only if they wrap, or by

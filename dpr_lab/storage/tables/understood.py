@@ -1,4 +1,4 @@
-"""Interpretation of a table: the swing of a run, and its preview before the import."""
+"""Result of the interpretation of a table: the swing of a run, and a preview before the import."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -111,7 +111,7 @@ class Understood:
         return facts | self._inputs()
 
     def _inputs(self) -> dict[str, str]:
-        """Return the text about known torques or the arm's input; it is empty if the table has neither."""
+        """Return the text about known torques or the arm's input; empty if the table has neither."""
         driven = self.rig.motor if self.options.arm == "driven" else None
         unit = INPUT_UNITS[driven.input] if driven else "N m"
         columns = {kind: [name for name in pair if name != PASSIVE] for kind, pair in self.torque_columns.items()}

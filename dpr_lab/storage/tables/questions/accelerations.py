@@ -1,4 +1,4 @@
-"""Compose warnings about readings and rig file from the accelerations of the swing.
+"""Warnings about the interpretation and the rig file, from the accelerations of the swing.
 
 Accelerations are more sensitive to a wrong interpretation than the energy of the swing.
 """

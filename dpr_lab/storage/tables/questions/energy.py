@@ -38,7 +38,7 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
     """Warn about units, zeros, signs and column order from the energy of the swing.
 
     Returns:
-        the warnings, and the interpretations in which the energy is conserved better
+        The warnings, and the interpretations in which the energy is conserved better.
     """
     read = table.beginning()
     fit = energy_fit(read.t, read.theta[:, 1:], read.torques, table.rig)
@@ -101,9 +101,9 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
 
 
 def _nearest(read: InterpretedTable, residual: float) -> str:
-    """Name the interpretation with by far the smallest change of energy.
+    """Describe the interpretation with by far the smallest energy residual.
 
-    The text is the end of a sentence, and is empty if there is no such interpretation. This interpretation is not
+    The result is the end of a sentence; it is empty if there is no such interpretation. This interpretation is not
     proposed as a correction, because it does not conserve the energy either.
     """
     turned = _turned(read)
@@ -116,11 +116,11 @@ def _nearest(read: InterpretedTable, residual: float) -> str:
 
 
 def _explained_part(table: InterpretedTable) -> str:
-    """Name the longest part of a free swing in which the energy is consistent with friction.
+    """Describe the longest part of a free swing in which the energy is consistent with friction.
 
-    The text is the beginning of a sentence. A coil, a hand or a motor drives the rods in the other part. Half a period
-    next to that part is excluded as well. The text is empty if no consistent part is at least half the swing and at
-    least one period long.
+    The result is the beginning of a sentence. A coil, a hand or a motor drives the rods in the rest of the swing. Half
+    a period next to this rest is excluded as well. The result is empty if no consistent part is at least half the swing
+    and at least one period long.
     """
     rows, before = table.looked_at, table.options.start_s - table.t[0]
     t, rods = table.t[rows], table.theta[rows, 1:]
@@ -151,7 +151,7 @@ def _explained_part(table: InterpretedTable) -> str:
 
 
 def _turned(read: InterpretedTable) -> list[OtherReading]:
-    """List the interpretation in which a free rod hangs at an angle other than 0 or half a turn.
+    """Return an interpretation in which a single free rod hangs at an angle other than 0 or half a turn.
 
     The list is empty if the rod does not hang at such an angle. If it hangs at 90 degrees of the table, the doubled
     angles also look like an energy-conserving swing about the hanging position.

@@ -1,4 +1,4 @@
-"""Row and frame numbers, which show the rows that a camera or logger lost."""
+"""Columns of row and frame numbers, which show the rows that a camera or logger lost."""
 
 import re
 from collections.abc import Collection
@@ -17,7 +17,7 @@ _EVEN = 0.1
 
 
 def refuse_row_numbers(table: Table, time: str, used: Collection[str]) -> None:
-    """Refuse row numbers as the time if a column that is not used increases evenly by fractions.
+    """Refuse row numbers as the time if an unused column increases in equal fractional steps.
 
     Raises:
         RunError: the column `time` increases by 1 from row to row, and another column is probably the time.
@@ -45,7 +45,7 @@ def counter(table: Table) -> str:
 
 
 def numbers(table: Table) -> Array:
-    """Return the number (n,) of each row in the recording, starting at 0.
+    """Return the numbers (n,) of the rows in the recording, starting at 0.
 
     Numbers are missing if frames were lost. The numbers of a column that counts every k-th frame are divided by k.
     """
@@ -58,13 +58,13 @@ def numbers(table: Table) -> Array:
 
 
 def counted_frames(table: Table) -> tuple[str, int]:
-    """Return the column that counts every k-th frame and k; an empty name and 1 without such a column."""
+    """Return the name of the column of frame numbers, and its step; an empty name and 1 without such a column."""
     name = "" if table.frames is not None else _frame_column(table)
     return name, _step(table.column(name)) if name else 1
 
 
 def frame_step_note(name: str, step: int, rate_hz: float) -> str:
-    """Return a note if a column counts every k-th frame.
+    """Compose the note about a column of frame numbers with steps larger than 1.
 
     The given rate may then be that of all frames, not of the rows. A column without a name may instead contain the
     times of rows at the given rate, in ms or us.
@@ -80,7 +80,9 @@ def frame_step_note(name: str, step: int, rate_hz: float) -> str:
 
 
 def _frame_column(table: Table) -> str:
-    """Return the column that counts rows or frames; in a table without names, the first, if its steps are equal.
+    """Return the name of the column that counts rows or frames; empty if there is none.
+
+    In a table without names, this is the first column if its steps are equal.
 
     Some steps are larger if frames were lost. Times in ms have unequal steps, unless a step is a whole number of ms.
     """

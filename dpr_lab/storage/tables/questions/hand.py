@@ -20,7 +20,7 @@ class HandSettings:
     fewest_rows: int = 6
     """Minimum number of rows in this duration."""
     away: float = 0.5
-    """Minimum sine of the angle. Near hanging and upright, gravity accelerates a free rod little, too."""
+    """Minimum absolute sine of the angle. Near hanging and upright, gravity also accelerates a free rod little."""
     share: float = 0.25
     """Maximum acceleration of a rod moved by a hand, relative to the acceleration by gravity."""
 
@@ -29,7 +29,7 @@ HAND = HandSettings()
 
 
 def hand_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn if gravity alone would accelerate a single rod more at the beginning."""
+    """Warn if a single rod accelerates less at the beginning than gravity alone would accelerate it."""
     if table.rig.rods.number != 1 or not table.free:
         return []
     t, angle = table.t[table.looked_at], table.theta[table.looked_at, 1]

@@ -63,7 +63,7 @@ def joined_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def gap_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about the first interruption in which the motion cannot be predicted."""
+    """Warn about the first interruption that is too long to predict the motion in it."""
     t = table.t[table.swing]
     after, words = long_gap(t)
     return [TableQuestion(f"the table {words} ({_gap_parts(table, t, after)})")] if words else []
@@ -142,7 +142,7 @@ def _parts(table: InterpretedTable, cuts: Sequence[tuple[float, float]]) -> list
 
 
 def _usual(t: Array, theta: Array, whole: Flags, lost: int) -> float:
-    """Return the largest residual that an interruption within one motion can have, rad.
+    """Return the largest plausible residual at an interruption within one motion, rad.
 
     The result is infinite if the table has too few places to estimate the residual.
 

@@ -7,8 +7,8 @@ numbers n_i of frames per step are those for which the speeds v_i = s_i / n_i ch
     sum over i of  |v_(i-1) - 2 v_i + v_(i+1)|^2 / (mean of |v|^2 in the three steps + floor^2)  +  price (n_i - 1)
 
 This is a shortest path over the pairs (n_(i-1), n_i). Noise and uneven exposures do not lengthen steps by whole
-numbers. Therefore most of their sum remains, whereas lost frames leave about a twentieth. Steps of a few encoder counts
-are always whole multiples of each other, so they are not examined.
+numbers. Therefore most of the sum remains for them, whereas about a twentieth remains for lost frames. Steps of a few
+encoder counts are always whole multiples of each other, so they are not examined.
 """
 
 from dataclasses import dataclass
@@ -38,15 +38,15 @@ class LostFrameSettings:
     price: float = 0.05
     """Price of a lost frame."""
     rows: int = 8
-    """Minimum number of steps between uneven times."""
+    """Minimum number of successive even steps that are examined."""
     fewest: int = 5
     """Minimum number of long steps."""
     majority: float = 0.4
     """Maximum share of long steps. Exposures that are uneven by 40 % of a step reach one half."""
     remainder: float = 0.1
-    """Maximum remaining share of the sum. It is 0.046 for a film with every fourth frame lost, and above 0.2 for 717
-    parts of simulated and real recordings. None of 1800 simulated complete films, with noise and uneven exposures, is
-    below the limit."""
+    """Maximum ratio of the sum with several frames per step to the sum with one frame per step. It is 0.046 for a film
+    with every fourth frame lost, and above 0.2 for 717 parts of simulated and real recordings. None of 1800 simulated
+    complete films, with noise and uneven exposures, is below the limit."""
     rough: float = 0.05
     """Minimum mean change with one frame per step; a smooth motion has less than 0.02."""
 

@@ -54,7 +54,7 @@ def numbered(table: Table, stated: Mapping[str, str]) -> tuple[Table, dict[str, 
 
 
 def without_scaled_unit(name: str) -> str:
-    """Remove a unit with a factor from a column name, unless nothing else remains of the name."""
+    """Remove a unit with a factor, such as mrad, from a column name, unless the name contains no other letters."""
     for pattern, *_ in _SCALED_UNITS:
         if re.search(r"[^\W\d_]", remainder := pattern.sub("", name)):
             name = remainder

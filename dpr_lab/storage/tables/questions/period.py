@@ -27,9 +27,8 @@ class PeriodSettings:
     smallest_share: float = 0.1
     """Minimum amplitude relative to the largest amplitude. The periods of smaller swings are disturbed by noise."""
     constant: float = 0.02
-    """Relative decrease of the amplitude below which the amplitude counts as constant, and its period shows nothing.
-
-    Without friction, sampling alone changes the amplitude by up to 0.7 % at 30 rows per second."""
+    """Relative decrease of the amplitude below which the amplitude counts as constant, so that its scale cannot be
+    determined. Without friction, sampling alone changes the amplitude by up to 0.7 % at 30 rows per second."""
     overturned_rad: float = 3.0
     """Maximum amplitude of a swing, rad."""
     other_scale: float = 0.6
@@ -96,9 +95,9 @@ def factor_of_other(table: InterpretedTable) -> float:
 
 
 def period_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn if the period of a column depends on its amplitude like the period of other angles.
+    """Warn if the periods of a rod are those of a swing with another amplitude.
 
-    If positions in mm or angles in another unit are interpreted as degrees, the periods are those of another amplitude.
+    This occurs if positions in mm, or angles in another unit, are interpreted as degrees.
     """
     scale = amplitude_scale(table)
     if scale is None or SETTINGS.other_scale < scale.best < 1 / SETTINGS.other_scale or not scale.as_read > 1:
@@ -113,7 +112,7 @@ def period_questions(table: InterpretedTable) -> list[TableQuestion]:
         return [TableQuestion(f"{sentence}: the angles are probably in rad ({' '.join(words)})", words)]
     if unit == "counts" or larger:
         right = "counts_per_rev of the rig file" if unit == "counts" else "the unit of the angles (--unit, --scale)"
-        return [TableQuestion(f"{sentence}: is {right} right?")]
+        return [TableQuestion(f"{sentence}: is {right} correct?")]
     option = f"; {' '.join(words)} for degrees" if words else ""
     return [
         TableQuestion(

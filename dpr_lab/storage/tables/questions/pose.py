@@ -1,4 +1,4 @@
-"""Warn about the pose of the release."""
+"""Warnings about the pose of the release."""
 
 from dataclasses import replace
 

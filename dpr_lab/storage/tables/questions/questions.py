@@ -1,4 +1,4 @@
-"""Compose the warnings about the interpretation of a table.
+"""Run all checks of the interpretation of a table.
 
 A table that cannot be used is refused. Each warning names the options that may correct the interpretation.
 """

@@ -29,9 +29,9 @@ def better_torques(fit: EnergyFit, read: InterpretedTable) -> list[TableQuestion
 
 
 def _others(read: InterpretedTable) -> Iterator[tuple[Array, OtherReading]]:
-    """Yield other torques (n, 2), N m, each with its interpretation.
+    """Yield other torques (n, 2), N m, each with an interpretation.
 
-    They have other signs or units, are exchanged, or are those that the options ignore.
+    These torques have other signs or units, are exchanged, or are torques of the table that the options ignore.
     """
 
     def reading(cause: str, *words: str) -> OtherReading:
