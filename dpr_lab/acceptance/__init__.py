@@ -1,1 +1,1 @@
-"""Acceptance test of a rig: equivalence tests of given limits, based on a diagnosis."""
+"""Acceptance test of a rig: equivalence tests against given limits, based on a diagnosis."""

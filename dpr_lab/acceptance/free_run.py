@@ -1,4 +1,4 @@
-"""Errors of free runs (open-loop simulations) of a corrected model over a given duration."""
+"""Errors of free runs (open-loop simulations) of the corrected model over a given duration."""
 
 from collections.abc import Sequence
 
@@ -16,21 +16,20 @@ from dpr_lab.run import Run, with_distinct_names
 
 
 def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon_s: float) -> dict[str, float]:
-    """Compute the rms error of the free run for each recorded swing, rad.
+    """Compute the rms error of the free run of each recorded swing, rad.
 
-    The corrected model is simulated from the start of the swing, without correction by the readings.
-
-    The result is a mapping from run names to errors. An error is not finite if the simulation fails before the horizon.
-    Effects that occurred only once are omitted if the runs are not those of the diagnosis: such effects refer to a run
-    of the diagnosis by its number.
-
-    As in a diagnosis, a kick or another disturbance ends the free run, and a rolling shutter is corrected.
+    The corrected model is simulated from the start of the swing. As in a diagnosis, a kick or another disturbance ends
+    the free run, and a rolling shutter is corrected. Effects that occurred only once are omitted if the runs are not
+    those of the diagnosis, because such an effect refers to a run of the diagnosis by its number.
 
     Args:
         runs: the runs; runs without an undisturbed swing over the horizon are left out
         rig: the rig
         diagnosis: the diagnosis with the corrected model
         horizon_s: duration of the free run, s
+
+    Returns:
+        the error by name of the run; not finite if the simulation fails before the horizon
     """
     long_runs = [run for run in with_distinct_names(runs) if run.t[-1] >= horizon_s]
     if not long_runs:

@@ -9,7 +9,7 @@ from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.shown import listed
 
 KNOWN_BETTER = 3.0
-"""Ratio of two standard deviations of a friction torque above which the smaller one counts as accurate."""
+"""Minimum ratio of the standard deviation at a speed to the smallest one, for a speed that counts as inaccurate."""
 
 
 def largest_friction(curve: JointFriction, limit: FrictionLimit, confidence: float) -> tuple[float, float]:
@@ -31,7 +31,7 @@ def largest_estimate(curve: JointFriction, limit: FrictionLimit) -> float:
 
 
 def inaccurate_speeds(curve: JointFriction, limit: FrictionLimit) -> str:
-    """Describe the speeds at which the uncertainty of the torque leaves the limit undecided, and the cause.
+    """Return a clause on the speeds at which the uncertainty of the torque leaves the limit undecided, and why.
 
     The text is empty if the uncertainty is about the same at all speeds.
     """
@@ -39,10 +39,10 @@ def inaccurate_speeds(curve: JointFriction, limit: FrictionLimit) -> str:
     best = int(np.argmin(std))
     inaccurate = (size + NORMAL_Q90 * std >= limit.max) & (std >= KNOWN_BETTER * std[best])
     sides = {
-        "the friction at rest and its change with the speed compensate each other; a swing that ends at rest helps": (
+        "the friction at rest and its slope against the speed are correlated: record a swing that ends at rest": (
             inaccurate & (speed < speed[best])
         ),
-        "high speeds are rare in the recordings; a faster swing helps": inaccurate & (speed > speed[best]),
+        "high speeds are rare in the recordings: record a faster swing": inaccurate & (speed > speed[best]),
     }
     sides = {cause: side for cause, side in sides.items() if side.any()}
     if not sides:
@@ -60,9 +60,9 @@ def _range(speeds: Array) -> str:
 
 
 def _up_to(curve: JointFriction, limit: FrictionLimit) -> tuple[Array, Array, Array]:
-    """Return magnitudes of speed and torque, and the standard deviation of the torque.
+    """Return magnitudes of speed, rad/s, and torque, N m, and the standard deviation of the torque, N m.
 
-    The speeds end at that of the limit.
+    The largest speed is that of the limit.
     """
     u = np.array(curve.speed_rad_per_s)
     within = np.append(u[np.abs(u) <= limit.speed_rad_s], [-limit.speed_rad_s, limit.speed_rad_s])

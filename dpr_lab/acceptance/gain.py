@@ -12,13 +12,13 @@ from dpr_lab.run import Run
 
 
 def with_gain(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Diagnosis:
-    """Add the ratio of the gain to b, such as kt/b, if the drive determines b.
+    """Return the diagnosis with the ratio of the gain to b, such as kt/b, if the drive determines b.
 
-    A drive of known gain K determines the ratio K/b. The fit contains K, and states b with the uncertainty of K. The
-    interval of K/b follows from that of b, so it is at least as wide as that of the recordings alone.
+    The recordings with a drive of known gain K determine K/b. The fit uses K, and states b with the uncertainty of K.
+    The interval of K/b follows from that of b, so it is at least as wide as the recordings alone require.
 
-    If the rods were measured too, the gain may contain an error, which the diagnosis tests as an effect. The ratio is
-    then not added, because a known mass determines b without the drive.
+    If the rods were measured too, the ratio is not added: measured masses determine b without the drive, and the
+    diagnosis tests an error of the gain as an effect.
     """
     scale, motor = diagnosis.scale, rig.motor
     if scale is None or scale.fixed_by != "data" or motor is None or motor.input not in GAINS:

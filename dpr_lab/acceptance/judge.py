@@ -1,16 +1,16 @@
-"""Equivalence tests of limits at 95 %, based on a diagnosis.
+"""Equivalence tests against limits, with a significance level of 5 %, based on a diagnosis.
 
-Two one-sided tests at 5 % each are equivalent to a comparison with the 90 % interval [l, u] of a quantity:
+Two one-sided tests at 5 % each are equivalent to a comparison of the limits with the 90 % interval [l, u]:
 
     pass           [l, u] lies inside the limits
     fail           [l, u] lies outside the limits
     not decidable  otherwise, or if these recordings do not give a valid interval
 
 The interval of a named effect comes from its fit. For any other effect, it is a -+ 1.645 s, with the amplitude a and
-its standard deviation s from the score test of the corrected model. All amplitudes of the effect are estimated
-together. If the common scale b is uncertain, an absolute size is a ratio times b^k, and its interval covers both ends
-of the interval of b. An effect that is present but not named changes the ratios and the sizes of named effects. Their
-intervals therefore also cover those of the models with further effects that the recordings do not exclude
+its standard deviation s from the score test of the corrected model, in which all amplitudes of the effect are estimated
+together. If the scale b is uncertain, an absolute size is a ratio times b^k, and its interval covers both ends of the
+interval of b. An effect that is present but not named changes the ratios and the sizes of named effects. The intervals
+of these quantities therefore also cover those of the models with further effects that the recordings do not exclude
 (`dpr_lab.gap.evidence.wider_models`).
 
 The friction torque T(u) of a joint passes if |T(u)| + 1.645 s(u) is below the limit at every speed u up to the speed of
@@ -45,8 +45,8 @@ from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import listed, percent
 
 SURE = 0.95
-"""Minimum probability of the assumption on which a result is based. If a limit fails, the assumption is that the effect
-is the cause; if it passes, that the effect is absent."""
+"""Minimum probability of the assumption on which a result is based: that the effect is the cause, if its limit fails,
+or that it is not the cause, if its limit passes."""
 
 NOT_OF_SPEED = tuple(
     f"{law}_joint{joint}" for law in ("load_friction", "hysteresis", "friction_drift") for joint in (0, 1, 2)
@@ -57,8 +57,8 @@ Answer = Literal["pass", "fail", "not decidable"]
 Range = tuple[float, float]
 Bounds = tuple[float | None, float | None]
 
-FIND_CAUSE = "no release decides the limit before the diagnosis explains the gap; do its checks first"
-"""Remedy for a limit without a valid interval."""
+FIND_CAUSE = "perform the recommended checks of the diagnosis first, because the gap must be explained"
+"""Remedy for a limit whose interval is not valid, because the gap is not explained."""
 
 SECOND_RELEASE = "record a second release"
 """Remedy for a limit of an effect whose form one release does not test."""
@@ -83,7 +83,7 @@ class JudgedLimit:
     reason: str
     """Reason why the limit is not decidable, including the remedy; empty otherwise."""
     remedy: str = ""
-    """Part of the reason that states what decides the limit, or why no further release does."""
+    """Part of the reason that states how the limit can be decided, or why no further release decides it."""
     obstacle: Obstacle = ""
     """Kind of the reason: `interval` (too wide), `scale` (only b is uncertain), `cause` (uncertain), `alike`
     (indistinguishable), `recordings` (missing) or `diagnosis` (no valid intervals); empty if the limit is decided."""
@@ -165,7 +165,7 @@ def _frictions(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 
 def _open_size(diagnosis: Diagnosis, effect: str, parameter: str, bounds: Bounds) -> Reason:
-    """Return a reason if only the uncertainty of the scale b leaves the limit of an amplitude undecided."""
+    """Return the reason why only the uncertainty of the scale b leaves the limit of an amplitude undecided, if so."""
     known, quantity = diagnosis.model_copy(update={"scale": None}), f"{effect}.{parameter}"
     interval, _ = _widened(known, quantity, _size(known, effect, parameter), bounds)
     if interval is None:
@@ -176,9 +176,9 @@ def _open_size(diagnosis: Diagnosis, effect: str, parameter: str, bounds: Bounds
 
 
 def _only_scale(scale: Scale | None, bounds: Bounds, interval: Range, best: float, power: int) -> Reason:
-    """Return a reason if only the uncertainty of the scale b leaves a limit undecided.
+    """Return the reason why only the uncertainty of the scale b leaves a limit undecided, if so.
 
-    The limit would be decided for a known b, and is undecided even for an exact estimate of the ratio to b.
+    This is the case if a known b would decide the limit, but an exact estimate of the ratio to b would not.
 
     Args:
         scale: the scale
@@ -194,15 +194,15 @@ def _only_scale(scale: Scale | None, bounds: Bounds, interval: Range, best: floa
 
 
 def _other_friction(diagnosis: Diagnosis, joint: int) -> Reason:
-    """Return the reason why the friction torque may depend on more than the speed.
+    """Return the reason why the friction torque of a joint may not be a function of the speed alone.
 
-    One reason is that the named effect may not be a friction law. There is no reason if the friction torque certainly
-    is a function of the speed alone.
+    Either a named friction effect also depends on other quantities, or it is uncertain whether a named effect is a
+    friction law of this joint.
     """
     laws = {*laws_of(joint)}
     for named in diagnosis.effects:
         if named.name in NOT_OF_SPEED and named.name.endswith(f"joint{joint}"):
-            other = f"{named.name} is named, and its torque does not depend on the speed alone"
+            other = f"the torque of {named.name}, which is named, does not depend on the speed alone"
             return Reason(other, obstacle="alike", effects=(named.name,))
         sure = sum(probability for name, probability in named.candidates.items() if name in laws)
         alternatives = [rival for rival in diagnosis.rivals if rival.instead_of == named.name]
@@ -224,7 +224,7 @@ def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 
 def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float]) -> Iterator[JudgedLimit]:
-    """Test the median free-run error of the releases."""
+    """Test the median of the free-run errors of the releases."""
     if (limit := limits.free_run) is None:
         return
     reason, interval = _wrong_description(diagnosis), None
@@ -290,7 +290,7 @@ def _widened(
 ) -> tuple[Range | None, Reason]:
     """Extend an interval to include those of the models with further effects.
 
-    If the first interval decides the limit and the widened interval does not, the reason names the effects responsible.
+    If only the extended interval leaves the limit undecided, the reason names the further effects.
     """
     alone, reason = _answer(interval, *bounds), NONE
     name, _, parameter = quantity.partition(".")
@@ -298,7 +298,7 @@ def _widened(
     for model in diagnosis.evidence.wider_models if diagnosis.evidence else ():
         if fitted and not model.intervals90 and alone != "not decidable":
             words = "together are" if len(model.effects) > 1 else "is"
-            absent = "the interval holds only without them, and these recordings do not exclude them"
+            absent = "the interval is valid only without them, and these recordings do not exclude them"
             alike = f"{listed(model.effects)} {words} indistinguishable from the fitted values: {absent}"
             reason = reason or Reason(alike, obstacle="alike", effects=tuple(model.effects))
         if interval is None or quantity not in model.intervals90:
@@ -321,7 +321,7 @@ def _power(effect: str, parameter: str) -> int:
 
 
 def _untrusted(diagnosis: Diagnosis) -> Reason:
-    """Return the reason why a diagnosis has no valid intervals, if they are not valid."""
+    """Return the reason why the intervals of a diagnosis are not valid, if they are not."""
     if reason := _wrong_description(diagnosis):
         return reason
     if diagnosis.only_uncertain and (untested := [named for named in diagnosis.effects if named.untested]):
@@ -344,7 +344,7 @@ def _wrong_description(diagnosis: Diagnosis) -> Reason:
 
 
 def _confused(diagnosis: Diagnosis, effect: str) -> Reason:
-    """Explain why an effect may be the cause instead of a named effect, unless it cannot be the cause."""
+    """Return the reason why an effect that is not named may be the cause, if it may be."""
     if any(named.name == effect for named in diagnosis.effects):
         return NONE
     for named in diagnosis.effects:
@@ -352,16 +352,15 @@ def _confused(diagnosis: Diagnosis, effect: str) -> Reason:
             return _alike(named.name)
     for rival in diagnosis.rivals:
         if effect in (rival.name, *rival.members) and rival.probability > 1 - SURE:
-            instead = rival.instead_of or "none"
-            is_cause = f"the probability that this effect is the cause instead of {instead}"
-            return Reason(f"{is_cause} is {percent(rival.probability)}", obstacle="cause", effects=(instead,))
+            is_cause = f"the probability that this effect is the cause instead of {rival.instead_of}"
+            return Reason(f"{is_cause} is {percent(rival.probability)}", obstacle="cause", effects=(rival.instead_of,))
     if effect in diagnosis.withdrawn:
         return Reason("named, but not confirmed on other recordings", "record more releases", "recordings")
     return NONE
 
 
 def _doubted(named: NamedEffect) -> Reason:
-    """Explain why the ratios depend on an uncertain named effect, unless the class of the effect is certain."""
+    """Return the reason why a ratio depends on an uncertain named effect, if the class of the effect is uncertain."""
     if named.probability >= SURE:
         return NONE
     only = f"{named.name} has a probability of only {percent(named.probability)}"
@@ -369,7 +368,7 @@ def _doubted(named: NamedEffect) -> Reason:
 
 
 def _uncertain(cause: str, named: NamedEffect) -> Reason:
-    """Return a reason with a limited probability of a named effect; a second release tests an untested form."""
+    """Return a reason that concerns the uncertainty of a named effect; a second release tests an untested form."""
     if not named.untested:
         return Reason(cause, obstacle="cause", effects=(named.name,))
     return Reason(f"{cause}, {UNTESTED}", SECOND_RELEASE, "recordings", (named.name,))
@@ -390,10 +389,7 @@ def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> Reason:
 
 
 def _unsure(diagnosis: Diagnosis, effect: str) -> Reason:
-    """Return the reason why the effect that exceeds its limit may not be the true cause.
-
-    There is no reason if the effect is certain or was not named.
-    """
+    """Return the reason why a named effect that exceeds its limit may not be the cause, if it is uncertain."""
     for named in diagnosis.effects:
         if named.name == effect and (probability := named.candidates[effect]) < SURE:
             return _uncertain(f"the probability that this effect is the cause is {percent(probability)}", named)

@@ -1,4 +1,4 @@
-"""Limits file: maximum sizes of effects and ranges of ratios.
+"""Limits file of an acceptance test: limits of effects, ratios, friction torques and free-run errors.
 
 [effects.coulomb_joint2]
 torque_Nm = { max = 0.002, unit = "N m" }
@@ -41,7 +41,7 @@ class EffectLimit(RigTable):
 
 
 class RatioLimit(RigTable):
-    """Permitted range of a ratio: a nominal value with a tolerance, or bounds."""
+    """Permitted range of a ratio: a nominal value with a tolerance, or one or two bounds."""
 
     nominal: StrictFloat | None = None
     """Centre of the range; used with `tolerance`."""
@@ -109,7 +109,7 @@ class Limits(RigTable):
     @field_validator("effects", "ratios", mode="before")
     @classmethod
     def _known_names(cls, table: object, field: ValidationInfo) -> object:
-        """Refuse unknown names before their entries are validated, because the name is the actual fault."""
+        """Refuse unknown names before the entries are validated, because an unknown name is the actual fault."""
         kind, names = ("effect", EFFECTS) if field.field_name == "effects" else ("ratio", RATIO_UNITS)
         for name, entries in table.items() if isinstance(table, dict) else ():
             _known(kind, name, names)
@@ -125,15 +125,12 @@ class Limits(RigTable):
 
 
 def friction_quantity(joint: str, limit: FrictionLimit) -> str:
-    """Name the quantity of a friction limit.
-
-    An example is `friction of joint1 up to 6 rad/s`.
-    """
+    """Return the name of the limited quantity, for example `friction of joint1 up to 6 rad/s`."""
     return f"friction of {joint} up to {limit.speed_rad_s:g} rad/s"
 
 
 def free_run_quantity(limit: FreeRunLimit) -> str:
-    """Name the quantity of a limit for free runs."""
+    """Return the name of the limited quantity, for example `free run over 2 s`."""
     return f"free run over {limit.horizon_s:g} s"
 
 
@@ -149,7 +146,7 @@ def load_limits(path: Path, model: type[AnyLimits]) -> AnyLimits:
 
     Raises:
         ConfigError: the file is not readable, contains no limit, or has an invalid key, name, unit or value; the
-            message names it.
+            message states which.
     """
     limits = read_config(path, model)
     if not limits.has_any:

@@ -5,8 +5,8 @@ logarithms have the mean m and the standard deviation s, the 90 % interval of th
 
     exp(m -+ t s / sqrt(n)),
 
-with the 95 % quantile t of Student's distribution with n - 1 degrees of freedom. The forecast for further releases has
-a larger n, with the same m and s.
+with the 95 % quantile t of Student's distribution with n - 1 degrees of freedom. A forecast for further releases uses a
+larger n, with the same m and s.
 """
 
 from collections.abc import Sequence
@@ -26,11 +26,11 @@ class MedianError:
     """Settings of the interval of the median error, and of its forecast."""
 
     confidence: float = 0.95
-    """Confidence of each end of the interval."""
+    """Confidence of each limit of the interval, on one side."""
     further: int = 20
     """Maximum number of further releases of a forecast."""
     least: float = 1e-12
-    """Smallest error that the logarithm distinguishes from zero, rad."""
+    """Lower limit of an error before its logarithm is taken, rad."""
 
 
 MEDIAN = MedianError()
@@ -51,9 +51,9 @@ def median90(errors: Sequence[float], further: int = 0) -> Interval90:
 
 
 def undecided(errors: Sequence[float], limit: float, further: int = 0) -> tuple[float, bool]:
-    """Return the half width of the interval towards the limit, rad, and whether the limit is undecided.
+    """Return the half width of the interval on the side of the limit, rad, and whether the limit is undecided.
 
-    The limit is undecided if the interval of the median contains it. The arguments are those of `median90`.
+    The limit is undecided if the interval of the median contains it. The other arguments are those of `median90`.
     """
     low, high = median90(errors, further)
     median = float(np.sqrt(low) * np.sqrt(high))
@@ -69,10 +69,7 @@ def further_releases(errors: Sequence[float], limit: float) -> int | None:
 
 
 def what_decides(diagnosis: Diagnosis, limit: FreeRunLimit, errors: Sequence[float]) -> Reason:
-    """Return the reason why a limit is undecided.
-
-    It states the number of releases that decide the limit, or the obstacle.
-    """
+    """Return the reason of an undecided limit, with the number of further releases that decide it, or the obstacle."""
     if (number := further_releases(errors, limit.max)) is not None:
         further = counted(number, "further release")
         return within(remedy=f"{further} with the same mean and spread of the errors would decide it")

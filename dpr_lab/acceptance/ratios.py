@@ -10,10 +10,10 @@ from dpr_lab.shown import listed
 
 
 def undetermined(diagnosis: Diagnosis, ratio: str) -> Reason:
-    """Return the reason why the recordings do not determine a ratio, and the remedy, if they do not.
+    """Return the reason why the recordings do not determine a ratio, with the remedy; `NONE` if they determine it.
 
-    For example, recordings of one rod alone determine only some ratios. A gain is not fitted if rods and drive were
-    measured; the error of the torques is tested instead.
+    For example, recordings of one rod alone determine only some ratios. A gain is not fitted if the rig file contains
+    measured values of rods and drive. The error of the torques is then tested as an effect.
     """
     stated, error = diagnosis.stated_ratios, TORQUE_SCALE_JOINT0.name
     if ratio in stated:

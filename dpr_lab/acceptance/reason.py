@@ -1,4 +1,4 @@
-"""Reason why a limit is not decidable: its cause, what decides the limit, and the effects that the cause concerns."""
+"""Reason why a limit is not decidable: cause, remedy, and the effects that the cause concerns."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -10,12 +10,12 @@ effect or value, missing recordings, or a diagnosis without valid intervals. Emp
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """Reason why a limit is not decidable; false if there is none."""
+    """Reason why a limit is not decidable; an empty reason is false."""
 
     cause: str = ""
     """Clause that states the cause."""
     remedy: str = ""
-    """Clause that states what decides the limit, or why no further release does; empty if it is not yet known."""
+    """Clause that states how the limit can be decided, or why no further release decides it; empty if unknown."""
     obstacle: Obstacle = ""
     """Kind of the cause."""
     effects: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""Intervals of absolute sizes with an uncertain scale b, and how to reduce this uncertainty."""
+"""Intervals of absolute sizes with an uncertain scale b, and the remedy for this uncertainty."""
 
 from dpr_lab.acceptance.reason import Reason
 from dpr_lab.identification.scaling.scale import Interval90, Scale

@@ -1,1 +1,1 @@
-"""Certificates: claims of a diagnosis, which others can verify by repeating the diagnosis."""
+"""Certificates: claims of a diagnosis that others can verify by repeating it."""

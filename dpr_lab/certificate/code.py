@@ -18,7 +18,7 @@ LIBRARIES = ("python", "numpy", "scipy", "numba")
 
 
 def made_with() -> dict[str, str]:
-    """Determine versions and hash of the installed code, by the field names of `MadeWith`."""
+    """Return versions and hash of the installed code, with the field names of `MadeWith`."""
     return {
         "dpr_lab": ", ".join([__version__, *packages()]),
         "code": _hash(Path(__file__).parents[1], fingerprint(*GROUPS)),
@@ -30,7 +30,7 @@ def made_with() -> dict[str, str]:
 
 @cache
 def _hash(package: Path, added: str) -> str:
-    """Hash the Python files of a package and the code of plugins by SHA-256."""
+    """Return the SHA-256 of the Python files of a package and of the fingerprint `added` of the plugins."""
     digest = hashlib.sha256(added.encode())
     for file in sorted(package.rglob("*.py")):
         digest.update(f"{file.relative_to(package).as_posix()}\0{file.stat().st_size}\0".encode())

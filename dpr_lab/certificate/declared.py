@@ -1,4 +1,4 @@
-"""Choices and origin stated in a certificate, which a repetition of the diagnosis cannot verify."""
+"""Choices and origin of a certified diagnosis, which a repetition of the diagnosis cannot verify."""
 
 from collections.abc import Iterator, Mapping
 

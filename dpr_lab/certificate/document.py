@@ -22,7 +22,7 @@ Policy = Literal[2]
 POLICY: Policy = get_args(Policy)[0]
 """Version of the policy: claims, tolerances and permitted choices. It increases with every change of these rules.
 
-Rules that lead to a claim are not part of it: the code hash identifies them, and a verification computes each claim.
+The computation of a claim is not part of the policy: the hash of the code identifies it, and a verification repeats it.
 """
 
 WRITER = "`dpr-lab certify`"
@@ -147,8 +147,8 @@ class Certificate(_Part):
     limits: CertifiedLimits | None = None
     """Limits file whose test results are also claimed; None if there are no limits."""
     truncated_recordings: tuple[FilePath, ...] | None = None
-    """Recordings that were interrupted or damaged, and are used up to this point; None if an older version did not
-    state them."""
+    """Recordings that were interrupted or damaged, and are used up to this point; None in a file of an older
+    version."""
     choices: CertifiedChoices
     made_with: MadeWith
     claims: dict[str, CertifiedClaim]

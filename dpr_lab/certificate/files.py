@@ -1,4 +1,4 @@
-"""Hashes of the recordings and of the rig file of a certificate."""
+"""Hashes of the files of a certificate: recordings, rig file and limits file."""
 
 import os
 from collections.abc import Iterable
@@ -74,7 +74,7 @@ def compare_recording(certified: CertifiedRecording, folder: Path) -> Verified:
 
 
 def _compare(certified: CertifiedRecording, path: Path) -> tuple[bool, str | None, str]:
-    """Compare a file with the certified recording; return agreement, hash, and reason."""
+    """Compare a file with the certified recording; return whether they agree, the hash, and the reason if not."""
     if not path.is_file():
         return False, None, "does not exist"
     sha256 = sha256_of(path)
@@ -92,7 +92,7 @@ def truncated_recordings(recordings: Iterable[CertifiedRecording], folder: Path)
 
 
 def compare_truncated(certificate: Certificate, folder: Path) -> list[Verified]:
-    """Compare the truncated recordings with the certified list; the result is empty if they agree."""
+    """Compare the truncated recordings with the certified list; the result is empty if both agree."""
     certified, now = certificate.truncated_recordings, truncated_recordings(certificate.recordings, folder)
     if (certified or ()) == now:
         return []

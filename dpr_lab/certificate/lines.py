@@ -1,4 +1,4 @@
-"""Results of a verification, one for each statement of a certificate."""
+"""Results of a verification: one record for each statement of a certificate."""
 
 from dataclasses import dataclass
 

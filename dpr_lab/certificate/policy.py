@@ -2,8 +2,8 @@
 
 These rules are part of the code and not of the file. A certificate with a missing, additional or changed claim is not
 valid. A change of the rules requires a new policy number (`dpr_lab.certificate.document.POLICY`). Names and verdicts
-must be equal. The tolerances of numbers are computed from the repeated diagnosis, so editing the file cannot widen
-them. The tolerances are also used to compare the results of different versions of this program (tests/golden).
+must be equal. The tolerances of numbers are computed from the repeated diagnosis, so that editing the file cannot
+change them. The tolerances are also used to compare the results of different versions of this program (tests/golden).
 """
 
 from collections.abc import Iterator, Mapping
@@ -50,7 +50,7 @@ class RequiredClaim:
 
 
 def required_claims(diagnosis: Diagnosis, acceptance: Acceptance | None = None) -> dict[str, RequiredClaim]:
-    """Return the claims that a policy requires in the certificate of a diagnosis, by name.
+    """Return the claims that the policy requires in the certificate of a diagnosis, by name.
 
     Args:
         diagnosis: the diagnosis
@@ -121,9 +121,10 @@ def _scale(scale: Scale) -> RequiredClaim:
 
 
 def _size(size: EffectSize, typical: float) -> RequiredClaim:
-    """Return the claim on an absolute size, with the tolerance of the fit.
+    """Return the claim on an absolute size.
 
-    The interval of the size includes the uncertainty of the scale.
+    The claimed interval includes the uncertainty of the scale b; the tolerance of the value follows from the interval
+    of the fit alone.
     """
     interval90 = size.interval90_with_scale or size.interval90
     claim = CertifiedClaim(value=size.value, interval90=interval90)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
 CONTEXT = b"dpr-lab certificate\n"
-"""Prefix of the signed bytes. It prevents the use of the signature for data other than a certificate."""
+"""Prefix of the signed bytes, so that the signature is valid for a certificate only."""
 
 MISSING = "signatures require the library cryptography: pip install 'dpr-lab[signing]'"
 MAKE_A_KEY = "create a key with: ssh-keygen -t ed25519 -f my_key"
@@ -103,9 +103,9 @@ def sign(certificate: Certificate, key: "Ed25519PrivateKey") -> Certificate:
 
 
 def is_valid(certificate: Certificate) -> bool:
-    """Return whether the signature matches the content and public key of the certificate.
+    """Return whether the signature of a certificate matches its content and public key.
 
-    The library `cryptography` is required.
+    The library `cryptography` must be installed.
     """
     from cryptography.exceptions import InvalidSignature
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey

@@ -33,15 +33,15 @@ from dpr_lab.gap.result.diagnosis import Diagnosis, Verdict
 
 
 def find_check(diagnosis: Diagnosis, name: str) -> AdvisedCheck:
-    """Find a recommended check by its id.
+    """Return the check with a given identifier.
 
     Raises:
-        RunError: the diagnosis has no such check, or the result of the check is recorded already.
+        RunError: the diagnosis has no such check, or already contains its result.
     """
     if done := next((done for done in diagnosis.checks_done if done.check.id == name), None):
         raise RunError(
-            f"the result of check {name} is recorded already: {done.result}. To correct it, record the result with the"
-            " diagnosis from before this check"
+            f"the result of check {name} is recorded already: {done.result}. To correct it, record the correct result"
+            " in the diagnosis that was made before this check"
         )
     check = next((check for check in diagnosis.checks if check.id == name), None)
     if check is None:
@@ -60,8 +60,8 @@ def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Di
         answer: result of the check
 
     Raises:
-        RunError: the answer has another kind than the check, or an impossible value; no candidate predicts the value,
-            and the value is not confirmed; or a run cannot be fitted.
+        RunError: the answer does not belong to this kind of check, the value is impossible or doubtful and not
+            confirmed, or the runs cannot be fitted.
     """
     refuse_other_result(check, answer.entered)
     result = kind_of(check).result(diagnosis, check, answer, candidates(diagnosis, check.about))
@@ -69,12 +69,10 @@ def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Di
 
 
 def refuse_other_result(check: AdvisedCheck, given: set[str]) -> None:
-    """Check that a result has the fields that its kind of check requires.
-
-    The fields are those of a `CheckAnswer`.
+    """Test whether the entered fields of a `CheckAnswer` are those that the kind of check requires.
 
     Raises:
-        RunError: other fields are given.
+        RunError: a field is missing, or another field is entered.
     """
     kind = kind_of(check)
     if given != kind.takes:
@@ -94,7 +92,8 @@ def _options(fields: Collection[str]) -> str:
 def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:
     """Return the probability of each candidate cause of a named effect.
 
-    The candidates are the members of its class and its alternatives.
+    The candidates are the members of its class and its alternatives. If checks are completed, the probabilities are
+    those after the last one.
     """
     if done := _last(diagnosis, about):
         return {name: p for name, p in done.after.items() if name != NONE_OF_THEM}
@@ -103,7 +102,7 @@ def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:
 
 
 def hypotheses(diagnosis: Diagnosis, about: str) -> dict[str, float]:
-    """Return the probability of each candidate and of any other cause; the sum is one."""
+    """Return the probability of each candidate and of a cause outside the candidates; the sum is one."""
     if (done := _last(diagnosis, about)) and NONE_OF_THEM in done.after:
         return dict(done.after)
     probabilities = candidates(diagnosis, about)
@@ -127,8 +126,8 @@ def posterior(
     """Return the probabilities and the log10 Bayes factors of all hypotheses after a result.
 
     Args:
-        prior: hypothesis -> probability
-        log_densities: hypothesis -> natural logarithm of the density of the result under it
+        prior: probability by hypothesis
+        log_densities: natural logarithm of the predictive density of the result, by hypothesis
     """
     names = list(prior)
     p, L = np.array([prior[name] for name in names]), np.array([log_densities[name] for name in names])
@@ -178,10 +177,10 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
 
 
 def remaining(diagnosis: Diagnosis, done: CheckDone) -> list[AdvisedCheck]:
-    """Return the checks that remain to be done, the best first.
+    """Return the remaining checks, the best first, with updated expected information.
 
-    The expected information of an ideal measurement is the remaining entropy. For any other check, its fraction of the
-    entropy is assumed to be the same as before the result.
+    The expected information of a check is assumed to be the same fraction of the entropy as before the result. For an
+    ideal measurement this fraction is one.
     """
     open_checks = [_reweighed(check, done) for check in diagnosis.checks if check.id != done.check.id]
     return sorted(open_checks, key=lambda check: -check.priority)
@@ -195,7 +194,7 @@ def _reweighed(check: AdvisedCheck, done: CheckDone) -> AdvisedCheck:
 
 
 def _sides(check: AdvisedCheck, probabilities: Mapping[str, float]) -> tuple[float, float]:
-    """Return the probabilities of the two possible outcomes of a check.
+    """Return the probabilities of the two groups of causes that a check distinguishes.
 
     A measurement distinguishes the causes with the measured amplitude from all others, including a cause outside the
     candidates. A recording distinguishes the named effect from the other causes of the check.
@@ -210,16 +209,17 @@ def _sides(check: AdvisedCheck, probabilities: Mapping[str, float]) -> tuple[flo
 
 
 def _outside(diagnosis: Diagnosis, done: CheckDone) -> float:
-    """Return the probability of a cause outside the library, as the maximum over all named effects."""
+    """Return the probability of a cause outside the library: the maximum over all named effects."""
     checked = diagnosis.outside_by_checks | {done.check.about: done.after[NONE_OF_THEM]}
     unchecked = any(effect.name not in checked for effect in diagnosis.effects)
     return max([*checked.values(), *([diagnosis.probabilities.get(NONE_OF_THEM, 0.0)] if unchecked else [])])
 
 
 def _remedies(diagnosis: Diagnosis, done: CheckDone, standing: NamedEffect) -> list[str]:
-    """Return the remedies of the named effects that are still the most probable causes.
+    """Return the remedies after a check.
 
-    If several members of the class of the checked effect are still possible, its remedy lists them.
+    The remedy of the checked effect is removed if this effect is no longer the most probable cause. Otherwise it lists
+    the members of the class that are still possible.
     """
     about = standing.name
     before, after = to_rule_out(_named(diagnosis, about)), to_rule_out(standing)
@@ -238,7 +238,7 @@ def _standing(
 ) -> tuple[list[NamedEffect], list[RivalEffect]]:
     """Return the named effects and the alternatives after a check.
 
-    If the check distinguishes members of a class, they become alternatives.
+    Members of the class that the check makes improbable become alternatives.
     """
     named = _named(diagnosis, about)
     total = sum(after[name] for name in named.members)
@@ -285,25 +285,25 @@ def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[
         outside = (
             f"{result} none of the named effects explains the measured value. Either the cause is a different"
             f" effect, or a different quantity was measured (probability {done.before[after]:.2g} ->"
-            f" {done.after[after]:.2g},"
-            f" {factor})."
+            f" {done.after[after]:.2g}, {factor})."
         )
         explains = others and diagnosis.verdict != "unexplained"
         return (open_verdict if explains else "unexplained"), f"{outside} {before}"
     best = likeliest({name: p for name, p in done.after.items() if name != NONE_OF_THEM})
     change = (
-        f"{result} {best} {done.before[best]:.2f} -> {done.after[best]:.2f}, Bayes factor {bayes_factor(done, best)}."
+        f"{result} the probability of {best} changes from {done.before[best]:.2f} to {done.after[best]:.2f} (Bayes"
+        f" factor {bayes_factor(done, best)})."
     )
     if not explained:
-        change += " The value agrees with none of the candidates."
+        change += " None of the candidates predicts this value."
     if best == about:
         return diagnosis.verdict, f"{change} {before}"
-    instead = f"It is now more probable than {about}. Diagnose again with --without {about} to fit this cause."
+    instead = f"This cause is now more probable than {about}. Diagnose again with --without {about} to fit it."
     return diagnosis.verdict, f"{change} {instead} {before}"
 
 
 def bayes_factor(done: CheckDone, name: str) -> str:
-    """Format a Bayes factor, for example `25`, `0.04`, `3000` or `> 10^6`."""
+    """Return the Bayes factor of a hypothesis as text, for example `25`, `0.04`, `3000` or `> 10^6`."""
     power = done.log10_bayes_factor.get(name, 0.0)
     if abs(power) > CHECK.largest_power:
         return f"{'>' if power > 0 else '<'} 10^{np.sign(power) * CHECK.largest_power:.0f}"

@@ -29,7 +29,7 @@ from dpr_lab.drift.estimates import Estimates
 from dpr_lab.errors import RunError
 
 Basis = Literal["runs of one group", "neighbouring runs", "the noise of each run"]
-"""Data from which the standard deviation of a run is estimated."""
+"""Data from which the standard deviation of the values of one run is estimated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +41,11 @@ class DriftSettings:
     draws: int = 20_000
     """Number of simulated data sets. The critical value is then accurate to about 0.01."""
     fewest_repeats: int = 2
-    """Minimum degrees of freedom for estimating the standard deviation of a run within groups and poses."""
+    """Minimum degrees of freedom for an estimate of the standard deviation from runs of one group and pose."""
     fewest_neighbours: int = 6
-    """Minimum number of runs, for estimating the standard deviation of a run from successive runs."""
+    """Minimum number of runs for an estimate of the standard deviation from successive runs."""
     within: float = 1e-9
-    """Numerical tolerance of the test whether a contrast is estimable."""
+    """Numerical tolerance of the test whether the runs determine a contrast."""
 
 
 SETTINGS = DriftSettings()
@@ -73,11 +73,11 @@ class ParameterChange:
     first: float
     """Mean of the first group at the mean pose, SI units."""
     scatter: float
-    """Standard deviation of one run, SI."""
+    """Standard deviation of the value of one run, SI units."""
     differences: tuple[Difference, ...]
     """Differences of each later group from the first group."""
     after: int
-    """Index of the last group before the most likely change point."""
+    """Index of the last group before the most significant change point."""
     step: float
     """Mean of all groups after the change point minus mean of all groups before it, SI units."""
     step_interval: tuple[float, float]
@@ -120,19 +120,19 @@ class Drift:
 
 @dataclass(frozen=True, slots=True)
 class _Design:
-    """Linear maps from the values of the runs to contrasts, group mean and residuals."""
+    """Linear maps from the values of the runs to contrasts, mean of the first group, and residuals."""
 
     contrasts: Array
     """(contrasts, runs) weights: each later group minus the first, then the change points."""
     first: Array
     """(runs,) weights of the mean of the first group."""
     scatter: Array
-    """(m, runs) weights of m residuals; the sum of their squares estimates `norm` times the variance.
+    """(m, runs) weights of m residuals, whose sum of squares estimates `norm` times the variance of one run.
 
-    m = 0 if the variance is not estimable.
+    m is 0 if the variance cannot be estimated.
     """
     norm: float
-    """Degrees of freedom of the residuals."""
+    """Degrees of freedom of the residuals, or their number for successive runs."""
     basis: Basis
     """Source of the residuals."""
 
@@ -221,7 +221,7 @@ def _design(group: NDArray[np.int_], poses: Sequence[str], settings: DriftSettin
 
 
 def _scatter(design: _Design, values: Array) -> Array:
-    """Estimate the standard deviation (parameters,) of one run; return zero if it cannot be estimated."""
+    """Return the (parameters,) standard deviations of one run; zero if they cannot be estimated."""
     return np.sqrt(np.sum((design.scatter @ values) ** 2, axis=0) / design.norm)
 
 

@@ -1,4 +1,4 @@
-"""Estimate the ratios, and the sizes of given effects, from each run separately, also with a moving arm."""
+"""Estimates of the ratios, and of the sizes of given effects, from each run separately."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -41,8 +41,10 @@ class Estimates:
     std: Array
     """(runs, parameters) standard deviations due to the noise of each run, SI units."""
     b: float | None = None
-    """Assumed inertia for absolute sizes, kg m^2; None if the runs identify the inertia. Sizes that depend on this
-    inertia are given as ratios, and their names end in `/b` or `*b` (`/a` or `*a` if only the inner rod is mounted)."""
+    """Assumed inertia b, or a for an inner rod alone, kg m^2; None if the runs determine it.
+
+    Sizes that depend on this inertia are given as ratios, whose names end in `/b` or `*b` (`/a` or `*a`).
+    """
     inertia: str = "b"
     """Name of the assumed inertia: `a` for an inner rod alone, otherwise `b`."""
 
@@ -63,7 +65,7 @@ def estimate_each(
         start: (6,) initial values of the ratios and of b; None: values of the rig file
 
     Raises:
-        RunError: a run cannot be fitted.
+        RunError: a run cannot be fitted, or the runs determine different parameters.
     """
     initial = nominal_ratios(rig) if start is None else start
     fits = [_estimate(run, rig, effects or {}, initial) for run in runs]
@@ -84,7 +86,7 @@ def estimate_each(
 def estimate_each_arm(runs: Sequence[Run], rig: Rig, clearest: float = 0.5) -> Estimates:
     """Fit rods, arm and drive to each run separately.
 
-    Ratios that at least one run does not determine are omitted.
+    A ratio that some run does not determine accurately enough is omitted.
 
     Args:
         runs: the runs in chronological order, all with the same mode of the arm
@@ -158,10 +160,7 @@ def _estimate(
 
 
 def _scale_power(parameter: FreeParameter) -> int:
-    """Return the exponent of the inertia b in an amplitude.
-
-    A single run does not determine b.
-    """
+    """Return the exponent of the inertia b in an amplitude; 0 for other parameters."""
     effect = EFFECTS.get(parameter.effect)
     return next((p.scale_power for p in effect.parameters if p.name == parameter.name), 0) if effect else 0
 

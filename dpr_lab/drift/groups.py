@@ -10,7 +10,7 @@ from dpr_lab.errors import RunError
 
 @dataclass(frozen=True, slots=True)
 class Occasion:
-    """Time and label of a recorded run."""
+    """Name, time and label of a recorded run."""
 
     name: str
     """Name of the run."""
@@ -22,7 +22,7 @@ class Occasion:
 
 @dataclass(frozen=True, slots=True)
 class GroupSettings:
-    """Rules that separate groups."""
+    """Settings of the grouping."""
 
     pause: timedelta = timedelta(hours=1)
     """Minimum pause between two sessions, during which the rig cools down."""
@@ -33,12 +33,12 @@ GROUPS = GroupSettings()
 
 @dataclass(frozen=True, slots=True)
 class Grouped:
-    """Order of the runs in time, and the group of each run."""
+    """Chronological order of the runs, and the group of each run."""
 
     order: tuple[int, ...]
-    """Indices of the given runs, in chronological order if all dates are known."""
+    """Indices of the given runs in chronological order; in the given order if a date is missing."""
     group: tuple[int, ...]
-    """Index of the group of each run, in the order `order`."""
+    """Index of the group of each run, in the order of `order`."""
     names: tuple[str, ...]
     """Names of the groups, in the order of their first runs."""
 

@@ -18,24 +18,24 @@
 Why was cause X preferred to Y? The field `search` of a diagnosis lists all trials of the search. The trial that rejects
 Y, or that replaces Y by X, states its move and the reason.
 
-Reading order. The rules of this choice are in modules of about 9,500 words:
+Reading order. The rules by which sets of effects are compared are in modules of about 9,500 words:
 
     `hypothesis.hypothesis`      the cost, by which sets are compared
     `hypothesis.thresholds`      the numbers in the rules
     `hypothesis.significance`    the difference of cost that counts
     `hypothesis.imitation`       effects that only fit the residual of other causes
-    `which.search`               a move: it proposes sets, accepts or rejects them, and states the reason
+    `which.search`               a move, which proposes sets, accepts or rejects them, and states the reason
     `which.moves`                the order of the moves
-    `which.forward`              the moves; the trial names the one to read
+    `which.forward`              the moves; a trial in `search` names its move
     `which.removals`
     `which.replacements`
     `classes.posterior`          the probabilities of X and Y, if both remain
 
 The stages are in modules of about 7,000 words: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`,
 `which.select`, `corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 75,000 words.
-Each has the computations of one decision; read it when you change it. Two of them belong to no single stage: `damage`
-(outliers, kicks, and rods moved by a hand, which the fit of the bare model excludes; steps of a reading) and `films`
-(corrections of films).
+Each contains the computations of one decision; read it when you change it. Two parts belong to no single stage:
+`damage` (outliers, kicks and rods moved by a hand, which the fit of the bare model excludes, and steps of a reading)
+and `films` (corrections of films).
 
 Terms of all modules:
 

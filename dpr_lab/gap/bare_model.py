@@ -1,4 +1,4 @@
-"""Fit of the bare model to screened runs, in short segments at first, then in longer ones."""
+"""Fit of the bare model to screened runs, first in short segments, then in longer ones."""
 
 from dataclasses import replace
 
@@ -23,26 +23,29 @@ from dpr_lab.rig import Rig
 from dpr_lab.setup import only_inner
 
 LESS_NOISE = 0.8
-"""Maximum ratio of a smaller noise of measured torques, if it is used, to the previous one; tested noises differ by
-0.71."""
+"""Maximum ratio of the new noise of measured torques to the previous one, if the new one is smaller and is to be used.
+
+Successive tested values of the noise have the ratio 0.71."""
 
 
 def nominal_ratios(rig: Rig) -> Array:
-    """Return the (7,) ratios, b and p/b of the best known rig values."""
+    """Return the (7,) ratios, b and p/b that follow from the measured or nominal values of the rig file."""
     return unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))
 
 
 def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Problem, Hypothesis]:
-    """Fit the ratios robustly in short first segments, then in segments of the working length (`SegmentLengths`).
+    """Fit the ratios robustly in short segments, then in segments of the working length (`SegmentLengths`).
 
-    Isolated outliers are excluded after the first fit: at a low sample rate, only the residual of a model shows them.
+    Disturbed intervals and isolated outliers are excluded after the first fit: at a low sample rate, only the residual
+    of a model shows an outlier.
 
     Args:
-        recordings: the runs
+        recordings: the screened runs
         start: (7,) initial ratios, b and p/b
 
     Returns:
-        the runs without outliers, the problem at the working length, and the bare model
+        the runs without disturbances and outliers and with the estimated noise of torques and tracking, the problem at
+        the working length, and the bare model
 
     Raises:
         RunError: no initial state fits the readings of a segment.
@@ -94,7 +97,10 @@ def _refuse_unfollowed(recordings: Recordings, problem: Problem, bare: Fit) -> N
 
 
 def with_likeliest_noise(recordings: Recordings, problem: Problem, model: Hypothesis) -> Recordings | None:
-    """Return the recordings with a smaller noise of their measured torques, if the residuals make it more likely."""
+    """Return the recordings with a smaller noise of the measured torques, if the residuals make it more likely.
+
+    The result is None if the noise is not clearly smaller (`LESS_NOISE`), or if no noise of torques is assumed.
+    """
     before = np.minimum(most_noise(problem), recordings.torque_noise_Nm)
     if problem.disturbance is None or not before.any():
         return None

@@ -1,12 +1,12 @@
 """Corrections of the recordings that forward selection shows to be necessary; each needs a new search.
 
-A correction returns the fitted state with corrected recordings, as a `ScreenedRuns`: the search fits the bare model
-again. It returns None if the recordings need no correction.
+The function of a correction returns the corrected recordings as a `ScreenedRuns`, because the search fits the bare
+model again. It returns None if the recordings need no correction.
 
 noise of torques    smaller than estimated from the recorded torques, or zero
-earlier torques     torques that act before their rows, which looks like a negative delay
-rolling shutter     correction of the readings of a film
-moving camera       noise of a film whose picture turns slowly
+earlier torques     torques that act before their time stamps, which appears as a negative delay
+rolling shutter     readings of a film, corrected for the delay between the lines of a picture
+moving camera       noise of a film whose camera rotates slowly
 """
 
 from collections.abc import Callable
@@ -28,13 +28,13 @@ class RowRules:
     """Rules for known torques that change between the rows of a file."""
 
     earlier: float = 1.0
-    """Maximum time by which known torques act before their rows, as a share of the interval between rows.
+    """Maximum time by which known torques act before their time stamps, as a share of the interval between rows.
 
     The share is one half for samples of a continuous signal, smaller for several updates per row, and larger if the
     last update was long before the row.
     """
     slack: float = 0.1
-    """Uncertainty of the share `earlier`. A torque that acts even earlier was logged too late."""
+    """Tolerance of the limit `earlier`. A torque that acts even earlier was logged too late."""
 
 
 ROWS = RowRules()
@@ -53,7 +53,7 @@ def corrected(state: ForwardSelected, search: Callable[[ScreenedRuns], ForwardSe
 
     Args:
         state: result of the first search
-        search: function that fits the bare model to recordings and selects effects
+        search: function that fits the bare model to recordings, and selects effects forward
     """
     for _ in range(2):  # the noise may be smaller at first, and then zero
         if not (changed := with_other_noise(state.fitted, state.search.current)):
@@ -95,7 +95,7 @@ def _with_earlier_torques(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | N
 
 
 def _no_worse(before: ForwardSelected, after: ForwardSelected) -> bool:
-    """Return whether torques that act before their rows fit no worse than delayed torques, within the noise."""
+    """Return whether torques that act before their time stamps fit about as well as a negative delay, or better."""
     held, earlier = before.search.current, after.search.current
     return earlier.cost < held.cost + held.chance
 

@@ -1,4 +1,4 @@
-"""Diagnosis in stages (`STAGES`)."""
+"""Diagnosis of recordings, in the stages `STAGES`."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -67,15 +67,16 @@ def diagnose(
     Args:
         runs: one recorded run or several; three releases or more distinguish effects best
         rig: lengths, masses and encoders
-        held_out: recordings that are not fitted, to measure the reduction of the gap
-        library: effects to choose from; all of `dpr_lab.effects.EFFECTS` by default
+        held_out: recordings that are not fitted, and on which the reduction of the gap is measured
+        library: effects to choose from, by name; by default, all of `dpr_lab.effects.EFFECTS`
         max_effects: maximum number of effects in the model
-        start: (7,) initial ratios, b and p/b; values of the rig file by default
+        start: (7,) initial ratios, b and p/b; by default, those of the rig file
         seed: seed of the bootstrap; the same seed gives the same result
         on_progress: function that is called at the start of each stage, fit and score test
 
     Raises:
-        RunError: there are no runs, a run is given twice, belongs to another rig, is too short, or contains no motion.
+        RunError: there are no runs, or a run is given twice, belongs to another rig, is too short, contains no motion,
+            or contradicts its description.
         IdentificationError: a run has a gap that is too long, the known torques or masses fit only with a negative
             inertia, or the weight of the inner rod acts upwards in the selected model.
     """
@@ -129,7 +130,7 @@ def _screened(request: Request) -> ScreenedRuns:
 
 
 def _fitted(screened: ScreenedRuns) -> Fitted:
-    """Fit the bare model, apply its noise and shutter also to the held-out runs, and locate its residual."""
+    """Fit the bare model and locate its residual; prepare the held-out runs with the same noise and shutter."""
     request = screened.request
     _begin(request, "bare model")
     recordings, problem, bare = fit_bare_model(screened.recordings, request.start)
@@ -152,7 +153,7 @@ def _fitted(screened: ScreenedRuns) -> Fitted:
 
 
 def _forward_selected(screened: ScreenedRuns) -> ForwardSelected:
-    """Fit the bare model, and select effects forward."""
+    """Fit the bare model, and add effects to it by forward selection."""
     fitted = _fitted(screened)
     request, prediction = fitted.request, fitted.held_out_prediction
     _begin(request, "which")
@@ -172,7 +173,8 @@ def _forward_selected(screened: ScreenedRuns) -> ForwardSelected:
 def _selected(preliminary: ForwardSelected) -> Selected:
     """Refine the selected set, and compute the class of each effect in it.
 
-    The refinement takes most of the time. Afterwards, only the noise of known torques is corrected once more.
+    The refinement takes most of the time. If the refined set shows another noise of the known torques, selection and
+    refinement are repeated once.
     """
     selection = refined(preliminary.search)
     if changed := with_other_noise(preliminary.fitted, selection.chosen):
@@ -192,7 +194,7 @@ def _selected(preliminary: ForwardSelected) -> Selected:
 
 
 def _transferred(selected: Selected) -> Transferred:
-    """Test the selected set, and compute the size of the gap and the covariance."""
+    """Test the selected set on held-out data, and compute the size of the gap and the covariance."""
     fitted, selection = selected.fitted, selected.selection
     rig, recordings, problem, chosen = fitted.request.rig, fitted.recordings, fitted.problem, selection.chosen
     _begin(fitted.request, "transfer")

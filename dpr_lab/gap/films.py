@@ -1,15 +1,15 @@
-"""Corrections of films: the delay of a rolling shutter, and a camera that moves slowly, both from a fitted model.
+"""Corrections of films for a rolling shutter and for a slowly moving camera, both estimated from a fitted model.
 
 Rolling shutter (`dpr_lab.gap.screen.shutter`). The derivative of the corrected readings with respect to the delay is a
-column of the linear problem. Other columns are those of the model and of the causes that every rig has: friction, air
-drag and a tilted camera. Without these columns their part of the residual would bias the delay. Reading a picture takes
-at most as long as a frame, which limits the delay.
+column of the linear problem. The other columns are those of the model and of the causes that every rig has: friction,
+air drag and a tilted camera. Without these columns, the delay would be biased. Reading a picture takes at most as long
+as a frame, which limits the delay.
 
-Moving camera. If the picture turns, or if the point that counts as the pivot moves, all angles of the picture change
-together. The change is much slower than the swing, and it is different in each recording. It is therefore part of the
-noise, and no effect of the rig. In each segment the error is a straight line with a random offset and slope
-(`dpr_lab.fitting.whitening`). Its standard deviation is the restricted maximum likelihood estimate from the residual of
-a fitted set. The standard deviation of the readings is free in this estimate.
+Moving camera. If the camera rotates, or if the point that is used as the pivot moves, all angles of the picture change
+together. The change is much slower than the swing, and differs between recordings. It is therefore modelled as noise,
+and not as an effect of the rig. In each segment the error is a straight line with a random offset and slope
+(`dpr_lab.fitting.whitening`). The standard deviation of this error is estimated from the residual of a fitted set by
+restricted maximum likelihood. The standard deviation of the readings is estimated at the same time.
 
 Source: Patterson & Thompson (1971), Recovery of inter-block information when block sizes are unequal, Biometrika 58.
 """
@@ -35,19 +35,19 @@ from dpr_lab.gap.where.coordinates import beyond_fit
 
 @dataclass(frozen=True, slots=True)
 class FilmRules:
-    """Limits of the test for a rolling shutter, and tested motions of a camera."""
+    """Settings of the tests for a rolling shutter and for a moving camera."""
 
     part: float = 0.1
     """Step of the numerical derivative, as a fraction of the largest delay."""
     share: float = 0.04
-    """Minimum fraction of the excess chi-square that a rolling shutter must explain to be tried."""
+    """Minimum fraction of the excess chi-square that a correction for a rolling shutter must explain."""
     angles_rad: tuple[float, ...] = tuple(np.geomspace(1e-3, 0.1, 13).tolist())
-    """Tested standard deviations of the angle of the picture: from the noise of a good film to 6 degrees."""
+    """Tested standard deviations of the rotation of the picture, rad: from the noise of a good film to 6 degrees."""
 
 
 FILM = FilmRules()
 ORDINARY = (*COULOMB, AIR_DRAG_BOTH, BASE_TILT)
-"""Causes that every filmed rig has."""
+"""Effects that every filmed rig has."""
 
 
 def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesis) -> RollingShutter | None:
@@ -64,7 +64,10 @@ def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesi
 
 
 def shutter_explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
-    """Return whether a rolling shutter correction improves the fit of a model."""
+    """Return whether the correction for a rolling shutter significantly reduces the cost.
+
+    Fits with different numbers of segments are not comparable; the result is then False.
+    """
     if len(without.fit.linear.chi2_by_segment) != len(corrected.fit.linear.chi2_by_segment):
         return False
     inflation = corrected.inflation
@@ -77,7 +80,7 @@ def _improved(
 ) -> tuple[float, RollingShutter]:
     """Return the reduction of chi2 by the best delay, and the shutter with this delay.
 
-    The delay applies to one direction in which the lines are read.
+    `lines` is the direction in which the lines of a picture are read.
     """
     rate_hz = max(record.run.rate_hz for record in recordings.records)
     limit = 1 / (recordings.rods_length * rate_hz)  # reading the length of the rods takes one frame; s/m
@@ -96,7 +99,7 @@ def _improved(
 def likeliest_camera(recordings: Recordings, problem: Problem, model: Hypothesis) -> float:
     """Estimate the standard deviation of the rotation of a film's picture by maximum likelihood, rad.
 
-    The result is 0 if encoders gave the readings, or if the likelihood of a fixed camera is not significantly lower.
+    The result is 0 for readings of encoders, or if the likelihood of a fixed camera is not significantly lower.
     """
     if not recordings.may_be_films:
         return 0.0

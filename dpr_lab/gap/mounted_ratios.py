@@ -1,4 +1,4 @@
-"""Ratios of the mounted rods, to b or, for the inner rod alone, to a."""
+"""Ratios of fitted parameters to the inertia b, or to a if only the inner rod is mounted."""
 
 from dpr_lab.dynamics.base import GAINS, RATIOS
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
@@ -9,10 +9,16 @@ from dpr_lab.rig import Rig
 
 
 def ratio_of(parameter: FreeParameter, estimate: Estimate, rig: Rig, *, alone: bool) -> tuple[str, float, float] | None:
-    """Return a fitted parameter of rods, arm or drive as a ratio to b.
+    """Return a fitted parameter of rods, arm or drive as a ratio to b, or to a with `alone`.
 
-    The result contains the name and value of the ratio, and the divisor of the parameter. If only the inner rod is
-    mounted, the ratio refers to a.
+    Args:
+        parameter: the fitted parameter
+        estimate: the estimate that contains its value
+        rig: the rig
+        alone: whether only the inner rod is mounted
+
+    Returns:
+        name of the ratio, its value, and the divisor that converts errors of the parameter; None for other parameters
     """
     unknown, value = estimate.ratios, parameter.read(estimate)
     on_elbow, inertia = (float(unknown[ON_ELBOW]), alone_share(unknown)) if alone else (0.0, 1.0)

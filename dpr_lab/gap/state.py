@@ -1,10 +1,10 @@
 """State of a diagnosis: frozen records, one for each stage.
 
 ScreenedRuns     request, recordings, held-out recordings
-Fitted           extends ScreenedRuns by segments, bare model, residual maps
-ForwardSelected  Fitted, and the state of the search after forward selection (module `corrections`)
-Selected         Fitted, selected set of effects, classes with their probabilities
-Transferred      extends Selected by performance on held-out recordings, size of the gap, covariance
+Fitted           ScreenedRuns with segments, bare model and residual maps
+ForwardSelected  Fitted with the state of the search after forward selection (module `corrections`)
+Selected         Fitted with the selected set of effects, and the probabilities of their classes
+Transferred      Selected with the performance on held-out recordings, size of the gap, covariance
 """
 
 from __future__ import annotations
@@ -70,26 +70,26 @@ class Fitted(ScreenedRuns):
     problem: Problem
     bare: Hypothesis
     held_out_prediction: OutOfSample | None
-    """Prediction of the held-out recordings by any model; None if there are none."""
+    """Predictions of the held-out recordings, for any model; None without held-out recordings."""
     residual_maps: tuple[Where, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Selected:
-    """State with the selected set of effects, and with the class of each effect."""
+    """State after the selection of effects, with the class of each selected effect."""
 
     fitted: Fitted
-    """Recordings and their bare model; the selection may have found a better fit of it."""
+    """State after the fit of the bare model, with the better fit of this model if the search reached one."""
     selection: Selection
     posteriors: tuple[EffectPosterior, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """Result of the tests of a recording's description."""
+    """Result of the tests whether the description of the recordings is wrong."""
 
     hint: str = ""
-    """Probable mistake and its correction; empty without evidence against the description."""
+    """Sentences on the probable mistake and its correction; empty without evidence of a mistake."""
     withholds: bool = False
     """Whether another interpretation explains as much as the chosen effects; no effect is then named as a cause."""
     forced: bool = False
@@ -98,13 +98,13 @@ class Description:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transferred(Selected):
-    """State with the results and the uncertainty of the selected set."""
+    """State after the test of the selected set on held-out recordings."""
 
     free_runs: Mapping[str, FreeRuns]
     """Free runs along all recordings, `before` and `after` the correction."""
     transfer: Transfer
     description: Description
-    """Whether a wrong description of the recordings explains the gap."""
+    """Result of the tests of the description of the recordings."""
     remainder: Discrepancy | None
     """Discrepancy term; None if only noise remains."""
     gap: Gap

@@ -1,1 +1,1 @@
-"""Experiment planning: next releases, their expected information, and when to stop."""
+"""Experiment planning: the next releases, their expected information, and the stopping rule."""

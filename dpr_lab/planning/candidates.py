@@ -1,4 +1,4 @@
-"""Candidate releases: evenly spread start poses, neighbouring poses, all permitted mountings."""
+"""Candidate releases: evenly spread start poses, neighbours of good poses, and all permitted mountings."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,45 +22,46 @@ class Search:
     screened_s: float = 10.0
     """Duration of the releases by which the evenly spread poses are compared, s."""
     alone_s: float = PIECES.from_s - 1.0
-    """Maximum duration of a first release, s; a diagnosis does not divide such a recording into pieces."""
+    """Maximum duration of a first release, s; a diagnosis divides a longer single recording into pieces."""
     best: int = 3
     """Number of the best poses that are refined."""
     neighbours: int = 4
     """Number of neighbours of each refined pose."""
     near_rad: float = 0.3
-    """Standard deviation of the angles between a pose and its neighbours, rad. The second round uses half of this
-    value."""
+    """Standard deviation of the angles between a pose and its neighbours, rad; in the second round, half of it."""
     finalists: int = 2
     """Number of the best releases for which the duration is optimised."""
     placements: int = 2
     """Number of random placement errors over which the information of the best releases is averaged."""
     quiet_deg: tuple[float, ...] = (5.0, 15.0, 40.0)
-    """Amplitudes of additional candidates about hanging, deg.
+    """Deflections from hanging of additional candidates, deg, with one or both rods deflected.
 
-    One rod or both are displaced, and the swing comes to rest.
+    These swings come to rest early.
     """
-
     least_deg: float = 2.0
     """Minimum deflection from hanging of a released rod, deg, unless the limits of the plan permit only less."""
     upright_deg: float = 10.0
     """Minimum distance of a start pose from an unstable equilibrium, deg, unless the limits permit only less.
-    Closer to the equilibrium, placement error and static friction determine when and to which side the rods fall."""
+
+    Closer to the equilibrium, placement error and static friction determine when and to which side the rods fall.
+    """
     repeated: float = 0.5
-    """Fraction by which the value of a release falls if it repeats another release, because a model error affects
-    both releases."""
+    """Fraction by which the value of a release decreases if it repeats another one. A model error affects both."""
     least_bits: float = 1e-9
-    """Value of a release without measurable information, bits, so that a new pose precedes a repeated one."""
+    """Minimum value of a release, bits, before its reduction by `repeated`; a new pose then precedes a repeated one."""
     alike_rad: float = 0.5
-    """Distance between two start poses, rad, at which the reduction by `repeated` has mostly disappeared."""
+    """Standard deviation of the Gaussian by which `repeated` decreases with the distance of two start poses, rad."""
 
 
 SEARCH = Search()
 
 
 def swinging(releases: Sequence[CandidateRelease], e: Sequence[float] = (1.0, 1.0)) -> list[CandidateRelease]:
-    """Return the releases whose rods swing at once; if none does, those away from upright, or all of them.
+    """Return the releases that start far enough from an equilibrium.
 
-    Near an equilibrium, the linearised friction model predicts information, although static friction holds the rods.
+    If there are none, return those that start away from upright or, if there are none either, all releases.
+
+    Near an equilibrium static friction holds the rods, although the linearised model predicts information.
 
     Args:
         releases: the releases
@@ -74,8 +75,8 @@ def swinging(releases: Sequence[CandidateRelease], e: Sequence[float] = (1.0, 1.
 def upright_rad(release: CandidateRelease, e: Sequence[float]) -> float:
     """Return the distance of a start pose from the nearest unstable equilibrium, rad.
 
-    A double pendulum has three unstable equilibria. A single rod or a clamped elbow has one, with its centre of mass
-    above the joint; e contains the gravity torques of both rods, N m.
+    Two free rods have three unstable equilibria. A single rod, or rods with a clamped elbow, have one, with the centre
+    of mass above the joint. `e` contains the gravity torques of both rods, N m.
     """
     theta = release.start[:2]
     if release.mounting != "both":
@@ -87,7 +88,7 @@ def upright_rad(release: CandidateRelease, e: Sequence[float]) -> float:
 def hanging_rad(release: CandidateRelease, e: Sequence[float]) -> float:
     """Return the distance of a start pose from the stable equilibrium, rad.
 
-    In this equilibrium, both rods hang. With a clamped elbow, the centre of mass of the rods is below the joint.
+    In this equilibrium both rods hang or, with a clamped elbow, their centre of mass is below the joint.
     """
     if release.mounting != "both":
         return np.pi - upright_rad(release, e)
@@ -95,10 +96,7 @@ def hanging_rad(release: CandidateRelease, e: Sequence[float]) -> float:
 
 
 def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Array:
-    """Return (n, 2) reachable start angles, rad.
-
-    An evenly spread set of poses is followed by small deflections from hanging.
-    """
+    """Return (n, 2) reachable start angles, rad: at most `count` evenly spread poses, then deflections from hanging."""
     from scipy.stats.qmc import Sobol  # slow to import
 
     points = Sobol(2, rng=rng).random_base2(int(np.ceil(np.log2(count))) + 4)
@@ -156,12 +154,12 @@ def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> floa
 
 
 def value(bits: float, release: CandidateRelease, made: Sequence[CandidateRelease]) -> float:
-    """Return the value of the bits that a release adds after the releases `made`, which it may repeat."""
+    """Return the value of a release that adds `bits`, reduced if it repeats one of the releases `made`."""
     return novelty(release, made) * max(bits, SEARCH.least_bits)
 
 
 def apart_rad(release: CandidateRelease, other: CandidateRelease) -> float:
-    """Return the distance between two start poses, rad; infinite for other mountings, arm states or signals."""
+    """Return the distance of two start poses, rad; infinite for different mountings, arm states or signals."""
     same_kind = _kind(other) == _kind(release)
     return float(np.hypot(*without_turns(release.start[:2] - other.start[:2]))) if same_kind else np.inf
 
@@ -174,7 +172,7 @@ def repetition(
 ) -> str:
     """Return the end of the text of a release that repeats another one; empty for a new start pose.
 
-    Poses nearer to each other than the standard deviation of their placement, rad, are the same pose.
+    Poses whose distance is less than `placement_rad`, the standard deviation of the placement, count as equal.
     """
     made = [(f"release {number}", other) for number, other in enumerate(planned, 1)]
     made += [("a recorded release", other) for other in recorded]
@@ -186,7 +184,7 @@ def _kind(release: CandidateRelease) -> tuple[MountedParts, str, str]:
 
 
 def mountings(rig: Rig, limits: PlanLimits) -> Iterator[MountedParts]:
-    """Yield the permitted mountings for free swings; the current mounting comes first."""
+    """Yield the permitted mountings for free swings; the current one comes first if it is permitted."""
     masses: Sequence[AddedMass | None] = [rig.added_mass, None, *limits.masses]
     arms = dict.fromkeys(state == "held" for state in limits.arm_states(rig) if state != "driven")
     for held in arms:
@@ -198,7 +196,7 @@ def mountings(rig: Rig, limits: PlanLimits) -> Iterator[MountedParts]:
 
 
 def mounted_now(rig: Rig) -> MountedParts:
-    """Return the mounting that the rig file states."""
+    """Return the mounted parts that the rig file states."""
     return MountedParts(rig.rods.mounting, rig.added_mass, rig.arm.mode not in ("free", "driven"))
 
 
@@ -213,7 +211,7 @@ def longest_s(limits: PlanLimits, alone: bool) -> float:
 
 
 def minutes(release: CandidateRelease, before: MountedParts, limits: PlanLimits) -> float:
-    """Return the time of a release, minutes, with the change from the mounting `before`."""
+    """Return the time that a release takes, minutes, including the change from the mounting `before`."""
     steps, elbow = limits.minutes, {release.mounting, before.mounting} == {"both", "clamped"}
     cost = steps.place + release.duration_s / 60 + steps.mass * (release.added != before.added)
     cost += steps.arm * (release.mounted.arm_held != before.arm_held)

@@ -3,16 +3,16 @@
 `dpr_lab.planning.stopping` contains the rule of this decision.
 
 If cause t is true, further releases increase its log odds against each other cause j by a normally distributed amount
-of mean d^2 / 2 and variance d^2 (`dpr_lab.planning.worth.criteria`). The true cause is drawn from its posterior, and
-the amount is drawn from its normal distribution. The probability of a decision is the share of draws in which the
-probability of one cause reaches `SURE`. If the cause is outside the library, no release decides it. Causes that no
-release separates count as one cause, as in the stopping rule, because a bench check distinguishes them. Whether a
-release separates causes is evaluated again for each planned release, with the information available then.
+of mean d^2 / 2 and variance d^2 (`dpr_lab.planning.worth.criteria`). The true cause is drawn from the posterior, and
+the increase from this normal distribution. The probability of a decision is the share of draws in which the probability
+of one cause reaches `SURE`. If the cause is outside the library, no release decides it. Causes that no release
+separates count as one cause, as in the stopping rule, because a bench check distinguishes them. Whether a release
+separates causes is evaluated again after each planned release, with the information available then.
 
 A release may also reveal another effect or another alternative. The causes are then undecided until a further release.
-The setting `confirmed` takes this into account: of the planned releases in blind trials for which the above probability
-predicted a decision, it is the fraction that decided the causes (docs/theory.md, section 15). If n of N releases
-decided the causes, `confirmed` is (n + 1/2) / (N + 1), the posterior mean for the Jeffreys prior.
+The setting `confirmed` takes this into account: it is the fraction of planned releases that decided the causes, among
+those in blind trials for which the above probability predicted a decision (docs/theory.md, section 15). If n of N
+releases decided the causes, `confirmed` is (n + 1/2) / (N + 1), the posterior mean for the Jeffreys prior.
 
 If the selected effects leave a remainder above the noise, its cause is not known, although the search tested every
 effect of the library. A further release then decides only if it reveals this cause. `revealed` replaces `confirmed` in
@@ -25,12 +25,12 @@ with the beta-binomial probability
 
     1 - product over j < k of (b + failed + j) / (weight + failed + j),    b = (1 - confirmed) weight.
 
-If no gap is visible, a small effect may become visible with further releases. Its alternatives must then be excluded as
-well. Therefore the score tests after each planned release are simulated. Let G be the information about the tested
-amplitudes, with the unknowns of the model fitted, and z_i the estimate of amplitude i in standard deviations. The
-hypotheses are that no effect is present, or that one effect alone is present. This effect has only its most significant
-amplitude i, with a flat prior of its size. The criterion by which a diagnosis selects effects (BIC) approximates their
-odds, with the penalty p_i of this amplitude and of the shapes of its effect:
+If no gap is visible, a small effect may become visible with further releases. The alternatives of this effect must then
+be excluded as well. Therefore the score tests after each planned release are simulated. Let G be the information about
+the tested amplitudes, with the unknowns of the model fitted, and z_i the estimate of amplitude i in standard
+deviations. The hypotheses are that no effect is present, or that one effect alone is present. Of this effect, only the
+most significant amplitude i is present, with a flat prior. The criterion by which a diagnosis selects effects (BIC)
+approximates the odds of the hypotheses, with the penalty p_i of this amplitude and of the shapes of the effect:
 
     1 : q exp((z_i^2 - p_i) / 2).
 
@@ -87,22 +87,22 @@ class ForecastSettings:
     confirmed: float = 0.875
     """Fraction of the planned releases in blind trials that decided the causes as expected: 38 of 43."""
     weight: float = 4.0
-    """Weight of `confirmed` in the prior of one plant, expressed as a number of releases."""
+    """Weight of `confirmed` in the prior of one plant, as an equivalent number of releases."""
     revealed: float = 0.1
-    """Fraction like `confirmed`, if the previous diagnosis left a remainder above the noise.
+    """Value of `confirmed` if the previous diagnosis left a remainder above the noise.
 
     The next release decided the causes on none of 4 plants with one main effect and three to six small effects.
     """
     likely: float = 0.8
-    """Minimum probability of a decision for which a number of releases is recommended."""
+    """Minimum probability of a decision up to which further releases are recommended."""
     draws: int = 256
     """Number of random draws for each true cause."""
     separable: float = 6.0
     """Minimum d^2 at which two causes count as separable; odds of 20 to 1 then result on average."""
     repeats: int = 6
-    """Maximum number of further releases whose d^2 may be summed to reach `separable`."""
+    """Number of repeated further releases, with whose sum of d^2 `separable` is compared."""
     placements: int = 8
-    """Number of random placement errors of each planned release."""
+    """Number of random placement errors for which each planned release is simulated."""
     tests: int = 64
     """Number of simulated score tests for each effect and each placement error."""
 
@@ -111,12 +111,12 @@ FORECAST = ForecastSettings()
 
 
 class TestedEffects(NamedTuple):
-    """Score test of effects that are not named."""
+    """Score test of the effects that are not named, after further releases."""
 
     z: Array
     """(n,) present estimates of the amplitudes, in standard deviations."""
     limits: Array
-    """(n,) largest estimate of each amplitude that excludes its effect, in standard deviations."""
+    """(n,) limit of the estimate of each amplitude, in standard deviations, below which the effect is excluded."""
     columns: list[list[int]]
     """Columns of the amplitudes of each effect."""
     largest: list[int]
@@ -130,7 +130,7 @@ class TestedEffects(NamedTuple):
     separation: Array
     """(effects, effects) increase of d^2 between two effects by repeated releases.
 
-    It holds if the estimated size of the effect of the row is one standard deviation.
+    The effect of the row has an estimated size of one standard deviation.
     """
 
     @classmethod
@@ -192,8 +192,7 @@ def decision_probability(
 
     Args:
         pairs: candidate causes of each named effect
-        gained: (n, n) squared distances d^2 between the predictions of two causes that the releases add, for each
-            named effect
+        gained: (n, n) increases of the squared distance d^2 between two causes by the releases, for each named effect
         releases: number of these releases
         inseparable: (n, n) pairs of causes that no release separates, for each named effect; such causes count as one
             cause; empty: every pair is separable
@@ -211,7 +210,10 @@ def decision_probability(
 def _decided(p: Array, d2: Array, alike: Flags) -> float:
     """Return the fraction of random draws that decide the cause of a named effect.
 
-    The pairs of causes in `alike` count as one cause.
+    Args:
+        p: (n,) probabilities of the causes
+        d2: (n, n) increases of the squared distance between two causes
+        alike: (n, n) pairs of causes that count as one cause
     """
     from scipy.special import ndtri  # slow to import
     from scipy.stats.qmc import Sobol
@@ -226,13 +228,14 @@ def _decided(p: Array, d2: Array, alike: Flags) -> float:
 
 
 def settled_probabilities(paths: Sequence[Sequence[OpenAmplitudes]]) -> list[float]:
-    """Return the probability that further releases settle the presence of every small effect.
-
-    The result has one probability for each number of further releases.
+    """Return the probability that further releases decide on the presence of every small effect.
 
     Args:
-        paths: for each random placement error, all tested amplitudes with the present information and the information
-            after one release, after two releases and so on
+        paths: for each random placement error, the tested amplitudes with the information after one release, after two
+            releases and so on
+
+    Returns:
+        one probability for each number of further releases
     """
     if not paths[0][0].tested:
         return [1.0] * len(paths[0])
@@ -265,8 +268,8 @@ def _settled(path: Sequence[OpenAmplitudes], rng: np.random.Generator) -> Array:
 def _distances(information: Array, largest: Sequence[int], columns: Sequence[Sequence[int]]) -> Array:
     """Return the (effects, effects) squared distances D^2 between effects.
 
-    An entry belongs to an effect of unit size (row) and another effect (column). It is the squared distance between the
-    readings of the first and the nearest readings under the second, with all its amplitudes fitted.
+    An entry is the squared distance of the readings under an effect of unit size (row) from the nearest readings under
+    another effect (column), with all amplitudes of the latter fitted.
 
     Args:
         information: (n, n) information about all amplitudes

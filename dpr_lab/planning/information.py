@@ -11,8 +11,9 @@ where f is the variance inflation of a reading in the recorded runs.
 Let Phi(t) be the sensitivity of the angles to the start pose, and s the standard deviation of a manually placed pose.
 The predictability horizon of the planned swing is the time at which s |Phi(t)| exceeds a limit. Beyond this horizon the
 actual swing differs from the planned one. Later segments still contain information, because their initial states are
-fitted. The best releases are therefore rated by the mean of H over random placement errors
-(`dpr_lab.planning.sequence`). All columns of the Jacobian, all releases and all segments are computed in one batch.
+fitted, but this information depends on the placement. The best releases are therefore rated by the mean of H over
+random placement errors (`dpr_lab.planning.sequence`). All columns of the Jacobian, all releases and all segments are
+computed in one batch.
 """
 
 from collections.abc import Iterator, Sequence
@@ -37,11 +38,11 @@ class SwingSettings:
     """Settings of the simulation of a planned release."""
 
     rate_hz: int = 50
-    """Rate of the compared readings, Hz. Each reading represents all samples up to the next reading."""
+    """Rate of the simulated readings, Hz. Each represents all samples up to the next reading."""
     path_hz: int = 200
     """Rate of the simulated swing, Hz; speeds at the start of segments are finite differences of its angles."""
     step_s: float = 5e-3
-    """Longest Runge-Kutta step, s; the Jacobian is computed with twice this step."""
+    """Longest Runge-Kutta step, s; the step of the Jacobian is twice as long."""
     horizon_hz: int = 20
     """Rate at which predictability is checked, Hz."""
     nudge_rad: float = 1e-5
@@ -65,7 +66,7 @@ class PresentModel:
     """The unknowns: the ratios, b and p/b, followed by the amplitudes of effects."""
     rods: RodsWithEffects
     noise: Array
-    """(3,) noise of the readings of joints 1, 2 and 0: standard deviation of a mean over one second, rad sqrt(s)."""
+    """(3,) noise density of the readings of joints 1, 2 and 0: standard deviation of a mean over 1 s, rad sqrt(s)."""
     placement_rad: float
     """Standard deviation of a manually placed start pose, rad."""
     inflation: float = 1.0
@@ -76,7 +77,7 @@ class PresentModel:
 
 @dataclass(frozen=True, slots=True)
 class Informed:
-    """A release together with its expected information."""
+    """A release and its expected information."""
 
     release: CandidateRelease
     information: Array
@@ -109,17 +110,17 @@ def informed(
 
 
 def _batches(releases: Sequence[CandidateRelease]) -> Iterator[list[CandidateRelease]]:
-    """Group releases into batches of equal duration whose arms are all held or all move."""
+    """Divide releases into batches of equal duration in which the arm is always held, or always moves."""
     for _, group in groupby(releases, key=lambda release: (release.duration_s, release.mounted.arm_held)):
         members = list(group)
         yield from (members[i : i + SWING.batch] for i in range(0, len(members), SWING.batch))
 
 
 def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
-    """Simulate releases with effects; return their states (releases, n, 4).
+    """Simulate releases with effects; return their (releases, n, 4) states, rad and rad/s.
 
-    The states begin at the release, in rad and rad/s. They are sampled at the rate `path_hz`. If the arm moves, a state
-    has 6 components.
+    The states begin at the release, and are sampled at the rate `SwingSettings.path_hz`. They contain no encoder
+    errors. If the arm moves, a state has 6 components.
     """
     t = np.arange(round(batch[0].duration_s * SWING.path_hz) + 1) / SWING.path_hz
     read = t > PAD  # readings before this would start their segment before the release
@@ -153,7 +154,8 @@ def joint_motion(release: CandidateRelease, model: PresentModel) -> Array:
 def reached_speeds(releases: Sequence[CandidateRelease], model: PresentModel) -> dict[str, float]:
     """Return the speed that each joint reaches in both directions, rad/s.
 
-    A joint may reach the two directions in different releases. The keys are `joint0`, `joint1` and `joint2`.
+    A joint may reach the speed in one direction in one release, and in the other direction in another. The keys are
+    `joint0`, `joint1` and `joint2`.
     """
     speeds = np.concatenate([np.zeros((1, 3)), *(joint_motion(release, model)[:, 1] for release in releases)])
     reached = np.minimum(speeds.max(axis=0), -speeds.min(axis=0))
@@ -161,9 +163,9 @@ def reached_speeds(releases: Sequence[CandidateRelease], model: PresentModel) ->
 
 
 def problem_of_releases(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Problem, Array]:
-    """Build the fit problem of releases of equal duration, with all readings zero.
+    """Create the fit problem of releases of equal duration, with zero readings.
 
-    A segment starts one sample (`PAD`) before its first reading. The first segment starts at the release.
+    Each segment starts one reading before its first reading, and the first segment at the release.
 
     Returns:
         the problem, and the (segments, 4) initial states of the segments

@@ -1,9 +1,8 @@
-"""Knowledge of the rig before the next release: estimates, Fisher information, and undecided causes.
+"""Knowledge of the rig before the next release: estimates, Fisher information, and candidate causes.
 
 The unknowns are the ratios, b and p/b, and the amplitudes of every effect that is detectable in a release. The
 information about the unknowns is F = P^-1 + H / f. P is the prior covariance from the rig file, H the normal matrix of
-the runs recorded so far, and f the variance inflation of a reading in these runs. If there are no runs, only the prior
-contributes.
+the runs recorded so far, and f the variance inflation of a reading in these runs. Before the first run, F = P^-1.
 """
 
 from collections.abc import Mapping, Sequence
@@ -53,15 +52,15 @@ RATIO_COLUMNS = len(UNKNOWN_RATIOS)
 
 
 HELD = 1e6
-"""Size of a ratio that no release determines, divided by the standard deviation of the prior that fixes the ratio."""
+"""Size of a ratio that no release determines, divided by the prior standard deviation that fixes the ratio."""
 
 
 @dataclass(frozen=True, slots=True)
 class Acting:
-    """Parts of the rig that can act in the planned releases: rods, drives and arm."""
+    """Parts of the rig that can act in the planned or recorded releases: rods, drives and arm."""
 
     rods: frozenset[Mounting] = frozenset({"both"})
-    """Permitted mountings of the rods."""
+    """Mountings of the rods."""
     joint_drives: bool = False
     """Whether the drives of joints 1 and 2 may act."""
     arm_moves: bool = False
@@ -88,7 +87,7 @@ class Acting:
 
     @property
     def elbow(self) -> bool:
-        """Whether joint 2 exists in at least one of the permitted mountings."""
+        """Whether joint 2 exists in at least one of the mountings."""
         return bool(self.rods - {"inner", "outer"})
 
     @property
@@ -113,7 +112,7 @@ class Knowledge:
     prior: Array
     """(k, k) information of the rig file about the unknowns."""
     information: Array
-    """(k, k) F, the information of the prior and the runs about the unknowns."""
+    """(k, k) information F of the prior and the runs about the unknowns."""
     named: frozenset[str] = frozenset()
     """Names of the effects in the model."""
     always: frozenset[str] = frozenset()
@@ -125,13 +124,13 @@ class Knowledge:
     made: tuple[CandidateRelease, ...] = ()
     """The runs recorded so far, converted to releases."""
     places: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    """Columns of each effect in the vector of unknowns, by the name of the effect."""
+    """Indices of the amplitudes of each effect among the unknowns, by the name of the effect."""
     hidden_ratios: tuple[int, ...] = ()
     """Indices of the ratios that no release determines."""
     free_run_rad: tuple[float, ...] = ()
-    """Error of the free run along each run over the horizon of a limit, rad; empty without such a limit."""
+    """Rms error of the free run along each run, rad, over the horizon of the limit; empty without such a limit."""
     open_limits: tuple[str, ...] = ()
-    """Quantities of the limits that the runs do not decide; empty before any recording."""
+    """Names of the limited quantities that the runs do not decide; empty before any recording."""
 
     @property
     def amplitudes(self) -> Array:
@@ -145,12 +144,12 @@ class Knowledge:
 
     @property
     def fitted(self) -> list[int]:
-        """Columns of the unknowns of every fit: ratios, b, p/b, and effects of the model."""
+        """Indices of the unknowns that every fit estimates: ratios, b, p/b, and amplitudes of the model."""
         return [*range(RATIO_COLUMNS), *(i for name in self.named for i in self.places.get(name, ()))]
 
 
 def known_before(rig: Rig, acting: Acting = GRAVITY_ONLY) -> Knowledge:
-    """Derive the knowledge from the rig file alone, before any recording.
+    """Return the knowledge before any recording, from the rig file alone.
 
     Args:
         rig: the rig
@@ -160,7 +159,7 @@ def known_before(rig: Rig, acting: Acting = GRAVITY_ONLY) -> Knowledge:
 
 
 def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Acting = GRAVITY_ONLY) -> Knowledge:
-    """Derive the knowledge from the rig file, the recorded runs and their diagnosis.
+    """Return the knowledge from the rig file, the recorded runs and their diagnosis.
 
     The probabilities of the causes do not contain the information of held-out runs and held-out pieces. This
     information is therefore left out here as well. The uncertainty of the scale b is that of the diagnosis.
@@ -222,9 +221,9 @@ def _known(
 def _of_scale(known: Knowledge, F: Array, scale: Scale | None) -> Array:
     """Return the (k, k) matrix that, added to the information F, gives b the uncertainty stated by a diagnosis.
 
-    The prior of the plan is normal in b. That of a diagnosis is lognormal in the nine parameters, and for a single rod
-    it also contains the ratios that no release determines. The matrix is negative if F alone underestimates the
-    uncertainty of b.
+    Both uncertainties differ, because the prior of the plan is normal in b. The prior of a diagnosis is lognormal in
+    the nine parameters, and for a single rod it also contains the ratios that no release determines. The entry of b is
+    negative if F alone underestimates the uncertainty of b.
     """
     change = np.zeros_like(F)
     if scale is not None:
@@ -293,17 +292,14 @@ def _can_act(effect: Effect, rig: Rig, acting: Acting) -> bool:
 
 
 def _noise_of(rig: Rig) -> Array:
-    """Return the (3,) noise densities of encoders 1, 2 and 0, rad/sqrt(Hz).
-
-    They follow from the rig file.
-    """
+    """Return the (3,) noise densities of encoders 1, 2 and 0 from the rig file, rad sqrt(s)."""
     return np.asarray(rig.reading_std[[1, 2, 0]] / np.sqrt(rig.link.rate_hz), dtype=np.float64)
 
 
 def _noise_in(recordings: Recordings) -> Array:
-    """Estimate the (3,) noise densities of the encoders, in the order of `_noise_of`.
+    """Estimate the (3,) noise densities of encoders 1, 2 and 0 from recordings, rad sqrt(s).
 
-    If the arm was held, its value comes from the rig file.
+    If the arm was held, the value of encoder 0 comes from the rig file.
     """
     levels = [np.median(record.sigma, axis=0) / np.sqrt(RATE_HZ) for record in recordings.records]
     of_arm = [sigma[2] for sigma in levels if len(sigma) > 2] or [_noise_of(recordings.rig)[2]]
@@ -313,7 +309,7 @@ def _noise_in(recordings: Recordings) -> Array:
 def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str], hidden: Sequence[int]) -> Array:
     """Return the (k, k) prior information about ratios, b, p/b and amplitudes.
 
-    The limits of the amplitudes define their part of the prior. Ratios that no release determines are fixed.
+    The prior of an amplitude follows from its limits. Ratios that no release determines are practically fixed.
     """
     information = np.zeros((len(model.columns), len(model.columns)))
     bounded = np.isfinite(prior.mean)
@@ -345,7 +341,7 @@ def schur_complement(F: Array, fitted: Sequence[int], columns: Sequence[int]) ->
     Args:
         F: (..., k, k) information about all unknowns
         fitted: indices of the unknowns that are fitted
-        columns: indices of the unknowns that the result refers to
+        columns: indices of the unknowns whose information is returned
     """
     scale = 1 / np.sqrt(diagonal(F)[..., list(fitted)])
     across = F[..., *np.ix_(fitted, columns)] * scale[..., None]

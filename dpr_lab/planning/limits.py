@@ -59,7 +59,7 @@ A bob can have more than ten times the mass of light rods.
 class ReachablePoses(RigTable):
     """Start angles that a hand or a latch can reach, rad.
 
-    The angles are absolute; 0 is upright.
+    Angles are absolute, and 0 is upright.
     """
 
     theta1_rad: Range = (0.0, 2 * math.pi)
@@ -67,7 +67,7 @@ class ReachablePoses(RigTable):
     theta2_rad: Range = (0.0, 2 * math.pi)
     """Range of the angle of the outer rod, rad."""
     elbow_rad: Range | None = None
-    """Range of theta2 - theta1, rad, modulo full turns, for an elbow that cannot make a full turn; None: unlimited."""
+    """Range of theta2 - theta1, rad, modulo full turns, for an elbow with stops; None: unlimited."""
 
     @model_validator(mode="after")
     def _in_order(self) -> "ReachablePoses":
@@ -85,10 +85,7 @@ class ReachablePoses(RigTable):
         return self
 
     def reachable(self, theta: Array) -> Flags:
-        """Return the (n,) mask of reachable poses among (n, 2) angles.
-
-        Full turns do not count.
-        """
+        """Return the (n,) mask of the reachable poses among (n, 2) angles, rad, modulo full turns."""
         inside = _within(theta[:, 0], self.theta1_rad) & _within(theta[:, 1], self.theta2_rad)
         if self.elbow_rad is not None:
             inside &= _within(theta[:, 1] - theta[:, 0], self.elbow_rad)
@@ -152,7 +149,7 @@ class ArmPlan(SignalLimits):
     """Permitted states of the arm in a planned release, and the limits of its motor."""
 
     modes: tuple[ArmState, ...] | None = None
-    """Permitted states. None: `held`, and the mode of the rig file; a driven arm also requires `input`."""
+    """Permitted states of the arm. None: `held`, and the mode of the rig file; `driven` also requires `input`."""
     input: Positive | None = None
     """Largest magnitude of the motor's input, in the unit of `[motor]` of the rig file: N m, A or V."""
     speed_rad_s: Positive = 1e6
@@ -205,10 +202,9 @@ class PlanLimits(Limits):
     def arm_states(self, rig: Rig) -> tuple[ArmState, ...]:
         """Return the states of the arm that a plan may use.
 
-        The key `modes` of the limits file defines these states. If the key is missing, the states are `held` and the
-        mode of the rig file. The state `driven` is included only if the limits file contains the largest input. A plan
-        does not choose the motion of an arm. Therefore an arm that is prescribed or driven by an acceleration is held
-        in all planned releases.
+        The key `modes` of the limits file defines these states. If the key is missing, they are `held` and the mode of
+        the rig file, `driven` only if the limits file contains the largest input. A plan does not choose a prescribed
+        motion of the arm, so such an arm is held in all planned releases.
         """
         if self.arm.modes is not None:
             return self.arm.modes
@@ -243,7 +239,7 @@ def load_plan_limits(path: Path, rig: Rig) -> PlanLimits:
 
 
 def refuse_impossible_plan(path: Path, limits: PlanLimits, rig: Rig) -> None:
-    """Check that the limits of a plan fit the rig and permit a release.
+    """Test whether the limits of a plan fit the rig and permit a release.
 
     Raises:
         ConfigError: a limit does not fit the rig, or the limits permit no release; the message names the limit.
@@ -281,7 +277,11 @@ def refuse_impossible_plan(path: Path, limits: PlanLimits, rig: Rig) -> None:
 
 
 def _refuse_impossible_arms(path: Path, limits: PlanLimits, rig: Rig) -> None:
-    """Check that the rig file describes every permitted state of the arm."""
+    """Test whether the rig file describes every permitted state of the arm.
+
+    Raises:
+        ConfigError: the rig file does not describe a permitted state, or not the torque of the motor.
+    """
     modes: tuple[ArmState, ...] = limits.arm.modes or (() if limits.arm.input is None else ("driven",))
     for mode in modes:
         if mode == "held":

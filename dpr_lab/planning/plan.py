@@ -1,4 +1,4 @@
-"""Plan of recordings: next releases, their expected information, and when to stop."""
+"""Plan of the next recordings: releases, their expected information, and the stopping rule."""
 
 import time
 from collections.abc import Sequence
@@ -42,9 +42,9 @@ class PlanLength:
     usual: int = 3
     """Maximum number of releases in a plan without a budget; three releases distinguish most effects."""
     optional: int = 1
-    """Number of releases once the causes are decided, if some effects are not excluded."""
+    """Number of releases if the causes are decided, but effects are not excluded."""
     most: int = 12
-    """Maximum number of releases within a budget."""
+    """Maximum number of releases in a plan with a budget."""
 
 
 LENGTH = PlanLength()
@@ -72,7 +72,7 @@ def plan(
         limits: reachable poses, permitted mountings, drives, and the duration of each step
         budget_min: time at the rig, minutes
         count: maximum number of releases; None: the number is chosen as described above
-        seed: seed of the start poses of the search
+        seed: seed of the search for start poses
 
     Returns:
         the planned releases, their expected information, and whether further releases are necessary
@@ -113,7 +113,7 @@ def plan(
 
 
 def worthwhile(objective: Objective, steps: Sequence[SequenceStep], limits: PlanLimits) -> list[SequenceStep]:
-    """Leave out the releases, after the first two, that add no noticeable information to the earlier ones."""
+    """Omit the releases, after the first two, that add no noticeable information to the earlier ones."""
     known, useful = objective.known, list[SequenceStep]()
     F, mounted = known.information, mounted_now(known.rig)
     stuck = inseparable(objective, inseparable_pairs(objective, steps, objective.separated(F)))
@@ -128,9 +128,9 @@ def worthwhile(objective: Objective, steps: Sequence[SequenceStep], limits: Plan
 
 
 def usual_count(known: Knowledge) -> int:
-    """Return the number of releases that a plan without a budget contains.
+    """Return the maximum number of releases in a plan without a budget.
 
-    The number is smaller if the causes and all limits are decided.
+    It is 1 or 0 if the causes and all limits are decided.
     """
     if known.diagnosis is None or not decided(known.diagnosis) or known.open_limits:
         return LENGTH.usual

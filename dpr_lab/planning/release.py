@@ -1,4 +1,4 @@
-"""A possible release: start pose, duration, mounting and input signal."""
+"""Possible releases of the rods."""
 
 import math
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ class MountedParts(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class CandidateRelease:
-    """A candidate for the next recording."""
+    """A possible next recording: start pose, duration, mounting and input signal."""
 
     theta1: float
     """Absolute angle of the inner rod, which is at rest at the release, rad; 0 = upright."""
@@ -50,12 +50,12 @@ class CandidateRelease:
 
     @property
     def mounted(self) -> MountedParts:
-        """Parts that must be mounted for this release."""
+        """Parts that are mounted for this release."""
         return MountedParts(self.mounting, self.added, self.arm == "held")
 
     @property
     def setup(self) -> Setup:
-        """Setup of the release: its mounting and drives."""
+        """Setup of the release: mounting, added mass, drives and state of the arm."""
         elbow = round(self.theta2 - self.theta1, 1) if self.mounting == "clamped" else 0.0
         return Setup(self.mounting, self.added, elbow, self.torques, arm_moves=self.arm != "held")
 
@@ -70,7 +70,7 @@ class CandidateRelease:
 
     @property
     def words(self) -> str:
-        """Text that describes the release."""
+        """Description of the release for the operator."""
         text = f"theta1 = {self.theta1:.2f} rad ({math.degrees(self.theta1):.0f} deg)"
         if not self.setup.alone:
             text += f", theta2 = {self.theta2:.2f} rad ({math.degrees(self.theta2):.0f} deg)"

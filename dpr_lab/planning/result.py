@@ -19,7 +19,7 @@ class PairBits(_Record):
     causes: tuple[str, str]
     """The two causes, the more probable one first."""
     bits: float
-    """Expected reduction of the entropy between the two causes, from this release and the previous releases, bits."""
+    """Expected reduction of the entropy between the two causes by this and the previous releases, bits."""
 
 
 class PlannedRelease(_Record):
@@ -30,7 +30,7 @@ class PlannedRelease(_Record):
     text: str
     """Instruction for the operator."""
     reason: str
-    """Text on the contribution of this release in addition to the previous releases."""
+    """Contribution of this release in addition to the previous releases."""
     theta1_rad: float
     """Absolute angle of the inner rod, which is at rest at the release, rad; 0 = upright."""
     theta2_rad: float
@@ -42,11 +42,11 @@ class PlannedRelease(_Record):
     mounted: Literal["both", "inner", "outer"]
     """Mounted rods."""
     elbow: Literal["free", "clamped"]
-    """Whether joint 2 is free or clamped."""
+    """State of joint 2."""
     added_mass: AddedMass | None
     """Known mass to attach; None if no mass is attached."""
     arm: Literal["held", "free", "driven"]
-    """Mode of the arm: clamped, free, or driven by the input signal."""
+    """State of the arm: clamped, free, or driven by the input signal."""
     signal: Literal["", "multisine", "chirp"]
     """Kind of the input signal of the joint drives, or of the motor of a driven arm; empty for a free swing."""
     pose: str | None = None
@@ -58,16 +58,13 @@ class PlannedRelease(_Record):
     minutes: float
     """Time that the release takes after the previous one, minutes."""
     horizon_s: float
-    """Time for which the swing is predictable if the start pose is placed by hand, s."""
+    """Predictability horizon of the swing with a manually placed start pose, s."""
     pairs: list[PairBits]
-    """Expected information about each open pair of causes, from this release and the previous releases."""
+    """Expected information about each undecided pair of causes, from this and the previous releases."""
     library_bits: float
-    """Mean expected information about pairs of effects of the library, from this release and the previous releases.
-
-    The unit is bits, from 0 to 1.
-    """
+    """Mean expected information about pairs of effects of the library after this release, 0 to 1 bit."""
     ratio_std: dict[str, float]
-    """Expected standard deviation of each ratio after this release and the previous releases."""
+    """Expected standard deviation of each ratio after this and the previous releases, SI."""
     decided: float | None
     """Probability that no further release is necessary after this release.
 
@@ -114,37 +111,37 @@ class Inseparable(_Record):
 
     @property
     def advice(self) -> str:
-        """Advice: no release distinguishes these causes; the second sentence states a bench check that does."""
+        """Sentence that no release distinguishes these causes, and the bench check that does."""
         return f"No release separates {' from '.join(self.causes)}. {self.check}"
 
 
 class LimitForecast(_Record):
-    """Forecast of whether the planned releases show that the rig meets or violates a limit."""
+    """Forecast whether the planned releases show that the rig meets or violates a limit."""
 
     quantity: str
     """Name of the limited quantity, as in `dpr-lab accept`."""
     unit: str
     """SI unit of the quantity."""
     reach: float | None
-    """Distance from the limit within which a value remains undecided after the plan; None if the quantity is not
-    detectable, or not known yet."""
+    """Distance from the limit, in `unit`, within which a value remains undecided after the plan; None if the quantity
+    is not detectable, or not known yet."""
     reached_rad_per_s: float | None = None
     """Speed that the joint reaches, rad/s, if it is below the speed of a friction limit; otherwise None."""
     all_shapes: bool = False
     """Whether the interval of `accept` covers all shapes of an effect; `reach` applies to one shape."""
     decides: bool
-    """Whether a quantity at half its limit, or in the middle of its range, would pass after the plan.
+    """Whether a quantity at half its limit, or in the middle of its range, is expected to pass after the plan.
 
     For free runs: whether the limit is outside the expected interval of the median error.
     """
     unknown: str = ""
     """Reason why there is no forecast; otherwise empty."""
     release: int | None = None
-    """Number of the release that alone decides the limit most accurately; None if no single release decides it."""
+    """Number of the release that decides the limit alone, with the smallest `reach`; None if no single release does."""
 
 
 class Plan(Shown, _Record):
-    """Next recordings, their expected information, and whether the recordings are necessary."""
+    """Plan: the next recordings, their expected information, and whether they are necessary."""
 
     state: Literal["first", "record", "enough", "bench check"]
     """State of the recordings: `first`, `record`, `enough` or `bench check`.
@@ -156,7 +153,7 @@ class Plan(Shown, _Record):
     sentence: str
     """Sentences with the recommendation."""
     releases: list[PlannedRelease]
-    """Planned releases in the order of recording; the release with the most information per minute comes first."""
+    """Planned releases in the order of recording. Each adds the most information per minute to those before it."""
     minutes: float
     """Time that all releases take, minutes."""
     forecast: list[float]
@@ -174,14 +171,14 @@ class Plan(Shown, _Record):
     inseparable: list[Inseparable]
     """Pairs of causes that only a bench check distinguishes."""
     limits: list[LimitForecast]
-    """Forecasts for the limits in the limits file that the rig must satisfy."""
+    """Forecasts for the limits of the rig in the limits file."""
     assumptions: list[str]
     """Sentences on the assumptions of the plan."""
     seconds: float
     """Computing time, s."""
 
     def separable(self, release: PlannedRelease) -> list[PairBits]:
-        """Return the expected information of a release about those causes that releases can distinguish."""
+        """Return the expected information of a release about the pairs of causes that releases can distinguish."""
         pairs = [{*pair.causes} for pair in self.inseparable]
         return [pair for pair in release.pairs if {*pair.causes} not in pairs]
 
@@ -195,5 +192,5 @@ class Plan(Shown, _Record):
         return [("release", "what to record", "minutes", "reason"), *rows] if rows else []
 
     def to_json(self) -> dict[str, Any]:
-        """Convert the plan to a dict."""
+        """Return the plan as a dict with the published keys."""
         return self.model_dump()

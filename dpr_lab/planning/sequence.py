@@ -1,7 +1,4 @@
-"""Greedy choice of releases with the largest value per minute.
-
-The value of a release depends on the previous ones.
-"""
+"""Greedy search for a sequence of releases: the next one has the largest value per minute, given the previous ones."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -39,9 +36,9 @@ class SequenceStep:
     minutes: float
     """Time that the release takes after the previous one, minutes."""
     rate: float
-    """Value of the release (weighted sum of the bits that it adds) per minute.
+    """Value of the release per minute: weighted sum of the bits that it adds, divided by the time.
 
-    If there is a budget, this is the whole time of the release, otherwise only the time of the operator.
+    With a budget, the time is that of the whole release; otherwise the duration of the recording does not count.
     """
 
 
@@ -99,10 +96,10 @@ class Planner:
         return steps
 
     def _longer(self, steps: Sequence[SequenceStep], left: float) -> list[SequenceStep]:
-        """Extend the releases by the remaining time if it is too short for a further release.
+        """Extend the releases by the remaining time, which is too short for a further release.
 
-        The last releases are extended first. A longer recording does not require placing the rods again, and it makes
-        the ratios more accurate.
+        The last releases are extended first. A longer recording makes the ratios more accurate, and the rods need not
+        be placed again.
         """
         extended = list(steps)
         for k in reversed(range(len(steps))):
@@ -140,9 +137,9 @@ class Planner:
         return informed([*swinging(releases, self._e), *self.signals], known.model)
 
     def _best(self, pool: list[Informed], now: SequenceSoFar) -> SequenceStep | None:
-        """Return the best release of all candidates after refinement.
+        """Return the best release after a refinement of the best candidates; None if none fits the remaining time.
 
-        The result is None if no release fits into the remaining time.
+        The refined candidates are added to `pool`.
         """
         ranked = self._ranked(pool, now)
         if not ranked:
@@ -182,7 +179,7 @@ class Planner:
         )
 
     def _averaged(self, step: SequenceStep, now: SequenceSoFar) -> SequenceStep:
-        """Set the best duration of a release, and average its information over placement errors."""
+        """Return the release with its best duration, and with its information averaged over placement errors."""
         release, times = step.release, self.limits.recording
         if release.torques is not None:
             return step

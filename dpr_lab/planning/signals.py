@@ -1,13 +1,13 @@
 r"""Input signals of drives: multi-sines and chirps within given limits.
 
 The limits concern torque, speed and angle. A multi-sine of duration T is a sum of K harmonics of the frequency 1/T.
-Schroeder phases keep its peak low:
+With the phases of Schroeder, its peak is low:
 
     tau(t) = A sum over k of cos(2 pi k t / T + phi_k),    phi_k = -pi k (k - 1) / K.
 
 The frequency of a chirp increases linearly from the lowest to the highest frequency. A signal acts on joint 1, on joint
 2, on both joints, or on the motor of the arm. The input of this motor is the torque divided by the gain of the drive.
-The amplitude is at most the limit of torque or input. It is reduced until the simulated swing respects the limits of
+The amplitude is at most the limit of torque or input, and is reduced until the simulated swing respects the limits of
 speed and angle.
 
 Source: M. R. Schroeder (1970), Synthesis of low-peak-factor signals and binary sequences with low autocorrelation, IEEE
@@ -83,7 +83,7 @@ SHAPES: dict[SignalKind, Callable[[Array, float, float], Array]] = {
     "multisine": multisine,
     "chirp": chirp,
 }
-"""Functions that compute the values of each kind of signal, for given instants and a range of frequencies."""
+"""Function of each kind of signal, which returns its values at given instants for a lowest and a highest frequency."""
 
 
 def driven_releases(model: PresentModel, limits: PlanLimits, rig: Rig) -> list[CandidateRelease]:
@@ -113,7 +113,7 @@ def driven_releases(model: PresentModel, limits: PlanLimits, rig: Rig) -> list[C
 
 
 def _of_joints(limits: PlanLimits, drive: DriveLimits, rig: Rig) -> Iterator[CandidateRelease]:
-    """Yield releases with signals of the joint drives at the largest torques."""
+    """Yield releases with signals of the joint drives whose peaks are the largest torques."""
     combinations = SIGNALS.joints if rig.rods.mounting == "both" else SIGNALS.joints[:1]
     for kind, t, values in _shaped(limits, drive):
         for shares in combinations:
@@ -122,7 +122,7 @@ def _of_joints(limits: PlanLimits, drive: DriveLimits, rig: Rig) -> Iterator[Can
 
 
 def _of_arm(limits: PlanLimits, rig: Rig) -> Iterator[CandidateRelease]:
-    """Yield releases with signals of the arm's motor at the largest input."""
+    """Yield releases with signals of the arm's motor whose peak is the largest input."""
     gain, largest = drive_gain(rig), limits.arm.input
     assert largest is not None
     scaled = gain.known and not rods_measured(rig)
@@ -132,7 +132,10 @@ def _of_arm(limits: PlanLimits, rig: Rig) -> Iterator[CandidateRelease]:
 
 
 def _shaped(limits: PlanLimits, drive: SignalLimits) -> Iterator[tuple[SignalKind, Array, Array]]:
-    """Yield kind, instants and values of each signal, up to a quarter of the sampling rate."""
+    """Yield kind, instants, s, and values of each signal of unit peak.
+
+    The highest frequency is at most a quarter of the sampling rate.
+    """
     duration = min(max(SIGNALS.duration_s, limits.recording.shortest_s), limits.recording.longest_s)
     t = np.arange(round(duration * drive.rate_hz)) / drive.rate_hz
     highest_hz = min(drive.highest_hz, 0.25 / t[1])
@@ -141,7 +144,7 @@ def _shaped(limits: PlanLimits, drive: SignalLimits) -> Iterator[tuple[SignalKin
 
 
 def _driven(torques: Torques, kind: SignalKind, arm: ArmState, rig: Rig) -> CandidateRelease:
-    """Create a driven release from hanging; the current mounting is kept."""
+    """Return a driven release from hanging with the current mounting."""
     duration = len(torques.t) * float(torques.t[1])
     return CandidateRelease(np.pi, np.pi, duration, rig.rods.mounting, rig.added_mass, torques, kind, arm)
 
@@ -169,10 +172,7 @@ def _within(
 
 
 def arm_input(torques: Torques, rig: Rig) -> Array:
-    """Return the (n,) input of the arm's motor that produces the torques of a signal.
-
-    The unit of the input is that of `[motor]`.
-    """
+    """Return the (n,) input of the arm's motor that produces the torque of a signal, in the unit of `[motor]`."""
     assert torques.on_arm is not None
     return np.asarray(torques.on_arm / drive_gain(rig).value, dtype=np.float64)
 

@@ -1,4 +1,4 @@
-"""Stopping rule: whether the recordings decide the causes, and which questions are still open.
+"""Stopping rule: whether the recordings decide the causes, and which question is still open.
 
 A cause is decided under two conditions. First, one effect among the members of a class and its alternatives has a
 probability of at least `SURE`. Second, data that were not fitted validate this effect. These data are another release,
@@ -8,15 +8,15 @@ The quarters of a release, and the pieces of a long recording, share the pose an
 therefore decides at most one cause, and only under two further conditions. The first concerns the amplitudes a of the
 cause, with covariance C: their joint significance sqrt(a^T C^-1 a) is at least `margin`, twice the value that counts as
 detectable. (Amplitudes such as the stiffness and the cubic term of a spring are correlated, so each amplitude alone is
-less significant.) The second is that every other effect is excluded as
-described below. If a small second cause may be present, a second release is therefore recorded. Several causes, and the
-absence of a gap, are always confirmed by a second release.
+less significant.) The second condition is that every other effect is excluded as described below. If a small second
+cause may be present, a second release is therefore recorded. Several causes, and the absence of a gap, are always
+confirmed by a second release.
 
-"No gap" is a statement about sizes: these recordings exclude every recurring effect of the library at its minimum
-detectable size (`Exclusion.is_excluded`). If the estimate of an effect is too large to exclude it and too small to name
-it, the next release decides. Effects that occur only once are not tested, because further releases do not show them
-again. Causes that two releases decide remain decided even if other effects are not excluded. The plan and the report
-then list these effects, and an optional release that tests them (`reservation`).
+"No gap" means that the recordings exclude every recurring effect of the library at its minimum detectable size
+(`Exclusion.is_excluded`). If the estimate of an effect is too large to exclude the effect and too small to name it, a
+further release is needed. Effects that occur only once are not tested, because further releases do not show them again.
+Causes that two releases decide remain decided even if other effects are not excluded. The plan and the report then list
+these effects, and an optional release that tests them (`reservation`).
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -64,10 +64,10 @@ class Causes:
 def causes_of(diagnosis: Diagnosis) -> Iterator[Causes]:
     """Yield the candidate causes of each named effect, with their probabilities.
 
-    The candidates are the members of the class of the effect, and its alternatives. The remaining probability belongs
-    to a cause outside the library. If there is only one release, two further tests can reduce the probability of an
-    effect: that on the quarters of the release, and that of its form. A second release replaces both. Their reduction
-    is therefore not counted as a cause outside the library.
+    The candidates are the members of the class of the effect, and its alternatives. The remaining probability is that
+    of a cause outside the library. With a single release, the probability of an effect may also be reduced by the test
+    on the quarters of the release, or because the release does not test the form of the effect. A second release
+    replaces both, so this reduction is not counted as a cause outside the library.
     """
     alone = recorded_releases(diagnosis) < STOPPING.fewest
     for effect in diagnosis.effects:
@@ -89,7 +89,7 @@ def decided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> bool:
 
 
 def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
-    """Return the open question as a clause, or an empty text.
+    """Return the open question as a clause; the text is empty if the recordings are sufficient.
 
     Args:
         diagnosis: diagnosis of the runs recorded so far
@@ -127,12 +127,12 @@ def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
 
 
 def untested_forms(diagnosis: Diagnosis) -> list[str]:
-    """Return the uncertain effects whose form a second release must test, after all checks."""
+    """Return the names of the uncertain effects whose form a second release must test."""
     return [effect.name for effect in diagnosis.effects if effect.untested and effect.probability < SURE]
 
 
 def reservation(diagnosis: Diagnosis) -> str:
-    """Return a text on the effects that are not excluded although the causes are decided.
+    """Return a sentence on the effects that are not excluded although the causes are decided.
 
     The text is empty if all other effects are excluded, or if the causes are not decided.
     """
@@ -148,7 +148,9 @@ def by_prior(diagnosis: Diagnosis) -> str:
         return ""
     excluded = listed([name for effect in classes for name in effect.only_by_prior])
     causes = listed([effect.name for effect in classes])
-    return f"Only a small prior probability excludes {excluded}: indistinguishable from {causes} in these recordings."
+    return (
+        f"These recordings cannot distinguish {excluded} from {causes}: only a small prior probability is against it."
+    )
 
 
 def enough_sentence(diagnosis: Diagnosis, open_limits: Sequence[str], release: str) -> str:
@@ -181,10 +183,7 @@ def recorded_releases(diagnosis: Diagnosis) -> int:
 
 
 def possible(diagnosis: Diagnosis) -> list[str]:
-    """Return the recurring effects that are neither named nor excluded.
-
-    Each of them may have its minimum detectable size.
-    """
+    """Return the recurring effects that are neither named nor excluded at the minimum detectable size."""
     return list(dict.fromkeys(amplitude.effect for amplitude in not_excluded(diagnosis)))
 
 
@@ -197,12 +196,12 @@ def _most_significant(diagnosis: Diagnosis) -> str:
 
 
 def not_excluded(diagnosis: Diagnosis) -> list[Exclusion]:
-    """Return the tests of recurring amplitudes that may have their minimum detectable size."""
+    """Return the tests of recurring effects that do not exclude the minimum detectable size."""
     return [exclusion for exclusion in recurring(diagnosis) if not exclusion.is_excluded]
 
 
 def recurring(diagnosis: Diagnosis) -> list[Exclusion]:
-    """Return the tests of all amplitudes whose effects recur and are not named."""
+    """Return the tests of all amplitudes of effects that recur and are not named."""
     tested = diagnosis.evidence.exclusions if diagnosis.evidence else []
     return [exclusion for exclusion in tested if not EFFECTS[exclusion.effect].event]
 
@@ -219,8 +218,8 @@ def _most_probable(causes: Causes, inseparable: Collection[str]) -> float:
 def significance(diagnosis: Diagnosis, effect: NamedEffect) -> float:
     """Return the joint significance of an effect's amplitudes, sqrt(a^T C^-1 a).
 
-    Amplitudes at a bound have no variance and are left out. A file of an older version lacks the covariance C. The
-    result is then the significance of the most significant amplitude.
+    Amplitudes at a bound have no variance and are left out. A file of an older version lacks the covariance C; the
+    result is then the largest significance of a single amplitude.
     """
     amplitudes = {f"{effect.name}.{p.name}": p.name for p in EFFECTS[effect.name].amplitudes}
     for fitted in diagnosis.posterior[:1]:

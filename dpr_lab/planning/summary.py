@@ -1,7 +1,4 @@
-"""Compose the plan from a sequence of releases.
-
-The plan contains the reasons for the releases, the forecast, and the causes that no release separates.
-"""
+"""Assembly of a plan: reasons for the releases, forecast, and causes that no release separates."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -32,7 +29,10 @@ State = Literal["first", "record", "enough", "bench check"]
 
 @dataclass(frozen=True, slots=True)
 class Noticeable:
-    """Minimum gains that a reason mentions, bits, and reduction of the standard deviations of the ratios."""
+    """Minimum gains that the reason for a release states, in bits.
+
+    For the ratios, it is the relative reduction of the standard deviations.
+    """
 
     causes: float = 0.05
     library: float = 0.02
@@ -90,7 +90,7 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
 
 
 def _limits(known: Knowledge, steps: Sequence[SequenceStep], limits: PlanLimits) -> list[LimitForecast]:
-    """Return the forecast of each limit after all releases, with the release that is sufficient alone."""
+    """Return the forecast for each limit after all releases, with the release that decides the limit alone."""
 
     def after(chosen: Sequence[SequenceStep]) -> list[LimitForecast]:
         F = known.information + sum(step.information for step in chosen)
@@ -148,9 +148,9 @@ def _forecast(
     gained: Sequence[Sequence[Array]],
     inseparable_by_step: Sequence[Sequence[Flags]],
 ) -> list[float | None]:
-    """Return the probability that the causes are decided, for each number of releases.
+    """Return the probability that the causes are decided after each release; None before any recording.
 
-    It is None before any recording. Causes that are inseparable after a release count as one cause.
+    Causes that are inseparable after a release count as one cause.
     """
     diagnosis, pairs = objective.known.diagnosis, objective.pairs
     if diagnosis is None or not steps:
@@ -166,7 +166,7 @@ def _forecast(
 
 
 def _further_tests(known: Knowledge, steps: Sequence[SequenceStep]) -> list[list[OpenAmplitudes]]:
-    """Return the effects to test after the planned releases, as `settled_probabilities` expects."""
+    """Return the tested amplitudes after each planned release, for several placement errors."""
     rng = np.random.default_rng(1)  # another stream than that of the simulated score tests
     added = np.cumsum([_placed(known, step, rng) for step in steps], axis=0)
     return [
@@ -203,9 +203,9 @@ def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
 def inseparable_pairs(
     objective: Objective, steps: Sequence[SequenceStep], earlier: Sequence[Array] = ()
 ) -> list[Flags]:
-    """Return the (n, n) pairs of causes that even repeated releases do not separate.
+    """Return the (n, n) masks of the pairs of causes that even repeated releases do not separate.
 
-    The list has one mask for each named effect.
+    There is one mask for each named effect.
 
     Args:
         objective: the objective before the repeated releases
@@ -221,7 +221,7 @@ def inseparable_pairs(
 
 
 def separable_gain(objective: Objective, F: Array, stuck: Sequence[Inseparable]) -> Gain:
-    """Return the gain as a diagnosis separates the causes, without pairs of causes that no release separates."""
+    """Return the gain without pairs of causes that no release separates, with the rules of a diagnosis."""
     pairs, bits = [{*pair.causes} for pair in stuck], objective.bits(objective.separated(F))
     return replace(objective.gain(F), causes={causes: bits[causes] for causes in bits if {*causes} not in pairs})
 
@@ -306,12 +306,14 @@ def plan_sentence(
 
 
 def _answered(diagnosis: Diagnosis, release: PlannedRelease, stuck: Sequence[Inseparable]) -> str:
-    """Return a sentence, after a space, on the recommended checks that the first release includes; empty if none."""
+    """Return a sentence on the recommended checks whose result the first release gives too; empty if there are none."""
     pairs = [{*pair.causes} for pair in stuck]
     noticeable = [{*pair.causes} for pair in release.pairs if pair.bits >= NOTICEABLE.causes]
     recordings = [check for check in diagnosis.checks if check.release and check.informative]
     checks = [check.id for check in recordings if {*check.splits} in noticeable and {*check.splits} not in pairs]
-    return f"A run of release 1 is also a result of check {listed(checks)} (dpr-lab check). " if checks else ""
+    return (
+        f"The recording of release 1 is also the result of check {listed(checks)} (dpr-lab check). " if checks else ""
+    )
 
 
 def _assumptions(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[str]:
@@ -323,14 +325,14 @@ def _assumptions(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[s
     elif any(release.arm != "held" for release in releases):
         arm = ["The arm starts at rest at theta0 = 0 and is held until the release."]
     inflated = (
-        f"The information of a reading is divided by the variance inflation {inflation}, because the residual of the"
-        " model exceeds the noise."
+        f"The information of each reading is divided by the variance inflation {inflation}, because the residual of"
+        " the model exceeds the noise."
     )
     return [
         *arm,
         "The model is linearised about the current estimate.",
         f"The rods are placed by hand with a standard deviation of {angle:.2g} rad (half the tolerance of the rig's"
-        " poses). Beyond the horizon of a release, its information is averaged over such initial states.",
+        " poses). The information of a release is averaged over such placement errors.",
         "Effects that occurred only once, such as lost counts, are not considered.",
         *[inflated] * (inflation != "1"),
     ]
@@ -344,7 +346,7 @@ def reason_for(before: Gain, after: Gain, needed: bool = False, diagnosed: bool 
     Args:
         before: expected information before the release
         after: expected information after the release
-        needed: whether the release is needed because the earlier releases cannot decide the causes
+        needed: whether the stopping rule requires this release
         diagnosed: whether there are recordings whose causes are named
     """
     parts = ["verifies the result of the first release with another swing"] if needed else []
@@ -364,8 +366,8 @@ def reason_for(before: Gain, after: Gain, needed: bool = False, diagnosed: bool 
 def _distinguishes(before: float, after: float, diagnosed: bool) -> str:
     """Return a clause on the share of the effects that a release distinguishes.
 
-    The shares before and after the release are between 0 and 1. The clause states their difference, computed from the
-    rounded shares of the table. If the first share is small, the clause states only the second one.
+    The clause states by how much the share, 0 to 1, increases by the release, computed from the rounded shares of the
+    table. If the share before the release is small, the clause states the share after it.
     """
     effects = "the effects that are not named so far" if diagnosed else "the effects of the library"
     if before < NOTICEABLE.library:
@@ -374,13 +376,11 @@ def _distinguishes(before: float, after: float, diagnosed: bool) -> str:
 
 
 def only_ratios_sentence(reasons: Sequence[str], undecided: bool) -> str:
-    """Describe the releases that only improve the accuracy of the ratios.
-
-    The text is empty if there are no such releases.
+    """Return a sentence on the releases that only improve the accuracy of the ratios; empty if there are none.
 
     Args:
         reasons: result of `reason_for` for each release
-        undecided: whether causes are undecided; if the first release does not decide them, these further releases do
+        undecided: whether causes are undecided, so that such a release may become necessary
     """
     numbers = [str(k) for k, reason in enumerate(reasons, 1) if not reason]
     if not numbers:

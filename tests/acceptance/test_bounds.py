@@ -5,6 +5,7 @@ import pytest
 from dpr_lab.acceptance.friction import largest_friction
 from dpr_lab.acceptance.judge import Acceptance, JudgedLimit, _answer, judge
 from dpr_lab.acceptance.limits import FrictionLimit, Limits
+from dpr_lab.gap.result.causes import UNTESTED
 from dpr_lab.gap.result.diagnosis import UNCERTAIN
 from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.report.gap.acceptance import limit_note, limit_table
@@ -79,10 +80,7 @@ def test_a_ratio_that_depends_on_an_untested_form_needs_a_second_release() -> No
     limits = Limits.model_validate({"ratios": {"c2/b": {"min": 0.0, "unit": "1/s"}}})
     (judged,) = judge(result.model_copy(update={"effects": [limited]}), limits).limits
     assert judged.answer == "not decidable"
-    assert judged.reason.endswith("64 %, because one release is a weak test of its form: record a second release")
+    assert judged.reason.endswith(f"64 %, {UNTESTED}: record a second release")
     uncertain = result.model_copy(update={"effects": [limited], "verdict": "partly_explained", "sentence": UNCERTAIN})
     (judged,) = judge(uncertain, limits).limits
-    assert (
-        judged.reason
-        == "the cause is uncertain, because one release is a weak test of its form: record a second release"
-    )
+    assert judged.reason == f"the cause is uncertain, {UNTESTED}: record a second release"

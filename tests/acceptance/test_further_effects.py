@@ -54,7 +54,7 @@ def test_a_limit_passes_only_if_effects_that_are_not_excluded_do_not_violate_it(
         (
             RATIO_LIMIT,
             ["base_tilt"],
-            "base_tilt is indistinguishable from the fitted values: the interval holds only without them",
+            "base_tilt is indistinguishable from the fitted values: the interval is valid only without them",
         ),
         (FRICTION_LIMIT, ["base_tilt"], ""),
     ],

@@ -364,8 +364,8 @@ def test_a_release_shorter_than_the_horizon_does_not_decide_a_free_run(paper: Ri
 @pytest.mark.parametrize(
     ("errors", "reason"),
     [
-        ([], "unknown before two recordings of 1 s"),
-        ([1e-3], "unknown before two recordings of 1 s"),
+        ([], "unknown until there are two recordings of at least 1 s"),
+        ([1e-3], "unknown until there are two recordings of at least 1 s"),
         ([1e-3, np.inf], "unknown: the simulation of a recording fails before 1 s"),
     ],
 )

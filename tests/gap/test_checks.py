@@ -83,7 +83,7 @@ def test_a_measured_value_decides(diagnosis: Diagnosis, measured: str, value: fl
         assert result.effects[0].probability < 0.2
         assert result.rivals[0].name == cause
     assert ("--without" in result.sentence) == (cause != diagnosis.effects[0].name)
-    now = f"{cause} {done.before[cause]:.2f} -> {done.after[cause]:.2f}"
+    now = f"the probability of {cause} changes from {done.before[cause]:.2f} to {done.after[cause]:.2f}"
     assert now in result.sentence.partition("Before the checks:")[0]
     bits = {check.id: check.expected_bits for check in diagnosis.checks}
     assert result.checks

@@ -45,7 +45,9 @@ def test_a_recording_that_was_disturbed_is_named_and_the_others_are_explained():
     library = {"coulomb_joint1": EFFECTS["coulomb_joint1"]}
     diagnosis = diagnose(runs, rig, library=library)
     (note,) = (note for note in diagnosis.notes if "Either a cause acted only in run1" in note)
-    assert re.fullmatch(r"The model leaves .* times the noise in run1\. If run1 is not fitted, .* without it\.", note)
+    assert re.fullmatch(
+        r"The model leaves a remainder of .* times the noise in run1\. If run1 is not fitted, .* without it\.", note
+    )
     assert all(effect.probability <= 0.5 for effect in diagnosis.effects)
     others = diagnose([runs[0], runs[2]], rig, library=library)
     assert others.verdict == "named"

@@ -184,7 +184,7 @@ def test_a_result_has_the_unit_of_the_expected_result() -> None:
     ],
 )
 def test_a_settled_class_has_no_cause_left_to_rule_out(measured: int, value: float, remedies: list[str]) -> None:
-    first = f"For {CLOCK}: divide (first rule out {LENGTH}: indistinguishable in these recordings)."
+    first = f"For {CLOCK}: divide (first rule out {LENGTH}, which these recordings cannot exclude)."
     diagnosis = made(remedies=[first, "Level the base."])
     assert update(diagnosis, diagnosis.checks[measured], CheckAnswer(value=value, std=1e-4)).remedies == remedies
     assert update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.005, std=3e-3)).remedies == diagnosis.remedies
@@ -312,4 +312,4 @@ def test_a_member_without_probability_need_not_be_ruled_out() -> None:
     (cause,) = made().effects
     odds = {"encoder_offset_joint1": 0.9, "base_tilt": 0.1, "encoder_eccentricity_joint1": 4e-28}
     shared = cause.model_copy(update={"name": "encoder_offset_joint1", "members": [*odds], "odds": odds})
-    assert to_rule_out(shared) == " (first rule out base_tilt: indistinguishable in these recordings)"
+    assert to_rule_out(shared) == " (first rule out base_tilt, which these recordings cannot exclude)"

@@ -44,7 +44,7 @@ def test_the_table_of_causes_names_no_member_of_negligible_probability(named) ->
 
 def test_in_a_film_a_base_tilt_may_be_a_turned_camera(named):
     (warning,), (check,) = of_camera([named("coulomb_joint1"), named("base_tilt", probability=0.98)])
-    assert "camera turned about its axis has the same signature as base_tilt" in warning
+    assert "camera rotated about its optical axis has the same signature as base_tilt" in warning
     assert "plumb line" in check
     assert of_camera([named("coulomb_joint1")]) == ([], [])
 
@@ -78,6 +78,6 @@ def test_a_zero_read_at_rest_is_uncertain_by_friction_over_gravity(
     assert held[0] == pytest.approx(friction / gravity, rel=1e-3)
     zero, _ = remedies(effects, sizes, rig, held)
     assert f"holds the inner rod at rest up to {1e3 * held[0]:.2g} mrad from equilibrium: let it come to rest" in zero
-    assert "from both sides and take the mean." in at_rest("base_tilt", held)
+    assert "from both sides and use the mean of the two readings." in at_rest("base_tilt", held)
     assert at_rest("coulomb_joint2", held) == ""
     assert at_rest("base_tilt", held_angles([], whole, sizes, [setup], rig)) == ""

@@ -152,7 +152,7 @@ def test_the_sentence_of_an_inconclusive_release_lists_the_leading_candidates_an
     words = sentence("too_short", state, (10, 10), PREDICTED)
     assert words.startswith("Inconclusive: this release of 1.6 s is too short to determine the cause of the gap.")
     candidates = "base_tilt or encoder_offset_joint1 (49 %); encoder_drift_joint1 (30 %); and coulomb_joint1 (12 %)"
-    assert f"The leading candidates are {candidates}. Record three releases" in words
+    assert f"The most probable candidates are {candidates}. Record three releases" in words
 
 
 def test_a_member_of_negligible_probability_is_not_named() -> None:
@@ -165,7 +165,8 @@ def test_a_member_of_negligible_probability_is_not_named() -> None:
 
 def limited(names: str) -> str:
     """Sentence on causes that one release does not test."""
-    return f" One release is a weak test of the form of {names}, which limits the probability"
+    its = "their probabilities" if " and " in names else "its probability"
+    return f" A single release tests the functional form of {names} only weakly, which limits {its}"
 
 
 def cause(*members: str, probability: float = 0.64, untested: bool = True) -> EffectPosterior:

@@ -190,9 +190,9 @@ def test_remedy_stop_and_next_step_agree_on_a_class_that_the_prior_decides(
     made = summed_up(Objective.of(replace(known_before(paper), diagnosis=two)), [], PlanLimits(), 0.0)
     assert (made.state == "enough") is not rule_out
     assert ("first rule out clock_rate" in to_rule_out(twins)) is rule_out
-    words = "Only a small prior probability excludes clock_rate: indistinguishable from wrong_length_L1"
+    words = "These recordings cannot distinguish clock_rate from wrong_length_L1: only a small prior probability"
     assert (words in made.sentence) is not rule_out
-    assert ("Only a small prior probability excludes clock" in next_steps(two)[0]) is not rule_out
+    assert ("only a small prior probability is against it" in next_steps(two)[0]) is not rule_out
 
 
 def test_a_plan_tests_the_effects_that_keep_no_gap_undecided(paper: Rig) -> None:
@@ -332,7 +332,7 @@ def test_a_plan_states_which_check_its_first_release_also_answers(bits: float, a
     stuck = [Inseparable(causes=causes, check="Do it.")]
     for inseparable_now in ([], stuck):
         stated = plan_sentence("record", Mock(diagnosis=diagnosis), [planned], [inseparable_now, []], ["separates"])
-        answers = "A run of release 1 is also a result of check 1-ab12 (dpr-lab check)." in stated
+        answers = "The recording of release 1 is also the result of check 1-ab12 (dpr-lab check)." in stated
         assert answers is (answered and not inseparable_now)
 
 

@@ -48,7 +48,7 @@ def test_after_an_unexplained_gap_a_probable_effect_is_not_excluded() -> None:
     assert next_steps(made)[0].startswith("One release does not exclude")
     made.only_free_run = True
     assert next_steps(made) == ["Check the scale of each recorded angle and input, then record a further release."]
-    made.hints = ["An angle scale of 0.5 explains the residual with one effect fewer."]
+    made.hints = ["If the angles are multiplied by 0.5, one effect fewer explains the recordings."]
     assert next_steps(made)[0].startswith("Check the description of the recordings as stated in the verdict")
 
 

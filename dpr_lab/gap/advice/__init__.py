@@ -1,1 +1,1 @@
-"""Advice: the next measurement or recording that distinguishes causes."""
+"""Advice: recommended measurements and recordings that distinguish causes."""

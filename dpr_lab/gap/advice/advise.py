@@ -1,13 +1,14 @@
 """Recommended recordings and bench measurements that distinguish the remaining causes.
 
 For each named effect and its alternatives, the predefined releases (`expected_recordings.MENU`) are simulated with
-the fitted estimate. The recommended release has the largest discrimination between the effect and the alternative,
+the fitted estimate. In each release, two effects have the distance
 
-    discrimination = |s| sqrt(1 - cos^2),
+    |s| sqrt(1 - cos^2)
 
-in standard deviations of the noise. Here s is the signature of the effect, and cos is the cosine similarity of the two
-signatures. For the members of a class, a fit to the simulated readings must confirm this discrimination. Effects that
-no recording distinguishes need a bench measurement. A new kind of check needs a row of `CHECK_KINDS` and one file.
+in standard deviations of the noise, with the signature s of the first effect and the cosine similarity cos of both
+signatures. The release with the largest distance is recommended. For the members of a class, a fit to the simulated
+readings must confirm the distance. Effects that no recording distinguishes need a bench measurement. A new kind of
+check needs a row of `CHECK_KINDS` and one file.
 """
 
 from collections.abc import Iterator, Sequence
@@ -46,9 +47,9 @@ def kind_of(check: AdvisedCheck) -> CheckKind:
 
 
 def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[EffectPosterior]) -> list[AdvisedCheck]:
-    """Return the checks that distinguish each named effect from its alternatives, still without identifiers.
+    """Return the checks that distinguish each named effect from its alternatives.
 
-    The list is empty if no question is open.
+    The identifiers of the checks are still empty. The list is empty if no question is open.
     """
     open_causes = list(_open_causes(posteriors))
     names = list(dict.fromkeys(name for about, causes, _ in open_causes for name in (about, *causes)))
@@ -66,8 +67,8 @@ def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[Effe
 def _open_causes(posteriors: Sequence[EffectPosterior]) -> Iterator[tuple[str, dict[str, float], bool]]:
     """Yield the open questions.
 
-    Each question is a named effect, its possible causes with their probabilities, and whether the causes form one
-    class.
+    A question consists of a named effect, the possible causes with their probabilities, and whether these causes form
+    one class.
     """
     for effect in posteriors:
         if len(effect.members) > 1:

@@ -1,4 +1,4 @@
-"""Checks by a bench measurement: proposal, evaluation, and refusal of impossible values."""
+"""Checks by a bench measurement: proposal, evaluation of the result, and refusal of impossible values."""
 
 from collections.abc import Mapping, Sequence
 
@@ -22,8 +22,8 @@ def form(check: AdvisedCheck) -> str:
 def propose(question: OpenQuestion, proposed: Sequence[AdvisedCheck]) -> list[AdvisedCheck]:
     """Propose measurements for an open question.
 
-    A class needs one measurement for each member. An alternative needs one if no recording distinguishes it from the
-    named effect.
+    For a class, one measurement is proposed for each member. For an alternative, one is proposed if no recording
+    distinguishes it from the named effect.
     """
     if question.one_class:
         return [_check(question, name) for name in question.causes]
@@ -31,9 +31,10 @@ def propose(question: OpenQuestion, proposed: Sequence[AdvisedCheck]) -> list[Ad
 
 
 def _check(question: OpenQuestion, measured: str) -> AdvisedCheck:
-    """Create a check that measures an amplitude of one effect.
+    """Create a check that measures an amplitude of the effect `measured`.
 
-    The amplitude is zero if another cause is correct.
+    If the named effect may be a simpler form of this effect, the additional amplitude of the richer form is measured.
+    Otherwise the first amplitude is measured.
     """
     effect = EFFECTS[measured]
     wider = effect.adds and not set(effect.nested).isdisjoint(question.causes)
@@ -49,7 +50,7 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
     """Return the predictive densities of a measured value under the candidate causes.
 
     Raises:
-        RunError: the value has no unit, is impossible, or is questionable and was not confirmed.
+        RunError: the value has no unit, is impossible, or is doubtful and was not confirmed.
     """
     value, std = _read(check, answer)
     predicted = predictions(diagnosis, check, prior)
@@ -62,7 +63,7 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
 
 
 def _read(check: AdvisedCheck, answer: CheckAnswer) -> tuple[float, float]:
-    """Return the value and standard uncertainty of an answer, in the unit of the quantity."""
+    """Return the value and the standard uncertainty of an answer, in the SI unit of the quantity."""
     value, std = answer.value, answer.std
     assert value is not None
     assert std is not None
@@ -81,7 +82,7 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
 
     Args:
         check: a measurement
-        value: value in the unit of the quantity
+        value: measured value in the SI unit of the quantity
         std: standard uncertainty in the same unit
         largest: upper limit of value and standard uncertainty
 
@@ -104,9 +105,7 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
 
 
 def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained: bool, predicted: Predictions) -> str:
-    """Ask the operator whether a doubtful value is right, and how to confirm it.
-
-    The text is empty if the value is plausible.
+    """Return a message on a doubtful value, which states how to confirm it; empty for a plausible value.
 
     A value is doubtful if no candidate predicts it. If the recordings do not determine the measured quantity, a value
     is doubtful in two further cases: it equals the estimate of another quantity, or it is much larger than all fitted
@@ -142,7 +141,7 @@ def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained
 
 
 def _same_unit(diagnosis: Diagnosis, check: AdvisedCheck) -> list[tuple[str, float]]:
-    """List the other fitted amplitudes of named effects that have the unit of a check."""
+    """Return description and value of the other fitted amplitudes of named effects with the unit of a check."""
     return [
         (f"the {EFFECTS[effect.name].bench_quantity(p.name).words} of {EFFECTS[effect.name].words}", fitted.value)
         for effect in diagnosis.effects

@@ -1,4 +1,4 @@
-"""Interface of the kinds of checks: proposal, result, and probability of the result."""
+"""Interface of the kinds of checks: proposal, options of the result, and probability of the result."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -25,9 +25,9 @@ class OpenQuestion:
     one_class: bool
     """Whether the causes are the members of one class."""
     chosen: Hypothesis
-    """Selected model of the diagnosis."""
+    """Selected set of the diagnosis."""
     expected: Sequence[ExpectedRecording]
-    """Predicted changes of the readings of each possible release."""
+    """Simulated recordings of the possible releases; empty if none can be predicted."""
 
     def check(self, kind: str, text: str, splits: Iterable[str], bits: float) -> AdvisedCheck:
         """Create a check of a given kind for this question; its identifier is still empty."""
@@ -42,9 +42,9 @@ class CheckAnswer:
     rig: Rig | None = None
     """Rig of the runs."""
     value: float | str | None = None
-    """A number in the unit of the quantity, or text with a unit."""
+    """Measured value: a number in the SI unit of the quantity, or a text with a unit."""
     std: float | str | None = None
-    """Standard uncertainty of the value. If it is a text without a unit, it has the unit of the value."""
+    """Standard uncertainty of the value; a text without a unit has the unit of the value."""
     confirmed: bool = False
     """Whether the operator confirms the value. A confirmed value is accepted even if no candidate predicts it."""
 
@@ -75,9 +75,9 @@ class CheckKind:
     takes: frozenset[str]
     """Fields of a `CheckAnswer` that contain the result."""
     form: Callable[[AdvisedCheck], str]
-    """Function that returns a description of the required command-line options."""
+    """Function that returns the command-line options with which the result is entered."""
     propose: Callable[[OpenQuestion, Sequence[AdvisedCheck]], list[AdvisedCheck]]
-    """Function that returns checks for a question, given those of the preceding kinds; still without identifiers."""
+    """Function that returns checks for a question, given the proposals of the preceding kinds."""
     result: Callable[[Diagnosis, AdvisedCheck, CheckAnswer, Mapping[str, float]], Result]
     """Function that returns the result from diagnosis, check, answer and probabilities of the candidates."""
 
@@ -85,13 +85,13 @@ class CheckKind:
 def expected_bits(probabilities: Sequence[float], separation: float) -> float:
     """Return the expected information gain of a check between two causes, bits.
 
-    The gain is multiplied by the probability that one of the two causes is correct. The log likelihood ratio is normal
-    with mean +-d^2/2 and variance d^2, where d is the distance between the predictions of the causes in standard
-    deviations.
+    The gain is multiplied by the probability that one of the two causes is correct. The log likelihood ratio has a
+    normal distribution of mean +-d^2/2 and variance d^2, where d is the distance between the predictions of the causes
+    in standard deviations.
 
     Args:
         probabilities: (2,) probabilities of the causes; their sum may differ from one
-        separation: d
+        separation: distance d; infinite for an exact measurement
     """
     either = sum(probabilities)
     if either <= 0 or min(probabilities) <= 0:
@@ -111,10 +111,7 @@ def expected_bits(probabilities: Sequence[float], separation: float) -> float:
 
 
 def log_mean(log_densities: Array, weights: Array) -> float:
-    """Return the logarithm of the weighted mean of densities.
-
-    The mean is unweighted if all weights are zero.
-    """
+    """Return the logarithm of the weighted mean of densities; the mean is unweighted if all weights are zero."""
     weights = weights if weights.any() else np.ones_like(weights)
     with np.errstate(divide="ignore"):
         return float(np.logaddexp.reduce(log_densities + np.log(weights / weights.sum())))

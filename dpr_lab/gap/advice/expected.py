@@ -1,4 +1,4 @@
-"""Expected amplitude in a check, given that the measured effect is the cause."""
+"""Amplitude that a bench measurement should give if the measured effect is the cause."""
 
 from collections.abc import Sequence
 
@@ -17,18 +17,18 @@ from dpr_lab.identification.scaling.scale import Scale
 
 
 def expected_size(selection: Selection, scale: Scale, check: AdvisedCheck) -> Interval | None:
-    """Return the measured value that is expected if the effect of a check is the cause.
+    """Return the value that a measurement should give if its effect is the cause, with a 90 % interval.
 
     The value comes from the fit in which this effect replaces the named effect. If no such fit exists, the value comes
-    from the score test. The interval contains the value with a probability of 90 %.
+    from the score test.
 
     Args:
         selection: all fitted sets
-        scale: scale of torques and inertias, whose uncertainty applies to a measured torque
+        scale: inertia b that absolute sizes assume; its uncertainty widens the interval
         check: the check
 
     Returns:
-        None if the check is a recording, if the value is zero, or if the recordings do not determine an amplitude
+        the expected value; None if the check is a recording, if the value is zero, or if an amplitude is not determined
     """
     if check.quantity is None or check.about not in selection.without:
         return None

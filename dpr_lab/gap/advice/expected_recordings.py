@@ -1,4 +1,4 @@
-"""Simulated recordings of possible releases, and how far two effects differ in each of them."""
+"""Simulated recordings of possible releases, and the distance of two effects in each of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -40,7 +40,7 @@ MENU_OF_ONE_ROD = {
     for text, release in MENU.items()
     if release.added_mass is None
 }
-"""Releases of a rig with the inner rod alone, by their description."""
+"""Releases of a rig with one rod, by their description."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +54,11 @@ class _Influence:
     changes: Array
     """(n, p) whitened changes of the readings by the parameters."""
     compensation: Array
-    """(segments, 4, p) change of the initial states that compensates for a change of the parameters."""
+    """(segments, 4, p) change of the initial states that best compensates a change of the parameters."""
 
     @property
     def signal(self) -> Array:
-        """(n,) whitened change of the readings by the effect."""
+        """(n,) whitened change of the readings by the effect at these sizes."""
         return self.changes @ self.sizes
 
 
@@ -72,16 +72,16 @@ class ExpectedRecording:
     influences: dict[str, _Influence]
     """Influence of each effect."""
     always_free: Sequence[FreeParameter]
-    """Parameters that are always fitted."""
+    """Parameters that every fit contains, without encoder zeros: the ratios, and effects that are always free."""
     known: Array
-    """(n, k) whitened changes of the readings by the parameters that are always fitted."""
+    """(n, k) whitened changes of the readings by the parameters that every fit contains, with encoder zeros."""
     problem: Problem
     """Problem of the simulated release."""
     estimate: Estimate
     """Estimate with which the release is simulated."""
 
     def distance(self, name: str, other: str) -> float:
-        """Return the distance between the signature of effect `name` and its best approximation by effect `other`.
+        """Return the distance between the signature of an effect and its best approximation by another effect.
 
         The distance is in standard deviations of the noise.
         """
@@ -92,8 +92,8 @@ class ExpectedRecording:
     def distance_after_fit(self, name: str, other: str) -> float:
         """Simulate readings with effect `name`, fit effect `other`, and return the remaining distance.
 
-        The distance is in standard deviations of the noise. Unlike `distance`, it does not depend on the derivatives at
-        the estimate, which are inaccurate near the reversals of a law with memory.
+        The distance is in standard deviations of the noise. Unlike `distance`, it does not depend on derivatives at the
+        estimate, which are inaccurate near the reversals of a friction law with memory.
         """
         cause, fitted = self.influences[name], self.influences[other]
         parameters = [*cause.free, *fitted.free]
@@ -117,7 +117,7 @@ def expected_recordings(recordings: Recordings, chosen: Hypothesis, names: Seque
     """Predict the changes of the readings by some effects, for each predefined release.
 
     Args:
-        recordings: recordings that define the noise and the setup of the releases
+        recordings: recordings whose noise and setup the releases have
         chosen: the selected model
         names: the effects
     """
@@ -150,12 +150,10 @@ def _expected(
 
 
 def simulated_release(recordings: Recordings, chosen: Hypothesis, choice: AdvisedRelease) -> tuple[Problem, Array]:
-    """Simulate a release with the fitted estimate, without noise.
-
-    The readings are weighted by the noise level of the recordings.
+    """Simulate a release with the selected set, without noise; the weights follow from the noise of the recordings.
 
     Returns:
-        the problem with the simulated readings, and the initial state
+        the problem with the simulated readings, and the initial states of its segments
     """
     t = THINNING.after_release_s + np.arange(int(choice.duration_s * RATE_HZ)) / RATE_HZ
     estimate, reference = chosen.estimate, min(recordings.records, key=lambda recorded: recorded.setup.alone)

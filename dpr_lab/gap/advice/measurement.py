@@ -1,10 +1,10 @@
 """Predictive density of a measured amplitude under each candidate cause and under a cause outside the candidates.
 
 A measurement gives a value y with the standard uncertainty u for an amplitude of one effect. The recordings predict
-that amplitude. If the effect is the cause, its fitted size is s with the standard deviation w. If another effect is the
-cause, the amplitude is a small background with the standard deviation b. With a cause outside the candidates, the
-amplitude is the background or has any plausible size. The size then has a Cauchy density of scale c, which is proper
-and decreases slowly:
+this amplitude. If the effect is the cause, the amplitude is the fitted size s with the standard deviation w. If another
+candidate is the cause, the amplitude is a small background with the standard deviation b. If the cause is outside the
+candidates, the amplitude is either the background or of any plausible size. This size has a Cauchy density of scale c,
+which is proper and decreases slowly:
 
     f(y | effect)     = N(y; s, w^2 + (m s)^2 + u^2)
     f(y | other)      = N(y; 0, b^2 + u^2),                               b = m' min(t, |s|)
@@ -34,24 +34,23 @@ class CheckSettings:
     """Settings of the update of probabilities by a check."""
 
     model_error: float = 0.1
-    """m: relative standard deviation of a fitted amplitude, in addition to the standard deviation of its fit.
+    """m: relative standard deviation of a fitted amplitude, in addition to the standard deviation of the fit.
 
-    The law and the bench measurement agree only approximately. The value is an assumption. It also covers a torque
-    scale with a smaller error.
+    It covers the difference between the law of the effect and the bench measurement, and an error of the torque scale
+    that is not larger. The value is assumed.
     """
     linear_error: float = 0.3
     """Additional relative standard deviation of an amplitude from a linear score test; the value is assumed."""
     background: float = 0.1
-    """m': relative standard deviation of an amplitude whose effect is not the cause.
+    """m': standard deviation of an amplitude whose effect is not the cause, relative to min(t, |s|).
 
-    It is relative to the smaller of typical and fitted size. Every rig has a small amount of every effect. A tenth of
-    the size that explains the gap causes 1 % of its excess. The value is assumed.
+    Every rig has a small amount of every effect. A tenth of the size that explains the gap causes 1 % of the excess
+    chi-square. The value is assumed.
     """
     broad: float = 3.0
-    """k: scale of an amplitude that no fit predicts, in units of the larger of typical and fitted size.
+    """k: scale c of an amplitude that no fit predicts, relative to max(t, |s|).
 
-    The typical size of the library is the size on laboratory rigs. A Cauchy density with three times that size as scale
-    has 20 % of its probability above nine times the size.
+    The typical size t is that of laboratory rigs. A Cauchy density of scale 3 t has 20 % of its probability beyond 9 t.
     """
     elsewhere: float = 0.5
     """h: probability that the measured amplitude differs from the background if the cause is outside the candidates.
@@ -59,12 +58,12 @@ class CheckSettings:
     Nothing is known about such a cause, so both cases have the probability one half (principle of indifference).
     """
     questioned: float = 3.0
-    """Distance to every prediction beyond which a value is questioned, in standard deviations.
+    """Distance from the nearest prediction beyond which a value is doubtful, in standard deviations.
 
     By chance, one correct value in 370 is farther away.
     """
     undetermined: float = 3.0
-    """Ratio to the largest fitted size with the same unit, above which a measured value is questioned.
+    """Ratio to the largest fitted size with the same unit above which a measured value is doubtful.
 
     The rule applies if the recordings do not determine the measured quantity. Friction at rest, for example, is at most
     about twice the friction of sliding. The value is assumed.
@@ -72,7 +71,7 @@ class CheckSettings:
     largest: float = 1e6
     """Maximum accepted value and uncertainty, in units of the larger of typical and fitted size."""
     largest_power: float = 6.0
-    """Power of ten beyond which only a bound of a Bayes factor is stated.
+    """Decimal logarithm of a Bayes factor beyond which only a bound is stated.
 
     The tail of the normal distribution does not describe such improbable results.
     """
@@ -87,7 +86,7 @@ CHECK = CheckSettings()
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Normally distributed prediction of a measured amplitude by one cause."""
+    """Normal distribution that one cause predicts for a measured amplitude."""
 
     mean: float
     std: float
@@ -104,7 +103,7 @@ class Prediction:
 
 @dataclass(frozen=True, slots=True)
 class Predictions:
-    """Predictive densities of a measured amplitude, in the unit of the amplitude."""
+    """Predictive densities of a measured amplitude, in the SI unit of the amplitude."""
 
     candidates: Mapping[str, Prediction]
     background: Prediction
@@ -158,10 +157,7 @@ def predictions(diagnosis: Diagnosis, check: AdvisedCheck, names: Iterable[str])
 
 
 def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
-    """Return the expected amplitude, given that the effect of the check is the cause.
-
-    The result is None if no size was fitted.
-    """
+    """Return the amplitude that is expected if the effect of the check is the cause; None if it was not fitted."""
     if check.expected:
         return check.expected
     fitted = next((effect.parameters for effect in diagnosis.effects if effect.name == check.measures), {})
@@ -175,7 +171,7 @@ def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
 
 
 def excluded_size(diagnosis: Diagnosis, check: AdvisedCheck) -> float | None:
-    """Return the size of the measured amplitude that the recordings exclude, SI; None if they exclude no size."""
+    """Return the size of the measured amplitude from which on it is excluded, SI; None if no size is excluded."""
     tested = diagnosis.evidence.exclusions if diagnosis.evidence else []
     names = tuple(amplitude.name for amplitude in check.amplitudes)
     sizes = (e.size for e in tested if e.is_excluded and e.effect == check.measures and (e.parameter,) == names)
@@ -183,9 +179,9 @@ def excluded_size(diagnosis: Diagnosis, check: AdvisedCheck) -> float | None:
 
 
 def magnitude(values: Array, covariance: Array) -> Interval | None:
-    """Return the square root of the sum of squared amplitudes, with its interval.
+    """Return the root of the sum of squared amplitudes, or a single amplitude; None if the value is zero.
 
-    The result is None if the root is zero.
+    `covariance` is the covariance of the amplitudes times `NORMAL_Q90` squared, so that the interval covers 90 %.
     """
     if len(values) == 1:
         value, half_width = float(values[0]), float(np.sqrt(covariance[0, 0]))
@@ -197,9 +193,9 @@ def magnitude(values: Array, covariance: Array) -> Interval | None:
 
 
 def has(name: str, measured: str, amplitude: str) -> bool:
-    """Return whether the effect `name` also has the amplitude `amplitude` of the measured effect.
+    """Return whether the effect `name` also has the amplitude `amplitude` of the effect `measured`.
 
-    All forms of one effect have the same amplitudes, except for additional amplitudes of richer forms.
+    The forms of one effect share their amplitudes, except for the additional amplitude of a richer form.
     """
     if amplitude == EFFECTS[measured].adds and name in EFFECTS[measured].nested:
         return False

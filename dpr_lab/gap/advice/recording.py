@@ -25,18 +25,18 @@ from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.run import torque_kinds
 
 DISTINGUISHED = 5.0
-"""Minimum difference of two causes on a recommended recording, in standard deviations."""
+"""Minimum distance of two causes in a recommended recording, in standard deviations of the noise."""
 
 
 def form(check: AdvisedCheck) -> str:
-    """Return the command-line option for entering the result of a recording."""
+    """Return how the result of a recording is entered on the command line."""
     return "its run files"
 
 
 def propose(question: OpenQuestion, proposed: Sequence[AdvisedCheck]) -> list[AdvisedCheck]:
-    """Recommend a release for each cause other than the named effect.
+    """Propose, for each other cause, the release in which it differs most from the named effect.
 
-    In this release, the predictions of the two causes differ most.
+    No release is proposed for a cause that no release distinguishes.
     """
     checks: list[AdvisedCheck] = []
     if not question.expected:
@@ -58,8 +58,8 @@ def propose(question: OpenQuestion, proposed: Sequence[AdvisedCheck]) -> list[Ad
 def _most_different(question: OpenQuestion, pairs: Sequence[tuple[str, str]]) -> tuple[ExpectedRecording | None, float]:
     """Return the release in which the predictions of two causes differ most, and their distance.
 
-    The distance is in standard deviations of the noise. Members of a class are indistinguishable in the recordings. For
-    them, a fit to simulated readings must confirm the difference. The release is None if none distinguishes the causes.
+    The distance is in standard deviations of the noise. For members of a class, a fit to simulated readings must
+    confirm it. The release is None, and the distance 0, if no release distinguishes the causes.
     """
     separations = [max(expected.distance(*pair) for pair in pairs) for expected in question.expected]
     for best in np.argsort(separations)[::-1].tolist():
@@ -74,9 +74,9 @@ def _most_different(question: OpenQuestion, pairs: Sequence[tuple[str, str]]) ->
 def _distance_after_fits(expected: ExpectedRecording, name: str, other: str) -> float:
     """Fit one of two causes to a simulation of the other, and return the distance.
 
-    A richer form can imitate its simpler form, so only the simpler form is fitted to readings of the richer one. Other
-    causes are equivalent if one of them can imitate the other. Both directions are then tested, and the smaller
-    distance counts, because a fit may end before its minimum.
+    A richer form can imitate its simpler form, so only the simpler form is fitted to readings of the richer one. For
+    other causes, each is fitted to readings of the other, and the smaller distance counts, because a fit may end before
+    its minimum.
     """
     if name in EFFECTS[other].nested:
         return expected.distance_after_fit(other, name)
@@ -89,10 +89,11 @@ def _distance_after_fits(expected: ExpectedRecording, name: str, other: str) -> 
 def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior: Mapping[str, float]) -> Result:
     """Return the tempered likelihood of the runs of a check under each candidate.
 
-    Each candidate is fitted to these runs. A cause outside the library has the mean likelihood of the candidates.
+    Each candidate is fitted to these runs. A cause outside the candidates has their mean likelihood, so that its
+    probability does not change.
 
     Raises:
-        RunError: the runs cannot show the named effect, or no candidate can be fitted to them.
+        RunError: the runs cannot show the named effect, belong to another rig, or no candidate can be fitted to them.
     """
     open_ones = {check.about, *check.splits, *(r.name for r in diagnosis.rivals if r.instead_of == check.about)}
     fitted = _fitted(diagnosis, check.about, [name for name in prior if name in open_ones], answer)
@@ -114,9 +115,10 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
 
 
 def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: CheckAnswer) -> dict[str, Hypothesis]:
-    """Fit each candidate to the runs, together with the other named effects.
+    """Fit each candidate to the runs, together with the other effects of the diagnosed model.
 
     The fits start from the bare model and, if the named effect is part of the diagnosed model, also from this model.
+    The better fit of each candidate is returned.
     """
     if answer.rig is None:
         raise RunError("state the rig file of the recorded runs")
@@ -153,8 +155,8 @@ def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: Chec
 def _with_states(problem: Problem, recordings: Recordings, model: Estimate) -> Estimate:
     """Fit the initial state of each segment to the readings, and keep all other values of the model.
 
-    The fits start from the states of the model, from the readings, and from rest at the readings. The best of the three
-    is chosen for each segment: a segment in which dry friction stops a rod has several local minima.
+    The fits start from the states of the model, from the readings, and from the readings at rest. The best of the three
+    is chosen for each segment, because a segment in which dry friction stops a rod has several local minima.
     """
     _, measured = recordings.cut(recordings.working_length)
     at_rest = measured * np.array([1.0, 1.0, 0.0, 0.0, 1.0, 0.0])[: measured.shape[1]]
@@ -166,11 +168,11 @@ def _with_states(problem: Problem, recordings: Recordings, model: Estimate) -> E
 
 
 def _exchanged(problem: Problem, named: Hypothesis, about: str, score: Score) -> Hypothesis:
-    """Replace the named effect of a fit by another effect.
+    """Replace the named effect of a fitted set by another effect, and fit this set.
 
-    The fit starts from the same ratios, and from the size whose linear signature is closest to that of the named
-    effect. In a release that soon ends at rest, the bare model replaces Coulomb friction by too much viscous friction,
-    and a fit that starts from there can end in a local minimum.
+    The fit starts from the ratios of the fitted set, and from the size whose linear signature is closest to that of the
+    named effect. A fit that starts from the bare model can end in a local minimum: in a release that soon ends at rest,
+    too much viscous friction replaces Coulomb friction there.
     """
     start = shaped(named, score)
     free = free_parameters(start, (*named.effects, score.effect.name), problem)
@@ -193,5 +195,5 @@ def _with_effects(problem: Problem, start: Estimate, effects: Mapping[str, Mappi
 
 
 def _test(recordings: Recordings, problem: Problem, model: Hypothesis, names: Sequence[str]) -> ScoreTest:
-    """Compute the score test of the candidates that a fit to the new runs lacks."""
+    """Compute the score test of the effects `names`, which a model of the new runs does not contain."""
     return score_test(problem, model.fit, [EFFECTS[name] for name in names], recordings.properties)

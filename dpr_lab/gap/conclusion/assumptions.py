@@ -1,4 +1,4 @@
-"""Assumptions of a diagnosis, and effects that its recordings cannot show."""
+"""Assumptions of a diagnosis, and effects that the recordings cannot show."""
 
 from collections.abc import Iterator, Mapping
 
@@ -14,9 +14,8 @@ from dpr_lab.gap.state import Transferred
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import listed, percent
 
-SURELY = 3.0
-"""Maximum deviation of the fitted L1 from the rig file, in standard uncertainties. A larger deviation means that the
-file is wrong."""
+LENGTH_CONTRADICTED = 3.0
+"""Deviation of the fitted L1 from the rig file, in standard uncertainties, from which the file is probably wrong."""
 
 
 def assumptions(state: Transferred, least: DetectableSizes, scale: Scale) -> Iterator[str]:
@@ -24,18 +23,18 @@ def assumptions(state: Transferred, least: DetectableSizes, scale: Scale) -> Ite
 
     Args:
         state: the diagnosis so far
-        least: minimum detectable size by effect and amplitude; None if the amplitude is undetectable at any size
-        scale: value of b that absolute sizes assume
+        least: minimum detectable size, SI, by effect and amplitude; None if no size is detectable
+        scale: inertia b that absolute sizes assume
     """
     if state.fitted.division:
         yield state.fitted.division
     yield _length(state)
     yield _scale(state, scale)
     yield (
-        "Encoder noise is white apart from the faults of the sensor screening; readings at 300 Hz or more were averaged"
-        " over at most 5 ms."
+        "The encoder noise is white, except for the sensor faults that the screening reports. Readings at 300 Hz or"
+        " more were averaged over blocks of at most 5 ms."
     )
-    yield "The initial states of all segments are free; the first 30 ms after each release are excluded."
+    yield "The initial state of each segment is fitted; the first 30 ms after each release are excluded."
     yield from _arm(state, least)
     yield from _torques(state)
     yield from _zeros(state)
@@ -45,10 +44,10 @@ def assumptions(state: Transferred, least: DetectableSizes, scale: Scale) -> Ite
 
 
 def _length(state: Transferred) -> str:
-    """State whether L1 is the measured or a fitted length."""
+    """State whether L1 is the value of the rig file or was fitted."""
     rig, estimate = state.fitted.recordings.rig, state.selection.chosen.estimate
     if rig.rig.L1_std is None:
-        return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are as measured."
+        return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are taken as exact."
     name = next(name for name in state.fitted.problem.always if EFFECTS[name].corrects == "L1")
     (added,) = named_params(estimate.params).get(name, {"": 0.0}).values()
     half_width = max(state.intervals[key] for key in state.intervals if key[0] == name)
@@ -56,11 +55,11 @@ def _length(state: Transferred) -> str:
         f"L1 is given as {rig.L1:g} m with a standard uncertainty of {rig.rig.L1_std:g} m and fitted:"
         f" {rig.L1 + added:.5g} m +- {half_width:.2g} m (90 %), at g = {rig.g:g} m/s^2 and by the device's clock."
     )
-    return text if abs(added) < SURELY * rig.rig.L1_std else f"{text} This contradicts the uncertainty in the file."
+    return text if abs(added) < LENGTH_CONTRADICTED * rig.rig.L1_std else f"{text} This contradicts the rig file."
 
 
 def _scale(state: Transferred, assumed: Scale) -> str:
-    """State the source of the scale of all torques."""
+    """State what determines the scale of all torques."""
     setups = state.fitted.problem.segments.setups
     if drives := [setup.torques for setup in setups if setup.torques and setup.torques.scaled]:
         kinds = " and ".join(sorted({drive.kind for drive in drives} - {""}))
@@ -82,8 +81,8 @@ def _arm(state: Transferred, least: DetectableSizes) -> Iterator[str]:
     elif any(setup.arm for setup in state.fitted.problem.segments.setups):
         size = least.get(ENCODER_SCALE_JOINT0.name, {}).get("excess")
         yield (
-            "The arm moves exactly as its readings state, and L0 is as measured. A relative error of these readings is"
-            f" detectable {f'from {percent(size, 1)}' if size else 'at no size'} in the segments."
+            "The arm moves exactly as its readings state, and L0 is taken as exact. A scale error of these readings"
+            f" {f'of {percent(size, 1)} or more is' if size else 'is not'} detectable in the segments."
         )
     elif all(record.encoder0_moves is False for record in records):
         yield "According to encoder 0 the arm stood still, so compliance of the arm was not considered."
@@ -92,7 +91,7 @@ def _arm(state: Transferred, least: DetectableSizes) -> Iterator[str]:
 
 
 def _moving_arm(state: Transferred) -> str:
-    """State the assumptions about an arm that moves."""
+    """State the assumptions about an arm that moves freely or is driven."""
     rig, setups = state.fitted.recordings.rig, state.fitted.problem.segments.setups
     text = "The angle of the arm is measured; its inertia and viscous friction are fitted"
     if not state.fitted.recordings.driven_arm:
@@ -109,23 +108,22 @@ def _moving_arm(state: Transferred) -> str:
     if any(setup.torques and setup.torques.scaled for setup in setups):
         return f"{text}. {known}. This torque fixes the scale of all torques."
     return (
-        f"{text}. {known}. Sizes are stated at the nominal b, although m2 and l2 are measured. A contradiction between"
-        " the two scales is detectable."
+        f"{text}. {known}. Sizes are stated at the nominal b, because m2 and l2 are measured as well. A contradiction"
+        " between this b and the drive torque is detectable."
     )
 
 
 def _torques(state: Transferred) -> Iterator[str]:
-    """State the times and the noise of known torques that the fits assume."""
+    """State the assumptions about the times and the noise of known torques."""
     recordings, problem = state.fitted.recordings, state.fitted.problem
     if share := recordings.torques_earlier:
         yield (
-            "The known torques change between rows. Holding each value until the next row would delay the"
-            f" torques. Each value was therefore assumed to act earlier than its time stamp, by {share:.2f}"
-            " of the row interval (fitted). A delay of the drive shorter than this interval is"
-            " indistinguishable from this assumption."
+            "The known torques change between rows, so holding each value until the next row would delay the torques."
+            f" Each value therefore acts earlier than its time stamp, by {share:.2f} of the row interval (fitted). A"
+            " delay of the drive by less than one row is indistinguishable from this shift."
         )
     if recordings.exact_torques:
-        yield "The measured torques were assumed to be exact: the remainder is far above the influence of their noise."
+        yield "The measured torques are taken as exact, because the remainder is far above the effect of their noise."
     if problem.disturbance is None or not (most := most_noise(problem)).any():
         return
     inner, outer = np.minimum(most, recordings.torque_noise_Nm)
@@ -139,19 +137,19 @@ def _torques(state: Transferred) -> Iterator[str]:
 
 
 def _zeros(state: Transferred) -> Iterator[str]:
-    """State the fitted zeros of encoders that are zeroed before each recording."""
+    """State the fitted zero errors of encoders that are zeroed before each recording."""
     runs, zeros = state.fitted.recordings.records, 1e3 * state.selection.chosen.estimate.zeros
     texts = [
         f"{record.run.name}: {offsets[0]:.3g} and {offsets[1]:.3g}"
         for record, offsets in zip(runs, zeros, strict=False)
     ]
     if texts:
-        text = "Encoders are zeroed before each recording; the zero errors of joints 1 and 2 were fitted, mrad"
+        text = "The encoders are zeroed before each recording. Fitted zero errors of joints 1 and 2 in mrad"
         yield f"{text}: {'; '.join(texts)}."
 
 
 def _geared(state: Transferred) -> Iterator[str]:
-    """State which effects are always in the model because the rig has a geared motor."""
+    """State which effects the model always contains because the rig has a geared motor."""
     names = [name for name in state.selection.chosen.effects if name in state.selection.expected]
     if names:
         joints = listed([f"joint {joint}" for joint in state.fitted.recordings.rig.joints.geared])
@@ -170,7 +168,7 @@ def _misleading(state: Transferred) -> Iterator[str]:
 
 
 def _unseen(least: DetectableSizes, absorbed: Mapping[str, Mapping[str, str]], inertia: str) -> Iterator[str]:
-    """State which effects are undetectable, and which effects are absorbed by the ratios."""
+    """State which effects are undetectable, and which ones the ratios absorb."""
     blind = {name: absorbed.get(name, {}) for name, sizes in least.items() if sizes and not any(sizes.values())}
     twins = {
         name: listed(sorted(set(ratios_by_name.values()) & {*RATIOS, "p/b", "b"}))

@@ -1,4 +1,4 @@
-"""Errors of readings at rest due to friction that holds a rod away from its equilibrium."""
+"""Error of a zero reading caused by friction that holds a rod away from its equilibrium."""
 
 import cmath
 import math
@@ -17,7 +17,7 @@ from dpr_lab.effects.stribeck import STRIBECK
 from dpr_lab.setup import Setup
 
 NOT_HELD: Mapping[int, float] = MappingProxyType({})
-"""Angles at rest without dry friction."""
+"""Result of `held_angles` without dry friction: an empty mapping."""
 
 READ_AT_REST = (
     (ENCODER_OFFSET_JOINT1.name, BASE_TILT.name, COM_OFFSET_LINK1.name),
@@ -29,12 +29,20 @@ READ_AT_REST = (
 def held_angles(
     names: Iterable[str], whole: Array, sizes: Mapping[str, Params], setups: Iterable[Setup], rig: RigConstants
 ) -> dict[int, float]:
-    """Return the largest angle from equilibrium, rad, at which named dry friction holds each rod, by rod.
+    """Return the largest angle from equilibrium, rad, at which dry friction can hold each rod.
 
     The sine of this angle is the largest friction torque at rest divided by the gravity torque of the rod. The angle is
     at most pi / 2. The friction of a free joint 2 also acts on the inner rod, as a reaction.
 
-    `names` are those of the probable effects, `whole` (7,) the base parameters of the rig.
+    Args:
+        names: names of the probable effects, of which the dry friction laws count
+        whole: (7,) base parameters of the complete rig
+        sizes: fitted parameters of each effect
+        setups: setups of the recordings
+        rig: constants of the rig
+
+    Returns:
+        the angle by rod, 0 for the inner and 1 for the outer rod; a rod without dry friction is left out
     """
     friction = [0.0, 0.0]
     for name in names:
@@ -56,12 +64,20 @@ def held_angles(
 
 
 def at_rest(effect: str, held: Mapping[int, float], *, fitted: bool = False) -> str:
-    """Return a sentence on friction for an effect that is read or corrected at rest; otherwise an empty text."""
+    """Return a sentence on the error by friction, for an effect that is measured or corrected at rest.
+
+    The text is empty for other effects, and without dry friction.
+
+    Args:
+        effect: name of the effect
+        held: largest angle from equilibrium by rod, from `held_angles`
+        fitted: whether the fitted value of the effect is an alternative to a reading
+    """
     rod = next((rod for rod, names in enumerate(READ_AT_REST) if effect in names), None)
     if rod is None or rod not in held:
         return ""
     instead = ", or use the fitted value" if fitted else ""
     return (
-        f" Friction holds the {('inner', 'outer')[rod]} rod at rest up to {1e3 * held[rod]:.2g} mrad from"
-        f" equilibrium: let it come to rest from both sides and take the mean{instead}."
+        f" Friction can hold the {('inner', 'outer')[rod]} rod up to {1e3 * held[rod]:.2g} mrad from its equilibrium:"
+        f" let it come to rest from both sides and use the mean of the two readings{instead}."
     )

@@ -23,7 +23,7 @@ from dpr_lab.shown import listed
 
 
 def named_effect(state: Transferred, posterior: EffectPosterior, scale: Scale) -> NamedEffect:
-    """Describe a selected effect: class, sizes, and share of the excess chi-square."""
+    """Describe a selected effect: class, probability, sizes, and unique contribution."""
     selection = state.selection
     values = named_params(selection.chosen.estimate.params).get(posterior.name, {})
     return NamedEffect.model_validate(
@@ -58,9 +58,9 @@ def effect_sizes(
 
 
 def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
-    """Derive quantities with intervals from the parameters of an effect.
+    """Return derived quantities of an effect, with intervals from independent errors of the parameters.
 
-    The errors of the parameters are assumed to be independent.
+    The result is empty if the effect defines no derived quantities. A quantity without a finite interval is left out.
     """
     if effect.implied is None:
         return {}
@@ -88,9 +88,9 @@ def _size(scale: Scale, effect: str, name: str, value: float, half_width: float)
 
 
 def rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEffect]:
-    """Return the alternatives to the named effects, most probable first.
+    """Return the alternatives to the effects of the selected set, most probable first.
 
-    If no effect is named, return the effects of the set that explains most of the gap.
+    With `closest`, no effect is named, and the effects of the set itself come first.
     """
     others = [
         _rival(other, (other.name,), other.cosine, posterior.name)
@@ -127,7 +127,7 @@ def families(state: Transferred, named: list[NamedEffect]) -> list[NamedFamily]:
 
 
 def _share(state: Transferred, parts: tuple[str, ...]) -> float:
-    """Return the share of the excess that returns if a family is removed, 0 to 1."""
+    """Return the share of the excess chi-square, 0 to 1, that returns if the effects `parts` are removed."""
 
     def without(model: Hypothesis, name: str) -> Hypothesis:
         return refit_without(state.fitted.problem, model, name, state.selection.bare)
@@ -140,9 +140,9 @@ def _share(state: Transferred, parts: tuple[str, ...]) -> float:
 def remedies(
     named: Sequence[NamedEffect], sizes: Mapping[str, Params], rig: RigConstants, held: Mapping[int, float] = NOT_HELD
 ) -> list[str]:
-    """Return the remedies: one sentence per faulty part, and one for the simulator.
+    """Return the remedies: one sentence per effect with a repair, and one for the simulator.
 
-    An effect with a probability below one half has no remedy, for example if it worsens the free runs.
+    No remedy is stated for an effect with a probability below one half, for example if it worsens the free runs.
 
     Args:
         named: the effects, in order
@@ -171,26 +171,27 @@ def to_simulator(named: Iterable[NamedEffect]) -> list[str]:
 
 
 def of_camera(named: Iterable[NamedEffect]) -> tuple[list[str], list[str]]:
-    """Return a warning and a check for a film, because a rotated camera looks like a tilted base.
+    """Return a warning and a check for a film, because a rotated camera has the signature of a tilted base.
 
-    Both are empty if no base tilt is named.
+    Both lists are empty unless a named effect is, or may be, a base tilt.
     """
     if not any(BASE_TILT.name in effect.members for effect in named):
         return [], []
     signature = f"has the same signature as {BASE_TILT.name}: check the camera first."
-    warning = f"In a film, a camera turned about its axis {signature}"
-    check = "Compare a filmed plumb line with the vertical of the picture: if they differ, the camera is turned."
+    warning = f"In a film, a camera rotated about its optical axis {signature}"
+    check = "Film a plumb line: if it is not parallel to the vertical edge of the picture, the camera is rotated."
     return [warning], [check]
 
 
 def to_rule_out(effect: NamedEffect) -> str:
-    """Return the final sentence of a remedy, which lists the other probable members of the class, or no text."""
+    """Return the parenthesis of a remedy that lists the other members of the class; empty if there are none.
+
+    Members of negligible probability are not listed.
+    """
     others = [name for name in nameable(effect.members, effect.odds) if name != effect.name]
     if not others:
         return ""
     if set(others) <= set(effect.only_by_prior):
-        are, of_them = ("is", "its") if len(others) == 1 else ("are", "their")
-        return (
-            f" ({listed(others)} {are} indistinguishable in these recordings, but {of_them} prior probability is small)"
-        )
-    return f" (first rule out {' and '.join(others)}: indistinguishable in these recordings)"
+        has = "has" if len(others) == 1 else "have"
+        return f" (these recordings cannot exclude {listed(others)}, which {has} a small prior probability)"
+    return f" (first rule out {listed(others)}, which these recordings cannot exclude)"

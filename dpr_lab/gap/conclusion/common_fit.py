@@ -1,8 +1,8 @@
 """Fit of the common effects alone, which a diagnosis shows if it claims no cause.
 
-A fit of textbook equations contains zero errors, a tilt, a length error of the inner rod, dry friction and air drag.
-With few segments or correlated noise such effects may be insignificant as causes, although they explain much of the
-gap. Their sizes are nevertheless useful, and their share shows whether the cause can be one of them.
+The common effects are those of a textbook fit: zero errors, a tilt, a length error of the inner rod, dry friction and
+air drag. With few segments or correlated noise, they may be insignificant as causes although they explain much of the
+gap. Their sizes are nevertheless useful, and the share that they explain shows whether the cause can be one of them.
 
 Starting from the bare model, the common effect that reduces chi2 most is added in each step. A step must reduce the
 excess as much as the search requires of an additional effect (`most_excess`), but need not be significant.
@@ -36,7 +36,7 @@ class CommonFitRules:
     """Effort of the fit of the common effects."""
 
     candidates: int = 2
-    """Number of effects that are fitted in each step, because their scores are only linear predictions."""
+    """Number of effects fitted in each step. Several are fitted, because a score is only a linear prediction."""
 
 
 COMMON_FIT = CommonFitRules()
@@ -55,9 +55,9 @@ class CommonSet(NamedTuple):
 def common_fit(kind: DetailedVerdict, state: Transferred, described: DescribeSizes) -> list[CommonEffect] | None:
     """Return the common effects that explain the gap best, in the order of their shares.
 
-    An effect that a later step moves to zero is left out. The list is empty if no common effect explains enough. The
-    result is None if a cause with a tested form is claimed, if the segments show no gap, or if the selected set
-    contains the same effects.
+    An effect that a later step removes is left out. The list is empty if no common effect explains enough. The result
+    is None if a cause with a tested form is claimed, if the segments show no gap, or if the selected set contains the
+    same effects.
 
     Args:
         kind: the verdict
@@ -93,7 +93,7 @@ def common_fit(kind: DetailedVerdict, state: Transferred, described: DescribeSiz
 
 
 def common_note(effects: Sequence[CommonEffect]) -> str:
-    """State how much of the excess the common effects explain without other effects."""
+    """State which share of the excess chi-square the common effects explain without other effects."""
     if not effects:
         least = percent(THRESHOLDS.large)
         return f"Fit of the common effects alone: no fitted effect explains more than {least} of the excess."
@@ -116,15 +116,16 @@ def _shown(kind: DetailedVerdict, state: Transferred) -> bool:
 def common_steps(
     fitted: Fitted, bare: Hypothesis, tested: Set[str], known: Mapping[frozenset[str], Hypothesis]
 ) -> Iterator[CommonSet]:
-    """Yield sets of common effects, each with one effect more, until no effect explains enough of the remainder.
+    """Yield sets of common effects, each with one effect more than the set before.
 
-    There are at most as many effects as segments.
+    The sequence ends if only noise remains, if no further effect explains enough, or if there are as many effects as
+    segments.
 
     Args:
         fitted: recordings and segments
         bare: model without effects
         tested: names of the effects that the recordings may show
-        known: sets that were fitted before
+        known: fitted sets of the search, which are not fitted again
     """
     model = bare
     while not model.at_noise_floor and len(model.effects) < len(fitted.problem.segments):
@@ -139,9 +140,10 @@ def common_steps(
 def _larger(
     fitted: Fitted, model: Hypothesis, library: Sequence[Effect], known: Mapping[frozenset[str], Hypothesis]
 ) -> Iterator[CommonSet]:
-    """Yield the possible sets with one more effect, one of each class.
+    """Yield the possible sets with one more effect, one set for each class of indistinguishable effects.
 
-    The most promising sets are fitted. Of the others, those that were fitted before are yielded.
+    The sets with the best scores are fitted (`CommonFitRules.candidates`). Any other set is yielded only if it is in
+    `known`.
     """
     problem = fitted.problem
     test = score_test(problem, model.fit, library, fitted.recordings.properties)

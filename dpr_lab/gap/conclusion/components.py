@@ -1,7 +1,6 @@
-"""Posterior mixture: each fitted set of effects with its probability and covariance.
+"""Posterior mixture: the probable sets of effects, each with its probability and covariance.
 
-The probability of a set follows from its predictive cost, as for a class (`dpr_lab.gap.classes.posterior`). Sets with a
-very small probability are omitted.
+The probability of a set follows from its predictive cost, as for a class (`dpr_lab.gap.classes.posterior`).
 """
 
 import math
@@ -37,11 +36,14 @@ class MixtureSettings:
 MIXTURE = MixtureSettings()
 
 SCALED = UNKNOWN_RATIOS[: SCALE + 1]
-"""Names of the ratios, and of the scale b, which the recordings may determine."""
+"""Names of the ratios and of the scale b; the recordings determine some of them."""
 
 
 def components(state: Transferred) -> list[PosteriorComponent]:
-    """Return sets of effects with their probabilities, the most probable first."""
+    """Return the sets of the mixture with their probabilities, the most probable first.
+
+    A set whose covariance is not finite is left out.
+    """
     models = list(_likeliest(state.selection))
     total = sum(weight for _, weight in models)
     candidates = (_component(state, model, weight / total) for model, weight in models)
@@ -67,9 +69,9 @@ def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
 
 
 def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
-    """Return whether the cost of a set is the only evidence against it.
+    """Return whether a set can contain the true causes.
 
-    All its sizes must be possible, and held-out runs must not refute any of its effects.
+    Its cost must be finite and its sizes possible, and held-out runs must not refute any of its effects.
     """
     refuted = set(selection.misleading) & model.key or model.key in selection.impossible
     return bool(np.isfinite(model.cost) and not refuted)
@@ -79,9 +81,9 @@ def _worse(model: Hypothesis, chosen: Hypothesis) -> float:
     """Return the cost of a set minus that of the selected set.
 
     Both costs are computed with the same noise: the noise of the readings plus the remainder of the selected set. A
-    larger remainder of the other set therefore increases its cost. A set that fits better was rejected by the search,
-    so it is at most as probable as the selected set. If a set has more effects than the selected set, each further
-    effect was selected among hundreds. It must therefore explain more than the best of them would explain by chance.
+    larger remainder of the other set therefore increases its cost. If the other set is larger, two rules apply. The
+    search rejected it even if it fits better, so its cost counts as at least that of the selected set. Each further
+    effect was selected among hundreds, so it must explain more than the best of them would explain by chance.
     """
     inflation, further = chosen.inflation, len(model.effects) - len(chosen.effects)
     difference = model.cost_at(inflation) - chosen.cost_at(inflation)
@@ -111,7 +113,7 @@ def _component(state: Transferred, model: Hypothesis, probability: float) -> Pos
 def _name(parameter: FreeParameter) -> str:
     """Return the name of a parameter, such as `a/b` or `coulomb_joint2.torque_Nm`.
 
-    The name is empty if a simulation does not need the parameter.
+    The name is empty for other values: p/b, and encoder zeros of single recordings.
     """
     if parameter.block == "effects":
         return f"{parameter.effect}.{parameter.name}"

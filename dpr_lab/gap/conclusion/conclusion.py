@@ -1,4 +1,4 @@
-"""Assembly of the result of a diagnosis: sentences and numbers."""
+"""Assembly of the result of a diagnosis."""
 
 import hashlib
 import time
@@ -29,7 +29,7 @@ from dpr_lab.gap.where.locate import where_sentence
 from dpr_lab.identification.scaling.scale import Scale
 
 MAPS_SHOWN = 6
-"""Maximum number of residual maps in a diagnosis; they are sorted by share, largest first."""
+"""Maximum number of residual maps in a diagnosis: those with the largest shares."""
 
 
 def conclude(state: Transferred, advised: Sequence[AdvisedCheck], evidence: Evidence, started: float) -> Diagnosis:
@@ -106,7 +106,7 @@ def _checks(
     scale: Scale,
     held: Mapping[int, float],
 ) -> list[AdvisedCheck]:
-    """Return the checks with information on named effects, the best first, each with a unique identifier."""
+    """Return the informative checks of the named effects, the best first, each with a unique identifier."""
     estimate = state.selection.chosen.estimate
     digest = hashlib.sha256(estimate.ratios.tobytes() + estimate.params.tobytes()).hexdigest()[:4]
     checks = merged(check for check in advised if check.about in named)
@@ -126,8 +126,8 @@ def _checks(
 def merged(checks: Iterable[AdvisedCheck]) -> list[AdvisedCheck]:
     """Merge checks that require the same action for the same effect.
 
-    The order is that of their first occurrence. A merged check distinguishes all causes that the single checks
-    distinguish. Its expected information is the largest of theirs, which is a lower bound.
+    The order is that of the first occurrences. A merged check distinguishes all causes that the single checks
+    distinguish. The largest information of a single check is a lower bound of its expected information, and is used.
     """
     actions: dict[tuple[str, str, str], AdvisedCheck] = {}
     for check in checks:
@@ -140,10 +140,7 @@ def merged(checks: Iterable[AdvisedCheck]) -> list[AdvisedCheck]:
 
 
 def _sensor_findings(state: Transferred) -> list[SensorFinding]:
-    """Return the sensor faults of all recordings, including the held-out recordings.
-
-    Steps that a fitted effect explains are left out.
-    """
+    """Return the sensor faults of all recordings, including held-out ones, without steps that an effect explains."""
     values = named_params(state.selection.chosen.estimate.params)
     hidden = [0.0, 0.0, 0.0]
     for name, effect in EFFECTS.items():

@@ -1,12 +1,12 @@
 """Test whether a wrong description of the recordings causes an unexplained gap.
 
-A description contains the zeros, signs, scales, units and times of the readings.
+The description of a recording consists of the zeros, signs, scales, units and times of the readings.
 
-A scale of the readings at which fewer effects suffice is one of the tests. It applies to the readings of a single rod,
-or of rods with a clamped elbow. If a rod turns by theta = f phi for readings phi, gravity acts on phi like
-e1 sin(f phi) / f. This equals e1 sin(phi) plus a torque that depends on the angle, such as the torque of a cable or of
-cogging. The accelerations of two coupled rods determine their scale, and so do the accelerations of a rod on a moving
-arm. The accelerations of one degree of freedom do not determine it.
+One test searches for a scale of the readings at which fewer effects suffice (`other_scale`). It applies to a single
+rod, and to rods with a clamped elbow. Suppose that the true angle is theta = f phi for a reading phi. In terms of phi,
+the gravity torque is e1 sin(f phi) / f, that is e1 sin(phi) plus a torque that depends on the angle, such as that of a
+cable or of cogging. The motion of one degree of freedom does not distinguish the two cases. The coupling of two rods,
+or of a rod and a moving arm, does.
 """
 
 from collections.abc import Sequence
@@ -44,12 +44,12 @@ class DescriptionRules:
     gap: float = 3.0
     """chi2 per degree of freedom of the bare model above which alternative interpretations are tested.
 
-    The value is 8 for a swing of 20 degrees whose angles were imported at half their size.
+    A swing of 20 degrees whose angles were imported at half their size has the value 8.
     """
     as_good: float = 0.02
-    """Maximum difference between the shares of the excess that the selected effects and another description explain.
+    """Maximum shortfall of the share of the excess that another description explains, compared with the effects.
 
-    Up to this difference the description counts as equally good.
+    Up to this shortfall, the other description counts as equally good.
     """
     torque_step: float = 0.08
     """Maximum median change of a known torque between rows, relative to its range, for a delay within a row.
@@ -58,11 +58,11 @@ class DescriptionRules:
     recordings of real drives, and 0.12 for a sine of 1 Hz at 20 Hz.
     """
     rise: float = 0.1
-    """Minimum rise of the energy of a free swing, relative to its mean, that shows a drive."""
+    """Minimum rise of the energy of a free swing that shows a drive, relative to the mean energy."""
     rise_in_std: float = 6.0
-    """Minimum rise in standard deviations, which are estimated from the scatter about a straight line."""
+    """Minimum slope of the energy in standard deviations, estimated from the scatter about a straight line."""
     segments: int = 4
-    """Minimum number of segments of a run whose energy is tested."""
+    """Minimum number of segments of a run for the test of its energy."""
 
 
 DESCRIPTION = DescriptionRules()
@@ -71,9 +71,10 @@ DESCRIPTION = DescriptionRules()
 def description(
     records: Sequence[Record], rig: Rig, problem: Problem, selection: Selection, transfer: Transfer
 ) -> Description:
-    """Test alternative interpretations of the recordings, unless the effects plausibly explain the gap.
+    """Test alternative interpretations of the recordings, unless plausible effects explain the gap.
 
-    The test is made if a gap above the noise remains, or if only effects of an impossible size close it.
+    The effects are not plausible if a gap above the noise remains, if they do not carry over to held-out data, or if
+    their sizes are impossible.
 
     Args:
         records: the fitted runs, screened
@@ -110,9 +111,12 @@ def description(
 def unexplained_energy(runs: Sequence[Run], rig: Rig) -> Description:
     """Describe a change of the rods' energy that neither friction nor known torques explain.
 
-    Effects with many amplitudes can imitate the force that causes it (decision 89). Zero errors are effects themselves
-    and may have any size. Recordings with a prescribed arm or inner rod are not tested, because that motion supplies
-    energy.
+    This test is needed because effects with many amplitudes can imitate the force that supplies the energy (decision
+    89). The energy is computed with zero errors of any size, because these are effects too. Recordings with a
+    prescribed arm or inner rod are not tested, because the prescribed motion supplies energy.
+
+    Returns:
+        the description, or an empty one if no such change exists
     """
     for run in (run.swing for run in runs if run.inner is None and run.arm is None):
         residual = residual_near(run.t, run.theta[:, 1:], run.torques, rig, np.inf, COMPILED)
@@ -130,7 +134,8 @@ def unexplained_energy(runs: Sequence[Run], rig: Rig) -> Description:
 def rising_energy(problem: Problem, bare: Hypothesis) -> Description:
     """Describe an energy of free rods that rises throughout a run, although friction can only reduce it.
 
-    The segments of such a run show no gap, because each has its own initial state.
+    The segments of such a run may show no gap, because each has its own initial state. The description is empty if the
+    energy of no run rises.
     """
     if len(problem.segments.setups) != 1:
         return Description()
@@ -151,9 +156,9 @@ def rising_energy(problem: Problem, bare: Hypothesis) -> Description:
 
 
 def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Description:
-    """Describe an arm that hits a stop, or a drive that is not in the rig file.
+    """Describe an arm that hits a stop, or an arm with a drive that the rig file does not contain.
 
-    The description is empty if an effect explains the motion.
+    The description is empty if the selected effects explain the gap.
     """
     if selection.chosen.at_noise_floor or selection.share_explained >= THRESHOLDS.explained:
         return Description()
@@ -165,15 +170,16 @@ def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Descr
 
 
 def _trusted(record: Record) -> Run:
-    """Remove faulty readings of the logger, which would look like an energy input."""
+    """Return the run without faulty readings, which would appear as an energy input."""
     run, screened = record.run, record.screened
     return run.only(~np.isin(run.t, screened.t[~screened.keep.all(axis=1)]))
 
 
 def _wrong_gravity(rig: Rig, selection: Selection) -> str:
-    """Describe a wrong gravity of the rig file, which appears as an error of L1.
+    """Describe a wrong gravity of the rig file, which appears as an error of L1 or of the clock.
 
-    Only the quotient g / L1 is identifiable. The text is empty if gravity is not suspected.
+    Only the quotient g / L1 is identifiable. The text is empty unless the corrected gravity occurs on earth and that of
+    the file does not.
     """
     chosen = [EFFECTS[name] for name in selection.chosen.effects if EFFECTS[name].corrects == "L1"]
     if rig.rig.on_earth(rig.g) or not chosen:
@@ -192,9 +198,9 @@ def _wrong_gravity(rig: Rig, selection: Selection) -> str:
 
 
 def _delay_within_row(problem: Problem, selection: Selection) -> str:
-    """Describe a delay that cannot be determined because the torques change too much between rows.
+    """Describe a delay shorter than a row that cannot be determined, because the torques change too much in a row.
 
-    The delay is then shorter than the interval between rows. Otherwise the text is empty.
+    The text is empty if the fitted delay is longer, or if the torques change little between rows.
     """
     if INPUT_DELAY.name not in selection.chosen.effects:
         return ""
@@ -225,10 +231,10 @@ SCALES = (2.0, 0.5)
 
 
 def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
-    """Describe a scale of the readings at which fewer effects suffice.
+    """Describe a scale of the readings at which one effect fewer suffices.
 
-    Only readings of one degree of freedom, and effects without which the gap is larger, are considered. The text is
-    empty if there is no such scale.
+    Only recordings of one degree of freedom are tested. The omitted effect must be one whose removal significantly
+    increases the cost. The text is empty if there is no such scale.
 
     Args:
         problem: the segments
@@ -255,17 +261,14 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
     moving = "rods with a clamped elbow" if coupled else "a single rod"
     option = f"--scale {factor:g}" + (f", or --scale theta1={factor:g} if theta2 is relative" if coupled else "")
     return (
-        f"An angle scale of {factor:g} explains the residual with one effect fewer. Recordings of {moving} cannot"
-        f" distinguish the two cases. Check counts_per_rev of joint {joint} ({counts} in the rig"
-        f" file; it would be {counts / factor:.0f}), or the unit of the table ({option})."
+        f"If the angles are multiplied by {factor:g}, one effect fewer explains the recordings. Recordings of {moving}"
+        f" cannot distinguish this scale from the omitted effect. Check counts_per_rev of joint {joint} ({counts} in"
+        f" the rig file; it would be {counts / factor:.0f}), or the unit of the table ({option})."
     )
 
 
 def _closes(scaled: Hypothesis, selection: Selection) -> bool:
-    """Return whether the model of the scaled readings explains the gap.
-
-    If neither model explains the gap, the comparison supports neither scale.
-    """
+    """Return whether the model of the scaled readings explains the gap, without which it supports no scale."""
     before, after = selection.bare.residuals.excess, max(scaled.residuals.excess, 0.0)
     return scaled.at_noise_floor or after <= (1 - THRESHOLDS.explained) * before
 
@@ -273,9 +276,14 @@ def _closes(scaled: Hypothesis, selection: Selection) -> bool:
 def _scaled_fit(
     problem: Problem, chosen: Hypothesis, ratios: Array, factor: float, effects: frozenset[str]
 ) -> Hypothesis:
-    """Fit `effects` to the readings of joint 1 multiplied by `factor`.
+    """Fit a set of effects to readings whose deviation of the inner rod from hanging is scaled.
 
-    These readings are measured from hanging. The fit starts from (7,) ratios.
+    Args:
+        problem: the segments
+        chosen: the selected set, from which the fit starts
+        ratios: (7,) ratios, b and p/b from which the fit starts
+        factor: scale of the angle of the inner rod from hanging; the elbow keeps its angle
+        effects: names of the fitted effects
     """
     joints = problem.joints
     turned = joints.to_rods(problem.measured)

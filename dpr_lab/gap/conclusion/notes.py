@@ -1,4 +1,4 @@
-"""Notes below the verdict: restrictions of the named effects, components, and the remainder."""
+"""Notes below the verdict: limitations of the named effects, components, and the remainder."""
 
 from collections.abc import Collection, Iterator, Sequence
 
@@ -16,9 +16,9 @@ from dpr_lab.shown import listed, percent
 
 
 def notes(state: Transferred, kind: Verdict, named_families: Sequence[NamedFamily]) -> list[str]:
-    """Return all notes.
+    """Return the notes of a verdict, in sentences.
 
-    If the description of the recordings is wrong, only the note on truncated recordings is returned.
+    If another interpretation of the recordings is at least as good, only truncated recordings are noted.
     """
     records = [*state.fitted.recordings.records, *state.fitted.held_out.records]
     names = [whole(record.run.name) for record in records if not record.run.complete]
@@ -50,7 +50,7 @@ def _restrictions(state: Transferred, kind: Verdict) -> Iterator[str]:
 
 
 def _small_effects(state: Transferred, kind: Verdict) -> Iterator[str]:
-    """Yield a sentence on the improbable small effects, which the verdict omits."""
+    """Yield a sentence on the small effects that the verdict omits because they are improbable."""
     of_model = small_effects(state.selection.bare, state.selection.path)
     listable = [cause.name for cause in listed_causes(state.posteriors)]
     stated = (*causes_named(state), *small_causes(state))
@@ -70,16 +70,19 @@ def component_notes(named_families: Sequence[NamedFamily], geared: Collection[in
     for family in named_families:
         effects, share = listed(family.effects), percent(family.share)
         if joints[family.name] in geared:
-            yield f"Together {effects} are the effects of a {family.words} [{family.name}]: {share} of the excess."
+            yield (
+                f"{effects} are the effects of a {family.words} [{family.name}]; together they explain {share} of the"
+                " excess."
+            )
         else:
             yield (
-                f"If the rig has a {family.words} [{family.name}], {effects} are its effects: {share} of the excess."
-                " Then state it in the rig file ([joints] geared)."
+                f"{effects} may be the effects of a {family.words} [{family.name}]; together they explain {share} of"
+                " the excess. If the rig has this drive, state it in the rig file ([joints] geared)."
             )
 
 
 def _varying_sizes(state: Transferred) -> Iterator[str]:
-    """Yield sentences on effects whose sizes differ between the recordings."""
+    """Yield sentences on withdrawn effects whose sizes differ between the recordings."""
     budget = state.gap.budget
     if budget is None or budget.basis != "recordings":
         return
@@ -91,34 +94,28 @@ def _varying_sizes(state: Transferred) -> Iterator[str]:
 
 
 def _lone_recording(state: Transferred) -> Iterator[str]:
-    """Yield a sentence on the only recording that the model does not explain.
-
-    The sentence states the next step.
-    """
+    """Yield a sentence on the only recording that the model does not explain, with the next step."""
     if (lone := state.transfer.lone) is None:
         return
     piece = are_pieces([lone.name])
-    others = "only noise" if lone.others < LONE.least else f"at most {lone.others:.2g} times the noise"
+    others = "only noise" if lone.others < LONE.least else f"a remainder of at most {lone.others:.2g} times the noise"
     yield (
-        f"The model leaves {lone.remainder:.2g} times the noise in {lone.name}. If {lone.name} is not fitted, the model"
-        f" leaves {others} in each other {'piece' if piece else 'recording'}. Either a cause acted only in"
-        f" {lone.name}, or {lone.name} contains a motion that the others do not contain."
+        f"The model leaves a remainder of {lone.remainder:.2g} times the noise in {lone.name}. If {lone.name} is not"
+        f" fitted, the model leaves {others} in each other {'piece' if piece else 'recording'}. Either a cause acted"
+        f" only in {lone.name}, or {lone.name} contains a motion that the others do not contain."
         f"{'' if piece else ' Diagnose the others without it.'}"
     )
 
 
 def _remainder(state: Transferred, kind: Verdict) -> Iterator[str]:
-    """Yield a sentence on the unmodelled remainder.
-
-    It states the size and location of the remainder, or that the rig was probably changed between the recordings.
-    """
+    """Yield a sentence on the size and location of the remainder, or on a rig that was probably changed."""
     if kind not in ("partly_explained", "unexplained"):
         return
     if changed := state.gap.budget and state.gap.budget.changed_ratio:
         values = listed([f"{value:.3g} in {run}" for run, value in changed.values.items()])
         yield (
-            f"The recordings differ in {changed.name} ({values}): if the rig was changed between them, diagnose them"
-            " separately."
+            f"The recordings differ in {changed.name} ({values}). If the rig was changed between these recordings,"
+            " diagnose them separately."
         )
     elif state.remainder:
         yield state.remainder.sentence
@@ -140,6 +137,6 @@ def _undetermined_sizes(state: Transferred, kind: Verdict) -> Iterator[str]:
     ]
     if names:
         yield (
-            f"The 90 % interval of {listed(names)} contains zero, because the cause of the remainder may change its"
-            " size. The probability does not contain this uncertainty."
+            f"The 90 % interval of the size of {listed(names)} contains zero, because the unknown cause of the"
+            " remainder may change this size. The probability does not include this uncertainty."
         )

@@ -1,9 +1,9 @@
 """Sizes of a selection at the inertia b that follows from the ratios of the selected set.
 
-During the search, sizes refer to the b of the bare model. An effect changes the ratios, and measured masses and lengths
-then give another b. The readings do not change if every parameter proportional to b^k is multiplied by the k-th power
-of the change of b. The fits and score tests are therefore converted without a further fit. For load-dependent friction
-this is an approximation: with a change of b by 5 %, its influence on the readings changes by at most 1.2 %.
+During the search, sizes refer to the b of the bare model. An effect changes the ratios, from which measured masses and
+lengths give another b. If b changes by a factor and every parameter proportional to b^k by its k-th power, the readings
+stay the same. The fits and score tests are therefore converted without a further fit. For load-dependent friction this
+is an approximation: if b changes by 5 %, the influence of this friction on the readings changes by at most 1.2 %.
 """
 
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ T = TypeVar("T")
 
 
 def at_own_scale(selection: Selection, problem: Problem, rig: Rig) -> Selection:
-    """Convert the sizes of all sets to the b that measured values and the ratios of the selected set determine.
+    """Convert the sizes of all sets to the b that follows from measured values and the selected set.
 
     The selection is unchanged if the recordings determine b, or if measured values do not.
     """
@@ -76,7 +76,7 @@ class _Conversion:
     """Converted objects by the identity of the original, so that shared objects remain shared."""
 
     def __call__(self, value: T) -> T:
-        """Convert a value and everything in it; values that do not depend on b are returned unchanged."""
+        """Return a value converted with all its parts; parts that do not depend on b stay unchanged."""
         if id(value) not in self._results:
             self._results[id(value)] = self._converted(value)
         return self._results[id(value)]
@@ -129,11 +129,11 @@ class _Conversion:
         )
 
     def _units(self, free: tuple[FreeParameter, ...]) -> Array:
-        """Return the (free,) factors of some parameters."""
+        """Return the (free,) factors of the parameters `free`."""
         return self.factors[[parameter.place for parameter in free]]
 
     def _linear(self, linear: Linearisation, free: tuple[FreeParameter, ...]) -> Linearisation:
-        """Convert derivatives with respect to some parameters."""
+        """Convert the derivatives with respect to the parameters `free`."""
         units = self._units(free)
         coefficients = linear.initial_state_coefficients / units
         return replace(linear, A=linear.A / units, initial_state_coefficients=coefficients)

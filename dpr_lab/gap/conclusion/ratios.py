@@ -1,4 +1,4 @@
-"""Ratios to b with their intervals, and the value of b that absolute sizes assume."""
+"""Ratios to b with their intervals, and the inertia b that absolute sizes assume."""
 
 from typing import Any
 
@@ -25,14 +25,14 @@ from dpr_lab.setup import only_inner
 def ratios(problem: Problem, model: Hypothesis, covariance: Array, rig: Rig) -> dict[str, Interval]:
     """Return the ratios to b with 90 % intervals.
 
-    The interval of a friction ratio contains no negative values. The same applies to an interval that the bounds of the
-    rig file widen.
+    An undetermined ratio has the interval that follows from the rig file. The interval of a friction ratio contains no
+    negative values, and neither does an interval that the rig file widens.
 
     Args:
         problem: segments and noise
         model: a fitted set of effects
         covariance: (free, free) covariance of its fitted values
-        rig: bounds
+        rig: rig file with the bounds of undetermined ratios
     """
     values = model.estimate.ratios[: len(RATIOS)].tolist()
     by_prior = unknown_covariance(model.fit, by_undetermined_ratios(problem, model.fit))
@@ -51,13 +51,12 @@ def ratios(problem: Problem, model: Hypothesis, covariance: Array, rig: Rig) -> 
 def determined(problem: Problem, fit: Fit, covariance: Array, rig: Rig) -> tuple[dict[str, Interval], Array]:
     """Return the ratios that the recordings determine.
 
-    The ratios refer to the inertia b, or to a if only the inner rod is mounted. The value and the covariance of a
-    fitted parameter are divided by this inertia. The intervals and the covariance
+    The ratios refer to the inertia b, or to a if only the inner rod is mounted. The intervals and the covariance
     include the uncertainty that undetermined ratios cause; e1/a and c1/a of the inner rod alone do not depend on
     undetermined ratios. The arguments are those of `ratios`.
 
     Returns:
-        the ratios, and their (n, n) covariance
+        the ratios by name, and their (n, n) covariance
     """
     alone = only_inner(problem.segments.setups)
     by_prior = np.zeros_like(covariance) if alone else by_undetermined_ratios(problem, fit)
@@ -76,9 +75,10 @@ def determined(problem: Problem, fit: Fit, covariance: Array, rig: Rig) -> tuple
 
 
 def most_deviating(state: Transferred) -> str:
-    """Return the fitted ratio that deviates most from its nominal value, as a clause with both values.
+    """Return a clause on the fitted ratio with the largest relative deviation from its nominal value.
 
-    Friction ratios are not compared, because their nominal values are rough guesses.
+    The clause starts with a colon and contains both values. Friction ratios are not compared, because their nominal
+    values are rough guesses.
     """
     setups, fit, rig = state.fitted.problem.segments.setups, state.selection.chosen.fit, state.fitted.recordings.rig
     rated = unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))
@@ -127,9 +127,9 @@ def scale(state: Transferred) -> Scale:
 
 
 def rig_posterior(problem: Problem, fit: Fit, covariance: Array, rig: Rig) -> Posterior:
-    """Return the distribution of the rig parameters, given the fitted ratios and their errors.
+    """Return the distribution of the rig parameters, given the fitted ratios and their covariance.
 
-    An effect such as a spring may make a ratio uncertain. The arguments are those of `ratios`.
+    The arguments are those of `ratios`.
     """
     setups = problem.segments.setups
     visible = sorted(parameter.place for parameter in fit.free if parameter.block == "ratios")
@@ -163,7 +163,7 @@ def fitted_scale(problem: Problem, fit: Fit, covariance: Array, rig: Rig) -> Sca
 def unknown_covariance(fit: Fit, covariance: Array) -> Array:
     """Return the (7, 7) covariance of the ratios, b and p/b, from that of the fitted values (free, free).
 
-    It is zero for values of the rig file.
+    The rows and columns of values that come from the rig file are zero.
     """
     column_of = {parameter.place: i for i, parameter in enumerate(fit.free) if parameter.block == "ratios"}
     places, columns = list(column_of), list(column_of.values())

@@ -34,16 +34,16 @@ class ScatterSettings:
     """Settings of the estimate of the scatter."""
 
     significant: float = 3.0
-    """Number of standard deviations of Q, sqrt(2 nu), by which Q must exceed nu for recordings to differ."""
+    """Minimum excess of Q over nu, in standard deviations sqrt(2 nu), for recordings that differ."""
     singular: float = 1e-6
-    """Relative size of an eigenvalue of a scaled normal matrix up to which the eigenvalue counts as zero."""
+    """Largest relative eigenvalue of a scaled normal matrix that counts as zero."""
 
 
 SCATTER = ScatterSettings()
 
 
 def between_recordings(problem: Problem, fit: Fit) -> Array:
-    """Return the (free, free) covariance of the parameters between recordings (random effects).
+    """Return the (free, free) covariance B of the values between recordings (random effects).
 
     It describes the values of a new recording about the common values, and is zero for values at a bound.
 
@@ -81,9 +81,9 @@ def left_out_values(problem: Problem, fit: Fit) -> Array:
 
         p - (H - H_r + P)^+ g_r
 
-    with the common values p; the module defines H_r, g_r and P, and H is the sum of all H_r. A value that only the
-    omitted recording determines keeps its common value. If the new values are not finite, all values keep their common
-    values.
+    with the common values p and the sum H of all H_r; the docstring of the module defines H_r, g_r and P. A value that
+    only the omitted recording determines keeps its common value. So do all values if the normal equations are not
+    finite. The result has no rows for a single recording.
 
     Args:
         problem: segments and noise

@@ -41,14 +41,14 @@ def sentence(kind: DetailedVerdict, state: Transferred, visible_counts: tuple[in
 def _inconclusive(visible_counts: tuple[int, int]) -> str:
     detectable, effects = visible_counts
     return (
-        f"Inconclusive: these recordings cannot show a gap. Of {effects} effects only {detectable} are detectable"
-        f" at their typical size. Record more releases, longer, with larger swings, at a higher rate or"
-        f" with less noise."
+        f"Inconclusive: these recordings cannot show a gap. Of {effects} effects, only {detectable} are detectable"
+        " at their typical size. Record more or longer releases, with larger swings, at a higher sampling rate or with"
+        " less noise."
     )
 
 
 def _too_short(state: Transferred) -> str:
-    """List the most probable causes, and the recordings that can distinguish them."""
+    """Return the verdict of a release that is too short, with the most probable causes and the next recordings."""
     t, causes = state.fitted.problem.t, listed_causes(state.posteriors)
     probable = {_class(cause): cause.probability for cause in causes}
     listed_names = {name for cause in causes for name in (cause.name, *cause.members)}
@@ -60,9 +60,9 @@ def _too_short(state: Transferred) -> str:
     candidates = _series([f"{words} ({percent(probability)})" for words, probability in leading])
     are = "candidates are" if len(leading) > 1 else "candidate is"
     return (
-        f"Inconclusive: this release of {np.ptp(t):.2g} s is too short to determine the cause of the gap. The leading"
-        f" {are} {candidates}.{untested} Record three releases from different angles, each for at least"
-        f" {VERDICT.enough_s:g} s or until the rods rest."
+        f"Inconclusive: this release of {np.ptp(t):.2g} s is too short to determine the cause of the gap. The most"
+        f" probable {are} {candidates}.{untested} Record three releases from different angles, each for at least"
+        f" {VERDICT.enough_s:g} s or until the rods are at rest."
     )
 
 
@@ -84,7 +84,7 @@ def _sentence(kind: DetailedVerdict, state: Transferred, budget: Budget) -> str:
 
 
 def _certain(causes: Sequence[EffectPosterior]) -> str:
-    """Return the named causes with their lowest probability or, if one is untested, the probability of each."""
+    """List the named causes with their lowest probability, or with the probability of each if a form is untested."""
     if any(cause.untested for cause in causes):
         return _classes(causes, np.inf)
     least = percent(min(cause.probability for cause in causes))
@@ -105,17 +105,13 @@ def _qualified(state: Transferred, causes: Sequence[EffectPosterior]) -> str:
 
 
 def _unexplained(state: Transferred, budget: Budget) -> str:
-    """Return sentences that state why no effect is the cause.
-
-    Either no effect fits, or the closest effects explain too little, or they explain only the fitted runs.
-    """
+    """Return the verdict "unexplained", with the reason why no effect is named as a cause."""
     selection, posteriors, transfer = state.selection, state.posteriors, state.transfer
     share, remainder = selection.share_explained, _in_noise(selection.chosen.residuals.noise_ratio)
     if not posteriors and only_held_out_gap(selection.chosen, transfer):
         return (
             "Unexplained: the fitted recordings show no gap, but the held-out recordings show a gap of"
-            f" {_in_noise(transfer.gap_ratio)}. Fit these recordings too, or check that nothing on the rig"
-            " was changed."
+            f" {_in_noise(transfer.gap_ratio)}. Fit the held-out recordings too, or check whether the rig was changed."
         )
     if set(selection.chosen.effects) <= selection.expected and gap_is_small(selection.bare):
         return (
@@ -158,22 +154,22 @@ def _rounded(value: float) -> str:
 
 
 def _remainder(chosen: Hypothesis, transfer: Transfer) -> str:
-    """Describe the remainder, or an increased error of the free run, which takes precedence."""
+    """Describe an increased error of the free run or, if there is none, the remainder."""
     if transfer.worse_free_run:
         errors = transfer.worse_free_run
         before, after = 1e3 * errors.before_rad, 1e3 * errors.after_rad
         compared = "held-out runs" if transfer.held_out else "recordings"
         return (
-            f"But the free run of the {compared} becomes worse, from {before:.3g} to {after:.3g} mrad rms in the first"
-            f" {errors.until_s:.2g} s."
+            f"But the error of the free run of the {compared} increases from {before:.3g} to {after:.3g} mrad rms in"
+            f" the first {errors.until_s:.2g} s."
         )
     if chosen.at_noise_floor:
         return UNCERTAIN
     remainder = f"A remainder of {_in_noise(chosen.residuals.noise_ratio)}"
     if chosen.residuals.noise_ratio < 1.0:
         return (
-            f"{remainder} is significant, but smaller than the noise: a small further cause may act, or a named effect"
-            " may have a slightly different form."
+            f"{remainder} is significant, but smaller than the noise: a further small cause may act, or the functional"
+            " form of a named effect may differ slightly from that of the library."
         )
     return f"{remainder} stays unexplained: a further cause acts, or a named effect has another form."
 
@@ -188,7 +184,7 @@ def _no_gap(bare: Hypothesis) -> str:
 
 
 def _free_run(budget: Budget) -> str:
-    """State the largest error of a predictable free run relative to its uncertainty."""
+    """State the free run with the largest ratio of error to uncertainty, and whether it shows a gap."""
     if (run := budget.worst) is None:
         return "No free run is long and predictable enough for a test."
     error, uncertainty = (_rounded(1e3 * value) for value in (run.error_before_rad, run.u_before_rad))
@@ -202,7 +198,7 @@ def _free_run(budget: Budget) -> str:
 def reduction_sentence(transfer: Transfer) -> str:
     """State by how much the gap closes on held-out data, and which data these are."""
     if not transfer.tested:
-        return "The recordings are too short to predict one part from another, so no data validate this result."
+        return "The recordings are too short to predict one part from another, so this result is not validated."
     estimate, (low, high) = transfer.closed.value, transfer.closed.interval90
     if held_out_gap_invisible(transfer):
         return f"{_tested_on(transfer)} the gap is too small to show a reduction."
@@ -231,13 +227,14 @@ _BASIS = {
     "releases left out": "In cross-validation across the releases",
     "one release": "In cross-validation across the quarters of the only release",
 }
-"""Phrase of the sentence for each kind of held-out data."""
+"""Beginning of the sentence on the reduction of the gap, by kind of held-out data."""
 
 
 def _classes(causes: Sequence[EffectPosterior], below: float = -np.inf) -> str:
-    """List the classes in words; a probability is stated if it is less than `below` or limited by a test.
+    """List the classes in words.
 
-    Of several classes, only the first members are listed; `_indistinguishable` states the other members.
+    The probability of a class is stated if it is less than `below`, or if it is limited by an untested form. Of several
+    classes, only the first members are listed; `_indistinguishable` states the other members.
     """
     if len(causes) == 1:
         return _class(causes[0]) + _probability(causes[0], below)
@@ -258,14 +255,15 @@ def _indistinguishable(causes: Sequence[EffectPosterior]) -> str:
 
 
 def _untested(causes: Sequence[EffectPosterior]) -> str:
-    """Return a sentence on the causes whose probability is limited because of a single release."""
+    """Return a sentence on the causes whose probability is limited because one release does not test their form."""
     if not (names := [cause.name for cause in causes if cause.untested]):
         return ""
-    return f" One release is a weak test of the form of {_series(names)}, which limits the probability."
+    its = "its probability" if len(names) == 1 else "their probabilities"
+    return f" A single release tests the functional form of {_series(names)} only weakly, which limits {its}."
 
 
 def _series(items: Sequence[str]) -> str:
-    """Join effects with semicolons, because a name such as `Coulomb friction, joint 1` contains a comma."""
+    """Join three or more effects with semicolons, because a name such as `Coulomb friction, joint 1` has a comma."""
     return " and ".join(items) if len(items) < 3 else f"{'; '.join(items[:-1])}; and {items[-1]}"
 
 

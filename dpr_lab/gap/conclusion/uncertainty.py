@@ -1,4 +1,4 @@
-"""Uncertainty of the fitted values due to noise, integrator, measured constants, and discrepancy term.
+"""Covariance of the fitted values due to noise, integrator, measured constants, and discrepancy term.
 
 Let A be the Jacobian of a fit after the initial states are projected out. The noise causes the covariance f (A^T A)^-1,
 where f is the variance inflation n / n_eff (`dpr_lab.gap.hypothesis.residuals`). Any other change dr of the readings
@@ -52,12 +52,12 @@ from dpr_lab.rig import MASSES, Rig
 def covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrepancy | None = None) -> Array:
     """Return the (free, free) covariance of the fitted values.
 
-    The covariance is zero for values at a bound (`second_moments`).
+    The rows and columns of values at a bound are zero; `second_moments` contains their uncertainty.
 
     Args:
         problem: segments and noise
-        model: the fit
-        rig: measured constants
+        model: the fitted set of effects
+        rig: rig file with the measured constants
         remainder: discrepancy term of the fit, which also shifts the values
     """
     before = problem.predict(model.estimate)
@@ -70,7 +70,10 @@ def covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrep
 
 
 def whole_covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrepancy | None = None) -> Array:
-    """Return the (free, free) covariance of the fitted values with the second moments of values at a bound."""
+    """Return the (free, free) covariance of the fitted values, including those at a bound.
+
+    The arguments are those of `covariance`.
+    """
     return covariance(problem, model, rig, remainder) + second_moments(problem, model.fit, model.inflation)
 
 
@@ -90,12 +93,10 @@ def by_undetermined_ratios(problem: Problem, fit: Fit) -> Array:
 
 
 def _other_ratios(problem: Problem, fit: Fit, share: float) -> Iterator[Estimate]:
-    """Yield one changed estimate for each undetermined direction of the ratios.
+    """Yield an estimate with changed undetermined ratios, for each principal direction of their prior.
 
-    The change along the direction is a fraction `share` of a prior standard deviation.
-
-    The fitted values contain no information about the undetermined ratios, so their prior is not conditioned on the
-    fit.
+    The change along a direction is the fraction `share` of a prior standard deviation. The fit contains no information
+    about undetermined ratios, so their prior is not conditioned on the fit.
     """
     free = {parameter.place for parameter in fit.free if parameter.block == "ratios"}
     alone = any(setup.alone for setup in problem.segments.setups)
@@ -120,14 +121,12 @@ def _changed_problems(problem: Problem, rig: Rig) -> Iterator[Problem]:
 
 
 def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:
-    """Return the second moment of the errors that values at their bounds cause.
-
-    Its shape is (free, free), for all values.
+    """Return the (free, free) second moments of the errors that values at their bounds cause.
 
     Args:
         problem: segments and noise
         fit: the fit
-        inflation: f
+        inflation: variance inflation f
     """
     moments = np.zeros((len(fit.free), len(fit.free)))
     for shift in _shifts(problem, fit, inflation):
@@ -136,7 +135,7 @@ def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:
 
 
 def _shifts(problem: Problem, fit: Fit, inflation: float) -> Iterator[Array]:
-    """Yield the (free,) rms errors due to each value at its bound."""
+    """Yield the (free,) rms errors of all values due to each value at its bound."""
     room, inside = bounds(fit.estimate, fit.free), fit.inside
     at_bound = np.flatnonzero((room == 0.0).any(axis=0)).tolist()
     if not at_bound:

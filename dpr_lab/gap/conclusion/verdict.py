@@ -23,9 +23,9 @@ class VerdictRules:
     sure: float = 0.6
     """Minimum probability of the most probable class of a set that is named."""
     rather: float = 0.5
-    """Probability below which the sentence omits an effect that is not the most probable one."""
+    """Minimum probability of an effect in the sentence; the most probable effect is always stated."""
     outside: float = 10.0
-    """Ratio of the probability of an outside cause to that of an effect; if it is larger for all effects, none is
+    """Maximum ratio of the probability of an outside cause to that of an effect. Beyond it for all effects, none is
     named."""
     closes: float = 0.5
     """Minimum share of the gap that a cause closes on held-out recordings.
@@ -33,13 +33,13 @@ class VerdictRules:
     If the interval from the quarters of one release extends below it, the sentence asks for a second release.
     """
     narrow: float = 0.02
-    """Width of the interval of the closed share below which the sentence states the share with one decimal."""
+    """Maximum width of the interval of the closed share for which the sentence states the share with one decimal."""
     nearly_all: float = 0.999
     """Lower limit of the interval above which the sentence states this limit, and not "100 %"."""
     gap_from: float = 0.5
-    """Minimum ratio of a gap to the noise, if no effect explains it."""
+    """Minimum ratio of the residual to the noise that counts as a gap, if no effect explains it."""
     held_out_gap: float = 1.0
-    """Minimum ratio of a gap to the noise, if only the held-out recordings show the gap."""
+    """Minimum ratio of the residual to the noise that counts as a gap, if only held-out recordings show it."""
     visible: float = 0.5
     """Minimum share of the effects that are detectable at their typical size for the verdict "no gap".
 
@@ -48,7 +48,8 @@ class VerdictRules:
     candidates: int = 3
     """Maximum number of candidates in the sentence of an inconclusive verdict."""
     enough_s: float = 6.0
-    """Duration of a recommended release, s; three decide the causes of most simulated rigs (decision 74)."""
+    """Duration of a recommended release, s. Three such releases decide the causes of most simulated rigs (decision
+    74)."""
     noise: float = 6.0
     """Maximum residual of a named set, in standard deviations."""
 
@@ -79,9 +80,9 @@ def verdict(state: Transferred, visible_counts: tuple[int, int], budget: Budget)
 
 
 def _too_short_to_decide(state: Transferred) -> bool:
-    """Return whether the only release is too short to test its causes, none of which is probable.
+    """Return whether the only release is too short to test its causes, and none of them is probable.
 
-    If the set contains only effects that every rig of this kind has, the verdict is not open.
+    The result is False for a set that contains only effects that every rig of this kind has.
     """
     causes = listed_causes(state.posteriors)
     if not (state.transfer.too_short and causes) or set(state.selection.chosen.effects) <= state.selection.expected:
@@ -107,7 +108,7 @@ def _by_tests(state: Transferred) -> Verdict:
 
 
 def _passes_all_tests(transfer: Transfer) -> bool:
-    """Return whether sizes, free runs and held-out recordings are consistent with the effects."""
+    """Return whether sizes, free runs and held-out recordings confirm the effects, as far as they are tested."""
     if transfer.worse_free_run or transfer.oversized:
         return False
     tested = transfer.tested and transfer.basis != "one release"
@@ -128,8 +129,8 @@ def only_held_out_gap(chosen: Hypothesis, transfer: Transfer) -> bool:
 def shows_reduction(transfer: Transfer) -> bool:
     """Return whether held-out data show that the gap closes.
 
-    If the gap is far below the noise, only the upper end of the interval of the share must reach the minimum. If the
-    noise hides the whole gap, only the tests of the effects count.
+    If the gap is far below the noise, the upper end of the interval of the closed share must reach the minimum, not the
+    share itself. If the noise hides the whole gap, the result is True.
     """
     closed = transfer.closed
     if transfer.gap_ratio == 0.0:
@@ -149,7 +150,7 @@ def fitted_only(posteriors: Sequence[EffectPosterior], transfer: Transfer) -> bo
 
 
 def held_out_gap_invisible(transfer: Transfer) -> bool:
-    """Return whether the gap is invisible in held-out data, which then neither confirm nor refute the effects."""
+    """Return whether the held-out data are too noisy to confirm or refute a reduction of the gap."""
     return transfer.closed.value <= 0 and transfer.closed.interval90[1] >= VERDICT.closes
 
 
@@ -159,10 +160,9 @@ def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterio
 
 
 def causes_named(state: Transferred) -> Sequence[EffectPosterior]:
-    """Return the causes that the verdict names. They also improve the prediction of held-out data.
+    """Return the causes that the verdict names, without those that do not carry over to held-out data.
 
-    Small, expected and less probable effects are named only if there are no others. The table of causes lists them too,
-    and `small_causes` contains the small ones.
+    Small, expected and less probable effects are named only if there are no others.
     """
     carrying = [cause for cause in state.posteriors if cause.name not in state.transfer.withdrawn]
     unexpected = [cause for cause in carrying if cause.name not in state.selection.expected]
@@ -173,7 +173,7 @@ def causes_named(state: Transferred) -> Sequence[EffectPosterior]:
 
 
 def small_causes(state: Transferred) -> list[EffectPosterior]:
-    """Return the probable causes that carry over to held-out data and are too small for `causes_named`."""
+    """Return the other probable causes that carry over to held-out data, which are small."""
     named, little = causes_named(state), small_effects(state.selection.bare, state.selection.path)
     return [
         cause

@@ -1,20 +1,20 @@
-"""Uncertainty of the prediction of a correct model, compared with the prediction error.
+"""Uncertainty that the prediction of a correct model has, for comparison with the prediction error.
 
     E = simulation - measurement,    u_val^2 = u_num^2 + u_input^2 + u_D^2
 
-An error E far above u_val (`FREE_RUN_TEST`) is attributed to the model itself. All contributions are propagated to a
-free run whose initial state is fitted to the first readings, up to the predictability horizon:
+An error E far above u_val (`FREE_RUN_TEST`) is attributed to the model itself. All contributions are propagated along a
+free run up to the predictability horizon. The initial state of this run is fitted to the first readings:
 
     u_num      by halving the step of the integrator
-    u_input    by the measured or assumed constants of the rig, with the ratios refitted each time, and by the noise in
-               the inputs, the fitted values and the initial state
+    u_input    by the measured or assumed constants of the rig, each with refitted ratios, and by the noise in the
+               inputs, the fitted values and the initial state
     u_D        by the noise of the compared readings
 
 No contribution contains the model error; otherwise no error would ever exceed u_val.
 
-A change of an input by one standard uncertainty changes the readings by c. The fitted values absorb a part of c, and c'
-remains. A larger error of the input would be visible in the recordings. The recordings therefore reduce the standard
-uncertainty by the factor (1 + |c'|^2 / f)^-1/2, where f is the variance inflation n / n_eff.
+A change of an input by one standard uncertainty changes the whitened readings by c. The fitted values absorb a part of
+c, and c' remains. The recordings would show a large error of the input by a residual of this shape. They therefore
+reduce the standard uncertainty by the factor (1 + |c'|^2 / f)^-1/2, where f is the variance inflation n / n_eff.
 
 Sources: ASME V&V 20-2009, Standard for Verification and Validation in Computational Fluid Dynamics and Heat Transfer;
 JCGM 100:2008 (GUM), 4.3.7 for limits without a distribution.
@@ -50,11 +50,11 @@ class AssumedInputs:
     rule_m: float = 1e-3
     """Limit of the error of L1, m, measured with a ruler in millimetres."""
     gravity: float = 0.026
-    """Half the range of g at sea level, from the equator (9.780) to the poles (9.832), m/s^2."""
+    """Limit of the error of g: half its range at sea level, from the equator (9.780) to the poles (9.832), m/s^2."""
     rectangular: float = 3.0**-0.5
     """Standard deviation of a uniform distribution of half width 1."""
     richardson: float = 16 / 15
-    """Ratio of the error of a fourth-order method to the change of its result when the step is halved."""
+    """Ratio of the error of a fourth-order method to the change of the result when the step is halved."""
 
 
 ASSUMED = AssumedInputs()
@@ -72,14 +72,14 @@ class Source:
     variance: list[Array]
     """(n, 2) variance of the predicted readings of each recording, rad^2."""
     left: float = 1.0
-    """Factor by which the recordings reduce the given standard uncertainty of the source."""
+    """Factor by which the recordings reduce the stated standard uncertainty of the source."""
 
 
 def sources(problem: Problem, model: Hypothesis, recordings: Recordings, runs: FreeRuns) -> Iterator[Source]:
     """Yield all sources of the uncertainty of the free runs of a model.
 
-    They are the integrator, constants of the rig, inputs, and the noise of the readings. The noise acts on the fitted
-    values, on the initial state, and on the comparison itself.
+    The sources are the integrator, constants of the rig, inputs, and the noise of the readings. This noise affects the
+    fitted values, the initial state, and the comparison itself.
     """
     rig, swings, level, noise = recordings.rig, runs.swings, model.residuals.level, model.residuals.independent_noise
     origin = "half the step of the Runge-Kutta method, with refitted values"
@@ -113,7 +113,7 @@ def _changes(
         change: change of an input by one standard uncertainty, or of the integrator
 
     Returns:
-        (n, 2) change of the readings of each free run, rad, and the factor (1 + |c'|^2 / f)^-1/2
+        (n, 2) change of the predicted readings of each free run, rad, and the factor (1 + |c'|^2 / f)^-1/2
     """
     fit = model.fit
     other = change(problem).predict(fit.estimate)
@@ -136,7 +136,7 @@ def _with_constants(problem: Problem, constants: RigConstants) -> Problem:
 
 
 def _by_inputs(recordings: Recordings, runs: FreeRuns) -> list[Array]:
-    """Return the (n, 2) variance by noise of measured torques and prescribed motions, as process noise."""
+    """Return the (n, 2) variance of each free run due to noise of measured torques and prescribed motions, rad^2."""
     most_Nm = (0.0, 0.0) if recordings.exact_torques else recordings.torque_noise_Nm
     noise = disturbance(runs.problem, runs.start, most_Nm=most_Nm)
     if noise is None:
@@ -146,9 +146,9 @@ def _by_inputs(recordings: Recordings, runs: FreeRuns) -> list[Array]:
 
 
 def _changed(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tuple[str, str, RigConstants]]:
-    """Yield name, source and changed constants for each measured constant of the rig.
+    """Yield name, origin of the uncertainty, and changed constants, for each uncertain constant of the rig.
 
-    The change is one standard uncertainty of this constant.
+    One constant at a time is changed by its standard uncertainty. A fitted L1 is left out.
     """
     if not any(EFFECTS[name].corrects == "L1" for name in fitted):
         std = ASSUMED.rule_m * ASSUMED.rectangular
@@ -166,7 +166,7 @@ def _changed(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[t
 
 
 def mean_squares(parts: Sequence[Source], compared: Sequence[Flags]) -> Array:
-    """Return the (sources, runs) mean variance of the compared readings due to each source, rad^2."""
+    """Return the (sources, runs) mean variance due to each source over the compared readings, rad^2."""
     by_source = [[values[samples] for values, samples in zip(part.variance, compared, strict=True)] for part in parts]
     return np.array([[float(values.mean()) if len(values) else 0.0 for values in row] for row in by_source])
 

@@ -18,19 +18,19 @@ class MapSettings:
     """Settings of the cells of an occupancy map."""
 
     angles: int = 24
-    """Number of cells by angle. Each cell covers 15 degrees, which is less than the period of any effect that depends
-    on the angle."""
+    """Number of cells by angle. Each covers 15 degrees, less than the period of any effect that depends on the
+    angle."""
     speeds: int = 16
-    """Number of cells by speed, from the fastest rotation in one direction to the fastest in the other."""
+    """Number of cells by speed, from minus to plus the largest speed of the rod."""
 
 
 MAP = MapSettings()
 
 
 def coverage(fitted: Recordings, held_out: Recordings) -> dict[str, Occupancy]:
-    """Return the seconds that each rod spent at each angle and speed.
+    """Return the time, s, that each rod spent at each angle and speed.
 
-    Rods that never swung freely are omitted.
+    Rods that are not mounted or do not move are omitted.
     """
     to_rods = fitted.rig.encoders.joint_angles.to_rods
     occupancy: dict[str, Occupancy] = {}
@@ -52,9 +52,9 @@ def coverage(fitted: Recordings, held_out: Recordings) -> dict[str, Occupancy]:
 def _motion(
     rod: str, records: Sequence[Record], to_rods: Callable[[Array], Array]
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield angles, rad, speeds, rad/s, and durations, s, of a rod for each recording in which it swung.
+    """Yield angles, rad, speeds, rad/s, and durations, s, of a rod for each recording in which it is mounted.
 
-    If only one rod is mounted, its values are in the first column of a recording.
+    A single rod is in the first column of the readings.
     """
     for record in records:
         mounting = record.setup.mounting

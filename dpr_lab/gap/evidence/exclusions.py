@@ -1,18 +1,16 @@
-"""Excluded effects: minimum detectable sizes, and the confidence that effects are smaller.
+"""Excluded effects: the confidence that an effect is smaller than its minimum detectable size, and intervals.
 
 A score test with all named effects in the model gives a linear estimate of each amplitude, and the confidence that the
-effect is smaller than its minimum detectable size (`dpr_lab.gap.hypothesis.detectable.linear_exclusions`).
+effect is smaller than its minimum detectable size (`dpr_lab.gap.hypothesis.detectable.linear_exclusions`). In this test
+the other amplitudes of the effect are zero.
 
-In this test the other amplitudes of the effect are zero. A limit of one amplitude, for example of the stiffness of a
-cable, must hold for any values of the other amplitudes. The interval of an amplitude is therefore computed with all
-amplitudes of the effect fitted together, and over all shapes of an effect such as cogging.
+A limit of one amplitude, for example of the stiffness of a cable, must hold for any values of the other amplitudes and
+for any shape of the effect, for example any order of cogging. The 90 % interval of an amplitude is therefore computed
+with all amplitudes of the effect fitted together, and it covers the intervals in all shapes (an intersection-union
+test). Suppose that the effect has one of the shapes, and an amplitude beyond the limit. The interval in this shape then
+lies inside the limit with a probability of at most 5 %, however many other shapes are tested.
 
-An equivalence test must not select the shape: the effect is smaller than a limit if it is smaller in every shape. The
-interval of an amplitude therefore covers its 90 % intervals in all shapes (an intersection-union test). Suppose that
-the effect has one of the shapes, and an amplitude beyond the limit. The interval of this shape then lies inside the
-limit with a probability of at most 5 %, however many other shapes are tested.
-
-Frequencies are tested at intervals of half the inverse of the recording length. To limit their number, a frequency is
+Frequencies are tested in steps of half the inverse of the recording length. To limit their number, a frequency is
 tested in the first 10 s of each recording only. For any other shape parameter, the effect changes little between
 neighbouring tested values.
 
@@ -70,9 +68,13 @@ def exclusions(problem: Problem, model: Hypothesis, test: ScoreTest, least: Dete
 def _intervals(all_shapes: "AllShapes", score: Score, space: ColumnSpace) -> dict[str, tuple[float, float]]:
     """Return the 90 % interval of each amplitude in a joint fit of all amplitudes of an effect.
 
-    The result is empty if the recordings do not separate the amplitudes. If the shapes of an effect come from the
-    recordings, such as an instant, the interval applies to its best shape. In `space`, the model is projected out of
-    the columns of the amplitudes.
+    The result is empty if the recordings do not separate the amplitudes. If the shapes cannot be listed, such as the
+    instant of an event, the interval of a single amplitude applies to the best shape.
+
+    Args:
+        all_shapes: test over all shapes
+        score: score of the effect in its best shape
+        space: columns of the amplitudes in this shape, with the model projected out
     """
     names = [p.name for p in score.effect.amplitudes]
     intervals = all_shapes.intervals(score.effect) if score.effect.shapes else None
@@ -95,7 +97,7 @@ class ShapeSettings:
     most: int = 800
     """Maximum number of shapes, which allows frequencies up to 40 Hz in 10 s. A test of more shapes is too slow."""
     nodes: tuple[float, int] = (1.2, 20)
-    """Number of nodes between which frequencies are interpolated: factor on the phase range, and a constant."""
+    """Number of nodes of the interpolation between frequencies: factor on the phase range, and a constant."""
 
 
 SHAPES = ShapeSettings()
@@ -103,18 +105,19 @@ SHAPES = ShapeSettings()
 
 @dataclass(frozen=True)
 class AllShapes:
-    """Tests of effects that are added to a fitted set, each in all its shapes."""
+    """Test of an effect that is added to a fitted set, over all shapes of the effect."""
 
     problem: Problem
     """The segments."""
     model: Hypothesis
-    """Fitted set without the tested effects."""
+    """Fitted set, which does not contain the tested effects."""
 
     def intervals(self, effect: Effect) -> list[tuple[float, float]] | None:
         """Return the 90 % interval of each amplitude over all shapes of an effect.
 
         The result is None if the amplitudes are inseparable in one of the shapes. It is also None for an effect that is
-        not a torque along the swing, that has several shape parameters, or whose shape parameter has too many values.
+        not a torque along the swing, that has internal states, shapes proposed from a recording or several shape
+        parameters, or whose shape parameter has too many values.
         """
         if effect.stage not in TRAJECTORY_TORQUES or effect.internal or effect.propose or len(effect.shapes) != 1:
             return None
@@ -133,7 +136,7 @@ class AllShapes:
 
     @cached_property
     def _whole(self) -> "_Swings":
-        """Swings along the whole recordings, for all shapes except frequencies."""
+        """Swings along the whole recordings."""
         return _Swings.of(self.problem, self.model.estimate, self.model.fit.linear)
 
     @cached_property
@@ -183,7 +186,7 @@ def _beginning(problem: Problem, estimate: Estimate) -> tuple[Problem, Estimate]
 
 
 def _values(effect: Effect, problem: Problem) -> Array:
-    """Return the tested values of the shape parameter; frequencies are evenly spaced."""
+    """Return the tested values of the only shape parameter; frequencies are evenly spaced, Hz."""
     (shape,) = effect.shapes
     if not _is_frequency(effect):
         return np.array(shape.scan)
@@ -193,7 +196,7 @@ def _values(effect: Effect, problem: Problem) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class _Swings:
-    """Swings along which shapes are tested, with a fitted model."""
+    """Trajectories of a fitted model, along which the shapes of an effect are tested."""
 
     problem: Problem
     reference: Trajectory
@@ -201,21 +204,21 @@ class _Swings:
 
     @classmethod
     def of(cls, problem: Problem, estimate: Estimate, linear: Linearisation) -> "_Swings":
-        """Create the swings at the estimate of the linearised problem."""
+        """Simulate the swings with the estimate at which the problem is linearised."""
         return cls(problem, trajectory(problem, estimate, spacing=TRAJECTORY.coarse_s), FittedColumns.of(linear))
 
     def of_shapes(self, effect: Effect, values: Array) -> Iterator[SmallSets]:
-        """Yield the amplitudes for blocks of several shapes, with the model projected out."""
+        """Yield the normal equations of the amplitudes for blocks of shapes, with the model projected out."""
         for columns in self._columns(effect, values, self.reference):
             yield self.fitted.projected(columns, len(effect.amplitudes))
 
     def at_frequencies(self, effect: Effect, values: Array) -> SmallSets | None:
-        """Return the columns of a cosine and a sine, for evenly spaced frequencies.
+        """Return the normal equations of a cosine and a sine, for evenly spaced frequencies.
 
-        The model is projected out. If the middle of each segment is the origin of time, the inner products are
-        band-limited functions of the frequency, and Chebyshev polynomials interpolate them. With more nodes than half
-        the phase range, the error is negligible. The result is None if that takes more than half as many nodes as
-        frequencies.
+        The model is projected out. With the middle of each segment as origin of time, the inner products of the columns
+        are band-limited functions of the frequency, which Chebyshev polynomials interpolate. If the number of nodes
+        exceeds half the phase range, the error is negligible. The result is None if the interpolation needs more than
+        half as many nodes as there are frequencies.
         """
         t, offsets = self.problem.t, self.problem.segments.offsets
         middle = (t[offsets[:-1]] + t[offsets[1:] - 1]) / 2
@@ -245,7 +248,7 @@ class _Swings:
         return self.fitted.of_products(pairs, squares.transpose(2, 0, 1), 2)
 
     def _columns(self, effect: Effect, values: Array, reference: Trajectory) -> Iterator[Array]:
-        """Return the columns of unit amplitudes for blocks of several shapes, along a trajectory."""
+        """Yield the columns of unit amplitudes for blocks of shapes, along a trajectory."""
         place = param_index(effect.name, effect.shapes[0].name)
         shapes = list[Shape](((place, value),) for value in values.tolist())
         return shape_columns(self.problem, reference, effect, [1.0] * len(effect.amplitudes), shapes)

@@ -7,13 +7,13 @@ The friction torque at the joint speed u is the sum of the viscous torque and of
 A free-form friction curve is added to the corrected model, so that T may have any shape. The amplitudes of the curve
 are hardly distinguishable from each other and from c, but T(u) depends only on their sum. The linear estimate of T(u)
 has the variance g(u)^T C g(u), where C is the covariance of all fitted values and g(u) the derivative of T(u) with
-respect to them.
+respect to these values.
 
-A constant torque of the model, such as that of a spring, is indistinguishable from a difference of the friction between
-the two directions. The difference then counts as the constant torque: the curve is equal in both directions.
+If the model contains a constant torque, such as that of a spring, a difference of the friction between the two
+directions is indistinguishable from this torque. The curve is then equal in both directions.
 
-Joint 0 is the joint of an arm that is free or driven. The back-EMF of a voltage drive adds ke kt gear^2 / R to its c,
-and no recording separates the two.
+Joint 0 is the joint of an arm that is free or driven. The back-EMF of a voltage drive adds ke kt gear^2 / R to the
+viscous coefficient c of this joint. No recording separates the back-EMF from c.
 """
 
 from collections.abc import Sequence
@@ -83,7 +83,8 @@ def laws_of(joint: int) -> tuple[str, ...]:
 def joint_friction(problem: Problem, model: Hypothesis, *, back_emf: bool) -> dict[str, JointFriction]:
     """Return the friction torque of `joint1`, `joint2` and, for a moving arm, `joint0`.
 
-    The curve of a joint ends at the largest speed that the joint reaches in both directions.
+    The curve of a joint ends at the largest speed that the joint reaches in both directions. A joint that hardly moves
+    is left out.
     """
     fit = model.fit
     reached = _reached(trajectory(problem, fit.estimate, spacing=TRAJECTORY.coarse_s))
@@ -110,14 +111,15 @@ def joint_friction(problem: Problem, model: Hypothesis, *, back_emf: bool) -> di
 
 
 def curve_basis(H: Array, free: Sequence[FreeParameter], curve: Sequence[FreeParameter]) -> Array:
-    """Return a matrix whose columns are a basis of the determined fitted values.
+    """Return a (k, m) basis of the fitted values in which all coordinates are determined.
 
     If the other values absorb the difference between the curves of the two directions, the basis omits this difference.
+    Otherwise it is the unit matrix.
 
     Args:
         H: (k, k) normal matrix of the fitted values
-        free: the fitted values
-        curve: amplitudes of the curve that are not part of the model
+        free: the k fitted values
+        curve: amplitudes of the friction curve among them that are not part of the model
     """
     basis = np.eye(len(free))
     ends = [i for i, column in enumerate(free) if column in curve and column.name in BY_DIRECTION]
@@ -144,7 +146,7 @@ def _reached(swings: Trajectory) -> dict[int, float]:
 
 
 def _curve(joint: int, free: Sequence[FreeParameter]) -> list[FreeParameter]:
-    """Return the amplitudes of the friction curve that are not part of the model."""
+    """Return the amplitudes of the friction curve of a joint that are not part of the model."""
     fitted = {column.place for column in free}
     every = effect_parameters(FRICTION_CURVES[joint])
     return [column for column in every if column.place not in fitted]
@@ -153,10 +155,7 @@ def _curve(joint: int, free: Sequence[FreeParameter]) -> list[FreeParameter]:
 def linear_torque(
     joint: int, speeds: Array, estimate: Estimate, free: Sequence[FreeParameter], constants: RigConstants
 ) -> tuple[Array, Array]:
-    """Return the (speeds,) friction torque, N m, and its derivatives.
-
-    The (speeds, free) derivatives are those with respect to the fitted values.
-    """
+    """Return the (speeds,) friction torque of a joint, N m, and its (speeds, free) derivatives by the fitted values."""
     vectors = np.tile(estimate.vector, (len(free) + 1, 1))
     steps = np.array([column.step for column in free])
     vectors[range(1, len(vectors)), [column.place for column in free]] += steps
@@ -167,7 +166,7 @@ def linear_torque(
 def _torques(joint: int, speeds: Array, vectors: Array, base: Array, constants: RigConstants) -> Array:
     """Return the (speeds, vectors) friction torque of a joint, N m.
 
-    Each vector of parameters gives a column.
+    Each row of `vectors`, (vectors, n), contains all parameters of a model, as in `Estimate.vector`.
     """
     n, axes, axis = len(speeds), 2 if joint else 3, joint - 1  # the arm is the last axis
     zero, omega = np.zeros((n, axes)), np.zeros((n, axes))

@@ -21,9 +21,9 @@ class ResidualSettings:
     """Settings of the residual analysis."""
 
     lags: int = 40
-    """Number of lags; with readings every 5 ms, they extend over 0.2 s, which is within every segment."""
+    """Maximum lag in readings; with readings every 5 ms, it is 0.2 s, shorter than a segment."""
     quantiles: int = 61
-    """Number of quantiles of the distribution, evenly spaced in probability, without the extreme values."""
+    """Number of quantiles of the distribution, evenly spaced in probability."""
     far: float = 3.0
     """Number of standard deviations beyond which a residual counts as extreme."""
 
@@ -64,7 +64,7 @@ def _whiteness(problem: Problem, model: Hypothesis, joint: int, chances: Array) 
 
 
 def _autocorrelation(r: Array, read: Flags, owner: Integers, lags: int) -> Array:
-    """Return the (lags + 1,) autocorrelation of the residuals of a joint.
+    """Return the (lags + 1,) autocorrelation of the residuals of a joint, from lag 0.
 
     Pairs of readings from different segments are omitted.
     """

@@ -1,4 +1,4 @@
-"""Validation by free runs, before and after correction: errors, uncertainty, areas between distributions, curves.
+"""Validation by free runs before and after correction: errors, uncertainty, areas between distributions, curves.
 
 Only readings before the predictability horizon are compared. The area between the empirical distributions F of
 simulated and measured angles,
@@ -33,7 +33,7 @@ class CurveSettings:
     """Resolution of the stored curves."""
 
     rate_hz: float = 50.0
-    """Minimum rate of the points of a stored curve, Hz: ten points per period of the fastest swing."""
+    """Approximate rate of the points of a stored curve, Hz: ten points per period of the fastest swing."""
     digits: int = 5
     """Number of digits after the decimal point of an angle in rad."""
 
@@ -50,7 +50,7 @@ def validation(
         recordings: the fitted runs
         problem: segments of the fitted runs
         models: models before and after correction
-        simulated: free runs of all recordings by model, the fitted ones first
+        simulated: free runs along all recordings, fitted ones first, by model
     """
     by_run = zip(*(runs.swings for runs in simulated.values()), strict=True)
     pairs = [dict(zip(simulated, of_models, strict=True)) for of_models in by_run]
@@ -90,7 +90,7 @@ def validation(
 
 
 def _compared(pair: Mapping[str, FreeSwing], until_s: float) -> Flags:
-    """Return the (n, 2) mask of the compared readings, which both models simulate."""
+    """Return the (n, 2) mask of the readings that are compared: before `until_s`, and simulated by both models."""
     after, followed = pair["after"], np.all([np.isfinite(swing.predicted) for swing in pair.values()], axis=0)
     return after.compared & (after.t <= until_s)[:, None] & followed
 
@@ -102,7 +102,7 @@ def _mean_errors(runs: FreeRuns, samples: Sequence[Flags]) -> Array:
 
 
 def _rms(**squares: Mapping[str, float]) -> dict[str, float]:
-    """Return root mean squares, named as in `RunBudget`, of mean squares by quantity and model."""
+    """Return root mean squares, with the field names of `RunBudget`, of mean squares by quantity and model."""
     return {
         f"{quantity}_{name}_rad": float(np.sqrt(square))
         for quantity, by_model in squares.items()
@@ -111,9 +111,9 @@ def _rms(**squares: Mapping[str, float]) -> dict[str, float]:
 
 
 def _areas(pair: Mapping[str, FreeSwing], compared: Flags) -> dict[str, float]:
-    """Return the areas between the distributions, rad, for both models and for noise alone.
+    """Return the areas between measured and simulated distributions, rad, for both models and for noise alone.
 
-    Each area is a mean over the joints.
+    Each area is a mean over the joints, with the field names of `RunBudget`.
     """
     after = pair["after"]
     noise = np.random.default_rng(0).standard_normal(after.measured.shape) / np.where(compared, after.weight, 1.0)
@@ -157,9 +157,9 @@ def _curves(recordings: Recordings, pair: Mapping[str, FreeSwing], run: RunBudge
 
 
 def _input(recordings: Recordings, swing: FreeSwing, t: Array) -> dict[str, Any]:
-    """Return the input of the arm's drive, with its name and unit.
+    """Return the input of the arm's drive at given times, with its name and unit, as fields of `Curves`.
 
-    The (n,) times `t` are measured from the first reading. The result is empty if the run has no input.
+    `t` contains (n,) times after the first reading, s. The result is empty if the run has no input.
     """
     run, motor = swing.record.run, recordings.rig.motor
     if run.arm_input is None or motor is None:

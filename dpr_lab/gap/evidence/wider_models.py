@@ -1,15 +1,15 @@
 """Intervals of the fitted values in models with further effects that the recordings do not exclude.
 
 An effect that is present but not named changes the fitted values: a small Coulomb friction, for example, increases the
-viscous friction. An equivalence test must allow for it. The intervals are therefore also computed
+viscous friction. An equivalence test must allow for such effects. The intervals are therefore also computed
 
-- with one more effect, if its posterior probability is at least `PROBABLE`. Its odds against no further effect are
-  q exp((G / f - p) / 2), with the predicted reduction G of chi2, the variance inflation f, the penalty p of its
-  parameters (BIC), and its prior odds q relative to their mean
+- with each further effect whose posterior probability is at least `PROBABLE`. The odds of an effect against no further
+  effect are q exp((G / f - p) / 2), with the predicted reduction G of chi2, the variance inflation f, the penalty p of
+  the parameters (BIC), and the prior odds q relative to their mean
 - with all common effects together (`Effect.common`). They are nearly collinear, so their separate estimates are not
-  significant. The prior of each amplitude has the mean zero and its minimum detectable size as standard deviation.
+  significant. The prior of each amplitude has the mean zero and the minimum detectable size as standard deviation.
 
-Both are linear: chi2 and the values follow from the columns of the score test.
+Both computations are linear: chi2 and the values follow from the columns of the score test.
 
 Sources: R. L. Berger (1982), Multiparameter hypothesis testing and acceptance sampling, Technometrics 24, 295-300.
 R. E. Kass & A. E. Raftery (1995), Bayes factors, Journal of the American Statistical Association 90, 773-795.
@@ -60,15 +60,15 @@ def wider_models(state: Transferred) -> list[WiderModel]:
 
 
 def _intervals(state: Transferred, added: Sequence[int], stds: Sequence[float] = ()) -> dict[str, tuple[float, float]]:
-    """Return the 90 % interval of each ratio and amplitude of the fit, with further columns of the score test.
+    """Return the 90 % interval of each fitted ratio and amplitude, in a model with further amplitudes.
 
-    The intervals include that of the inertia b, or of a for the inner rod alone, if it was fitted. The result is empty
-    if the fitted values absorb a further amplitude.
+    A fitted inertia b, or a for the inner rod alone, has an interval too. The result is empty if the fitted values
+    absorb a further amplitude.
 
     Args:
         state: the result of the selection
-        added: columns of the further amplitudes
-        stds: standard deviation of the prior of each further amplitude; empty: no prior
+        added: columns of the further amplitudes in the score test
+        stds: prior standard deviation of each further amplitude, with the prior mean zero; empty: no prior
     """
     selection, rig = state.selection, state.fitted.recordings.rig
     fit, inflation, test = selection.chosen.fit, selection.chosen.inflation, selection.final_test

@@ -8,21 +8,22 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.result.saved import Interval, Saved
 
 PROBABLE = 0.05
-"""Minimum probability of an effect that is listed as a cause, and of an alternative that a check should exclude."""
+"""Minimum probability of a listed cause, and of an alternative that a check should exclude."""
 
-UNTESTED = "because one release is a weak test of its form"
+UNTESTED = "because one release tests its functional form only weakly"
 """Reason why the probability of an effect with several parameters is limited (decision 123)."""
 
 
 def nameable(members: Sequence[str], odds: Mapping[str, float], least: float = 1e-4) -> list[str]:
-    """Return the first member of a class, and the others whose share of the class probability is at least `least`."""
+    """Return the first member of a class, and those whose share of the class probability is at least `least`."""
     return [name for name in members if name == members[0] or odds.get(name, 1.0) >= least]
 
 
 class EffectSize(Interval):
-    """Size of a parameter of an effect: value, ratio to b^k, and their intervals.
+    """Size of a parameter of an effect: value, ratio to b^k, and the intervals of both.
 
-    `interval90` contains only the uncertainty of the fit, for the assumed b.
+    k is the power of the inertia b in the parameter. `interval90` contains only the uncertainty of the fit, at the
+    assumed b.
     """
 
     ratio: float | None = None
@@ -58,17 +59,17 @@ class FittedEffect(Saved):
 
 
 class CommonEffect(FittedEffect):
-    """One effect of a fit of the common effects alone, which is not confirmed as a cause."""
+    """One effect in the fit of the common effects alone, which does not confirm it as a cause."""
 
     share: float
-    """Share of the excess that this effect and the effects before it explain together."""
+    """Share of the excess chi-square that this effect and the effects before it explain together."""
 
 
 class NamedEffect(FittedEffect):
     """One effect of the selected set, with its size and probability."""
 
     odds: dict[str, float] = {}
-    """Share of each member of the class in the probability, by the plausibility of its size."""
+    """Share of the probability that each member of the class has, from the plausibility of its size."""
     forms: list[str] = []
     """Richer forms of the members that count as the simpler form.
 
@@ -79,9 +80,9 @@ class NamedEffect(FittedEffect):
     outside: float | None = None
     """Probability that a cause outside the library replaces the effect; None in a file of an older version."""
     untested: bool = False
-    """Whether the probability is limited because one release of a single rod is a weak test of its form."""
+    """Whether the probability is limited because one release of a single rod tests the form only weakly."""
     share: float
-    """Unique contribution: share of the excess that returns without the effect."""
+    """Unique contribution: share of the excess chi-square that returns without the effect."""
 
     @property
     def candidates(self) -> dict[str, float]:
@@ -94,7 +95,7 @@ class NamedEffect(FittedEffect):
 
     @property
     def only_by_prior(self) -> list[str]:
-        """Other members of the class, if together they are improbable because of their sizes or rarity."""
+        """Other members of the class, if all together are improbable because of their sizes or prior odds."""
         others = [name for name in self.members if name != self.name]
         return others if self.odds.get(self.name, 0.0) > 1 - PROBABLE else []
 
@@ -111,7 +112,7 @@ class NamedFamily(Saved):
     probability: float
     """Probability of the component: the largest probability of its specific effects."""
     share: float
-    """Share of the excess chi2 that returns if all effects of the family are removed."""
+    """Share of the excess chi-square that returns if all effects of the family are removed."""
 
 
 class RivalEffect(Saved):
@@ -124,6 +125,6 @@ class RivalEffect(Saved):
     probability: float
     """Probability that the alternative is the cause instead."""
     cosine: float
-    """Cosine similarity between the signatures of this effect and of the named effect; 1 for equal shapes."""
+    """Cosine similarity of the signatures of this effect and of the named effect; 1 if they are proportional."""
     instead_of: str = ""
     """Named effect that the alternative could replace; empty if no effect is named."""

@@ -19,9 +19,9 @@ class Recommendation:
     """Settings of the recommended checks."""
 
     bits: float = 0.05
-    """Minimum expected information of a check, bits: the entropy of the probabilities 0.994 and 0.006."""
+    """Minimum expected information of a recommended check, bits; two causes of 0.994 and 0.006 have this entropy."""
     most: int = 3
-    """Maximum number of checks."""
+    """Maximum number of recommended checks."""
 
 
 RECOMMENDATION = Recommendation()
@@ -41,12 +41,12 @@ class AdvisedRelease(Saved):
 
 
 class Quantity(Saved):
-    """Quantity and unit of a measurement."""
+    """Quantity that a check measures, with its unit."""
 
     name: str
     """Name of the quantity, for example `extra friction torque at rest, joint 2`."""
     unit: str
-    """Unit of the quantity, for example `N m`; `1` for a ratio."""
+    """SI unit of the quantity, for example `N m`; `1` for a ratio."""
     symbol: str
     """Symbol in the equation of the effect."""
     parameters: tuple[str, ...]
@@ -102,15 +102,15 @@ class AdvisedCheck(Saved):
     about: str
     """Named effect that the check distinguishes from the members of its class or from its alternatives."""
     splits: list[str]
-    """Effects that the check distinguishes from each other."""
+    """Candidate causes that the check distinguishes from each other."""
     expected_bits: float
-    """Expected reduction of the entropy between these effects, in bits."""
+    """Expected reduction of the entropy between these causes, bits."""
     measures: str = ""
     """Effect whose amplitude a measurement determines. If this effect is not the cause, the amplitude is about zero."""
     quantity: Quantity | None = None
     """Measured quantity; None for a recording."""
     expected: Interval | None = None
-    """Size of the quantity that the recordings predict if the measured effect is the cause, with its 90 % interval.
+    """Value that the recordings predict if the measured effect is the cause, with its 90 % interval.
 
     None for a recording, and if no size was fitted.
     """
@@ -119,7 +119,7 @@ class AdvisedCheck(Saved):
 
     @property
     def sentences(self) -> str:
-        """Instruction and purpose: `Record a release from near upright. This distinguishes a from b.`."""
+        """Instruction and purpose, for example `Record a release from near upright. This distinguishes a from b.`."""
         pair = len(self.splits) == 2
         causes = " from ".join(self.splits) if pair else f"{listed(self.splits)} from each other"
         purpose = f" This distinguishes {causes}." if len(self.splits) > 1 else ""
@@ -135,7 +135,7 @@ class AdvisedCheck(Saved):
     def priority(self) -> float:
         """Expected information in bits, by which checks are ordered.
 
-        A recording needs no tool, so it precedes an equally informative measurement. Measurements are assumed exact.
+        A recording needs no tool, so it precedes an equally informative measurement.
         """
         return self.expected_bits + RECOMMENDATION.bits * (self.kind == "recording")
 
@@ -176,7 +176,7 @@ def _amplitudes(effect: str) -> dict[str, EffectParameter]:
 
 
 def recommended(checks: Iterable[AdvisedCheck]) -> list[AdvisedCheck]:
-    """Return the best informative check of each named effect, at most `RECOMMENDATION.most`, the best first.
+    """Return the best informative check of each named effect, best first, at most `RECOMMENDATION.most`.
 
     The result of a check changes the expected information of the others, so one check at a time is recommended.
     """
@@ -188,7 +188,7 @@ def recommended(checks: Iterable[AdvisedCheck]) -> list[AdvisedCheck]:
 
 
 NONE_OF_THEM = "unexplained"
-"""Key that represents a cause outside the candidates, in probabilities and results of checks."""
+"""Key of a cause outside the candidates, in probabilities and in results of checks."""
 
 
 class CheckDone(Saved):
@@ -199,13 +199,13 @@ class CheckDone(Saved):
     result: str
     """Description of the result."""
     value: float | None = None
-    """Measured value, in the unit of the quantity; None for a recording."""
+    """Measured value, in the SI unit of the quantity; None for a recording."""
     std: float | None = None
-    """Standard uncertainty of the measured value, in the unit of the quantity; None for a recording."""
+    """Standard uncertainty of the measured value, in the SI unit of the quantity; None for a recording."""
     before: dict[str, float]
     """Probability of each candidate, and of a cause outside the candidates ("unexplained"), before the check."""
     after: dict[str, float]
-    """Probability of each candidate after the check."""
+    """Probability of the same causes after the check."""
     log10_bayes_factor: dict[str, float] = {}
     """Base-10 logarithm of the Bayes factor of each candidate against all others together.
 

@@ -34,7 +34,7 @@ UNCERTAIN = "Nothing above the noise floor remains, but the causes are uncertain
 """Last sentence of the verdict if effects explain the whole gap but no cause is certain."""
 
 ONLY_FREE_RUN = "show no gap, but a free run does"
-"""Part of the verdict if a fitted ratio absorbs the gap in segments."""
+"""Part of the verdict if only a free run shows the gap, because a fitted ratio absorbs it in segments."""
 
 
 class Diagnosis(Shown, Saved):
@@ -47,7 +47,7 @@ class Diagnosis(Shown, Saved):
     cause. In the second case `effects` contains the candidates.
     """
     sentence: str
-    """Verdict in short sentences: causes with their alternatives, gap reduction, remainder; more after checks."""
+    """Verdict in short sentences: causes, alternatives, gap reduction, remainder; after checks, also their results."""
     notes: list[str] = []
     """Notes in addition to the verdict, in sentences.
 
@@ -57,7 +57,7 @@ class Diagnosis(Shown, Saved):
     hints: list[str] = []
     """Signs that the recordings are described wrongly, each with the option or key of the rig file that corrects it."""
     basis: Basis = "releases left out"
-    """Data on which the verdict was tested."""
+    """Held-out data on which the verdict was tested."""
     transfer: dict[str, dict[str, Interval]] = {}
     """For each effect and held-out run: share of the gap without the effect that the effect closes."""
     withdrawn: list[str] = []
@@ -71,7 +71,7 @@ class Diagnosis(Shown, Saved):
     effects: list[NamedEffect]
     """Named effects, in the order in which they were selected."""
     common: list[CommonEffect] = []
-    """Fit of the common effects alone, if no cause with a tested form is claimed; it does not confirm a cause."""
+    """Fit of the common effects alone, if no cause with a tested form is claimed; it confirms no cause."""
     families: list[NamedFamily] = []
     """Components that several of the named effects form."""
     rivals: list[RivalEffect]
@@ -86,13 +86,13 @@ class Diagnosis(Shown, Saved):
     The quantity is a ratio, the initial states, or another amplitude. The amplitude is not fitted.
     """
     sensor_findings: list[SensorFinding]
-    """Sensor faults that were detected without a model, and disturbances, of all recordings including held-out ones."""
+    """Sensor faults and disturbances of all recordings, including held-out ones."""
     remedies: list[str] = []
     """Remedies for the named effects, in the order of the effects."""
     advice: list[str]
     """The next recording or measurement, in sentences."""
     checks: list[AdvisedCheck] = []
-    """Possible checks as data, the best first; `dpr-lab check` accepts their results."""
+    """Possible checks, the best first; `dpr-lab check` records their results."""
     checks_done: list[CheckDone] = []
     """Results of the completed checks, latest last."""
     parent: str = ""
@@ -103,7 +103,7 @@ class Diagnosis(Shown, Saved):
     If only the inner rod is mounted, the ratios of `determined`.
     """
     fitted: list[Interval] = []
-    """Fitted ratios a/b, d/b, e1/b, c1/b, c2/b if only the inner rod is mounted; empty for both rods.
+    """Fitted ratios a/b, d/b, e1/b, c1/b, c2/b if only the inner rod is mounted; otherwise empty.
 
     Parts that are not mounted have the values of the rig file. These ratios are initial values for other commands, not
     results.
@@ -127,10 +127,10 @@ class Diagnosis(Shown, Saved):
     exact_torques: bool = False
     """Whether measured torques were assumed to be exact.
 
-    This is the case if the remainder is far above the influence of their noise.
+    This is the case if the remainder is far above the effect of their noise.
     """
     torques_earlier: float = 0.0
-    """Time by which known torques act before their rows, as a share of the interval between rows."""
+    """Time by which known torques act before their time stamps, as a share of the interval between rows."""
     shutter: RollingShutter | None = None
     """Rolling shutter for which the readings were corrected; None if no correction was made."""
     segments: int
@@ -138,7 +138,7 @@ class Diagnosis(Shown, Saved):
     scale_b: float
     """Inertia b to which all sizes refer, kg m^2.
 
-    It comes from the rig file if the recordings determine only ratios to b.
+    It follows from the rig file and the ratios if the recordings determine only ratios to b.
     """
     scale: Scale | None = None
     """Value of b that absolute sizes assume, with its interval and source; None in a file of an older version."""
@@ -178,16 +178,13 @@ class Diagnosis(Shown, Saved):
 
     @property
     def unknowns(self) -> Array:
-        """Initial values (7,) of a new fit: ratios, b and p/b.
-
-        p/b is nan without a single-rod run.
-        """
+        """Initial values (7,) of a new fit: ratios, b and p/b; p/b is nan without a run of a single rod."""
         p_over_b = np.nan if self.p_over_b is None else self.p_over_b
         return np.array([*(ratio.value for ratio in self.all_ratios.values()), self.scale_b, p_over_b])
 
     @property
     def only_uncertain(self) -> bool:
-        """Whether effects explain the gap down to the noise, but their identity is uncertain."""
+        """Whether effects explain the gap down to the noise, but no cause is certain."""
         return UNCERTAIN in self.sentence
 
     @property

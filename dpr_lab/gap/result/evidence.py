@@ -1,4 +1,4 @@
-"""Evidence of a diagnosis: curves, valid range, uncertainty, residuals, excluded effects."""
+"""Types of the evidence for a diagnosis: curves, valid range, uncertainty, residuals, excluded effects."""
 
 import math
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ class RecordingUsed(Saved):
     held_out: bool
     duration_s: float
     readings: int
-    """Number of readings that the diagnosis uses, of all joints together; an absent rod has none."""
+    """Number of readings of all joints together that the diagnosis uses."""
     truncated: bool = False
     """Whether the recording was interrupted or damaged."""
 
@@ -34,7 +34,7 @@ class Occupancy(Saved):
     """Time that a rod spent in each range of angle and speed."""
 
     angle_edges_rad: list[float]
-    """Edges of the cells by angle, rad, in a full turn: 0 is upright, pi is hanging."""
+    """Edges of the cells by angle over a full turn, rad: 0 is upright, pi is hanging."""
     speed_edges_rad_per_s: list[float]
     fitted_s: list[list[float]]
     """(angles, speeds) time in each cell over the fitted recordings, s."""
@@ -48,16 +48,16 @@ class Closing(Saved):
     effect: str
     """Name of the added effect; empty for the bare model."""
     left_rad: float
-    """Remaining gap on the data on which the verdict was tested: rms of a reading above the noise, rad."""
+    """Remaining gap on held-out data: rms residual of a reading above the noise, rad."""
     closed: float
-    """Share of the gap that the effects added so far close."""
+    """Share of the gap that all effects up to this one close."""
 
 
 class Whiteness(Saved):
-    """Residuals of one joint under one model, in standard deviations of the noise."""
+    """Statistics of the residuals of one joint under one model, in standard deviations of the noise."""
 
     autocorrelation: list[float]
-    """Autocorrelation of the residuals at lag 1, 2 and so on."""
+    """Autocorrelation of the residuals at lag 0, 1, 2 and so on, in readings."""
     quantiles: list[float]
     """Quantiles of the residuals at `ResidualAnalysis.normal`."""
     beyond3: float
@@ -65,7 +65,7 @@ class Whiteness(Saved):
 
 
 class ResidualAnalysis(Saved):
-    """Residual analysis of the fitted recordings, with free initial states of the segments."""
+    """Residual analysis of the fitted recordings, in segments with fitted initial states."""
 
     spacing_s: float
     """Time between neighbouring readings, s."""
@@ -118,9 +118,10 @@ class Exclusion(Saved):
     def is_excluded(self) -> bool:
         """Whether an equivalence test shows that the effect is smaller than `size`.
 
-        The estimate of an effect of unknown order, frequency or speed is the largest of several hundred estimates. By
-        chance, it exceeds 3.4 standard deviations, the limit for other effects, on one rig in four. Its limit is
-        therefore 4. A size of 5.6 standard deviations, instead of 5, is then excluded with the same confidence.
+        An effect of known shape is excluded if its estimate is below 3.4 standard deviations. The estimate of an effect
+        of unknown order, frequency or speed is the largest of several hundred estimates, and exceeds 3.4 by chance on
+        one rig in four. Its limit is therefore 4. With the same confidence, a size of 5.6 instead of 5 standard
+        deviations is then excluded.
         """
         return self.confidence >= self.sufficient
 
@@ -166,16 +167,16 @@ class UncertaintySource(Saved):
     name: str
     kind: Literal["numerical", "input", "data"]
     how: str
-    """Origin of the value, and the assumed uncertainty."""
+    """Origin of the contribution, and the assumed uncertainty."""
     left: float
-    """Factor by which the recordings reduce the assumed uncertainty, because they would show a larger error.
+    """Factor by which the recordings reduce the assumed uncertainty, because they would show a large error.
 
-    It is computed under the assumption that the corrected model is right.
+    The corrected model is assumed to be correct.
     """
     before_rad: float
-    """Rms change of a prediction of the bare model by this source, rad."""
+    """Contribution to the standard uncertainty of the angles that the bare model predicts, rms, rad."""
     after_rad: float
-    """Rms change of a prediction of the corrected model by this source, rad."""
+    """Contribution to the standard uncertainty of the angles that the corrected model predicts, rms, rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,12 +184,12 @@ class FreeRunTest:
     """Limits of the test whether a free run shows a gap (decision 103)."""
 
     coverage: float = 4.0
-    """Maximum ratio of the error to its standard uncertainty.
+    """Ratio of the error to its standard uncertainty above which a free run shows a gap.
 
     It is larger than the usual factor of two, because few uncertain quantities determine the error.
     """
     growth: float = 30.0
-    """Maximum growth of an initial error in a tested free run. A larger growth also amplifies unknown small errors."""
+    """Maximum growth factor of an initial error in a tested free run. A larger one amplifies unknown small errors."""
 
 
 FREE_RUN_TEST = FreeRunTest()
@@ -202,7 +203,7 @@ class RunBudget(Saved):
     until_s: float
     """End of the comparison, s after the first reading: the predictability horizon, or the end of the free run."""
     reaches_horizon: bool
-    """Whether the predictability horizon lies within the free run."""
+    """Whether the comparison ends at the predictability horizon."""
     growth_per_s: float
     """Largest growth rate of an initial error of the angles until the end of the comparison, 1/s."""
     error_before_rad: float
@@ -210,7 +211,7 @@ class RunBudget(Saved):
     u_before_rad: float
     u_after_rad: float
     area_before_rad: float
-    """Area between the distribution of the measured angles and the distribution simulated by the bare model, rad."""
+    """Area between the distributions of the measured angles and of those that the bare model predicts, rad."""
     area_after_rad: float
     area_noise_rad: float
     """Area between two distributions of the angles that the corrected model predicts: without and with noise of the
@@ -218,12 +219,12 @@ class RunBudget(Saved):
 
     @property
     def shows_gap(self) -> bool:
-        """Whether the error of the bare model is far above its uncertainty."""
+        """Whether the error of the bare model is far above its uncertainty (`FREE_RUN_TEST`)."""
         return self.error_before_rad > FREE_RUN_TEST.coverage * self.u_before_rad
 
 
 class Budget(Saved):
-    """Validation uncertainty: the possible error of a prediction by a correct model."""
+    """Prediction errors of the free runs, and the uncertainty that a correct model would have."""
 
     sources: list[UncertaintySource]
     error_before_rad: float
@@ -234,7 +235,7 @@ class Budget(Saved):
 
     @property
     def worst(self) -> RunBudget | None:
-        """Predictable free run of the bare model with the largest ratio of error to uncertainty, if there is one."""
+        """Predictable free run of the bare model with the largest ratio of error to uncertainty; None without one."""
         grown = math.log(FREE_RUN_TEST.growth)
         tested = [run for run in self.runs if run.u_before_rad > 0 and run.growth_per_s * run.until_s < grown]
         return max(tested, key=lambda run: run.error_before_rad / run.u_before_rad, default=None)
@@ -272,8 +273,8 @@ class Evidence(Saved):
     rig: str
     rig_sha256: str
     rig_values_sha256: str = ""
-    """Hash of the values in the rig file without poses, link and the state of one recording; empty in a file of an
-    older version."""
+    """Hash of the values in the rig file, without poses, link and the setup of single recordings; empty in a file of
+    an older version."""
     recordings: list[RecordingUsed]
     coverage: dict[str, Occupancy]
     """Time that a rod spent in each range of angle and speed, by rod."""
@@ -281,7 +282,7 @@ class Evidence(Saved):
     residuals: ResidualAnalysis
     exclusions: list[Exclusion]
     wider_models: list[WiderModel] = []
-    """Models that an equivalence test allows for; empty in a file of an older version."""
+    """Models with further effects, for equivalence tests; empty in a file of an older version."""
     friction: dict[str, JointFriction] = {}
     """Friction torque by joint; empty in a file of an older version."""
     budget: Budget

@@ -1,4 +1,4 @@
-"""Sensor faults of the recordings."""
+"""Sensor fault of a recording, as it is saved."""
 
 from dataclasses import dataclass, field
 from typing import Annotated

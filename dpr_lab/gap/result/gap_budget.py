@@ -1,4 +1,4 @@
-"""Reproducible share of the gap, and the part of this share that the effects explain."""
+"""Shares of the gap: explained by effects, reproducible, varying between recordings, and noise."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -13,10 +13,10 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 @dataclass(frozen=True, slots=True)
 class ChangedRig:
-    """Limits beyond which the parameters of a rig changed between its recordings."""
+    """Limits beyond which a rig probably changed between its recordings."""
 
     share: float = 0.5
-    """Minimum share of the gap that varying parameters must remove to count as its main part."""
+    """Minimum share of the mean squared residual that varying parameters must remove."""
     scatter: float = 0.05
     """Maximum relative scatter of a ratio between recordings of an unchanged rig."""
 
@@ -38,25 +38,25 @@ class VaryingParameter(Saved):
     spread: float
     """Standard deviation of the true value between recordings, SI: the scatter without the part due to `std`."""
     sigmas: float
-    """Scatter of the values, in standard deviations of one value; 1 is expected by chance."""
+    """Scatter of the values in units of `std`; 1 is expected by chance."""
 
 
 class GapBudget(Saved):
     """Shares of the mean squared residual of the bare model; their sum is 1.
 
-    Each recording is predicted from the other recordings. The shares are removed in this order: by the corrected model;
-    by free torques and encoder errors that are fitted to the other recordings; by parameters that are fitted to the
-    recording itself.
+    Each recording is predicted from the other recordings. The shares are removed in this order: `explained` by the
+    corrected model; `unmodelled` by free torques and encoder errors that are fitted to the other recordings; `varying`
+    by parameters that are fitted to the recording itself.
     """
 
     basis: Literal["recordings", "pieces of one recording"]
     """Units that are predicted: whole recordings, or the quarters of a single recording."""
     explained: Share
-    """Share that the named effects remove, with each recording predicted from the others."""
+    """Share that the corrected model removes."""
     varying: Share
-    """Share that parameters remove if they may differ between recordings."""
+    """Share that parameters with different values in the recordings remove."""
     unmodelled: Share
-    """Reproducible share of the gap that no effect of the model explains."""
+    """Reproducible share that no effect of the model explains."""
     not_reproducible: Share
     """Share above the noise that differs from recording to recording."""
     noise: Share
@@ -71,13 +71,13 @@ class GapBudget(Saved):
 
     @property
     def of_gap(self) -> float | None:
-        """Explained share of the mean squared gap, or None without a gap."""
+        """Explained share of the mean squared gap; None without a gap."""
         above = 1 - self.noise
         return self.explained / above if above > 0 and not self._no_gap else None
 
     @property
     def of_reproducible(self) -> float | None:
-        """Explained share of the reproducible gap, or None if nothing is known to be reproducible."""
+        """Explained share of the reproducible part of the gap; None if this part is zero or not determined."""
         reproducible = self.explained + self.unmodelled
         return self.explained / reproducible if reproducible > 0 and not self.undecided else None
 

@@ -9,7 +9,7 @@ from dpr_lab.gap.result.saved import Saved
 
 
 class ClosedShare(Saved):
-    """Share of the gap that the named effects close on held-out data."""
+    """Share of the gap that the selected effects close on data that were not fitted."""
 
     estimate: float
     """Share that closes on the held-out runs or, if there are none, on each run when it is predicted from the other
@@ -17,9 +17,9 @@ class ClosedShare(Saved):
     interval90: tuple[float, float]
     """90 % interval of the estimate."""
     per_run: dict[str, float]
-    """Share of the gap that closes on each run, by the name of the run."""
+    """Share of the gap that closes on each fitted run when it is predicted from the other runs, by name of the run."""
     held_out: dict[str, float] = {}
-    """Share of the gap that closes on each held-out run, by the name of the run."""
+    """Share of the gap that closes on each held-out run, by name of the run."""
 
 
 class Gap(Saved):
@@ -31,8 +31,9 @@ class Gap(Saved):
     floor_rad: dict[str, float]
     """Noise floor of each joint, rad, by the name of the joint; 0 for a joint without readings.
 
-    It is the noise of the readings that the diagnosis fits: averages over blocks of at most 5 ms, with the errors of
-    the time stamps and the measured correlation of the noise. `noise_rad` of a model is the noise of a single reading.
+    It is the noise of the readings that the diagnosis fits, which may be averages over blocks of up to 5 ms. It
+    includes the errors of the time stamps and the correlation of the noise. `noise_rad` of a model file is the noise of
+    a single reading.
     """
     before_rad: dict[str, float]
     """Rms of the residual of the bare model above the noise, rad, by joint."""
@@ -54,14 +55,14 @@ class Gap(Saved):
     version.
     """
     remainder_Nm: dict[str, float] = {}
-    """Rms torque of a discrepancy term that is fitted to the residual of the model, N m, by joint.
+    """Rms torque of the discrepancy term that describes the residual of the corrected model, N m, by joint.
 
     Empty if the residual is noise.
     """
     remainder_rad: dict[str, float] = {}
     """Rms encoder error of the discrepancy term, rad, by joint."""
     budget: GapBudget | None = None
-    """Reproducible share of the gap, and the part that effects explain; None in a file of an older version."""
+    """Shares of the gap: explained, reproducible, varying, noise; None in a file of an older version."""
 
     @model_validator(mode="before")
     @classmethod
@@ -80,7 +81,7 @@ class Where(Saved):
     share: float
     """Share of the excess chi-square that a map at this location explains."""
     sentence: str
-    """Description of the map."""
+    """Sentence on the size and shape of the map."""
     knots: list[float] = []
     """(n,) coordinates of the map, SI; only those that the recordings reach."""
     values: list[float] = []

@@ -1,4 +1,4 @@
-"""Fitted sets of effects that may be the cause, with the uncertainty of their values."""
+"""Fitted set of effects that may be the cause, with the uncertainty of its values."""
 
 from typing import Annotated
 
@@ -17,20 +17,19 @@ class PosteriorComponent(ModelPart):
     ratios: dict[str, float]
     """Ratios a/b, d/b, e1/b, c1/b, c2/b; also b, kg m^2, if the recordings determine b."""
     effects: dict[str, dict[str, float]]
-    """Value of each parameter, SI, by effect and parameter, for the b in `ratios`, or else the b of the diagnosis."""
+    """Value of each parameter, SI, by effect and parameter; at the b in `ratios`, or else at that of the diagnosis."""
     free: list[str]
     """Names of the fitted values, in the order of the covariance: a ratio, or `effect.parameter`."""
     covariance: list[list[float]]
     """(free, free) covariance of the fitted values, SI."""
     between: list[list[float]] = []
-    """(free, free) covariance of the difference between the values of another recording and these values, SI, without
-    the noise of the readings.
+    """(free, free) covariance of the values between recordings, SI, without the noise of the readings.
 
-    It is zero if the recordings do not differ significantly, and empty in a file of an older version.
+    It describes how the values of another recording differ from these values. It is zero if the recordings do not
+    differ significantly, and empty in a file of an older version.
     """
-
     left_out: list[list[float]] = []
-    """(recordings, free) values fitted without each recording, SI.
+    """(recordings, free) values fitted without each recording in turn, SI.
 
     Empty in a file of an older version, and for a single recording.
     """

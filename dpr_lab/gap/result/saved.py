@@ -1,4 +1,4 @@
-"""Base types of saved results: frozen records with finite numbers, intervals."""
+"""Base types of saved results: frozen records with finite numbers, and intervals."""
 
 import math
 
@@ -21,5 +21,5 @@ class Interval(Saved):
 
     @classmethod
     def about(cls, value: float, half_width: float, floor: float = -math.inf) -> "Interval":
-        """Return the interval of half width `half_width`, without values below `floor`."""
+        """Return the interval value -+ `half_width`, whose lower limit is at least `floor`."""
         return Interval(value=value, interval90=(max(value - half_width, floor), value + half_width))

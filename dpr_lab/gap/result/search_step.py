@@ -1,4 +1,4 @@
-"""One trial of the search for a set of effects."""
+"""Trial of the search for a set of effects, as it is saved."""
 
 from dpr_lab.gap.result.saved import Saved
 
@@ -7,15 +7,15 @@ class SearchStep(Saved):
     """One trial of the search for a set of effects."""
 
     move: str
-    """Kind of change that was tried, the name of a move."""
+    """Name of the move: the kind of change that was tried."""
     before: list[str]
-    """Effects of the set that was current before this trial."""
+    """Effects of the current set before this trial."""
     tried: list[str]
-    """Effects of the proposed set, which was tried."""
+    """Effects of the proposed set."""
     criterion: float | None = None
     """Criterion of the proposed set: held-out chi-square plus the penalty of the parameters; None if the fit failed."""
     change: float | None
-    """Change of the criterion from the current set to the proposed one; negative is better, None if a fit failed."""
+    """Criterion of the proposed set minus that of the current one; negative is better. None if a fit failed."""
     accepted: bool
     """Whether the proposed set became the current one."""
     reason: str

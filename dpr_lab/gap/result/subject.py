@@ -1,4 +1,4 @@
-"""Refuse a diagnosis that was made with other runs or another rig."""
+"""Test whether a diagnosis belongs to given runs and to a given rig."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,8 +27,8 @@ def refuse_other_subject(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig, fi
 def _refuse_other_rig_file(file: Path | str, diagnosis: Diagnosis, rig: Rig) -> None:
     """Refuse a diagnosis that was made with another description of the rig.
 
-    Its sizes and intervals are not valid for the given rig. Another file with the same values is accepted: a plan adds
-    poses to the rig file.
+    Sizes and intervals of such a diagnosis are not valid for the given rig. Another file with the same values is
+    accepted, because a plan adds poses to the rig file.
 
     Raises:
         ConfigError: the values of the rig differ, or the diagnosis does not state its rig file.

@@ -1,4 +1,4 @@
-"""Reliability of a diagnosis, from blind trials on simulated plants like the rig."""
+"""Reliability of a diagnosis, from blind trials on simulated plants that resemble the rig."""
 
 from typing import Literal
 
@@ -42,7 +42,7 @@ class ConfusionCell(Saved):
 
 
 class TrustShare(Saved):
-    """Frequency of an outcome in the blind trials: `held` trials out of `of`."""
+    """Frequency of an outcome in the blind trials: `held` out of `of` trials."""
 
     held: int
     of: int
@@ -59,7 +59,7 @@ class Trust(Saved):
     trials: list[TrustTrial]
     confusion: list[ConfusionCell]
     right: TrustShare
-    """Trials with effects in which all effects of the plant and nothing else were named."""
+    """Trials with effects in which exactly the effects of the plant were named."""
     wrong: TrustShare
     """Trials with effects in which a wrong effect was named."""
     false_alarms: TrustShare

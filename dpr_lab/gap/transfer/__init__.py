@@ -1,1 +1,1 @@
-"""Out-of-sample reduction of the gap by the named effects."""
+"""Reduction of the gap by the selected effects on data that were not fitted, and size of the gap."""

@@ -1,8 +1,8 @@
 """Free runs: simulations of whole recordings from fitted initial states.
 
-The initial state is fitted to the first readings only. `FreeSwing` contains the sensitivities to all uncertain inputs.
-Let J0 be the Jacobian of the readings r with respect to the initial state, and W the inverse of the noise. The initial
-state is fitted to the first readings h. A change dr of the readings also changes this initial state, so that
+`FreeSwing` contains the sensitivities of a free run. Let J0 be the Jacobian of the predicted readings r with respect to
+the initial state, and W the inverse of the noise. The initial state is fitted to the first readings, with the index h.
+A change dr of the predicted readings therefore also changes the initial state, so that
 
     dr - J0 (J0_h^T W^2 J0_h)^-1 J0_h^T W^2 dr_h
 
@@ -35,7 +35,7 @@ class FreeRunSettings:
     settle_s: float = 0.3
     """Time after the first reading up to which readings determine the initial state, s."""
     length_s: float = 2.6
-    """Length of the comparison from the first reading, s; later, chaos dominates."""
+    """End of the comparison, s after the first reading; later, chaos dominates."""
     iterations: int = 30
     """Maximum number of iterations of the fit of the initial state."""
     lost_rad: float = 0.1
@@ -47,7 +47,7 @@ FREE_RUN = FreeRunSettings()
 
 @dataclass(frozen=True, slots=True)
 class FreeRunError:
-    """Error of a free run as a function of time."""
+    """Error of a free run as a function of time, after the readings that determine the initial state."""
 
     t: Array
     """(n,) time since the first reading, s."""
@@ -60,9 +60,9 @@ class FreeRunError:
         return float(np.sqrt(np.mean(self.squares)))
 
     def followed_s(self, limit_rad: float) -> float:
-        """Return the time until which the cumulative rms error stays below a limit, s.
+        """Return the time up to which the rms error from the beginning stays below a limit, s.
 
-        The time is 0 if the error exceeds the limit from the beginning.
+        The time is 0 if the first error exceeds the limit.
         """
         running = np.sqrt(np.cumsum(self.squares) / np.arange(1, len(self.t) + 1))
         below = np.logical_and.accumulate(running < limit_rad)
@@ -100,7 +100,7 @@ class FreeSwing:
 
     @property
     def compared(self) -> Flags:
-        """(n, 2) mask of the readings that are compared, before the horizon is applied."""
+        """(n, 2) mask of the readings that can be compared: those after the head that are not missing."""
         return (self.weight > 0) & ~self.head[:, None]
 
     @property
@@ -133,11 +133,11 @@ class FreeRuns:
     """Free runs of one model along a set of recordings."""
 
     records: tuple[Record, ...]
-    """Recordings, each from its first segment that can be simulated. Earlier readings before a gap may be too few."""
+    """Recordings, each from the beginning of its first segment. Readings before a gap that are too few are left out."""
     problem: Problem
     """Problem with the compared readings, one segment for each recording."""
     start: Estimate
-    """Estimate with an initial state, and optionally encoder zeros, for each recording."""
+    """Estimate with the initial state and, if they are set before each run, the encoder zeros of each recording."""
     free: tuple[FreeParameter, ...] = ()
     """Fitted values, with respect to which the sensitivities are computed."""
 
@@ -169,7 +169,7 @@ class FreeRuns:
 
     @property
     def errors_rad(self) -> dict[str, float]:
-        """Rms error by run, rad, without runs that cannot be simulated to their end."""
+        """Rms error by run, rad, without runs whose simulation fails."""
         rms = {name: error.rms_rad for name, error in self.errors.items()}
         return {name: value for name, value in rms.items() if np.isfinite(value)}
 
@@ -191,7 +191,7 @@ class FreeRuns:
         ]
 
     def expected_errors(self, noise: float) -> dict[str, FreeRunError]:
-        """Return the errors, as in `errors`, that the noise of the first readings causes.
+        """Return the errors that the noise of the first readings is expected to cause, in the form of `errors`.
 
         `noise` is a factor on the variance of a reading, for the level and the correlation of the noise.
         """
@@ -204,7 +204,7 @@ class FreeRuns:
         return expected
 
     def changes_with(self, change: Callable[[Problem], Problem]) -> list[Array]:
-        """Simulate a changed problem; return the (n, 2) change of each run's readings."""
+        """Simulate a changed problem; return the (n, 2) change of the predicted readings of each run, rad."""
         change_of_all = np.nan_to_num(change(self.problem).predict(self.start) - self.predicted)
         return [change_of_all[rows] for rows in self.rows]
 
@@ -220,7 +220,7 @@ def free_runs(
     Args:
         recordings: the recordings; at least `MIN_SAMPLES` readings of each determine its initial state
         estimate: ratios and effects for the simulation
-        length_s: length of the comparison from the first reading, s
+        length_s: end of the comparison, s after the first reading; a disturbance ends it earlier
         free: fitted values with respect to which sensitivities are computed
     """
     cuts = (cut(record.t, np.inf, record.breaks)[0] for record in recordings.records)
@@ -275,7 +275,7 @@ def horizon(swing: FreeSwing) -> float | None:
 
 
 def growth_rate(swing: FreeSwing, until: float) -> float:
-    """Return the largest growth rate of an initial angle error, 1/s.
+    """Return the largest mean growth rate of an initial angle error until the time `until`, 1/s.
 
     Source: largest singular value of the tangent map over a finite time; E. N. Lorenz (1965), Tellus 17, 321-333.
     """

@@ -26,7 +26,7 @@ HORIZONS_S = (0.25, 0.5, 1.0, 2.0)
 chaos."""
 
 TWO_DIGITS = GaussNewton(converged=1e-3, converged_frozen=1e-4)
-"""Tolerances of fits whose gap is reported with two digits."""
+"""Tolerances of a fit whose gap is reported with two digits."""
 
 
 def gap(
@@ -77,7 +77,7 @@ def gap(
 
 
 def floor_rad(problem: Problem) -> dict[str, float]:
-    """Return the rms noise of a thinned reading, rad, by axis."""
+    """Return the rms noise of a reading that the diagnosis fits, rad, by axis."""
     return _by_axis(np.sqrt(_mean(np.where(problem.read, np.maximum(problem.weight, TINY) ** -2.0, 0.0), problem)))
 
 
@@ -97,10 +97,7 @@ def _above_noise(problem: Problem, fitted: Fit, level: float) -> dict[str, float
 def by_horizon(
     recordings: Recordings, working: Problem, models: Mapping[str, Hypothesis]
 ) -> dict[str, dict[str, float]]:
-    """Return the rms gap, rad, for each segment length, s, and each model.
-
-    The initial states of the segments are free.
-    """
+    """Return the gap, rad, by segment length, s, and by model, with fitted initial states of the segments."""
     gaps: dict[str, dict[str, float]] = {}
     for length in HORIZONS_S:
         problem, initial = (working, None) if length == recordings.working_length else recordings.cut(length)
@@ -110,9 +107,13 @@ def by_horizon(
 
 
 def _at_length(problem: Problem, initial: Array | None, working: Problem, model: Hypothesis) -> dict[str, float]:
-    """Return the rms residual above the noise, rad, by axis, for the segments of `problem`.
+    """Return the rms residual above the noise, rad, by axis, in segments of another length.
 
-    `initial` contains their initial states; None for the segments of the fit.
+    Args:
+        problem: these segments
+        initial: initial states of these segments before the fit; None if `problem` is that of the fit
+        working: segments of the fit
+        model: the fitted model
     """
     if initial is None:
         return gap_rad(problem, model)

@@ -1,7 +1,7 @@
-"""Detect a single recording that a model cannot explain although it explains all others.
+"""Detect the only recording that a model does not explain.
 
-A kick, a draught or a caught cable acts in one recording and is not a property of the rig. The common fit then follows
-this recording with values and effects that the other recordings do not need. Let
+A kick, a draught or a caught cable acts in one recording and is not a property of the rig. The common fit then explains
+this recording by values and effects that the other recordings do not need. Let
 
     rho_s = sqrt(max(chi2_s - level dof_s, 0) / (level dof_s))
 
@@ -24,14 +24,14 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 
 @dataclass(frozen=True, slots=True)
 class LoneRules:
-    """Limits for a remainder that occurs in one recording only (docs/decisions/0044)."""
+    """Limits for a remainder that occurs in one recording only (decision 44)."""
 
     recordings: int = 3
     """Minimum number of recordings. If there are two, it is unknown which of them is the exception."""
     ratio: float = 3.0
     """Minimum ratio of the remainder of the exceptional recording to the remainder of every other recording."""
     least: float = 0.5
-    """Minimum remainder of the other recordings in this ratio, in units of the noise."""
+    """Lower limit of the remainder of the other recordings in this ratio, in units of the noise."""
 
 
 LONE = LoneRules()
@@ -54,7 +54,7 @@ def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) ->
     Args:
         problem: the segments
         model: the selected set
-        names: names of the recordings
+        names: names of the fitted recordings
     """
     fit, run = model.fit, problem.segments.run
     if len(names) < LONE.recordings or not np.isfinite(fit.linear.chi2):
@@ -82,10 +82,7 @@ def exceptional(name: str, remainder: float, others: float) -> LoneRecording | N
 
 
 def _refitted(fit: Fit, chosen: Flags) -> Array:
-    """Refit the model to the chosen segments; return the (segments,) chi2 of all segments.
-
-    The refit is one Gauss-Newton step.
-    """
+    """Refit the model to the chosen segments by one Gauss-Newton step; return the (segments,) chi2 of all segments."""
     A = scaled_columns(fit, fit.inside)
     X, e = A[chosen].reshape(-1, A.shape[2]), fit.linear.e[chosen].ravel()
     step = np.linalg.solve(X.T @ X + np.eye(A.shape[2]), X.T @ e)

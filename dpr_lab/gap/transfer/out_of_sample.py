@@ -1,4 +1,4 @@
-"""Reduction of the gap by the named effects, on recordings that were not fitted."""
+"""Prediction of recordings that were not fitted, and the reduction of the gap on them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -22,18 +22,18 @@ class BlockBootstrap:
     """Settings of the bootstrap interval of a reduction."""
 
     block_s: float = 1.0
-    """Duration of neighbouring segments that are resampled together, s; the residuals of one swing are correlated."""
+    """Duration of neighbouring segments that are drawn together, s, because the residuals of a swing are correlated."""
     fewest: int = 4
     """Minimum number of blocks of segments; shorter recordings have shorter blocks."""
     draws: int = 400
-    """Number of bootstrap samples. It determines the ends of a 90 % interval to a twentieth of its width."""
+    """Number of bootstrap samples, which determine the ends of a 90 % interval to a twentieth of the width."""
 
 
 BOOTSTRAP = BlockBootstrap()
 
 
 def block(problem: Problem) -> int:
-    """Return the number of neighbouring segments that are resampled together."""
+    """Return the number of neighbouring segments that count as one independent value."""
     offsets = problem.segments.offsets
     length = float(np.median(problem.t[offsets[1:] - 1] - problem.t[offsets[:-1]]))
     return max(1, round(BOOTSTRAP.block_s / max(length, 1e-9)))
@@ -63,7 +63,7 @@ class OutOfSample:
     run: Integers
     """(segments,) index of the run of each segment."""
     dof: Integers
-    """(segments,) number of readings minus the number of initial-state parameters."""
+    """(segments,) number of readings minus the number of values of the initial state."""
     noise_rad: float
     """Standard deviation of the noise of a reading, rad."""
     chi2: Callable[[Hypothesis], Array]
@@ -110,11 +110,11 @@ def _out_of_sample(recordings: Recordings, problem: Problem, chi2: Callable[[Hyp
 def reduction(above: Array, uncertainty: float, rng: np.random.Generator, block: int, run: Integers) -> Interval:
     """Return the relative reduction of the gap with a bootstrap interval.
 
-    The interval is the whole range if there is no gap, or if there is only one segment, which shows no scatter. The
-    noise can hide a small remainder. The interval allows for it even if no sample of the bootstrap has a remainder.
+    The interval is -1 to 1 if there is no gap, or if there is only one segment, which shows no scatter. Its lower limit
+    allows for a small remainder that the noise hides, even if no sample of the bootstrap has a remainder.
 
     Args:
-        above: (2, segments) chi2 above the noise, before and after
+        above: (2, segments) chi2 above the noise, before and after the correction
         uncertainty: standard deviation of the sum of this chi2 for noise alone
         rng: source of randomness
         block: number of neighbouring segments that are drawn together
@@ -142,10 +142,7 @@ def share(above: Array) -> float:
 
 
 def _shares(above: Array) -> Array:
-    """Return the (...) relative reductions of the gap.
-
-    `above` contains the (2, ..., segments) chi2 above the noise.
-    """
+    """Return the (...) gap reductions, as `share`, from the (2, ..., segments) chi2 above the noise."""
     before, after = np.maximum(above.sum(axis=-1), 0.0)
     remaining_share = np.sqrt(after / np.where(before > 0, before, 1.0))
     return np.where(before > 0, np.maximum(1 - remaining_share, -1.0), 0.0)

@@ -1,4 +1,4 @@
-"""Outcome of the test on held-out recordings."""
+"""Outcome of the test of the selected effects on held-out data."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,33 +12,33 @@ from dpr_lab.gap.transfer.lone_recording import LoneRecording
 
 @dataclass(frozen=True, slots=True)
 class TransferSettings:
-    """Settings of the test on held-out recordings."""
+    """Settings of the test on held-out data."""
 
     beyond_chance: float = NORMAL_Q90
     """Number of standard errors beyond which a sum of reductions is significant.
 
-    Chance exceeds it in one of twenty cases.
+    Without an effect, one sum in twenty exceeds it.
     """
     least_groups: int = 4
-    """Minimum number of groups of segments whose signed ranks can be significant."""
+    """Minimum number of groups of segments for a test by signed ranks."""
     clear: float = 10.0
-    """Minimum factor by which a significant reduction decreases chi2, if there are too few groups of segments.
+    """Minimum factor by which chi2 must decrease to be significant if there are fewer groups of segments.
 
     The 95 % point of the F distribution with three and three degrees of freedom is 9.3 (decision 70).
     """
     kept: float = 0.5
-    """Minimum ratio of the share closed on held-out data to the share closed in the fitted recordings.
+    """Minimum ratio of the share of the gap closed on held-out data to the share closed in the fitted recordings.
 
-    An effect is not refuted if its interval reaches this ratio.
+    An effect passes if the upper limit of its interval reaches this ratio.
     """
     comparable: float = 0.5
-    """Minimum share of the gap that all effects together must close on held-out data for `kept` to be reduced.
+    """Minimum share of the gap that all effects together close on held-out data for a reduction of `kept`.
 
-    All effects together may close a smaller share on held-out data than in the fitted recordings. `kept` is then
-    multiplied by the ratio of both shares.
+    If all effects together close a smaller share on held-out data than in the fitted recordings, `kept` is multiplied
+    by the ratio of the two shares.
     """
     least_fitted: float = 0.5
-    """Lower limit of the share closed in the fitted recordings, the denominator of the ratio `kept`."""
+    """Lower limit of the share closed in the fitted recordings, where it is the denominator of this ratio."""
     gap_from: float = 0.25
     """Minimum ratio of the excess chi2 to the chi2 of the noise for a meaningful share.
 
@@ -47,11 +47,11 @@ class TransferSettings:
     unproven: float = 0.5
     """Factor on the probability of an effect that does not carry over, so that the probability is at most one half."""
     weakly_tested: float = 0.87
-    """Factor on the probability of an effect that fails the test on the quarters of a single release, if only noise is
-    left.
+    """Factor on the probability of an effect that fails the test on the quarters of a single release and leaves only
+    noise.
 
-    It is the share of correct effects among the effects that failed this test in blind trials (decision 61). If a
-    remainder is left, the factor is `unproven` (decision 96).
+    It is the share of correct effects among those that failed this test in blind trials (decision 61). If a remainder
+    is left, the factor is `unproven` (decision 96).
     """
     untested: float = 0.65
     """Maximum factor on the probability of an effect with several parameters in one release of a single rod.
@@ -69,7 +69,7 @@ TRANSFER = TransferSettings()
 
 @dataclass(frozen=True, slots=True)
 class WorseFreeRun:
-    """Errors of free runs that increase with the named effects, within the time that the bare model can predict."""
+    """Errors of free runs that the selected effects increase, over the time that the bare model can predict."""
 
     before_rad: float
     """Error of the bare model: geometric mean over the runs of the rms error, rad."""
@@ -81,11 +81,11 @@ class WorseFreeRun:
 
 @dataclass(frozen=True, slots=True)
 class Transfer:
-    """Performance of the named effects on held-out recordings."""
+    """Performance of the selected effects on held-out data."""
 
     basis: Basis
     tested: bool
-    """Whether there are enough segments to predict some of them from the others."""
+    """Whether there are held-out runs, or enough segments to predict some of them from the others."""
     closed: Interval
     """Share of the gap that all effects together close."""
     gap_ratio: float
@@ -115,6 +115,6 @@ class Transfer:
     lone: LoneRecording | None = None
     """The only fitted recording with a remainder; None if there is none."""
     untested: tuple[str, ...] = ()
-    """Effects with several parameters whose form no further release and no second rod tests."""
+    """Effects with several parameters whose form one release of a single rod does not test."""
     too_short: bool = False
     """Whether the only release has fewer groups of segments than `TransferSettings.least_groups`."""

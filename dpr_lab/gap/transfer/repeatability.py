@@ -6,8 +6,8 @@ the other:
     explained          by the corrected model, fitted to the other recordings
     unmodelled         by free torques and encoder errors, also fitted to the other recordings
     varying            by model parameters that differ between recordings, fitted to the recording itself
-    not reproducible   not removed by any of these, above the noise
-    noise              of the readings
+    not reproducible   the rest above the noise
+    noise              the noise of the readings
 
 All shares are computed by linear algebra on the fits (`dpr_lab.gap.hypothesis.cross_validation`). A single recording is
 divided into quarters, which show changes within the recording but not changes between recordings.
@@ -49,7 +49,7 @@ from dpr_lab.setup import only_inner
 
 @dataclass(frozen=True, slots=True)
 class RepeatabilityRules:
-    """Amount of data that a statement on repeatability requires."""
+    """Limits and settings of the division into shares."""
 
     segments: int = 3
     """Minimum number of segments of each recording; fewer segments show no scatter."""
@@ -60,7 +60,7 @@ class RepeatabilityRules:
     iterations: int = 8
     """Maximum number of iterations of the fits to all recordings, including the held-out ones."""
     far: float = 100.0
-    """Maximum mean squared weighted residual of all recordings for a linear fit with segments of this length."""
+    """Maximum mean squared weighted residual for which segments of the working length are used."""
     unfollowed: float = 1e300
     """chi2 that is used for a segment whose simulation overflows."""
     singular: float = 1e-9
@@ -71,7 +71,7 @@ REPEATABILITY = RepeatabilityRules()
 
 
 def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem, selection: Selection) -> GapBudget:
-    """Divide the gap into reproducible and other shares.
+    """Divide the mean squared residual of the bare model into shares.
 
     Args:
         recordings: the fitted runs
@@ -144,7 +144,13 @@ def budget_of(
 ) -> GapBudget:
     """Compute the shares of the gap from the chi2 after each step.
 
-    The steps are the bare model, the corrected model, free torques, and parameters that are fitted to each recording.
+    Args:
+        levels: chi2 of the bare model, of the corrected model, with free torques and encoder errors, and with
+            parameters fitted to each recording
+        noise: chi2 of the noise
+        names: names of the recordings
+        varying: parameters that differ between recordings
+        undecided: reason why the shares are not determined; otherwise empty
     """
     finite = np.nan_to_num([*levels, 0.0], nan=noise, posinf=REPEATABILITY.unfollowed)
     falling = np.minimum.accumulate(np.maximum(finite, noise))
@@ -164,7 +170,7 @@ def budget_of(
 
 
 def _fitted_to_all(everything: Recordings, known: Problem, *models: Fit) -> tuple[Problem, Fit, Fit]:
-    """Fit the models to all recordings, starting from their fits to the fitted recordings.
+    """Fit two models to all recordings, starting from their fits to a part of the recordings.
 
     If the rig was changed between the recordings, the phases in long segments are so wrong that the residual is no
     longer linear in the ratios. Short segments are used for such recordings.
@@ -200,10 +206,7 @@ class _Varying:
 
 @dataclass(frozen=True, slots=True)
 class _Linearised:
-    """Linearised fit by segments: residuals, model columns, and columns of free functions.
-
-    The free functions are torques and encoder errors.
-    """
+    """Linearised fit by segments: residuals, columns of the model, and columns of free torques and encoder errors."""
 
     X: Array
     """(segments, m, k) whitened columns."""
@@ -211,7 +214,7 @@ class _Linearised:
     """(segments, m) whitened residuals."""
     fold: Integers
     precision: Array
-    """(k,) inverse prior variance of each column."""
+    """(k,) inverse prior variance of the coefficient of each column."""
     own: tuple[int, ...]
     """Columns of encoder zeros, which are free in every recording, like the initial states."""
     candidates: tuple[int, ...]
@@ -223,7 +226,7 @@ class _Linearised:
 
     @classmethod
     def of(cls, problem: Problem, fit: Fit, fold: Integers, followed: Flags) -> Self:
-        """Copy residuals and model columns of the segments that can be simulated."""
+        """Create the linearised fit; segments that cannot be simulated contribute nothing."""
         inside = [fit.free[i] for i in fit.inside]
         A = np.where(followed[:, None, None], scaled_columns(fit, fit.inside), 0.0)
         e = np.where(followed[:, None], fit.linear.e, 0.0)
@@ -235,8 +238,8 @@ class _Linearised:
     def left_out_chi2(self, freed: Sequence[int] = ()) -> Array:
         """Return the (segments,) chi2 of the prediction from the other recordings.
 
-        The columns `freed` are fitted to the predicted recording itself. In contrast to
-        `cross_validation.left_out_chi2`, they have separate values in all recordings.
+        The coefficients of the columns `freed` have a separate value in each recording, unlike in
+        `cross_validation.left_out_chi2`.
         """
         removed = [*self.own, *freed]
         parts, chi2 = [_without(part, removed) for part in self.by_fold], np.zeros(len(self.e))
@@ -252,9 +255,9 @@ class _Linearised:
         return chi2
 
     def with_discrepancy(self, columns: Array) -> Self:
-        """Fit with additional free torques and encoder errors, if they improve the prediction.
+        """Return the fit with additional free torques and encoder errors, if they improve the prediction.
 
-        The size of these terms is the one with the best prediction.
+        Of the tested prior variances of these terms, the one with the best prediction is used.
         """
         columns = np.where(_used(self.e)[:, None, None], columns, 0.0)
         X, before, best = np.concatenate([self.X, columns], axis=2), self.left_out_chi2(), self
@@ -290,9 +293,10 @@ class _Linearised:
         return np.where(of_recording, self.X[:, :, [column]], 0.0)
 
     def _scatter(self, column: int, common: Array, normal: Array) -> _Varying:
-        """Fit one parameter to each recording, with common columns for all recordings.
+        """Fit a separate value of one parameter to each recording.
 
-        `common` has the shape (rows, k).
+        The coefficients of the (rows, k) columns `common` are equal in all recordings. `normal` is the normal matrix of
+        these columns.
         """
         stacked = np.concatenate([self._local(column), self.e[:, :, None]], axis=2)
         flat = stacked.reshape(len(common), -1)
@@ -313,7 +317,7 @@ class _Linearised:
 
 
 def _without(part: Fold, removed: Sequence[int]) -> Fold:
-    """Eliminate the columns that are fitted to one recording alone from its normal equations."""
+    """Eliminate the columns that are fitted to a recording alone from the normal equations of this recording."""
     if not removed:
         return part
     H, gradient = part.H, part.gradient

@@ -1,7 +1,7 @@
-"""Test the named effects on held-out recordings: each must improve their prediction.
+"""Test the selected effects on held-out data: each must improve the prediction.
 
-The selected set and the set without one effect are fitted to the same runs and compared on each held-out run. If there
-are none, each fitted run is left out in turn; of a single run, each quarter. Let
+The selected set and the set without one effect are fitted to the same runs, and compared on each held-out run. If there
+are no held-out runs, each fitted run is left out in turn, or each quarter of a single run. Let
 
     d_s = chi2_s(without) - chi2_s(with)
 
@@ -13,12 +13,12 @@ for each segment s, with neighbouring segments grouped. An effect carries over t
 3. The share of the gap that the effect closes is not significantly below half of that in the fitted recordings.
 
 An effect that fails explains only the fitted recordings and is withdrawn. If it fails on quarters of one release, it is
-only uncertain. No effect is certain if all together increase the gap or worsen the free runs (`worse_free_run`), if one
-recording alone has a remainder (`lone_recording`), or if there are too few segments for a test. One release of a single
-rod does not test the form of an effect with several parameters.
+not withdrawn, but its probability is reduced. No effect is certain if all together increase the gap or the errors of
+the free runs (`worse_free_run`), if one recording alone has a remainder (`lone_recording`), or if there are too few
+segments for a test. One release of a single rod does not test the form of an effect with several parameters.
 
-The scatter of the sum is large if a few segments have the largest reduction. The signed ranks detect a reduction in all
-segments.
+If a few segments have most of the reduction, the scatter of the sum is large. The signed ranks then still detect a
+reduction that occurs in all segments.
 
 Source: Wilcoxon (1945), Individual comparisons by ranking methods, Biometrics Bulletin 1, 80-83.
 """
@@ -51,7 +51,7 @@ Rows = slice | Flags
 
 
 def transfer(state: Selected, simulated: Mapping[str, FreeRuns]) -> Transfer:
-    """Test the selected effects on held-out recordings, or by leave-one-run-out cross-validation.
+    """Test the selected effects on held-out runs or, without any, by cross-validation of the fitted runs.
 
     `simulated` contains the free runs along all recordings, `before` and `after` the correction.
     """
@@ -98,7 +98,7 @@ def transfer(state: Selected, simulated: Mapping[str, FreeRuns]) -> Transfer:
 
 
 def _basis(fitted: Fitted) -> Basis:
-    """Return the kind of data that are not fitted."""
+    """Return the kind of held-out data."""
     if fitted.held_out_prediction:
         return "held-out runs"
     return "one release" if len(fitted.recordings.records) == 1 else "releases left out"
@@ -107,8 +107,8 @@ def _basis(fitted: Fitted) -> Basis:
 def untested(fitted: Fitted, posteriors: Sequence[EffectPosterior]) -> tuple[str, ...]:
     """Return the effects whose form the recordings do not test.
 
-    These are the effects of several parameters, including shapes, if all recordings are one release of a single rod.
-    The pieces of a long recording are one release.
+    These are the effects of several parameters, including shapes, if there is only one release of a single rod. The
+    pieces of a long recording are one release.
     """
     releases = {whole(record.run.name) for record in (*fitted.recordings.records, *fitted.held_out.records)}
     if len(releases) > 1 or not all(setup.alone for setup in fitted.problem.segments.setups):
@@ -121,14 +121,14 @@ def judged(
 ) -> tuple[EffectPosterior, ...]:
     """Return the effects with their probabilities after the tests.
 
-    The quarters of a single release are few and differ in amplitude. If an effect leaves only noise, it therefore
-    remains probable even if it fails this test or cannot be tested (decision 96). This does not apply to a set of
+    The quarters of a single release are few and differ in amplitude. An effect that leaves only noise therefore remains
+    probable even if it fails the test on quarters or cannot be tested (decision 96). This does not apply to a set of
     several effects that cannot be tested (decision 110).
 
     Args:
         outcome: results on held-out recordings
         posteriors: the effects with their probabilities in the fitted recordings
-        forced: whether a force that is not described probably acts
+        forced: whether a force that the model lacks probably acts
         remainder: whether a remainder above the noise is left
     """
     no_test, everything = not outcome.tested, {posterior.name for posterior in posteriors}
@@ -155,10 +155,9 @@ def judged(
 
 @dataclass(frozen=True, slots=True)
 class _Test:
-    """Test on data that were not fitted.
+    """Comparison of models without and with some effects, on data that were not fitted.
 
-    The test compares a model without some effects to one with them. Their chi2 above the noise in each segment is a
-    pair, (2, segments).
+    A pair, (2, segments), contains the chi2 above the noise of both models in each segment.
     """
 
     data: OutOfSample
@@ -205,7 +204,11 @@ class _Test:
 def _failed(test: _Test, selection: Selection, pairs: Mapping[str, Array], closed: Interval) -> Iterator[str]:
     """Yield the effects that do not improve the held-out predictions.
 
-    The criteria are the paired tests of the effects (`_Test`), and the share of the gap that all effects close.
+    Args:
+        test: the held-out data
+        selection: the selected set
+        pairs: excess chi2 without and with each effect
+        closed: share of the gap that all effects close on the held-out data
     """
     ratio = _relative_to_fitted(closed, selection) if closed.value >= TRANSFER.comparable else 1.0
     for name, smaller in selection.without_substitute.items():
@@ -251,7 +254,7 @@ def _signed_rank(blocks: Array) -> float:
 
 
 def _relative_to_fitted(closed: Interval, selection: Selection) -> float:
-    """Return the ratio of the closed share of the held-out gap to that of the fitted gap."""
+    """Return the ratio, 0 to 1, of the share closed on held-out data to the share closed in the fitted recordings."""
     fitted = _fitted_share(selection.bare, selection.chosen)
     return float(np.clip(closed.value / max(fitted, TRANSFER.least_fitted), 0.0, 1.0))
 

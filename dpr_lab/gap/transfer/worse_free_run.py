@@ -1,8 +1,8 @@
 """Comparison of the free runs before and after correction.
 
-Segments and free runs must agree: an effect that closes the gap of segments but worsens the free runs is not confirmed.
-Each run is compared up to the time at which chaos dominates the error of the bare model. The errors are geometric means
-over the runs, which compare ratios, so that the most chaotic run does not decide alone.
+An effect that closes the gap of segments but increases the error of the free runs is not confirmed. Each run is
+compared up to the time at which chaos dominates the error of the bare model. The geometric mean of the errors over the
+runs is used, because it weights relative changes equally, so that the most chaotic run does not decide alone.
 
 Source: Fleming & Wallace (1986), How not to lie with statistics, Communications of the ACM 29, 218-221.
 """
@@ -21,15 +21,12 @@ class WorseFreeRunRules:
     """Limits of the comparison of free runs."""
 
     worse: float = 1.1
-    """Maximum factor by which the named effects may increase the error of free runs.
+    """Maximum factor by which the selected effects may increase the error of free runs.
 
     An increase that the noise of the first readings explains is allowed in addition.
     """
     unpredictable: float = 2.0
-    """Maximum increase of the error of free runs that counts as chance.
-
-    The unit is the standard deviation due to the noise of the first readings.
-    """
+    """Additional error that is allowed, in units of the error that the noise of the first readings causes."""
     followed_rad: float = 0.3
     """Maximum rms error of a free run of the bare model, from its beginning, up to which free runs are compared, rad.
 

@@ -1,4 +1,4 @@
-"""Value of information, in bits about the causes, other library effects, and the ratios.
+"""Value of information: bits about the causes, other library effects, and the ratios.
 
 **Causes (T-optimality).** Suppose that A is the true cause, with amplitudes a. The squared distance between the
 readings under A and the nearest readings under B, with ratios and all other effects of the model fitted, is
@@ -19,10 +19,11 @@ equal prior odds. The value is the mean.
 have their minimum detectable size. For each such amplitude, the expected information against no effect is computed, at
 this size and equal prior odds.
 
-The functions accept information matrices of many candidate releases at once: the result has the same leading axes.
-
 **Ratios (D-optimality).** The value is log2 of the factor by which the volume of the covariance of the ratios
 decreases, with the effects of the model fitted.
+
+The functions accept the information matrices of several candidate releases at once, (..., k, k); the result has the
+same leading axes.
 
 Sources: G. E. P. Box & W. J. Hill (1967), Discrimination among mechanistic models, Technometrics 9, 57-71. A. C.
 Atkinson & V. V. Fedorov (1975), The design of experiments for discriminating between two rival models, Biometrika 62,
@@ -53,10 +54,7 @@ class Worth:
     """Weights of the parts of the value of a plan."""
 
     library: float = 0.3
-    """Weight of a bit about the library while causes are undecided.
-
-    This part of the plan can detect an unexpected cause.
-    """
+    """Weight of a bit about the library while causes are undecided, so that a plan can detect unexpected causes."""
     ratios: float = 0.02
     """Weight of a bit about the ratios, which matters once the causes are decided."""
     limits: float = 0.3
@@ -64,14 +62,14 @@ class Worth:
     sizes: tuple[float, ...] = (0.1, 0.3, 1.0)
     """Sizes of the library's amplitudes for which bits are computed, in units of their typical size."""
     least: float = 0.01
-    """Probability above which a candidate cause is considered."""
+    """Minimum probability of a candidate cause that is considered."""
     seen: float = 1e-6
-    """Share of the information about an amplitude that must remain after the other unknowns are fitted.
+    """Minimum share of the information about an amplitude that remains after the other unknowns are fitted.
 
     An amplitude with a smaller share is not detectable.
     """
     certain: float = 1e3
-    """d^2 of causes that a diagnosis separates by rule."""
+    """d^2 of a cause and its richer form, if a diagnosis leaves out the richer form."""
 
 
 WORTH = Worth()
@@ -79,19 +77,19 @@ WORTH = Worth()
 
 @dataclass(frozen=True, slots=True)
 class OpenPairs:
-    """Candidate causes of one named effect, and the size that each cause would have."""
+    """Candidate causes of one named effect, with the estimated amplitudes of each cause."""
 
     names: tuple[str, ...]
     probabilities: Array
     """(n,) probability of each cause."""
     outside: float
-    """Probability of a cause that has no column: outside the library, undetectable in the release, or improbable."""
+    """Probability of all other causes: outside the library, undetectable in the release, or improbable."""
     fitted: tuple[int, ...]
     """Columns of the unknowns that every fit estimates."""
     places: tuple[tuple[int, ...], ...]
     """Columns of the unknowns that belong to each cause."""
     sizes: tuple[Array, ...]
-    """Estimated amplitudes of each cause."""
+    """Estimated amplitudes of each cause, if it is the true cause."""
     spreads: tuple[Array, ...]
     """Covariance of the amplitudes of each cause."""
 
@@ -145,7 +143,7 @@ def is_detectably_richer(known: Knowledge, F: Array, name: str, other: str) -> b
 
 
 def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], Array]:
-    """Compute the (...,) expected bits that distinguish the most probable cause from each other cause."""
+    """Return the (...,) expected bits about the most probable cause and each other cause, by pair of names."""
     p, best, bits = pairs.probabilities, int(np.argmax(pairs.probabilities)), dict[tuple[str, str], Array]()
     for other, name in enumerate(pairs.names):
         if other != best:
@@ -155,7 +153,7 @@ def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], Array]:
 
 
 def _bits(d: Array, first: float = 0.5, second: float = 0.5) -> Array:
-    """Interpolate the expected bits at the distances d between two causes with given probabilities.
+    """Return the interpolated expected bits for distances d between two causes with given probabilities.
 
     The error of the interpolation is at most 0.002 bits.
     """
@@ -164,7 +162,7 @@ def _bits(d: Array, first: float = 0.5, second: float = 0.5) -> Array:
 
 @lru_cache(maxsize=256)
 def _table(first: float, second: float) -> tuple[Array, Array]:
-    """Return a table of distances d and the expected bits."""
+    """Return distances d, and the expected bits at these distances."""
     separations = np.concatenate([np.linspace(0.0, 4.0, 41), np.linspace(4.5, 20.0, 32)])
     return separations, np.array([expected_bits([first, second], d) for d in separations.tolist()])
 
@@ -188,7 +186,7 @@ def library_bits(known: Knowledge, F: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class OpenAmplitudes:
-    """Tested amplitudes of the library, and the information that further recordings add."""
+    """Tested amplitudes of the library, and the information about them before and after further recordings."""
 
     tested: tuple[Exclusion, ...]
     """Test of each amplitude."""
@@ -199,9 +197,9 @@ class OpenAmplitudes:
 
     @classmethod
     def of(cls, known: Knowledge, F: Array, excluded: bool = False) -> "OpenAmplitudes":
-        """Return the amplitudes that are not excluded, with their information.
+        """Select the amplitudes that are not excluded, with their information.
 
-        The result contains no amplitudes if part of the gap remains unexplained.
+        There are none if part of the gap is unexplained.
 
         Args:
             known: the current knowledge
@@ -226,9 +224,9 @@ class OpenAmplitudes:
 
 
 def open_bits(known: Knowledge, F: Array) -> Array:
-    """Return the (...,) mean bits about the amplitudes that are not excluded, from information F.
+    """Return the (...,) mean expected bits about the amplitudes that are not excluded.
 
-    The value is 0 if part of the gap remains unexplained.
+    The value is 0 if part of the gap is unexplained, or if all amplitudes are excluded.
     """
     amplitudes = OpenAmplitudes.of(known, F)
     if not amplitudes.tested:
@@ -248,7 +246,7 @@ def ratio_bits(known: Knowledge, F: Array) -> Array:
 
 
 def ratio_std(known: Knowledge, F: Array) -> Array:
-    """Return the (5,) expected standard deviations of the ratios with the model's effects fitted."""
+    """Return the (5,) expected standard deviations of the ratios, with the effects of the model fitted."""
     return np.sqrt(np.diag(np.linalg.inv(_ratio_information(known, F))))
 
 
@@ -260,8 +258,8 @@ def _ratio_information(known: Knowledge, F: Array) -> Array:
 def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
     """Return the standard deviations of the ratios that a release determines.
 
-    These are ratios of rods, arm and drive. The unknowns include a parameter x of arm or drive and the scale b, but a
-    free swing determines only the ratio r = x / b. To first order the variance of b r is the variance of x - r b.
+    These are ratios of rods, arm and drive. The unknowns contain a parameter x of arm or drive and the scale b, but a
+    release may determine only the ratio r = x / b. To first order, the variance of b r is that of x - r b.
     """
     estimate, alone = known.model.estimate, bool(known.hidden_ratios) and known.rig.rods.mounted == "inner"
     of_arm = [place for name in sorted(known.always) for place in known.places.get(name, ())]
@@ -282,9 +280,9 @@ def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
 def detectable(
     known: Knowledge, F: Array, sigmas: float, names: Iterable[str] | None = None, *, at_assumed_scale: bool = False
 ) -> dict[str, dict[str, float | None]]:
-    """Return the minimum detectable size of each amplitude: a given number of its standard deviations.
+    """Return the minimum detectable size of each amplitude, SI: a given number of standard deviations.
 
-    A size is None if the amplitude is not detectable.
+    The size is None if the amplitude is not detectable.
 
     Args:
         known: the current knowledge

@@ -1,8 +1,8 @@
 """Objective of a plan: weighted bits about causes, library, ratios and limits.
 
 Each limit of the rig (`dpr-lab accept`) is a goal of the plan: the releases should decide whether the rig passes or
-fails. The test of a limit uses a 90 % interval, 1.645 standard deviations on either side. Consider a quantity at half
-its limit, or in the middle of its range. On average the quantity passes if the half width of the interval is smaller
+fails. The test of a limit uses a 90 % interval, 1.645 standard deviations on either side. The quantity is assumed to be
+at half its limit, or in the middle of its range. On average it then passes if the half width of the interval is smaller
 than the distance from the limit. A friction limit also requires a recording in which the joint reaches the speed of the
 limit in both directions. A limit for free runs is compared with the median of the recorded errors.
 """
@@ -40,10 +40,10 @@ from dpr_lab.planning.worth.criteria import (
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """(...,) expected information of each part of the objective, bits, without weights."""
+    """Expected information of each part of the objective, (...,), bits, without weights."""
 
     causes: Mapping[tuple[str, str], Array]
-    """Expected information for each undecided pair of causes on which of the two is correct, bits."""
+    """Expected information about each undecided pair of causes, bits."""
     open_effects: Array
     """Expected information on the presence of the effects that are not excluded, bits."""
     library: Array
@@ -64,7 +64,7 @@ class Objective:
 
     known: Knowledge
     pairs: tuple[OpenPairs, ...]
-    """For each named effect, the candidate causes that a release can show."""
+    """Candidate causes of each named effect that a release can show."""
     before: tuple[Array, ...]
     """(n, n) D^2 between the causes from the runs recorded so far, for each named effect."""
     limits: Limits
@@ -78,17 +78,17 @@ class Objective:
         return cls(known, pairs, before, limits or Limits())
 
     def gained(self, F: Array) -> list[Array]:
-        """Return the (..., n, n) squared distances d^2 added by further information.
+        """Return the (..., n, n) increases of the squared distances d^2 between the causes, for each named effect.
 
-        There is one matrix for each named effect.
+        F is the information after further releases.
         """
         added = [pair.distances(F) - before for pair, before in zip(self.pairs, self.before, strict=True)]
         return [np.maximum(D2, 0.0) / CALIBRATION.temperature for D2 in added]
 
     def separated(self, F: Array) -> list[Array]:
-        """Return the (n, n) squared distances d^2 added by further information, as a diagnosis separates the causes.
+        """Return the (n, n) increases of d^2 with the rule by which a diagnosis leaves out richer forms.
 
-        Readings under a named effect never contradict its richer form, which contains it. As soon as an additional
+        Readings under a named effect never contradict a richer form, which contains this effect. If an additional
         amplitude of the richer form is detectable at a given share of the named size, a diagnosis leaves the form out.
         """
         gained = self.gained(F)
@@ -113,7 +113,7 @@ class Objective:
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A limit, and the expected accuracy of the limited quantity."""
+    """A limit of the rig, and the expected accuracy of the limited quantity."""
 
     quantity: str
     """Name of the limited quantity, as in `dpr-lab accept`."""
@@ -131,7 +131,7 @@ class Goal:
 
 
 def goals(known: Knowledge, F: Array, limits: Limits) -> list[Goal]:
-    """Return one goal for each limit of a file.
+    """Return one goal for each limit on an effect, a friction torque or a ratio.
 
     Args:
         known: the current knowledge
@@ -142,10 +142,10 @@ def goals(known: Knowledge, F: Array, limits: Limits) -> list[Goal]:
 
 
 def goal_bits(known: Knowledge, F: Array, limits: Limits) -> float:
-    """Return the information about the limits, in bits.
+    """Return the information about the limits, bits.
 
     The result is the sum of -log2(w / d) over all limits, where w is the half width of the interval of the limited
-    quantity, and d its distance from the limit. A quotient w / d below one half counts as one half.
+    quantity, and d the distance of this quantity from the limit. A quotient w / d below one half counts as one half.
     """
     shares = [goal.reach / goal.room for goal in goals(known, F, limits) if goal.reach is not None]
     return float(np.sum(-np.log2(np.maximum(shares, 0.5)))) if shares else 0.0
@@ -179,10 +179,7 @@ def limit_forecasts(
 
 
 def _too_slow(known: Knowledge, limits: Limits, releases: Sequence[CandidateRelease]) -> dict[str, float]:
-    """Return the friction limits whose speed the joint does not reach.
-
-    The value of each limit is the speed that the joint reaches, rad/s.
-    """
+    """Return the speed that the joint reaches, rad/s, for each friction limit of a larger speed, by quantity."""
     if not limits.friction:
         return {}
     planned, evidence = reached_speeds(releases, known.model), known.diagnosis.evidence if known.diagnosis else None
@@ -280,7 +277,7 @@ def _of_free_run(
         return
     reach, contained, unknown = None, True, ""
     if len(errors) < 2:
-        unknown = f"unknown before two recordings of {limit.horizon_s:g} s"
+        unknown = f"unknown until there are two recordings of at least {limit.horizon_s:g} s"
     elif not np.isfinite(errors).all():
         unknown = f"unknown: the simulation of a recording fails before {limit.horizon_s:g} s"
     else:
