@@ -51,7 +51,7 @@ def median90(errors: Sequence[float], further: int = 0) -> Interval90:
 
 
 def undecided(errors: Sequence[float], limit: float, further: int = 0) -> tuple[float, bool]:
-    """Return the half width of the interval on the side of the limit, rad, and whether the limit is undecided.
+    """Return the half width of the interval towards the limit, rad, and whether the limit is undecided.
 
     The limit is undecided if the interval of the median contains it. The other arguments are those of `median90`.
     """

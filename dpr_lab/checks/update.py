@@ -228,7 +228,7 @@ def _remedies(diagnosis: Diagnosis, done: CheckDone, standing: NamedEffect) -> l
         repairs = [remedy for remedy in diagnosis.remedies if not remedy.startswith((its_repair, "Add "))]
         return [*repairs, *to_simulator(effect for effect in diagnosis.effects if effect.name != about)]
     return [
-        remedy.replace(f"{before}.", f"{after}.") if remedy.startswith(its_repair) else remedy
+        remedy.replace(f"{before}.", f"{after}.") if before and remedy.startswith(its_repair) else remedy
         for remedy in diagnosis.remedies
     ]
 

@@ -1,4 +1,1 @@
-"""Run blind trials and score the diagnoses.
-
-Random simulated rigs are sealed, recorded, diagnosed and revealed.
-"""
+"""Blind trials: random simulated rigs are sealed, recorded, diagnosed, revealed and scored."""

@@ -1,11 +1,11 @@
-"""Run campaigns of many numbered blind trials.
+"""Campaigns of many numbered blind trials.
 
 Each result is stored as one line when its trial ends, so that an interrupted campaign can be continued.
 
     campaign.json   definition of the campaign; a folder contains one campaign
     trials.jsonl    one line for each finished trial
     summary.json    scores
-    .lock           locked while a campaign runs
+    .lock           file that is locked while the campaign runs
 """
 
 import json
@@ -37,7 +37,7 @@ SETTINGS, TRIALS, LOCK = "campaign.json", "trials.jsonl", ".lock"
 class Campaign:
     """Definition of a campaign.
 
-    The hidden content of trial `number` has the kind `kinds[number % len(kinds)]` and the seed `seed + number`.
+    The plant of trial `number` has the kind `kinds[number % len(kinds)]` and the seed `seed + number`.
     """
 
     kinds: tuple[Kind, ...]
@@ -46,21 +46,18 @@ class Campaign:
     rig: str = "paper"
     """Rig file or built-in name of the rig about which the random rigs are drawn."""
     plant: str = "paper"
-    """Plant file or built-in name of the plant about which the random plants are drawn.
-
-    Every worker reads this file.
-    """
+    """Plant file or built-in name of the plant about which the random plants are drawn; every worker reads it."""
     arm: TrialArm | None = None
     """Mode of the arm; None: the mode of the rig file."""
     strategies: tuple[str, ...] = ()
     """Names of the sequential strategies, keys of `STRATEGIES`.
 
-    With strategies, each plant is recorded by each strategy, release by release, until the causes are determined.
+    With strategies, each plant is recorded by each strategy, release by release, until the causes are decided.
     Without strategies, each plant is recorded once from each pose of the rig file.
     """
 
     def cases(self, numbers: Sequence[int]) -> list[Case]:
-        """Create the cases of the trials with the given numbers, as JSON values.
+        """Return the cases of the trials with the given numbers, as JSON values.
 
         Raises:
             ConfigError: the rig is unknown.
@@ -81,7 +78,7 @@ class Campaign:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A trial that ended with an error; it is repeated when the campaign is continued."""
+    """A trial that ended with an error. It is repeated when the campaign is continued."""
 
     number: int
     error: str
@@ -113,11 +110,12 @@ def run_campaign(
         folder: folder of the campaign, which is created or continued
         jobs: number of processes on this machine
         scheduler: address of a dask scheduler that is used instead of these processes
-        on_trial: function that is called at the start and after each trial; its arguments are the number of finished
-            trials and the last result
+        on_trial: function that is called at the start and after each trial with two arguments: the number of finished
+            trials, and the last result or, at the start, None
 
     Raises:
-        RunError: the folder contains another campaign, or a campaign that is running.
+        RunError: the folder contains another campaign, a campaign that is running, or an invalid trial.
+        ConfigError: the rig is unknown.
         DprError: a file cannot be written, or the workers are lost; the results of finished trials are kept.
     """
     with _alone(folder):
@@ -139,7 +137,7 @@ def run_campaign(
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Lock a folder against other processes; a killed process releases the lock."""
+    """Create a folder, and lock it against other processes; a killed process releases the lock."""
     lock = FileLock(folder / LOCK, timeout=0)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -164,9 +162,10 @@ def _done(cases: list[Case], jobs: int, scheduler: str | None) -> Iterator[Done]
 
 
 def _claim(folder: Path, campaign: Campaign) -> None:
-    """Write the definition of a campaign to a folder.
+    """Write the definition of a campaign to a folder, or compare it with the definition in the folder.
 
-    If the folder already contains a definition, check that both definitions are equal.
+    Raises:
+        RunError: the folder contains another definition.
     """
     settings = json.loads(json.dumps(asdict(campaign))) | {"version": __version__}
     file = folder / SETTINGS

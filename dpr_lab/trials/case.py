@@ -1,7 +1,7 @@
 """One trial of a campaign. Case and outcome are JSON values, so that a trial can run in another process.
 
-The simulated device records its plant directly, without a link and faster than real time. Hundreds of trials are
-therefore feasible. The recorded counts are the same as with a link.
+The simulated device records the plant without a link and faster than real time. The recorded counts are the same as
+with a link.
 """
 
 import time
@@ -49,7 +49,7 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
 
 @contextmanager
 def plant_of(case: dict[str, Any], *, direct: bool = True) -> Iterator[HeldPlant]:
-    """Seal the plant of a case, and restrict this process to one thread.
+    """Draw and seal the plant of a case, and restrict numba to one thread.
 
     `direct` is passed to `sealed_in_memory`.
 

@@ -1,7 +1,7 @@
-"""Table of a revealed trial: each hidden effect with its diagnosis, and the wrongly named effects.
+"""Table of a revealed trial: the hidden effects with their diagnosis, and the wrongly named effects.
 
-If only ratios to b are identified, true and estimated sizes are given as ratios. Absolute values for the assumed b
-follow.
+If the recordings determine only ratios to b, true and estimated sizes are given as ratios, followed by the absolute
+values at the assumed b.
 """
 
 from dpr_lab.gap.result.causes import NamedEffect
@@ -19,9 +19,9 @@ COLUMNS = ("hidden effect", "true size", "diagnosis", "estimated size, 90 % inte
 
 
 def comparison_rows(opened: Opened, rig: Rig) -> list[tuple[str, ...]]:
-    """Return one row for each hidden effect and one for each incorrectly named effect.
+    """Return one row for each hidden effect, and one for each wrongly named effect.
 
-    A cell has one line for each size.
+    A cell of sizes has one line for each size.
     """
     truth, diagnosis = opened.truth, Diagnosis.model_validate(opened.diagnosis)
     unmatched = [effect for effect in diagnosis.effects if effect.name in opened.outcome.named]

@@ -1,11 +1,11 @@
-"""Next release of a sequential trial: planned, from a menu, or random."""
+"""Choice of the next release in a sequential trial: planned, from a menu, or random."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dpr_lab.gap.advice.expected_recordings import MENU
+from dpr_lab.gap.advice.expected_recordings import MENU, MENU_OF_ONE_ROD
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.limits import ArmPlan, PlanLimits, RecordingTimes
 from dpr_lab.planning.plan import plan
@@ -22,7 +22,7 @@ class SequentialSettings:
     duration_s: float = 10.0
     """Duration of every release, s; the strategy `free` chooses its own durations."""
     most: int = 6
-    """Number of releases after which the causes of a plant count as undetermined."""
+    """Maximum number of releases of a plant; the causes then count as undecided."""
 
 
 SEQUENTIAL = SequentialSettings()
@@ -34,11 +34,11 @@ EQUAL_TIMES = RecordingTimes(shortest_s=SEQUENTIAL.duration_s, longest_s=SEQUENT
 def limits_of(rig: Rig, largest_input: float | None = None, times: RecordingTimes = EQUAL_TIMES) -> PlanLimits:
     """Return the limits of the plans in a sequential trial.
 
-    The limits permit the same kinds of releases that the other strategies use.
+    They permit the kinds of releases that the other strategies use.
 
     Args:
         rig: the rig; the mounted rods and the mode of the arm do not change
-        largest_input: largest input of the arm's motor in the input signal that the other strategies use
+        largest_input: largest input of the arm's motor, that of the input signal of the device; None without a motor
         times: permitted durations
     """
     return PlanLimits(recording=times, arm=ArmPlan(modes=(arm_of(rig),), input=largest_input))
@@ -75,16 +75,12 @@ def planned(now: Situation) -> tuple[CandidateRelease, Plan | None]:
 
 
 def from_menu(now: Situation) -> tuple[CandidateRelease, Plan | None]:
-    """Choose the next release of a fixed list.
-
-    The list contains the poses of the rig file, then the menu of recommended recordings.
-    """
+    """Choose the next release of a fixed list: the poses of the rig file, then the menu of recommended recordings."""
     poses = [_release(now.rig, pose.theta1, pose.theta2) for pose in now.rig.poses.values()]
     alone = now.rig.rods.mounting in ("inner", "outer")
     menu = [
         replace(_release(now.rig, choice.theta1_rad, choice.theta2_rad), added=choice.added_mass or now.rig.added_mass)
-        for choice in MENU.values()
-        if choice.added_mass is None or not alone
+        for choice in (MENU_OF_ONE_ROD if alone else MENU).values()
     ]
     return (*poses, *menu)[len(now.runs) % (len(poses) + len(menu))], None
 
@@ -96,10 +92,7 @@ def at_random(now: Situation) -> tuple[CandidateRelease, Plan | None]:
 
 
 def _release(rig: Rig, theta1: float, theta2: float) -> CandidateRelease:
-    """Create a release with the current setup of the rig.
-
-    A driven arm follows the input signal of the device.
-    """
+    """Return a release with the current setup of the rig; a driven arm follows the input signal of the device."""
     mounting = rig.rods.mounting
     return CandidateRelease(theta1, theta2, SEQUENTIAL.duration_s, mounting, rig.added_mass, arm=arm_of(rig))
 
@@ -111,7 +104,7 @@ class Strategy:
     choose: Chooser
     """Function that selects the next release."""
     times: RecordingTimes = EQUAL_TIMES
-    """Range of durations from which a plan may choose."""
+    """Permitted durations of a planned release."""
 
 
 STRATEGIES: dict[str, Strategy] = {
@@ -120,4 +113,4 @@ STRATEGIES: dict[str, Strategy] = {
     "menu": Strategy(from_menu),
     "random": Strategy(at_random),
 }
-"""All strategies by name; `free` is a plan that also chooses the durations, between 10 and 30 s."""
+"""All strategies by name; `free` is a plan that also chooses the duration, between 10 and 30 s."""

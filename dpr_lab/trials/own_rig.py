@@ -1,9 +1,10 @@
-"""Run blind trials on simulated plants that resemble one rig.
+"""Blind trials on simulated plants that resemble one rig.
 
-The plants are variants of the corrected model of the rig, with known effects. They are recorded like the rig, with
-different noise. The readings are simulated by dpr-lab itself with a quarter of the integration step. The trials show
-how reliable the named effects are for this rig, these recordings and this noise. The trials do not cover effects
-outside the library. (`dpr-lab trials` uses plants of an independent simulation program.)
+A plant is the corrected model of the rig with the named effects, with another effect, or without effects. It is
+recorded at the times of the recordings of the rig, with new random noise. dpr-lab simulates the readings with a quarter
+of the integration step of the fits. The trials show how reliable the named effects are for this rig, these recordings
+and this noise. They do not cover effects outside the library. (`dpr-lab trials` uses plants of an independent
+simulation program.)
 """
 
 import time
@@ -50,7 +51,7 @@ class OwnRigSettings:
     finer: float = 4.0
     """Factor by which the integration step of a plant is smaller than the step of the fits."""
     kinds: tuple[str, ...] = ("as found", "another", "another", "clean")
-    """Kinds of plants. Successive trials use the kinds in turn."""
+    """Kinds of plants, which successive trials use in turn."""
 
 
 OWN_RIG = OwnRigSettings()
@@ -58,7 +59,7 @@ OWN_RIG = OwnRigSettings()
 
 @dataclass(frozen=True, slots=True)
 class _Original:
-    """A recording and the initial state from which its plant is simulated."""
+    """A recording of the rig, and the initial state from which the plants are simulated."""
 
     run: Run
     seen: Screened
@@ -108,19 +109,13 @@ def trust(
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """Data that all trials share.
-
-    An instance is called with the number of a trial, in any process.
-    """
+    """Data that all trials share. A call with the number of a trial runs this trial, in any process."""
 
     diagnosis: Diagnosis
     originals: tuple[_Original, ...]
     rig: Rig
     library: tuple[str, ...]
-    """Names of the candidate effects.
-
-    The effects themselves contain compiled kernels, which no other process can receive.
-    """
+    """Names of the candidate effects. The effects contain compiled kernels, which cannot be sent to a process."""
     max_effects: int
     seed: int
 
@@ -187,10 +182,7 @@ def _another(diagnosis: Diagnosis, library: Mapping[str, Effect], rng: np.random
 
 
 def _recorded_again(original: _Original, rig: Rig, ratios: Array, params: Array, rng: np.random.Generator) -> Run:
-    """Simulate the readings of a plant at the times of a recording.
-
-    Readings before the release are not changed.
-    """
+    """Return the recording with simulated readings of a plant; readings before the release are not changed."""
     run, screened = original.run, original.seen
     swing = run.t > original.start_s
     finer = segments([run.t[swing]], setups=[run.setup], step=STEP / OWN_RIG.finer)
@@ -247,7 +239,8 @@ def _summed(trials: Sequence[TrustTrial], seed: int) -> Trust:
 def _cells(trial: TrustTrial) -> list[tuple[str, str]]:
     """Return the cells of the confusion table as pairs (true, named).
 
-    A correctly named effect is paired with itself. Missed effects are paired with incorrect names.
+    A correctly named effect is paired with itself. Missed effects are paired with the wrongly named ones. A missing
+    partner is `NOTHING`.
     """
     missed = [name for name in trial.truth if name not in trial.right]
     count = max(len(missed), len(trial.wrong))

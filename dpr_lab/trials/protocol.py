@@ -1,6 +1,6 @@
-"""Run a blind trial in a folder: draw, record, diagnose, and then reveal a plant.
+"""A blind trial in a folder: a plant is drawn, recorded, diagnosed and revealed.
 
-trial.json      the seal, which is published before the recording; written when all runs are complete
+trial.json      the seal of the plant, and the names of the runs; written when all runs are complete
 rig.toml        the rig file of the plant
 runs/           one recording from each pose of the rig file, through the real protocol
 device/         files of the device, which dpr-lab never reads
@@ -37,7 +37,7 @@ class Trial:
 
     folder: Path
     seal: str
-    """Seal of the plant: hexadecimal SHA-256 of salt and truth."""
+    """Seal of the plant: SHA-256 of salt and truth, in hexadecimal digits."""
     asked: str
     """Kind and level that were requested, such as `any:clear`."""
     runs: tuple[Path, ...]
@@ -114,7 +114,7 @@ def keep_diagnosis(trial: Trial, diagnosis: dict[str, Any]) -> None:
 
 
 def refuse_opened(trial: Trial) -> None:
-    """Check that the truth of the trial is not revealed yet.
+    """Test whether the truth of the trial is still hidden.
 
     Raises:
         RunError: the truth is already revealed.
@@ -127,8 +127,8 @@ def open_trial(trial: Trial) -> Opened:
     """Reveal the plant, verify the seal, and score the diagnosis.
 
     Raises:
-        RunError: the trial has no diagnosis yet.
-        DprError: the truth does not match the seal.
+        RunError: the trial has no valid diagnosis.
+        DprError: the truth does not match the seal, or the device failed.
     """
     if not trial.diagnosis.is_file():
         raise RunError(

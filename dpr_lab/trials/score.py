@@ -1,4 +1,4 @@
-"""Score one trial by comparing the diagnosis with the hidden effects."""
+"""Score of one trial, from a comparison of the diagnosis with the hidden effects."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,7 +15,7 @@ NAMING = ("named", "partly_explained")
 ADMITTING = ("unexplained", "partly_explained")
 STEP = MISSED_COUNTS.name
 CLAIMED = 0.5
-"""Posterior probability above which an incorrectly named effect counts as an incorrect claim."""
+"""Probability above which a wrongly named effect counts as a wrong claim."""
 
 Json = Mapping[str, Any]
 
@@ -38,7 +38,7 @@ class SizeError:
     effect: str
     parameter: str
     relative: float
-    """|estimate - true value|, divided by the largest true amplitude of the effect in the same unit."""
+    """|estimate - true value|, divided by the largest true amplitude of the effect."""
     covered: bool
     """Whether the 90 % interval contains the true value."""
     leads: bool
@@ -67,10 +67,7 @@ class TrialOutcome:
     named: tuple[str, ...]
     """Named effects in the order of the diagnosis."""
     class_sizes: tuple[int, ...]
-    """Number of effects in the class of each named effect.
-
-    The number is needed to judge the result, because a class that contains the whole library is always correct.
-    """
+    """Number of effects in the class of each named effect. A class of the whole library would always be correct."""
     first: bool
     """Whether the first named effect is one of the causes."""
     top3: bool
@@ -87,8 +84,7 @@ class TrialOutcome:
     """Whether the diagnosis reports that part of the gap is unexplained."""
     explained_share: float
     closed: float
-    """Fraction by which the gap above the noise floor decreases on held-out data; nan if it is unknown.
-    """
+    """Share of the gap that closes on held-out data; nan if it is unknown."""
     sizes: tuple[SizeError, ...]
     claims: tuple[Claim, ...]
     sensor_findings: tuple[str, ...]
@@ -122,8 +118,9 @@ class TrialOutcome:
     def is_true(self) -> bool:
         """Whether the statement of the diagnosis is true.
 
-        The statement is true if the grade is `right`, or if each effect that was not named is below its minimum
-        detectable size. "No gap", or a list of causes, is a statement only about effects above these sizes.
+        "No gap", or a list of causes, is a statement only about effects above their minimum detectable sizes. It is
+        true if the grade is `right`, or if no effect is named wrongly and each effect that is not named is below this
+        size.
         """
         if self.grade == "right":
             return True
@@ -131,10 +128,7 @@ class TrialOutcome:
         return bool(self.causes) and small and not self.invented and self.verdict in ("no_gap", "named")
 
     def to_json(self) -> dict[str, Any]:
-        """Convert the outcome to a dict; non-finite numbers become null.
-
-        `read_outcome` is the inverse.
-        """
+        """Return the outcome as a dict, with None for numbers that are not finite; `read_outcome` is the inverse."""
         numbers = {name: value for name in _NUMBERS if math.isfinite(value := getattr(self, name))}
         return asdict(self) | dict.fromkeys(_NUMBERS) | numbers
 
@@ -205,9 +199,9 @@ def score(
 
 
 def _named(diagnosis: Json) -> list[Json]:
-    """Return the effects that the diagnosis names.
+    """Return the effects that the diagnosis names, as dicts.
 
-    A jump of a reading that only the sensor screening detects counts as a named effect without a probability.
+    A step of a reading that only the sensor screening detects counts as a named effect without a probability.
     """
     naming = diagnosis["verdict"] in NAMING or _candidates(diagnosis)
     effects: list[Json] = list(diagnosis["effects"]) if naming else []
@@ -232,9 +226,7 @@ def _causes(
 
 
 def over_limit(sizes: Mapping[str, float], least: Mapping[str, float | None]) -> float | None:
-    """Compute the ratio of an effect's size to its minimum detectable size.
-
-    The largest ratio of its amplitudes is returned.
+    """Return the ratio of an effect's size to its minimum detectable size: the largest ratio of its amplitudes.
 
     The result is None if no minimum detectable size is known.
     """
@@ -255,10 +247,7 @@ def _faults(truth: Truth) -> list[str]:
 
 
 def cause_named(effect: Json, truth: Truth) -> int | None:
-    """Return the index of the true cause that matches a named effect or its class.
-
-    The result is None if there is no such cause.
-    """
+    """Return the index of the true cause that is a named effect or a member of its class; None without one."""
     names = {effect["name"], *effect["class"]}
     return next((i for i, right in enumerate(truth.answers) if names.intersection(right)), None)
 
@@ -266,8 +255,8 @@ def cause_named(effect: Json, truth: Truth) -> int | None:
 def _claims(diagnosis: Json, effects: Sequence[Json], hits: Sequence[int | None], truth: Truth) -> list[Claim]:
     """Return the statements of the diagnosis that have a probability.
 
-    These are the named effects, or the statement that there is no gap or an unexplained gap. An inconclusive diagnosis
-    without candidates states nothing.
+    These are the named effects or, without any, the statement of no gap or of an unexplained gap. An inconclusive
+    diagnosis without candidates states nothing.
     """
     if claimed := _claimed(effects, hits):
         return claimed
@@ -285,8 +274,7 @@ def _claimed(effects: Sequence[Json], hits: Sequence[int | None]) -> list[Claim]
 def _sizes(effects: Sequence[Json], true: Mapping[str, Mapping[str, float]]) -> list[SizeError]:
     """Compute the errors of the estimated amplitudes of correctly named effects.
 
-    If only an indistinguishable effect is named for a true effect, the true effect is omitted, because its amplitudes
-    have no estimate.
+    A true effect is omitted if only another member of its class is named, because its amplitudes have no estimate.
     """
     errors: list[SizeError] = []
     for effect in effects:

@@ -1,7 +1,7 @@
 """Requests to the simulated device, which draws, seals and reveals a plant.
 
-The truth stays in the memory or in a folder of the device; dpr-lab never reads this folder. dpr-lab receives a seal, a
-rig file and recordings.
+The truth stays in the memory of the device, or in a folder of the device that dpr-lab never reads. dpr-lab receives a
+seal, a rig file and recordings.
 """
 
 import json
@@ -22,7 +22,7 @@ class Kind(StrEnum):
     """Kind of the hidden content of a plant."""
 
     ANY = "any"
-    """One of the kinds in `DRAWN`; the kind itself is hidden too."""
+    """One of the kinds in `DRAWN`; the kind is hidden too."""
     SINGLE = "single"
     """One effect of the library."""
     PAIR = "pair"
@@ -57,7 +57,7 @@ class Level(StrEnum):
     SUBTLE = "subtle"
     """A gap of about the size of the noise."""
     FAINT = "faint"
-    """A gap of 0.1 to 1 times the noise: about one to ten times the smallest detectable gap of a release of 10 s."""
+    """A gap of 0.1 to 1 times the noise: 1 to 10 times the smallest gap that is detectable in a release of 10 s."""
 
 
 class TrialArm(StrEnum):
@@ -76,10 +76,7 @@ class PlantRequest:
     kind: Kind = Kind.ANY
     level: Level = Level.CLEAR
     seed: int | None = None
-    """Seed of the draw; None: 128 random bits, so that nobody can repeat the draw.
-
-    A small seed could be guessed, which would reveal the plant.
-    """
+    """Seed of the draw. None: 128 random bits, so that nobody can guess the seed and repeat the draw."""
     rig: str = "paper"
     """Rig file or built-in name of the rig about which the random rig is drawn."""
     plant: str = "paper"
@@ -116,7 +113,7 @@ def _words(request: PlantRequest) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class HeldPlant:
-    """A sealed plant whose truth exists only in the memory of another process."""
+    """A sealed plant whose truth exists only in the memory of the device process."""
 
     public: dict[str, Any]
     """Public data of the plant, as `seal` returns them."""
@@ -134,13 +131,13 @@ class HeldPlant:
         return self._ask(json.dumps(release))
 
     def opened(self) -> dict[str, Any]:
-        """Reveal truth and salt of the plant; the plant can then no longer be recorded."""
+        """Reveal truth and salt of the plant, which can then no longer be recorded."""
         return self._ask("open")
 
 
 @contextmanager
 def sealed_in_memory(request: PlantRequest, rig: str, *, direct: bool = True) -> Iterator[HeldPlant]:
-    """Draw and seal a plant in a process that keeps the truth only in memory.
+    """Draw and seal a plant in a device process that keeps the truth only in memory.
 
     Args:
         request: the requested plant

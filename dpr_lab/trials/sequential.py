@@ -1,7 +1,4 @@
-"""Run sequential trials of a sealed plant.
-
-Releases are chosen, recorded and diagnosed until the recordings determine the causes.
-"""
+"""Sequential trials: releases of a sealed plant are chosen, recorded and diagnosed until the causes are decided."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -41,8 +38,8 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
 
     Returns:
         `outcome`: the score of the last diagnosis of the first strategy. `strategies`: a dict for each strategy with
-        the entries `recordings`, the number of releases until they determined the causes or until only a bench check
-        could determine the causes (null if neither occurred); `minutes`, the time at the rig; `right`, `true`
+        the entries `recordings`, the number of releases until the causes were decided or until only a bench check
+        could decide them (None if neither occurred); `minutes`, the time at the rig; `right`, `true`
         (`TrialOutcome.is_true`) and `score` of the last diagnosis; `looks`, the state after each release
 
     Raises:
@@ -67,19 +64,19 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class SequentialLook:
-    """State of a sequential trial after each release: diagnosis, forecast and stopping rule."""
+    """State of a sequential trial after a release: diagnosis, stopping rule and forecast."""
 
     release: CandidateRelease
     diagnosis: Diagnosis
     """Diagnosis of all runs recorded so far."""
     decided: bool
-    """Whether the recordings determine the causes."""
+    """Whether the recordings decide the causes."""
     bench_check: bool
-    """Whether only a bench check, but no further release, can separate the remaining causes."""
+    """Whether only a bench check can separate the remaining causes."""
     forecast: tuple[float, ...]
-    """Probabilities that the causes are determined after this release, after the next release, and so on.
+    """Probabilities that the causes are decided after this release, after the next release, and so on.
 
-    The plan that recommended the release computed these probabilities.
+    They come from the plan that recommended this release; empty without such a plan.
     """
     plan_seconds: float | None
     """Processor time of the plan that recommended the release, s; None if no plan was used."""
@@ -98,12 +95,10 @@ def played(
     limits: PlanLimits,
     most: int = SEQUENTIAL.most,
 ) -> list[SequentialLook]:
-    """Choose, record and diagnose releases until the recordings determine the causes.
+    """Choose, record and diagnose releases until the recordings decide the causes.
 
-    The trial also ends if only a bench check can determine the causes.
-
-    The stopping rule, which needs a plan, is the same for all strategies. A plan is therefore computed after each
-    release of every strategy.
+    The trial also ends if only a bench check can decide the causes. This stopping rule is the same for all strategies
+    and needs a plan, so a plan is computed after each release of every strategy.
 
     Args:
         rig: the rig
@@ -150,10 +145,7 @@ def _recorded(plant: HeldPlant, rig: Rig, release: CandidateRelease) -> Run:
 
 
 def _minutes(releases: Sequence[CandidateRelease], rig: Rig) -> float:
-    """Compute the time at the rig for some releases, minutes.
-
-    Each step has its usual duration.
-    """
+    """Return the time at the rig for a sequence of releases, minutes; each step has its default duration."""
     mounted, total = mounted_now(rig), 0.0
     for release in releases:
         total += minutes(release, mounted, PlanLimits())

@@ -1,4 +1,4 @@
-"""Summarise sequential trials by strategy: number of releases, share of correct results, calibration of forecasts."""
+"""Scores of sequential trials by strategy: numbers of releases, shares of correct results, calibration of forecasts."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,10 +16,7 @@ Outcome = Mapping[str, Any]
 
 
 def read_strategies(folder: Path, n: int) -> list[dict[str, Outcome]]:
-    """Read the results of the first `n` trials in the folder of a campaign.
-
-    Each result is a dict by strategy.
-    """
+    """Read the results, by strategy, of the first `n` trials in the folder of a campaign."""
     file = folder / TRIALS
     lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []  # no results if every trial failed
     trials = [json.loads(line) for line in lines if line]
@@ -27,9 +24,9 @@ def read_strategies(folder: Path, n: int) -> list[dict[str, Outcome]]:
 
 
 def sequential_summary(trials: Sequence[Mapping[str, Outcome]]) -> dict[str, dict[str, Any]]:
-    """Summarise the trials for each strategy.
+    """Return the scores of each strategy.
 
-    If the causes of a plant remain undetermined, its number of releases counts as the maximum plus one.
+    If the causes of a plant remain undecided, the number of releases counts as the maximum plus one.
     """
     names = list(dict.fromkeys(name for trial in trials for name in trial))
     return {name: _of_strategy([trial[name] for trial in trials if name in trial]) for name in names}
@@ -62,9 +59,9 @@ def _of_strategy(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 def forecast_claims(looks: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
     """Yield each forecast probability that k more releases are sufficient, together with the observed result.
 
-    The releases also count as sufficient if only a bench check can distinguish the remaining causes. In a forecast,
-    causes that no release separates count as one cause. A trial that ends at the maximum number of releases contains no
-    information about further releases.
+    The releases also count as sufficient if only a bench check can distinguish the remaining causes, because a forecast
+    counts causes that no release separates as one cause. If a trial ends at the maximum number of releases, forecasts
+    for later releases are omitted.
 
     Args:
         looks: states after each release, with `forecast`, `decided` and `bench_check`

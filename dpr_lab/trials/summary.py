@@ -1,4 +1,4 @@
-"""Compute scores of many trials: success rates, calibration of probabilities, errors of sizes."""
+"""Scores of many trials: success rates, calibration of probabilities, errors of sizes."""
 
 import math
 from collections import Counter
@@ -20,8 +20,8 @@ def share(outcomes: Sequence[TrialOutcome], holds: Callable[[TrialOutcome], bool
 def reliability(claims: Sequence[Claim], bins: int = 10) -> list[dict[str, float]]:
     """Compute the reliability table, one row per bin of stated probability.
 
-    A row contains the number of claims, their mean probability, and the share of true claims. The bins have equal
-    width. `low` and `high` are the 90 % interval of the share of true claims.
+    The bins have equal width. A row contains the number of claims, their mean probability `stated`, the share `true` of
+    true claims, and its 90 % interval from `low` to `high`. Empty bins have no row.
     """
     table: list[dict[str, float]] = []
     bin_of = np.minimum((np.array([claim.probability for claim in claims]) * bins).astype(int), bins - 1)
@@ -37,7 +37,8 @@ def reliability(claims: Sequence[Claim], bins: int = 10) -> list[dict[str, float
 def calibration_error(claims: Sequence[Claim]) -> float:
     """Compute the expected calibration error of claims.
 
-    The error is the weighted mean distance between stated probability and observed frequency.
+    The error is the mean distance between stated probability and observed frequency in each bin, weighted by the number
+    of claims.
 
     Source: Naeini, Cooper & Hauskrecht (2015), Obtaining well calibrated probabilities using Bayesian binning, AAAI.
     """
@@ -120,7 +121,7 @@ SHARES: dict[str, tuple[str, Callable[[TrialOutcome], bool]]] = {
     "wrong_name": ("all", lambda o: o.wrong_name),
     "faults_missed": ("all", lambda o: bool(o.faults_missed)),
 }
-"""Shares in the summary: for each key, the condition on the trials considered, and the property that is counted."""
+"""Shares in the summary: for each key, the group of trials (`_among`), and the property that is counted."""
 
 
 def _among(outcomes: Sequence[TrialOutcome], whom: str) -> list[TrialOutcome]:
@@ -136,8 +137,8 @@ def _among(outcomes: Sequence[TrialOutcome], whom: str) -> list[TrialOutcome]:
 def size_errors(sizes: Sequence[SizeError]) -> dict[str, float]:
     """Compute statistics of the errors of amplitudes.
 
-    Median and 90th percentile refer to the largest amplitude of each effect. The coverage of the intervals refers to
-    all amplitudes.
+    Median and 90th percentile refer to the largest amplitude of each effect, and the coverage of the intervals to all
+    amplitudes.
     """
     leading = [size.relative for size in sizes if size.leads]
     return {
@@ -185,9 +186,9 @@ def by_size(
 ) -> list[dict[str, Any]]:
     """Compute the scores by size of the hidden effect, one row per range of sizes.
 
-    Sizes are relative to the minimum detectable size. `limits` are the lower ends of the ranges. The last range has no
-    upper end, so that its `to` is None. `named` counts every effect; `first` and `exact` count the trials in which an
-    effect of this size is the largest.
+    Sizes are relative to the minimum detectable size. `limits` contains the lower ends of the ranges. The last range
+    has no upper end (`to` is None). `named` counts every effect; `first` and `exact` count the trials in which the
+    largest effect has this size.
     """
     rows: list[dict[str, Any]] = []
     for low, high in pairwise([*limits, math.inf]):
@@ -206,11 +207,7 @@ def by_size(
 
 
 def _naming(causes: Sequence[Cause], leads: Sequence[TrialOutcome]) -> dict[str, float]:
-    """Compute three shares for a set of causes.
-
-    `named` is the share of the causes that are named. `first` and `exact` are shares of the trials `leads`, in which
-    the largest effect is one of the causes.
-    """
+    """Return the share `named` of the causes that are named, and the shares `first` and `exact` of the trials."""
     named = float(np.mean([cause.named for cause in causes]))
     return {"named": named, "first": share(leads, lambda o: o.first), "exact": share(leads, lambda o: o.exact)}
 

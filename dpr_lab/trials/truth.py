@@ -1,4 +1,4 @@
-"""Hidden effects of a sealed plant, revealed after the diagnosis."""
+"""Truth of a sealed plant, which is revealed after the diagnosis."""
 
 import hashlib
 import json
@@ -21,11 +21,11 @@ class Truth:
     """Truth of a plant after it is revealed."""
 
     effects: Coefficients
-    """Effects of the library and their parameters, SI; torques are at the scale of the plant."""
+    """Parameters of the effects of the library, SI, by effect; torques have the scale of the plant."""
     foreign: str | None
-    """Effect that is not in the library, or not in this functional form; None if there is none."""
+    """Name of an effect that the library does not contain, or not in this functional form; None without one."""
     family: tuple[str, ...]
-    """Effects of the library that count as correct names of the out-of-library effect."""
+    """Effects of the library that count as correct names of this out-of-library effect."""
     held_back: bool
     """Whether the out-of-library effect was excluded from all tuning of dpr-lab."""
     parameters: Mapping[str, float]
@@ -37,7 +37,7 @@ class Truth:
 
     @property
     def answers(self) -> tuple[tuple[str, ...], ...]:
-        """Correct names of each cause."""
+        """Correct names of each cause that can be named."""
         known = tuple((name,) for name in self.effects)
         return (*known, self.family) if self.family else known
 
@@ -52,11 +52,11 @@ class Truth:
         return not self.effects and self.foreign is None
 
     def sizes(self, rig: Rig, assumed: float) -> dict[str, dict[str, float]]:
-        """Convert the true amplitudes of effects to the scale of the diagnosis.
+        """Return the true amplitudes of the effects at the scale of the diagnosis, SI.
 
-        A free swing does not determine the common scale of torques and inertias. A diagnosis therefore assumes an
-        inertia (`assumed_inertia`). For comparison, true torques and inertias are multiplied by the ratio of the
-        assumed inertia to the inertia of the plant.
+        A free swing does not determine the common scale of torques and inertias, so a diagnosis assumes an inertia
+        (`assumed_inertia`). True torques and inertias are therefore multiplied by the ratio of this inertia, `assumed`,
+        to that of the plant.
         """
         Z = np.array([self.parameters[name] for name in PARAMETERS])
         l1, _, m1, *_, J1, _ = Z.tolist()
@@ -90,7 +90,7 @@ def assumed_inertia(diagnosis: Mapping[str, Any], rig: Rig) -> float:
 
 
 def read_truth(opened: Mapping[str, Any]) -> Truth:
-    """Read the truth from the content of a revealed plant."""
+    """Return the truth from the content of a revealed plant."""
     foreign = next(iter(opened["foreign"]), None)
     return Truth(
         effects=opened["effects"],

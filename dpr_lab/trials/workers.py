@@ -1,4 +1,4 @@
-"""Run the cases of a campaign in parallel on this machine or on a cluster.
+"""Parallel execution of the cases of a campaign, on this machine or on a cluster.
 
 A case and its result are JSON values. Each worker runs one case at a time, in one thread.
 """
@@ -20,7 +20,7 @@ from dpr_lab.kernel_cache import compiling_simulator
 Case = dict[str, Any]
 CaseFunction = Callable[[Case], dict[str, Any]]
 Done = tuple[Case, dict[str, Any]]
-"""A case with its result; after an error, the result is a dict with the message as `error`."""
+"""A case and its result; after an error, the result is a dict that contains the message as `error`."""
 
 ADDRESS = re.compile(r"(?P<scheme>tcp|tls)://(?P<host>[^/\s]+):\d+")
 
@@ -125,9 +125,9 @@ def on_cluster(
 
 
 async def _is_scheduler(address: str, patience_s: float) -> bool:
-    """Check whether a dask scheduler answers at an address.
+    """Return whether a dask scheduler answers at an address.
 
-    A client of another kind of server could wait forever.
+    This test is needed because a dask client may wait forever for a server of another kind.
     """
     from distributed.comm.core import connect
     from distributed.security import Security

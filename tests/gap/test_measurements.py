@@ -308,6 +308,18 @@ def test_a_refuted_effect_is_not_added_to_the_simulator() -> None:
     assert _remedies(diagnosis, done, first) == to_simulator([second])
 
 
+def test_a_member_that_becomes_possible_leaves_the_numbers_of_the_remedy_as_they_are() -> None:
+    names = ["encoder_offset_joint1", "base_tilt"]
+    (cause,) = made().effects
+    before, after = (
+        cause.model_copy(update={"name": names[0], "members": names, "odds": dict(zip(names, odds, strict=True))})
+        for odds in ((1.0, 5e-5), (0.97, 0.03))
+    )
+    diagnosis = made().model_copy(update={"effects": [before], "remedies": [f"For {names[0]}: subtract 0.5 mrad."]})
+    done: Any = SimpleNamespace(after={names[0]: 0.95, names[1]: 0.03})
+    assert _remedies(diagnosis, done, after) == diagnosis.remedies
+
+
 def test_a_member_without_probability_need_not_be_ruled_out() -> None:
     (cause,) = made().effects
     odds = {"encoder_offset_joint1": 0.9, "base_tilt": 0.1, "encoder_eccentricity_joint1": 4e-28}

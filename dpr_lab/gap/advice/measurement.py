@@ -157,7 +157,7 @@ def predictions(diagnosis: Diagnosis, check: AdvisedCheck, names: Iterable[str])
 
 
 def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
-    """Return the amplitude that is expected if the effect of the check is the cause; None if it was not fitted."""
+    """Return the amplitude that a check should give if its effect is the cause; None without a fit."""
     if check.expected:
         return check.expected
     fitted = next((effect.parameters for effect in diagnosis.effects if effect.name == check.measures), {})
@@ -171,7 +171,7 @@ def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
 
 
 def excluded_size(diagnosis: Diagnosis, check: AdvisedCheck) -> float | None:
-    """Return the size of the measured amplitude from which on it is excluded, SI; None if no size is excluded."""
+    """Return the excluded size of the measured amplitude, SI; None if the recordings exclude no size."""
     tested = diagnosis.evidence.exclusions if diagnosis.evidence else []
     names = tuple(amplitude.name for amplitude in check.amplitudes)
     sizes = (e.size for e in tested if e.is_excluded and e.effect == check.measures and (e.parameter,) == names)
