@@ -27,7 +27,7 @@ def noted(half_width: float, probability: float, name: str = NAME, **sizes: floa
 
 
 def test_a_probable_cause_whose_interval_contains_zero_is_noted() -> None:
-    assert f"The 90 % interval of {NAME} contains zero" in noted(0.07, 0.9)
+    assert f"The 90 % interval of the size of {NAME} contains zero" in noted(0.07, 0.9)
     assert "contains zero" not in noted(0.02, 0.9)
     assert "contains zero" not in noted(0.07, 0.4)
     sizes = {"torque_Nm": 1e-3, "extra_at_rest_Nm": 1e-3, "speed_rad_per_s": 0.3}
