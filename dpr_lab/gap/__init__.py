@@ -26,7 +26,7 @@ Reading order. The rules by which sets of effects are compared are in modules of
     `hypothesis.imitation`       effects that only fit the residual of other causes
     `which.search`               a move, which proposes sets, accepts or rejects them, and states the reason
     `which.moves`                the order of the moves
-    `which.forward`              the moves; a trial in `search` names its move
+    `which.forward`              the moves; a trial states the name of its move
     `which.removals`
     `which.replacements`
     `classes.posterior`          the probabilities of X and Y, if both remain
