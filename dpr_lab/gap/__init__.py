@@ -31,8 +31,8 @@ Reading order. The rules by which sets of effects are compared are in modules of
     `which.replacements`
     `classes.posterior`          the probabilities of X and Y, if both remain
 
-The stages are in modules of about 7,000 words: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`,
-`which.select`, `corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 75,000 words.
+The stages are in modules of about 7,400 words: `state`, `diagnose`, `bare_model`, `hypothesis.score_test`,
+`which.select`, `corrections`, `transfer.transfer`, `conclusion.verdict`. The other modules contain about 77,000 words.
 Each contains the computations of one decision; read it when you change it. Two parts belong to no single stage:
 `damage` (outliers, kicks and rods moved by a hand, which the fit of the bare model excludes, and steps of a reading)
 and `films` (corrections of films).
