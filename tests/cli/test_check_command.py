@@ -40,7 +40,7 @@ def test_the_advice_after_a_check_can_be_pasted(tmp_path: Path, cli) -> None:
     file = tmp_path / "diagnosis.json"
     file.write_text(json.dumps(made().to_json()))
     done = cli("check", file, "1-abcd", "--value", "0 %", "--std", "0.001 %")
-    assert f"--without {CLOCK} to fit this cause" in " ".join(done.out.split())
+    assert f"--without {CLOCK} to fit it" in " ".join(done.out.split())
 
 
 def test_checks_without_further_information_are_only_listed(tmp_path: Path, cli) -> None:

@@ -54,4 +54,4 @@ def test_a_length_error_beyond_its_stated_uncertainty_is_reported() -> None:
     rig, runs, _ = drawn("camera", 2)
     sure = rig.model_copy(update={"rig": rig.rig.model_copy(update={"L1_std": 0.001})})
     diagnosis = diagnose(runs, sure, library=candidates("wrong_length", "clock", "coulomb"))
-    assert diagnosis.assumptions[0].endswith("This contradicts the uncertainty in the file.")
+    assert diagnosis.assumptions[0].endswith("This contradicts the rig file.")

@@ -77,7 +77,7 @@ def test_a_zero_read_at_rest_is_uncertain_by_friction_over_gravity(
     held = held_angles(list(sizes), whole, sizes, [setup], rig)
     assert held[0] == pytest.approx(friction / gravity, rel=1e-3)
     zero, _ = remedies(effects, sizes, rig, held)
-    assert f"holds the inner rod at rest up to {1e3 * held[0]:.2g} mrad from equilibrium: let it come to rest" in zero
+    assert f"can hold the inner rod up to {1e3 * held[0]:.2g} mrad from its equilibrium: let it come to rest" in zero
     assert "from both sides and use the mean of the two readings." in at_rest("base_tilt", held)
     assert at_rest("coulomb_joint2", held) == ""
     assert at_rest("base_tilt", held_angles([], whole, sizes, [setup], rig)) == ""

@@ -50,7 +50,7 @@ def test_a_rod_that_was_exchanged_between_the_recordings_is_recognised(rig, reco
     before, after = recorded("before", 68.0, 10.0), recorded("after", 40.0, 9.0, w2=1.38 * W2)
     diagnosis = diagnose(before, rig, held_out=after, library=LIKELY)
     assert diagnosis.verdict == "unexplained"
-    assert any("differ in e1/a" in note and "if the rig was changed" in note for note in diagnosis.notes)
+    assert any("differ in e1/a" in note and "If the rig was changed" in note for note in diagnosis.notes)
 
 
 def test_the_cause_of_a_gap_in_twenty_readings_is_proposed_without_certainty(tmp_path, rig):

@@ -255,7 +255,7 @@ def test_uncertain_verdicts_state_why_a_cause_is_uncertain() -> None:
 @pytest.mark.parametrize(
     ("ratio", "words"),
     [
-        (0.35, "A remainder of 0.35 times the noise is significant, but smaller than the noise: a small further cause"),
+        (0.35, "A remainder of 0.35 times the noise is significant, but smaller than the noise: a further small cause"),
         (4.1, "A remainder of 4.1 times the noise stays unexplained: a further cause acts"),
     ],
 )
