@@ -1,9 +1,10 @@
 """The site of the documentation: `make docs`."""
 
+import io
 import os
-import subprocess
-import sys
+from contextlib import redirect_stdout
 from pathlib import Path
+from unittest.mock import patch
 
 from sphinx.application import Sphinx
 from typer.core import TyperGroup
@@ -34,6 +35,17 @@ autodoc_member_order = "bysource"
 nitpicky = False
 
 
+def help_of(words: list[str]) -> str:
+    """Output of `dpr-lab WORDS --help` on a terminal of 100 columns, written in this process."""
+    from dpr_lab.cli.app import app as commands
+
+    with redirect_stdout(io.StringIO()) as stdout:
+        code = commands([*words, "--help"], prog_name="dpr-lab", standalone_mode=False)
+    assert not code, f"dpr-lab {' '.join(words)} --help: exit code {code}"
+    return stdout.getvalue().strip()
+
+
+@patch.dict(os.environ, {"COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb"})
 def write_command_line(app: Sphinx) -> None:
     """Every command's own help, as `reference/command-line.md`."""
     from typer.main import get_command
@@ -50,15 +62,8 @@ def write_command_line(app: Sphinx) -> None:
         names += [[name, *rest] for rest in ([], *([sub] for sub in inner))]
     parts = ["# Command line\n\nOutput of `--help` for each command.\n"]
     for words in names:
-        stdout = subprocess.run(
-            [sys.executable, "-m", "dpr_lab", *words, "--help"],
-            env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb"},
-            capture_output=True,
-            encoding="utf-8",
-            check=True,
-        ).stdout
         title = " ".join(["dpr-lab", *words])
-        parts.append(f"## `{title}`\n\n```text\n{stdout.strip()}\n```\n")
+        parts.append(f"## `{title}`\n\n```text\n{help_of(words)}\n```\n")
     target = HERE / "reference" / "command-line.md"
     text = "\n".join(parts)
     if not target.exists() or target.read_text(encoding="utf-8") != text:

@@ -1,14 +1,18 @@
 """Statements in the README and the pages are true: files, links, equations, tests; the site builds."""
 
 import ast
+import io
 import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from matplotlib.figure import Figure
 
 from dpr_lab.certificate.document import load_certificate
+from tests.pages import blocks
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -17,13 +21,43 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 @pytest.mark.long
 @pytest.mark.timeout(600)
 def test_the_site_builds_without_a_warning_or_a_network(tmp_path: Path) -> None:
+    """The test below executes the notebooks, and `make docs` writes the pages with the theme of the site."""
     pytest.importorskip("sphinx")
-    build = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", str(ROOT / "docs"), "site"]
-    done = subprocess.run(build, cwd=tmp_path, capture_output=True, text=True)
+    cheaper = ["-D", "nb_execution_mode=off", "-D", "html_theme=basic"]
+    build = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", *cheaper]
+    done = subprocess.run([*build, str(ROOT / "docs"), "site"], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "site" / "reference" / "command-line.html").read_text(encoding="utf-8")
     assert "dpr-lab trials draw" in page
     assert "dpr_lab.diagnose" in (tmp_path / "site" / "reference" / "python.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("page", sorted((ROOT / "docs" / "notebooks").glob("*.md")), ids=lambda page: page.stem)
+def test_every_cell_of_a_notebook_runs_and_its_result_is_shown(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {"__name__": "__main__"}
+    code = [block.text for block in blocks(page) if block.language == "{code-cell} ipython3"]
+    shown = list[str]()
+    for cell in code:
+        cell = re.sub(r"^(:tags: .*|%matplotlib inline)$", "", cell, flags=re.MULTILINE)
+        body = ast.parse(cell, str(page)).body
+        last = body.pop().value if body and isinstance(body[-1], ast.Expr) else None
+        exec(compile(ast.Module(body, []), str(page), "exec"), names)
+        if last is not None:
+            shown.append(displayed(eval(compile(ast.Expression(last), str(page), "eval"), names)))
+    assert len(code) >= 8
+    assert any("coulomb_" in text for text in shown), shown
+
+
+def displayed(result: Any) -> str:
+    """What a notebook displays of the result of a cell: a figure is drawn, and a result or table becomes HTML."""
+    if isinstance(result, Figure):
+        result.savefig(io.BytesIO())
+        return ""
+    return result._repr_html_() if hasattr(result, "_repr_html_") else repr(result)
 
 
 def test_every_file_the_readme_names_exists() -> None:
