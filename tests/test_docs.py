@@ -97,6 +97,13 @@ def test_the_readme_states_the_measured_reliability() -> None:
     ]
     assert f"{len(verdicts)} held-out recordings" in part
     assert f"In all {len(verdicts)} published recordings a remainder" in README
+    first = f"({simulated[0][0]})"
+    assert first in README
+    assert first in (ROOT / "docs" / "package.md").read_text(encoding="utf-8")
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    assert all(share in index for share in (simulated[0][0], simulated[3][0], f"{correct} of {total}"))
+    limits = (ROOT / "docs" / "limits.md").read_text(encoding="utf-8")
+    assert f"{incorrect} cases in {total}" in re.sub(r"\s+", " ", limits)
 
 
 def test_the_worked_example_states_the_claims_of_its_certificate() -> None:
