@@ -28,6 +28,7 @@ VERDICTS = {
     "README.md": {"diagnosis/diagnosis.json": {}},
     "docs/tutorials/simulated-rig.md": {"diagnosis/diagnosis.json": {}},
     "docs/tutorials/your-table.md": {"diagnosis/diagnosis.json": {"coulomb_joint2": ("torque_Nm", 0.9e-3)}},
+    "docs/how-to/video.md": {"film/diagnosis/diagnosis.json": {"coulomb_joint2": ("torque_Nm", 0.9e-3)}},
 }
 """By page and file: the effects of the plant that was recorded, and the true size of one parameter of each."""
 
