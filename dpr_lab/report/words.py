@@ -10,9 +10,12 @@ from dpr_lab.effects.effect import EffectParameter
 from dpr_lab.effects.units import DISPLAYED
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import three, with_interval, with_unit
+from dpr_lab.report.run_names import run_label
 
 _IDENTIFIER = re.compile(rf"(?<![\[\w])(?<!--without )({'|'.join(sorted(EFFECTS, key=len, reverse=True))})(?!\w)")
 _PLACE = re.compile(r"\b(joint|encoder)([012])\b")
+_RUN = re.compile(r"(?<![\w/])\d{8}T\d{6}Z_\w+_[0-9a-f]{8}(?!\.?\w)")
+"""Name of a recorded run without the ending of its file."""
 
 
 def named(name: str) -> str:
@@ -21,7 +24,7 @@ def named(name: str) -> str:
 
 
 def in_words(text: str) -> str:
-    """Add a description to each effect identifier that has none in a text.
+    """Add a description to each effect identifier that has none in a text, and replace run names by their labels.
 
     An identifier after `--without` is not changed, so that the option can be copied.
     """
@@ -30,7 +33,8 @@ def in_words(text: str) -> str:
         label = named(match[0])
         return label[0].upper() + label[1:] if text[: match.start()].endswith(". ") else label
 
-    return _PLACE.sub(r"\1 \2", _IDENTIFIER.sub(words, text))
+    labelled = _RUN.sub(lambda match: run_label(match[0]), text)
+    return _PLACE.sub(r"\1 \2", _IDENTIFIER.sub(words, labelled))
 
 
 def parameter_words(effect: str, name: str) -> str:

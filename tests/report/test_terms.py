@@ -27,6 +27,11 @@ def test_the_page_explains_the_terms_that_it_uses() -> None:
     assert TERMS["confidence"] not in page
 
 
+def test_the_page_explains_no_term_of_an_empty_table() -> None:
+    page = page_html("Title", "Summary.", [Section("Text", ["Sentence.", PageTable(("probability",), [])])])
+    assert TERMS["probability"] not in page
+
+
 def test_a_section_without_content_is_left_out() -> None:
     assert "Empty" not in page_html("Title", "Summary.", [Section("Empty", [PageTable(("a",), []), None, ""])])
 

@@ -10,6 +10,7 @@ from dpr_lab.gap.result.evidence import Budget, Evidence, RunBudget
 from dpr_lab.report.angles import DEGREES, RADIANS
 from dpr_lab.report.gap.sections.curves import curves_words
 from dpr_lab.report.gap.sections.friction import friction_words
+from dpr_lab.report.run_names import run_label
 from dpr_lab.report.words import in_words, named, parameter_words, size_words
 from dpr_lab.shown import percent
 
@@ -86,3 +87,10 @@ def test_without_a_friction_curve_no_sentence_refers_to_one() -> None:
     hysteresis = SimpleNamespace(name="hysteresis_joint1")
     made = Diagnosis.model_construct(evidence=Evidence.model_construct(friction={}), effects=[hysteresis])
     assert friction_words(made) == ["No joint moves fast enough in both directions."]
+
+
+def test_a_run_has_the_same_name_in_sentences_and_in_tables() -> None:
+    name = "20261121T101500Z_X1_1a2b3c4d"
+    assert in_words(f"The free run of {name} has an error.") == f"The free run of {run_label(name)} has an error."
+    assert in_words(f"dpr-lab diagnose runs/{name}.mcap") == f"dpr-lab diagnose runs/{name}.mcap"
+    assert in_words(f"dpr-lab diagnose {name}.mcap") == f"dpr-lab diagnose {name}.mcap"

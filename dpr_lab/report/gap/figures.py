@@ -81,13 +81,16 @@ def save_gap_figures(diagnosis: Diagnosis, out_dir: Path) -> dict[str, Path]:
     """Write the figures of a diagnosis as PNG.
 
     Returns:
-        path of each file by the name of its figure: where, gap_horizon, and waterfall or the figures of the evidence
+        path of each file by the name of its figure: gap_horizon, where (unless there is no gap to locate), and
+            waterfall or the figures of the evidence
 
     Raises:
         DprError: the folder or a file cannot be written.
     """
     with style.house_style():
-        figures = {"where": where_figure(diagnosis), "gap_horizon": horizon_figure(diagnosis)}
+        figures = {"gap_horizon": horizon_figure(diagnosis)}
+        if diagnosis.where:
+            figures["where"] = where_figure(diagnosis)
         if diagnosis.evidence is None:
             figures["waterfall"] = waterfall_figure(diagnosis)
         else:

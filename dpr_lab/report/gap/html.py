@@ -82,7 +82,7 @@ def write_gap_report(
         *([curves] if curves else []),
         Section("Results of checks", list(_checks(diagnosis))),
         Section("Gap reduction", [*closure, *_gap_reduction(diagnosis), drawn["gap_horizon"], lengths]),
-        Section("Residual maps", [_MAPS, *_maps(diagnosis), drawn["where"]]),
+        Section("Residual maps", [*_maps(diagnosis), drawn.get("where")]),
         Section("Sensor faults", [_faults(diagnosis)]),
         *evidence.values(),
         Section("Minimum detectable effects", [replace(detectable, caption=_assumed_scale(diagnosis))]),
@@ -148,14 +148,14 @@ def _gap_reduction(diagnosis: Diagnosis) -> Iterator[Block]:
     closed = tables.closed_table(diagnosis)
     if diagnosis.evidence is not None:  # the budget contains the errors of the free runs
         closed = PageTable(closed.columns[:2], [row[:2] for row in closed.rows], style="prose")
-    yield closed
+    if diagnosis.gap.waterfall or diagnosis.evidence is None:
+        yield closed
     if diagnosis.gap.waterfall:
         yield tables.step_table(diagnosis)
 
 
 def _maps(diagnosis: Diagnosis) -> Iterator[Block]:
-    if not diagnosis.where:
-        yield in_words(diagnosis.where_sentence)
+    yield _MAPS if diagnosis.where else in_words(diagnosis.where_sentence)
     yield tables.place_table(diagnosis)
     yield tables.map_table(diagnosis)
 

@@ -50,7 +50,7 @@ class EvidenceSection:
     tables: tuple[Callable[[Diagnosis], PageTable], ...]
     """Folded tables of the section."""
     figure: Callable[[Diagnosis], Figure | None] | None = None
-    """Function that draws the figure; None if the section has no figure."""
+    """Function that draws the figure, or returns None if nothing can be drawn; None if the section has no figure."""
     alternative: str = ""
     """Text alternative of the figure."""
     caption: str = ""

@@ -38,11 +38,14 @@ class Heading:
 
 @dataclass(frozen=True, slots=True)
 class Items:
-    """A list of sentences."""
+    """A list of sentences. A page omits an empty list."""
 
     kind: ClassVar = "items"
     sentences: Sequence[str]
     numbered: bool = False
+
+    def __bool__(self) -> bool:
+        return len(self.sentences) > 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +144,9 @@ class Section:
     is_open: bool = False
 
 
+_GLOSSARY = Paragraph("The glossary of the documentation (docs/glossary.md) defines all terms.", "soft")
+
+
 def page_html(
     title: str, summary: str, sections: Iterable[Section], *, lead: Sequence[Block] = (), footer: str = ""
 ) -> str:
@@ -149,27 +155,22 @@ def page_html(
     Args:
         title: heading of the page
         summary: the result in at most three sentences
-        sections: sections in their order; sections without blocks are omitted
+        sections: sections in their order; sections without content are omitted
         lead: blocks between the summary and the first section
         footer: last line of the page
     """
-    shown = [section for section in sections if any(map(_has_content, section.blocks))]
+    shown = [section for section in sections if any(section.blocks)]
     columns = (
         column
         for block in (*lead, *(block for section in shown for block in section.blocks))
-        if isinstance(block, PageTable)
+        if block and isinstance(block, PageTable)
         for column in block.columns
     )
     terms = {column: TERMS[column] for column in columns if column in TERMS}
+    if terms:
+        shown.append(Section("Terms", [Definitions(terms), _GLOSSARY], "terms"))
     template = _environment().get_template("page.html")
     return template.render(title=title, summary=summary, lead=lead, sections=shown, terms=terms, footer=footer) + "\n"
-
-
-def _has_content(block: Block | None) -> bool:
-    match block:
-        case Items(sentences=content):
-            return len(content) > 0
-    return bool(block)
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Decrease of the gap as effects are added, on validation data."""
+"""Show by how much each named effect reduces the gap of data that were not fitted."""
 
 from itertools import pairwise
 
@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report import style
 from dpr_lab.report.digits import three
-from dpr_lab.report.figures import empty_figure, legend_above, new_figure
+from dpr_lab.report.figures import legend_above, new_figure
 from dpr_lab.report.gap.section import EvidenceSection, evidence_of
 from dpr_lab.report.gap.summary import held_out_words
 from dpr_lab.report.gap.tables import per_reading
@@ -17,11 +17,11 @@ from dpr_lab.report.words import named
 from dpr_lab.shown import percent
 
 
-def closing_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw a waterfall from the gap of the bare model to the remainder."""
+def closing_figure(diagnosis: Diagnosis) -> Figure | None:
+    """Draw a waterfall from the gap of the bare model to the remainder; None without a named effect."""
     steps = evidence_of(diagnosis).closing
     if len(steps) < 2:
-        return empty_figure("No effect is named, so the gap is not reduced.")
+        return None
     gaps = 1e3 * np.array([step.left_rad for step in steps])
     names = ["bare model", *(named(step.effect).replace(" [", "\n[") for step in steps[1:]), "remainder"]
     figure = new_figure(1.2 + 0.42 * len(names))
@@ -73,14 +73,16 @@ def closing_words(diagnosis: Diagnosis) -> list[str]:
     title="Values of the gap reduction by effect",
 )
 def closing_table(diagnosis: Diagnosis) -> Rows:
-    """Return one row for each model, with the gap and its cumulative reduction."""
+    """Return one row for each model, with the gap and its cumulative reduction; empty without a named effect."""
+    steps = evidence_of(diagnosis).closing
     return [
         (
             f"+ {named(step.effect)}" if step.effect else "bare model",
             three(1e3 * step.left_rad),
             percent(step.closed, 1),
         )
-        for step in evidence_of(diagnosis).closing
+        for step in steps
+        if len(steps) > 1
     ]
 
 

@@ -11,7 +11,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Curves
 from dpr_lab.report import style
 from dpr_lab.report.digits import three
-from dpr_lab.report.figures import empty_figure, legend_above, new_figure
+from dpr_lab.report.figures import legend_above, new_figure
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, evidence_of
 from dpr_lab.report.gap.tables import run_words
 from dpr_lab.report.pages.page import Rows, page_table
@@ -30,14 +30,14 @@ def angles_of(curves: Curves) -> Angles:
     return ({"arm": np.array(curves.arm_rad)} if curves.arm_rad else {}) | rods
 
 
-def curves_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw the angles of arm and rods for each recording.
+def curves_figure(diagnosis: Diagnosis) -> Figure | None:
+    """Draw the angles of arm and rods for each recording; None if no recording was simulated.
 
     The errors of the simulations and the input of the arm are below the angles.
     """
     shown = evidence_of(diagnosis).curves[: PAGE.most_runs]
     if not shown:
-        return empty_figure("No recording was simulated.")
+        return None
     by_curves = [angles_of(curves) for curves in shown]
     heights = [height for curves in shown for height in ((3, 2, 1.5) if curves.input else (3, 2))]
     figure = new_figure(0.5 + 0.6 * sum(heights))

@@ -12,7 +12,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Occupancy, RecordingUsed
 from dpr_lab.report import style
 from dpr_lab.report.digits import NONE, three
-from dpr_lab.report.figures import empty_figure, new_figure
+from dpr_lab.report.figures import new_figure
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, evidence_of
 from dpr_lab.report.pages.page import Rows, page_table
 
@@ -20,11 +20,14 @@ COLOURS = "cividis_r"
 """Colour map for colour-blind readers; Nuñez, Anderton & Renslow (2018), PLOS ONE 13(7)."""
 
 
-def domain_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw the time that each rod spent at each angle and speed, and outline the cells of held-out runs."""
+def domain_figure(diagnosis: Diagnosis) -> Figure | None:
+    """Draw the time that each rod spent at each angle and speed, and outline the cells of held-out runs.
+
+    The result is None if no rod swung freely.
+    """
     maps = evidence_of(diagnosis).coverage
     if not maps:
-        return empty_figure("No rod swung freely.")
+        return None
     figure = new_figure(3.4)
     panels = figure.subplots(1, len(maps), squeeze=False)[0]
     most = max(float(np.max(occupancy.fitted_s)) for occupancy in maps.values())
@@ -52,6 +55,8 @@ def _draw_map(axes: Axes, rod: str, occupancy: Occupancy, colours: LogNorm) -> N
 def domain_words(diagnosis: Diagnosis) -> list[str]:
     """Describe for which motions the corrected model is valid."""
     evidence = evidence_of(diagnosis)
+    if not evidence.coverage:
+        return ["No rod swung freely, so no range of angles and speeds can be stated."]
     fitted, held_out = ([r for r in evidence.recordings if r.held_out is wanted] for wanted in (False, True))
     until = min((run.until_s for run in evidence.budget.runs), default=0.0)
     speeds = " and ".join(

@@ -10,18 +10,18 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.report import style
 from dpr_lab.report.digits import interval, plus_minus, three
-from dpr_lab.report.figures import draw_with_intervals, empty_figure, legend_above, new_figure
+from dpr_lab.report.figures import draw_with_intervals, legend_above, new_figure
 from dpr_lab.report.gap.section import PAGE, EvidenceSection, evidence_of
 from dpr_lab.report.pages.page import Rows, page_table
 from dpr_lab.report.words import named
 from dpr_lab.shown import listed
 
 
-def friction_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw the friction torque of each joint against its speed."""
+def friction_figure(diagnosis: Diagnosis) -> Figure | None:
+    """Draw the friction torque of each joint against its speed; None without a curve."""
     friction = evidence_of(diagnosis).friction
     if not friction:
-        return empty_figure("No joint moves fast enough in both directions.")
+        return None
     figure = new_figure(3.0)
     panels = figure.subplots(1, len(friction), squeeze=False)[0]
     for axes, (joint, curve) in zip(panels, friction.items(), strict=True):

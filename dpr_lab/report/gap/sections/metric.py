@@ -8,7 +8,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Curves
 from dpr_lab.report import style
 from dpr_lab.report.digits import three
-from dpr_lab.report.figures import empty_figure, legend_above, new_figure
+from dpr_lab.report.figures import legend_above, new_figure
 from dpr_lab.report.gap.section import EvidenceSection, evidence_of
 from dpr_lab.report.gap.tables import run_words
 from dpr_lab.report.pages.page import Rows, page_table
@@ -16,11 +16,14 @@ from dpr_lab.report.pages.page import Rows, page_table
 RODS = ("inner rod", "outer rod")
 
 
-def metric_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw differences of quantiles for the recording in which the bare model has the largest area metric."""
+def metric_figure(diagnosis: Diagnosis) -> Figure | None:
+    """Draw differences of quantiles for the recording in which the bare model has the largest area metric.
+
+    The result is None if no recording was simulated.
+    """
     evidence = evidence_of(diagnosis)
     if not evidence.curves:
-        return empty_figure("No recording was simulated.")
+        return None
     worst = max(evidence.budget.runs, key=lambda run: run.area_before_rad).run
     curves = next(curves for curves in evidence.curves if curves.run == worst)
     figure = new_figure(3.2)
