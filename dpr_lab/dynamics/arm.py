@@ -33,9 +33,10 @@ CLAMPED, FREE, DRIVEN = range(3)
 
 
 class ArmParameters(NamedTuple):
-    """Parameters of the arm.
+    """Parameters of the arm alone, and its mode.
 
-    They are its inertia (kg m^2), viscous friction (N m s/rad), spring stiffness (N m/rad) and mode.
+    J0 is the inertia about the axis of the arm, kg m^2, c0 its viscous friction, N m s/rad, and k0 the stiffness of a
+    spring, N m/rad.
     """
 
     J0: float = 0.0
@@ -87,7 +88,7 @@ def push_on_arm(
 ) -> float:
     """Return the torque that friction must balance to hold the arm at rest, N m.
 
-    `alphas` are the rods' accelerations, rad/s^2.
+    `torque0` is the torque of drive and effects on the arm, N m. `alphas` are the accelerations of the rods, rad/s^2.
     """
     pull = base.e1 * (motion.sin1 * motion.omega1 * motion.omega1 - motion.cos1 * alphas[0])
     pull += base.e2 * (motion.sin2 * motion.omega2 * motion.omega2 - motion.cos2 * alphas[1])
@@ -97,7 +98,8 @@ def push_on_arm(
 class ReducedRods(NamedTuple):
     """Equations of motion of both rods after elimination of the arm.
 
-    The acceleration of the arm is push0 - reach1 alpha1 - reach2 alpha2, with the accelerations alpha_i of the rods.
+    The acceleration of the arm is push0 - reach1 alpha1 - reach2 alpha2, where alpha1 and alpha2 are the accelerations
+    of the rods.
     """
 
     inertia1: float
@@ -114,7 +116,7 @@ class ReducedRods(NamedTuple):
 def reduced_rods(
     motion: Motion, base: BaseParameters, terms: Terms, arm: ArmModel, mode: int, drive: float
 ) -> ReducedRods:
-    """Return the reduced equations that determine the rods' accelerations.
+    """Return the equations of motion of both rods after elimination of the arm.
 
     See `arm_accelerations` for the arguments.
     """
@@ -151,7 +153,7 @@ def reduced_rods(
 def arm_accelerations(
     motion: Motion, base: BaseParameters, terms: Terms, arm: ArmModel, mode: int, drive: float
 ) -> tuple[float, float, float]:
-    """Return the accelerations (alpha0, alpha1, alpha2), rad/s^2, if all joints slide.
+    """Return the accelerations (alpha0, alpha1, alpha2), rad/s^2, if friction holds no joint at rest.
 
     Args:
         motion: angles and speeds

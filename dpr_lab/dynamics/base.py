@@ -42,7 +42,7 @@ ALONE = ("e1/a", "c1/a")
 """Order of the ratios that swings of the inner rod alone determine; units 1/s^2, 1/s."""
 
 GAINS = {"torque": "1/{}", "current": "kt/{}", "voltage": "kt/(R {})"}
-"""Name of the gain for each kind of input of a moving arm; {} stands for the divisor, the base parameter a or b."""
+"""Name of the gain of a driven arm, by the kind of its input; {} is replaced by the scale, a or b."""
 
 RATIO_UNITS: dict[str, str] = {
     **dict(zip((*RATIOS, *ALONE), ("1", "1", "1/s^2", "1/s", "1/s", "1/s^2", "1/s"), strict=True)),
@@ -53,7 +53,7 @@ RATIO_UNITS: dict[str, str] = {
         for gain, unit in zip(GAINS.values(), ("1/(kg m^2)", "1/(s^2 A)", "1/(s^2 V)"), strict=True)
     },
 }
-"""Unit of each ratio to b, or to a for the inner rod alone: ratios of rods and moving arm, and gains of the drive."""
+"""Unit of each ratio to b, or to a for the inner rod alone, and of the gains of the drive."""
 
 _B = BASE.index("b")
 _OTHERS = [0, 2, 3, 4, 5]
@@ -121,9 +121,10 @@ def added_base(added: AddedMass | None, L1: float, g: float) -> Array:
 
 
 def added_to_run(setup: Setup, L1: float, g: float) -> Array:
-    """Return the (6,) contribution of a run to the base parameters, SI.
+    """Return the (6,) change of the base parameters in a run, SI.
 
-    The contribution comes from a known attached mass and from the inertia of a prescribed inner rod.
+    The change is due to a known attached mass, and to the inertia that represents a prescribed inner rod
+    (`PRESCRIBED`).
     """
     added = added_base(setup.added, L1, g)
     added[0] += PRESCRIBED.inertia if setup.inner is not None else 0.0
@@ -160,7 +161,7 @@ def base_of_run(whole: ArrayLike, setup: Setup, L1: float, g: float) -> Array:
 
 
 def base_slopes(setup: Setup, L1: float, g: float) -> Array:
-    """Return the (6, 7) derivative of a run's base parameters with respect to the rig's."""
+    """Return the (6, 7) derivative of the base parameters of a run with respect to those of the whole rig."""
     unit = np.eye(len(WHOLE))
     if not setup.alone:
         return unit[: len(BASE)]
@@ -188,7 +189,7 @@ def base_from_ratios(ratios: ArrayLike) -> Array:
 
 
 def rows(base: ArrayLike, L1: float, g: float) -> Array:
-    """Divide the base parameters by a, for the batch kernel.
+    """Divide the base parameters by a, as the kernel of `dpr_lab.dynamics.rollout` requires.
 
     Args:
         base: (..., 6) base parameters, at any scale
@@ -229,7 +230,7 @@ def ratio_jacobian(Z: ArrayLike, L1: float, g: float) -> Array:
         g: gravity, m/s^2
 
     Returns:
-        (5, 9) ratio units over SI
+        (5, 9) derivatives, in the units of `RATIOS` per SI unit of the parameter
     """
     return ratio_slopes(base_parameters(Z, L1, g)) @ base_jacobian(Z, L1, g)
 

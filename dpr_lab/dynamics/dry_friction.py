@@ -6,8 +6,8 @@ friction limit of joint j. Then
     A u' = tau - lambda,    lambda_j = F_j sgn(u_j) if u_j is not 0,    |lambda_j| <= F_j otherwise.
 
 A is positive definite, so u' is the unique minimum of u' A u' / 2 - tau u' + sum F_j |u'_j| over the joints at rest.
-`slides` finds this minimum among its nine cases. Between two events each joint keeps its direction, and the motion is
-smooth.
+`slides` finds this minimum among nine cases: each joint stays at rest or slides in either direction. Between two events
+each joint keeps its direction, and the motion is smooth.
 """
 
 from dpr_lab.dynamics.arm import CLAMPED, FREE, ReducedRods, push_on_arm, reduced_rods
@@ -26,9 +26,9 @@ def direction_of(speed: float) -> float:
 
 @subroutine
 def held(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float, float]:
-    """Return the accelerations of arm and rods, rad/s^2, with the resting joints held.
+    """Return the accelerations of arm and rods, rad/s^2, while friction holds the joints at rest.
 
-    A resting joint has the direction 0.
+    A joint at rest has the direction 0.
     """
     free1, free2 = solved(rods.inertia1, rods.inertia2, rods.coupling, rods.torque1, rods.torque2)
     together = (rods.torque1 + rods.torque2) / (rods.inertia1 + rods.inertia2 + 2.0 * rods.coupling)
@@ -41,9 +41,9 @@ def held(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float
 
 @subroutine
 def pushes(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float]:
-    """Return the friction torques that hold the joints of direction 0 at rest, N m.
+    """Return the torques of friction that hold joints 1 and 2 at rest, N m.
 
-    The values for all other joints are undefined.
+    The value of a joint that slides (direction not 0) is meaningless.
     """
     across = rods.inertia2 + rods.coupling
     of_both, outer = rods.torque1 + rods.torque2, rods.torque2
@@ -55,7 +55,7 @@ def pushes(rods: ReducedRods, direction1: float, direction2: float) -> tuple[flo
 
 @subroutine
 def _beyond(push: float, forward: float, backward: float) -> float:
-    """Return the direction in which a resting joint yields, or 0 if friction holds it."""
+    """Return the direction in which a joint at rest starts to slide, or 0 if friction holds it."""
     return 1.0 if push > forward else (-1.0 if push < -backward else 0.0)
 
 
@@ -63,12 +63,10 @@ def _beyond(push: float, forward: float, backward: float) -> float:
 def slides(
     rods: ReducedRods, directions: tuple[float, float], forward: tuple[float, float], backward: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the sliding direction of each joint, or 0 for a joint that stays at rest.
-
-    A direction is 1 or -1.
+    """Return the direction in which each joint continues: 1, -1, or 0 for a joint that stays at rest.
 
     Args:
-        rods: reduced equations with all torques except the friction of joints at rest
+        rods: equations of the rods with all torques except the friction of joints at rest
         directions: present direction of each joint, 1, -1, or 0 at rest
         forward: limits of friction against sliding in the direction 1, N m
         backward: limits of friction against sliding in the direction -1, N m
@@ -101,7 +99,9 @@ def slides(
 
 
 @subroutine
-def _rubbed(terms: Terms, before: tuple[float, float], after: tuple[float, float], limits: Limits) -> Terms:
+def _with_sliding_friction(
+    terms: Terms, before: tuple[float, float], after: tuple[float, float], limits: Limits
+) -> Terms:
     """Add the sliding friction of joints that have just started to slide."""
     _, forward, backward = limits
     torque1, torque2 = terms.torque1, terms.torque2
@@ -123,23 +123,23 @@ def slides_with_arm(
     directions: tuple[float, float],
     limits: Limits,
 ) -> tuple[float, float, float]:
-    """Return the sliding directions of an arm at rest, joint 1 and joint 2.
+    """Return the directions in which an arm at rest, joint 1 and joint 2 continue.
 
-    There are three cases: the arm is held, or slides in either direction. In each case `slides` gives the directions of
-    the rod joints. Exactly one of the three cases is consistent.
+    There are three cases: the arm stays at rest, or slides in either direction. In each case `slides` gives the
+    directions of the rod joints. Exactly one of the three cases is consistent.
 
     Args:
         motion: motion with the arm at rest
         base: base parameters
         terms: contributions of all effects except the friction of joints at rest
         arm: model of the arm
-        torque0: all torques on the arm except friction at rest, N m
+        torque0: torque of drive and effects on the arm, without its friction at rest, N m
         directions: directions of the rod joints, as for `slides`
         limits: friction limits of the arm (forward, backward), of both joints forward and of both backward, N m
     """
     limits0, forward, backward = limits
     still = slides(reduced_rods(motion, base, terms, arm, CLAMPED, 0.0), directions, forward, backward)
-    rods = reduced_rods(motion, base, _rubbed(terms, directions, still, limits), arm, CLAMPED, 0.0)
+    rods = reduced_rods(motion, base, _with_sliding_friction(terms, directions, still, limits), arm, CLAMPED, 0.0)
     _, alpha1, alpha2 = held(rods, still[0], still[1])
     push = push_on_arm(motion, base, arm, torque0, (alpha1, alpha2))
     side = _beyond(push, limits0[0], limits0[1])
@@ -148,7 +148,7 @@ def slides_with_arm(
     for direction in (side, -side):
         driven = torque0 - (limits0[0] if direction > 0.0 else -limits0[1])
         moving = slides(reduced_rods(motion, base, terms, arm, FREE, driven), directions, forward, backward)
-        rods = reduced_rods(motion, base, _rubbed(terms, directions, moving, limits), arm, FREE, driven)
+        rods = reduced_rods(motion, base, _with_sliding_friction(terms, directions, moving, limits), arm, FREE, driven)
         alpha0, _, _ = held(rods, moving[0], moving[1])
         if direction * alpha0 > 0.0:
             return direction, moving[0], moving[1]

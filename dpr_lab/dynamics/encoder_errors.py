@@ -51,7 +51,7 @@ def apply_encoder_errors(angles: Array, t: Array, run: int, model: RigModel) -> 
 
 
 def with_encoder_errors(angles: Array, params: ArrayLike, constants: RigConstants, segments: Segments) -> Array:
-    """Apply n sets of encoder errors to one set of simulated angles.
+    """Apply n sets of encoder errors to the same simulated angles.
 
     Args:
         angles: (N, axes) joint 1 absolute, joint 2 as read by its encoder, and the arm if it moves, rad
@@ -93,12 +93,12 @@ def _fill_errors(
 
 @njit
 def held_along(angles: Array, hold: Array, model: RigModel) -> Array:
-    """Compute the encoder angles of the rods, which follow their joints with backlash.
+    """Compute the angles at the encoders of the rods, which follow their joints with backlash.
 
     Args:
         angles: (n, 2) joint 1 absolute and joint 2 as read by its encoder, rad
         hold: (2,) angles at the encoders before the first row, rad
-        model: rig and effects; only backlash is used
+        model: rig and effects; only the backlash of the encoders is used
 
     Returns:
         (n, 2) angles at the encoders, rad

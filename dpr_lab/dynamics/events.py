@@ -8,14 +8,14 @@ A step of length h from t to t + h is divided at its events, here at one event t
     |----------- 2 ---------|                   step repeated up to te; a joint that stops is set to rest (`stopped`)
                             |----- 3 -----|     rest of the step, with new directions: 1 again, up to `EVENTS.most`
 
-1. A joint stops where its speed changes sign in the trial step (`stops_at`). A joint at rest starts to slide where its
+1. A joint stops when its speed changes sign in the trial step (`stops_at`). A joint at rest starts to slide when its
    margin becomes negative (`yields_at`). The margin is the limit of friction minus the torque on the joint. The
    earliest event is used.
 2. The instant of a stop is corrected by the remaining speed, by at most `EVENTS.farthest` of the step (`correction`).
 3. Directions are the signs of the speeds, and 0 for a joint at rest. `dpr_lab.dynamics.dry_friction` decides which
    joints at rest start to slide.
 
-`dpr_lab.dynamics.step.advanced` applies this scheme to one rig, `dpr_lab.dynamics.lanes.dry_friction` to each lane.
+`dpr_lab.dynamics.step.advanced` applies this scheme to one rig, and `dpr_lab.dynamics.lanes.dry_friction` to each lane.
 Tuples of three numbers are in the order joint 1, joint 2, arm.
 """
 
@@ -33,17 +33,18 @@ class EventSettings(NamedTuple):
     most: int = 8
     """Maximum number of events within one step, which limits chatter.
 
-    After the last event no joint starts to slide before the end of the step.
+    After this number of events, no joint starts to slide before the end of the step.
     """
     late: float = 4.0
-    """Coefficient of the delay by which sliding starts after its estimated instant, in steps times seconds.
+    """Delay of the start of sliding after its estimated instant, divided by the squared step, 1/s.
 
     The delay ensures that the friction limit is exceeded. It changes the speed by a term of fourth order in the step.
     """
     shortest: float = 1e-9
     """Fraction of a step up to which an event is assigned to the start of the step."""
     farthest: float = 0.1
-    """Maximum correction of the instant of a stop, as a fraction of the step, if the speed there is not zero."""
+    """Maximum correction of the instant of a stop, as a fraction of the step, if the speed at this instant is not zero.
+    """
 
 
 EVENTS = EventSettings()
@@ -103,16 +104,16 @@ def first_event(h: float, joints: JointMotion, first: Three, last: Three) -> tup
 def stopped(
     thetas: Three, omegas: Three, alphas: Three, joint: int, later: float, resting2: bool
 ) -> tuple[Three, Three]:
-    """Return angles and speeds of theta0, theta1, theta2 with the stopping joint at rest.
+    """Return the angles and speeds of theta0, theta1, theta2 at the instant when a joint stops.
 
-    The state is advanced by the time `later` before the speed of the joint is set to zero.
+    The state is advanced by the time `later`, and the speed of the joint is set to zero.
 
     Args:
         thetas: angles, rad
         omegas: speeds, rad/s
         alphas: accelerations, rad/s^2
         joint: number of the joint that stops; 3 is the arm
-        later: correction of the event time, s
+        later: correction of the instant, s
         resting2: whether joint 2 was at rest
     """
     omega0 = 0.0 if joint == 3 else omegas[0] + later * alphas[0]
@@ -159,9 +160,14 @@ def yields_at(before: float, after: float, h: float) -> float:
 
 @subroutine
 def correction(speed: float, acceleration: float, h: float) -> float:
-    """Return the time until a speed near zero becomes zero, s.
+    """Return the time until a small speed becomes zero, s.
 
-    The time is limited to a small part of the preceding step h.
+    Its absolute value is at most `EVENTS.farthest` times the length h of the preceding step, s.
+
+    Args:
+        speed: speed, rad/s
+        acceleration: acceleration, rad/s^2
+        h: length of the preceding step, s
     """
     later = -speed / acceleration if acceleration != 0.0 else 0.0
     return min(max(later, -EVENTS.farthest * h), EVENTS.farthest * h)

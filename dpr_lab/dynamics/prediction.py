@@ -6,9 +6,9 @@ Runge-Kutta steps of equal length. Angles at the sampling instants are interpola
 states at both ends of a step.
 
 Some effects have internal states (`INTERNAL`): presliding, backlash of an encoder, an arm on a spring. At the start of
-a segment, the internal states have the values that the previous segment of the same run has at this instant. Until the
-release, they have the values of a rig at rest: no presliding displacement, the encoder in the middle of its backlash,
-the arm held. A run that starts later starts with sliding joints.
+a segment, the internal states have the values that the simulation of the previous segment gives for this instant. Until
+the release, they have the values of a rig at rest: no presliding displacement, the encoder in the middle of its
+backlash, the arm held. A run that starts later starts with sliding joints.
 """
 
 import numpy as np
@@ -68,13 +68,13 @@ def predict_batch(
         bases: (n, 7) base parameters a, b, d, e1, c1, c2, p of the whole rig without an attached mass, SI; or (n, 6) if
             no run has a single rod
         params: (n, SIZE) effects, SI; or (n, runs, SIZE) if they differ between runs
-        constants: the rig, `dpr_lab.dynamics.rig_constants.rig_constants`
+        constants: constants of the rig from `dpr_lab.dynamics.rig_constants.rig_constants`
         segments: times of the readings, in device time, and the Runge-Kutta step of each segment
         initial: (n, S, 4) theta1, theta2, omega1, omega2 at the start of each segment (`segment_start`), rad and rad/s;
             (n, S, 6) with theta0, omega0 of a free or driven arm
         internal: (S, k) or (n, S, k) internal states of effects (`INTERNAL`) at the start of each segment. None, or
-            nan: those at the end of the previous segment. For derivatives with respect to the initial states, pass
-            the states of `predict_with_internal` at the point of expansion.
+            nan: those at the end of the previous segment. For derivatives with respect to the initial states, pass the
+            states of `predict_with_internal` at the point of expansion.
         arm: whether to return the arm's angle
 
     Returns:
@@ -98,7 +98,7 @@ def predict_with_internal(
 ) -> tuple[Array, Array]:
     """Return the readings of `predict_batch`, and the (n, S, k) internal states at the segment starts.
 
-    The internal states of a candidate have a meaning only if an active effect has internal states.
+    The internal states are valid only for candidates with an active effect that has internal states.
     """
     bases, params, initial = (np.asarray(values, dtype=np.float64) for values in (bases, params, initial))
     n, count, runs = len(bases), len(segments), len(segments.setups)

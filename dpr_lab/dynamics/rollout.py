@@ -244,7 +244,7 @@ def turned(angle: float, square: float, sine: float, cosine: float) -> tuple[flo
 
 @subroutine
 def _nudged(angle: float, square: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Return the sine and cosine after a much smaller rotation than in `turned`."""
+    """Return the sine and cosine after a rotation by a nudge, which is much smaller than an angle of `turned`."""
     turn = angle + angle * square * (square * (1.0 / 120.0) - 1.0 / 6.0)
     shrink = square * (square * (1.0 / 24.0) - 0.5)
     return sine + (sine * shrink + cosine * turn), cosine + (cosine * shrink - sine * turn)
@@ -270,7 +270,7 @@ def _advance(lanes: Array, h: float) -> None:
 def _stage1(lanes: Array, h: float) -> None:
     """Compute stage 1: the accelerations p at the start of the step.
 
-    The sines are then rotated by half a step with the initial speed.
+    The sines and cosines are then rotated by half a step with the initial speeds.
     """
     half = 0.5 * h
     for k in range(LANES):
@@ -286,9 +286,9 @@ def _stage1(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage2(lanes: Array, h: float) -> None:
-    """Compute stage 2: the accelerations q in the middle of the step, from p.
+    """Compute stage 2: the accelerations q in the middle of the step.
 
-    The sines are then nudged to the angles of stage 3.
+    The speeds of the stage follow from p. The sines and cosines are then nudged to the angles of stage 3.
     """
     half, quarter = 0.5 * h, 0.25 * h * h
     for k in range(LANES):
@@ -305,9 +305,10 @@ def _stage2(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage3(lanes: Array, h: float) -> None:
-    """Compute stage 3: the accelerations r in the middle of the step, from q.
+    """Compute stage 3: the accelerations r in the middle of the step.
 
-    The speed follows from q. The initial sines are then rotated by a whole step with this speed.
+    The speeds of the stage follow from q. The initial sines and cosines are then rotated by a whole step with these
+    speeds.
     """
     half, sixth = 0.5 * h, h * h / 6.0
     for k in range(LANES):
@@ -326,9 +327,9 @@ def _stage3(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage4(lanes: Array, h: float) -> None:
-    """Compute stage 4: the accelerations z at the end of the step, from r.
+    """Compute stage 4, the accelerations z at the end of the step, and the new state.
 
-    The new state is then set.
+    The speeds of the stage follow from r.
     """
     half, sixth = 0.5 * h, h / 6.0
     for k in range(LANES):
@@ -355,7 +356,7 @@ def _remember(lanes: Array) -> None:
 
 @subroutine
 def _repeat_exactly(lanes: Array, h: float) -> None:
-    """Repeat the last step with exact sines where the rotation was too large."""
+    """Repeat the last step with exact sines and cosines in the lanes whose rotation was too large."""
     for k in range(LANES):
         if lanes[TURNED + k] > GUARD:
             theta1, theta2, omega1, omega2 = _exact_step(lanes, k, h)

@@ -42,8 +42,8 @@ def sample_steps(t: Array, offsets: Integers, longest: Array) -> tuple[Array, In
 
     Args:
         t: (N,) times of all segments in sequence, increasing within each, s
-        offsets: (S + 1,) first instant of each segment
-        longest: (S,) longest step of each, s
+        offsets: (S + 1,) index of the first time of each segment, then N
+        longest: (S,) longest step of each segment, s
 
     Returns:
         (N,) step before each sample, s, and (N,) number of these steps; both 0 at the first sample of a segment

@@ -1,6 +1,7 @@
-"""Layout of the samples of all runs in segments with their own initial states.
+"""Division of the samples of all runs into segments.
 
-The initial states (S, 4) theta1, theta2, omega1, omega2 are fitted, and are not part of the layout.
+Each segment has an initial state (theta1, theta2, omega1, omega2) of its own. A fit estimates these states, which are
+therefore not part of `Segments`.
 """
 
 from collections.abc import Sequence
@@ -99,7 +100,7 @@ class Segments:
         return np.concatenate([np.arange(*self.offsets[s : s + 2]) for s in indices])
 
     def chosen(self, indices: Integers) -> "Segments":
-        """Return the layout of the segments with the given ascending indices."""
+        """Return some of the segments, given by their ascending indices."""
         offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[indices])])
         return Segments(self.t[self.samples_of(indices)], offsets, self.run[indices], self.setups, self.step[indices])
 
@@ -131,7 +132,7 @@ def segments(
     setups: Sequence[Setup] = (),
     step: ArrayLike = STEP,
 ) -> Segments:
-    """Create the layout of segments from the times of each segment.
+    """Create segments from the times of their samples.
 
     Args:
         times: for each segment (n,) increasing times since the release, s

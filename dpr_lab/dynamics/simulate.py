@@ -97,7 +97,7 @@ def rig_model(
 
 
 def at_release(state: Sequence[float] | Array) -> RigState:
-    """Create the state at the release from (6,) angles and speeds, with initial internal states."""
+    """Create the state at the release from (6,) angles and speeds, rad and rad/s; internal states are initial."""
     return RigState._make([*map(float, state), tuple(AT_RELEASE[list(STEPPED)].tolist())])
 
 
@@ -109,17 +109,17 @@ def as_state(values: Sequence[float] | Array) -> AnyState:
 
 
 def motors_of(states: Array) -> Array:
-    """Return the (n, 3) state of the motor behind backlash, from rows of `integrate`.
+    """Return the (n, 3) states of the motor behind backlash, from the result of `integrate`.
 
-    The columns are the angle of the motor, rad, its speed, rad/s, and the impulse that the gear has still to transmit,
-    N m s.
+    The columns are the angle of the motor, rad, its speed, rad/s, and the impulse that the gear must still transmit, N
+    m s.
     """
     first = 6 + len(STEPPED)
     return states[:, first : first + 3]
 
 
 def as_row(state: AnyState) -> Array:
-    """Convert a state to a row as in the result of `integrate`."""
+    """Convert a state to the form of a row in the result of `integrate`."""
     return np.array([*state[:6], *state.internal, *state[7:]])
 
 

@@ -27,7 +27,7 @@ from dpr_lab.kernels import subroutine
 
 
 class RigModel(NamedTuple):
-    """Rig with its effects, for compiled code."""
+    """Rig with its effects, as a tuple for compiled code."""
 
     base: BaseParameters
     constants: RigConstants
@@ -57,9 +57,9 @@ class RigState(NamedTuple):
 
 
 def model_with(base: BaseParameters, constants: RigConstants, arm: ArmModel, params: Array) -> RigModel:
-    """Return the model of the rig with the effects of a parameter vector.
+    """Return the model of the rig with the effects of a parameter vector (SIZE,).
 
-    `arm` is used unless an effect replaces it.
+    `arm` is the model of the arm without effects.
     """
     active = active_effects(params)
     required = Requirements(*map(bool, required_by(active)))
@@ -151,13 +151,13 @@ def accelerations_at(
 
 
 class SteppedStage(NamedTuple):
-    """Stage of a step: motion, contributions of effects, and equations of the accelerations."""
+    """Stage of a step: the motion, contributions of effects, and equations of motion of the rods."""
 
     motion: Motion
     rods: ReducedRods
     terms: Terms
     torque0: float
-    """All torques on a free arm, N m."""
+    """Torque of drive and effects on a free arm, N m."""
 
 
 @subroutine
@@ -172,7 +172,7 @@ def _stage(
 ) -> SteppedStage:
     """Return one stage of a Runge-Kutta step with prescribed sliding directions.
 
-    The directions of joint 1, joint 2 and the arm are the signs of their speeds, and 0 for a joint that sticks.
+    The directions of joint 1, joint 2 and the arm are the signs of their speeds, and 0 for a joint that friction holds.
     """
     motion = motion_of(
         t,
@@ -235,7 +235,7 @@ def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: floa
 def _directions(x: RigState, model: RigModel, mode: int) -> Three:
     """Return the directions of joint 1, joint 2 and the arm: the signs of their speeds.
 
-    The directions are nan if the model has no Coulomb friction.
+    The direction of a joint without Coulomb friction is nan.
     """
     first = direction_of(x.omega1) if model.required.dry1 else math.nan
     second = direction_of(x.omega2 - x.omega1) if model.required.dry2 else math.nan
@@ -244,7 +244,7 @@ def _directions(x: RigState, model: RigModel, mode: int) -> Three:
 
 @subroutine
 def _margins(stage: SteppedStage, model: RigModel, directions: Three) -> Three:
-    """Return the margins (friction limit minus torque) of resting joints, N m; inf otherwise."""
+    """Return the margins (limit of friction minus torque) of joints at rest, N m, and inf for other joints."""
     motion, rods = stage.motion, stage.rods
     push1, push2 = pushes(rods, directions[0], directions[1])
     limit1, limit2 = dry_limits(motion, push1, push2, model.params, model.active)
@@ -260,8 +260,8 @@ def _margins(stage: SteppedStage, model: RigModel, directions: Three) -> Three:
 class TriedStep(NamedTuple):
     """Trial step with unchanged sliding directions.
 
-    It contains the state and the accelerations at its end, and the stiction margins (`_margins`) at its first and last
-    stage.
+    It contains the state and the accelerations at the end of the step, and the margins (`_margins`) at its first and
+    last stage.
     """
 
     end: RigState

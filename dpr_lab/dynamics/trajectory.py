@@ -76,7 +76,7 @@ def effect_torques_along(motion: KnownMotion, base: Array, constants: RigConstan
 
 
 def arm_torques_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
-    """Compute the torques of a slightly compliant arm.
+    """Compute the torques of a slightly compliant arm on the rods.
 
     See `effect_torques_along` for arguments and result. The rods drive the arm, A alpha0 + c0 omega0 + k0 theta0 = F,
     and its acceleration acts on the rods:
@@ -110,9 +110,9 @@ def _effect_torques(
     w: LaneWorkspace,
     torques: Array,
 ) -> None:
-    """Compute the torques of each effect vector; each lane contains one instant.
+    """Write the torques of each effect vector to `torques`; each lane contains one instant.
 
-    `used` lists the indices of the parameters in use.
+    `used` lists the indices of the parameters of active effects.
     """
     for first in range(0, len(t), LANES):
         for k in range(LANES):
@@ -130,7 +130,7 @@ def _effect_torques(
 
 @subroutine
 def _exert(w: LaneWorkspace, rig: RigConstants, active: Flags) -> None:
-    """Compute the torques of one effect vector in all lanes."""
+    """Compute the torques of one effect vector on the rods in all lanes."""
     for k in range(LANES):
         w.torque1[k], w.torque2[k] = 0.0, 0.0
     add_torques(w, rig, active)
@@ -162,9 +162,9 @@ def _put(
 
 @njit
 def _driven(t: Array, run: Integers, force: Array, friction: Array, stiffness: Array) -> Array:
-    """Return the (n, k) accelerations of oscillators of mass 1, by the trapezoidal rule.
+    """Return the (n, k) accelerations of k damped oscillators of unit mass that a force (n,) drives.
 
-    The oscillators are at rest until t = 0.
+    The trapezoidal rule is used. The oscillators are at rest until t = 0.
     """
     count = len(stiffness)
     accelerations, x, v = np.zeros((len(t), count)), np.empty(count), np.empty(count)

@@ -13,14 +13,22 @@ FEWEST = 5
 
 
 def prescribed_arm(t: Array, theta0: Array, rig: Rig, name: str) -> ArmMotion:
-    """Estimate the motion of a prescribed arm by `arm_motion`; the rig file must contain L0."""
+    """Estimate the motion of a prescribed arm; see `arm_motion` for the arguments.
+
+    Raises:
+        RunError: the rig file does not contain L0, there are too few readings, or an angle is missing.
+    """
     if "L0" not in rig.rig.model_fields_set:
         raise RunError(f"{name}: a moving arm needs its length L0 in [rig]")
     return arm_motion(t, theta0, name)
 
 
 def prescribed_inner(t: Array, theta1: Array, name: str) -> ArmMotion:
-    """Estimate the motion of a prescribed inner rod; see `arm_motion` for arguments and errors."""
+    """Estimate the motion of a prescribed inner rod; see `arm_motion` for the arguments.
+
+    Raises:
+        RunError: the rod does not move, there are too few readings, or an angle is missing.
+    """
     if not np.ptp(theta1) > 0.0:
         raise RunError(
             f"{name}: joint 1 is prescribed, but stands still. If only the outer rod is mounted, use --rods outer"
@@ -29,7 +37,7 @@ def prescribed_inner(t: Array, theta1: Array, name: str) -> ArmMotion:
 
 
 def arm_motion(t: Array, theta0: Array, name: str, angle: str = "theta0") -> ArmMotion:
-    """Estimate the motion of the arm, or of another prescribed joint, from its readings.
+    """Estimate the motion of the arm or of a prescribed inner rod from its readings.
 
     The spline minimises the sum of squared errors plus the integral of the squared second derivative. The weight of the
     second term is determined by generalised cross-validation (Woltring 1986, A Fortran package for generalized,
@@ -46,7 +54,9 @@ def arm_motion(t: Array, theta0: Array, name: str, angle: str = "theta0") -> Arm
     """
     from scipy.interpolate import make_smoothing_spline
 
-    if len(t) < FEWEST or not np.isfinite(theta0).all():
+    if len(t) < FEWEST:
+        raise RunError(f"{name}: {len(t)} readings of {angle} are too few: at least {FEWEST} are needed")
+    if not np.isfinite(theta0).all():
         raise RunError(
             f"{name}: the angle of a prescribed joint is required in every row: name the columns of {angle} and t"
         )
@@ -59,10 +69,10 @@ def arm_motion(t: Array, theta0: Array, name: str, angle: str = "theta0") -> Arm
 
 
 def refuse_still_arm(theta0: Array, mode: str, path: object, least_rad: float = 0.01) -> None:
-    """Check that a free or driven arm moved.
+    """Check that a free or driven arm moved by at least `least_rad`.
 
     Raises:
-        RunError: the angle of the arm does not change.
+        RunError: the arm moved less.
     """
     if np.ptp(theta0) < least_rad:
         raise RunError(

@@ -12,15 +12,15 @@ SAME_INTERVAL = 1e-8
 
 @njit
 def fill_chain(interval: float, f: Array, q: Array) -> None:
-    """Compute the transition matrix f and process noise q over an interval h, in place.
+    """Write the exact transition matrix f and process noise q over an interval h.
 
         f_ij = h^(j-i) / (j-i)!,    q_ij = h^(l+r+1) / (l! r! (l+r+1)),    l = CHAIN-1-i,  r = CHAIN-1-j
 
-    Both are exact. The white noise has unit strength.
+    The white noise has unit strength.
 
     Args:
-        interval: h
-        f: (CHAIN, CHAIN) transition matrix; zeros below the diagonal
+        interval: h, in the unit of time of the filter
+        f: (CHAIN, CHAIN) transition matrix; must be zero below the diagonal
         q: (CHAIN, CHAIN) covariance of the process noise
     """
     for i in range(CHAIN):

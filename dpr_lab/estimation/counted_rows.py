@@ -20,12 +20,12 @@ from dpr_lab.arrays import Array, Integers
 
 @dataclass(frozen=True, slots=True)
 class CountedRowSettings:
-    """Limits for the detection of rows that are sent at each count."""
+    """Limits for the detection of tables with one row per count."""
 
     fewest: int = 8
     """Minimum number of changes from row to row."""
     others: float = 0.01
-    """Maximum fraction of rows that do not differ by one count from the previous row; such rows follow lost rows."""
+    """Maximum fraction of rows that do not differ by one count from the previous row, because rows were lost."""
     exact: float = 1e-4
     """Maximum relative change of a reading for which its encoder did not count, relative to the largest change.
 
@@ -39,11 +39,11 @@ SETTINGS = CountedRowSettings()
 
 
 def edge_rows(angles: Array) -> Integers | None:
-    """Return the indices of the rows that a count edge triggered.
+    """Return the indices of the rows that an encoder sent when it counted.
 
-    These rows differ by one count from the previous row. The result is None if rows are not sent at each count. Rows
-    sampled at an even rate repeat a reading at turning points, and skip counts when the rods move fast. Two kinds of
-    rows are left out: the first row, and a row that differs by more than one count and therefore follows a lost row.
+    These rows differ by one count from the previous row. The result is None if the table does not have one row per
+    count: rows sampled at an even rate repeat a reading at turning points, and skip counts when the rods move fast. The
+    first row is left out, and so is a row that differs by more than one count, because a row before it was lost.
 
     Args:
         angles: (n, m) readings of the encoders, in any unit

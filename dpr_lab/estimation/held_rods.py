@@ -31,13 +31,15 @@ class HeldSettings:
     noise: float = 10.0
     """Minimum width of the band of rest, in standard deviations of the readings.
 
-    The value is the range of a thousand values of white noise.
+    A thousand readings with white noise have a range of about 6.5 standard deviations.
     """
     swing: float = 1.5
     """Minimum excursion of a swing, in widths of the band of rest."""
     restart: float = 5.0
-    """Minimum excursion of a new swing after a rest, in widths of the band. The excursion of a decaying swing is
-    smaller."""
+    """Minimum excursion of a new swing after a rest, in widths of the band of rest.
+
+    The excursion of a decaying swing is smaller.
+    """
     interval_s: float = 0.4
     """Minimum duration of a held interval, s.
 
@@ -46,15 +48,17 @@ class HeldSettings:
     hanging_rad: float = 0.2
     """Maximum distance from hanging at which free rods may rest, rad; the offset caused by stiction is smaller."""
     shortest_rest_s: float = 0.03
-    """Minimum duration of a removed short rest before the release, s. A rest is short if it is shorter than
-    `interval_s`."""
+    """Minimum duration of a short rest before the release that is removed, s.
+
+    A rest is short if it is shorter than `interval_s`.
+    """
     trembles: float = 8.0
     """Maximum excursion within a short rest, in standard deviations of the readings.
 
     The excursion at a turning point is larger.
     """
     fewest: int = 4
-    """Minimum number of samples of a removed rest, and of a swing."""
+    """Minimum number of samples of a rest that is removed, and of a swing."""
     sure: float = 0.3
     """Minimum duration of a short rest, relative to the time from the release until the fall is visible.
 
@@ -70,19 +74,25 @@ class HeldSettings:
     driven_share: float = 0.02
     """Fraction of the largest torque of the recording below which a torque counts as zero."""
     unclear: float = 0.25
-    """Maximum width of the band, relative to the excursion, for which rest and motion are distinguishable.
+    """Maximum width of the band of rest, relative to the excursion, for which rest and motion are distinguishable.
 
-    Too much noise or too few readings make the band wider.
+    Much noise or few readings make the band wider.
     """
     restless: float = 3.0
-    """Maximum ratio of the standard deviation of a rest to the standard deviation of its white noise. Above this ratio
-    the rods tremble."""
+    """Maximum ratio of the standard deviation of readings at rest to the standard deviation of their white noise.
+
+    Above this ratio the rods tremble.
+    """
     arm_share: float = 0.1
-    """Minimum excursion of a moving arm, relative to its largest excursion. A cart is an arm so long that its angles
-    are within the band of the rods."""
+    """Minimum excursion of a moving arm, relative to its largest excursion.
+
+    A cart is an arm so long that its angles are within the band of the rods.
+    """
     arm_steps: float = 2.5
-    """Minimum excursion of a moving arm, in rounding steps of its readings. Readings at rest near an edge between two
-    values are wrong by one step in either direction."""
+    """Minimum excursion of a moving arm, in rounding steps of its readings.
+
+    Readings at rest near an edge between two values can be wrong by one step in either direction.
+    """
     readings: int = 20_000
     """Maximum number of readings used for the noise estimate."""
     bent: float = 5.0
@@ -108,7 +118,7 @@ class RodMotion:
     arm: Array | None = None
     """(n,) angle of an arm with prescribed motion, rad; None for a clamped arm."""
     cart: Array | None = None
-    """(n,) column that may be the position of a cart, in any unit; it is not known to be one."""
+    """(n,) column that is possibly the position of a cart, in any unit."""
     origin: float | None = None
     """Time to which the option --start-s refers; None: the first sample."""
 
@@ -152,8 +162,7 @@ def free_part(motion: RodMotion, name: str) -> FreePart:
     if not swings:
         raise RunError(
             f"{name}: the rods are at rest during the whole recording ({t[-1] - t[0]:.4g} s), but a swing is needed."
-            " Check"
-            f" the columns of the rods (--columns theta1=NAME,theta2=NAME), and the unit (--unit)"
+            " Check the columns of the rods (--columns theta1=NAME,theta2=NAME), and the unit (--unit)"
         )
     if len(swings) > 1:
         origin = t[0] if motion.origin is None else motion.origin
@@ -188,9 +197,9 @@ def refuse_held(runs: Sequence[Run]) -> None:
 
 
 def rest_fault(motion: RodMotion, part: FreePart) -> str:
-    """Return the reason why the rest before the release cannot determine the reading noise.
+    """Return the reason why the noise of the readings cannot be estimated from the rest before the release.
 
-    The text is empty if there is no such reason.
+    The text is empty if the rest is suitable.
     """
     t, rods = motion.t[part.rest : part.start], motion.rods[part.rest : part.start]
     if len(t) < HELD.fewest:
@@ -307,9 +316,9 @@ def _hangs(rods: Array) -> bool:
 
 
 def _known_input(motion: RodMotion, first: int, stop: int, band: float) -> bool:
-    """Return whether the motion in an interval has a known input.
+    """Return whether the motion in an interval has a known cause.
 
-    The input is a known torque, or the motion of the prescribed arm.
+    The cause is a known torque, or the motion of the prescribed arm.
     """
     pushed = False
     if motion.torques is not None:
@@ -337,7 +346,7 @@ def _swings(motion: RodMotion, first: int, stop: int, band: float) -> bool:
 
 
 def _lifted(motion: RodMotion, first: int, stop: int, band: float) -> bool:
-    """Return whether the rods move monotonically from one held position to the next, as if moved by a hand."""
+    """Return whether a hand seems to move the rods: monotonically from one held position to the next."""
     rods = motion.rods[first:stop]
     return stop < len(motion.t) and bool((np.ptp(rods, axis=0) <= np.abs(rods[-1] - rods[0]) + band).all())
 
@@ -345,8 +354,8 @@ def _lifted(motion: RodMotion, first: int, stop: int, band: float) -> bool:
 def _short_rest(motion: RodMotion, band: float) -> int:
     """Return the number of samples of a short rest at the beginning, or 0.
 
-    The rest is shorter than a held interval. Rods that are released at t0 fall by alpha (t - t0)^2 / 2. If they have
-    fallen by d at t1 and by 4 d at t2, then t0 = 2 t1 - t2.
+    Rods that are released at t0 fall by alpha (t - t0)^2 / 2. If they have fallen by d at t1 and by 4 d at t2, then t0
+    = 2 t1 - t2.
     """
     t, n = motion.t, len(motion.t)
     waits = not _free(motion) and _hangs(motion.rods[:1])
@@ -374,9 +383,9 @@ def _short_rest(motion: RodMotion, band: float) -> int:
 
 
 def _onset(motion: RodMotion, rest: int, first: int) -> int:
-    """Return the first sample of a motion.
+    """Return the index of the first sample of a motion.
 
-    The rods rest from sample `rest` on, and have moved at sample `first`.
+    The rods are at rest at sample `rest`, and have moved at sample `first`.
     """
     t, rods = motion.t, motion.rods
     if first - rest < HELD.fewest:

@@ -20,7 +20,7 @@ CHAIN = 4
 
 @dataclass(frozen=True, slots=True)
 class LiveFilterSettings:
-    """Settings of the motion model of a live filter."""
+    """Settings of the filter that estimates speeds during a recording."""
 
     snap: float = 1e8
     """Default strength of the process noise, rad^2/s^7; suitable for rods of about 0.4 m."""
@@ -39,7 +39,7 @@ LIVE = LiveFilterSettings()
 
 @dataclass(frozen=True, slots=True)
 class FilterUnits:
-    """Units in which all filter states have similar sizes, and the noise in these units."""
+    """Units in which all states of the filter have similar sizes, and the noise in these units."""
 
     time: float
     """Unit of time, s: the memory of the filter, or the sampling period if this is longer."""
@@ -52,7 +52,7 @@ class FilterUnits:
 
     @classmethod
     def of(cls, period: float, covariance: Array, snap: ArrayLike) -> "FilterUnits":
-        """Choose the units of a filter.
+        """Choose the units for a sampling period and noise.
 
         Args:
             period: sampling period, s
@@ -72,7 +72,7 @@ class FilterUnits:
 
 
 class VelocityFilter:
-    """Live Kalman filter for the speeds of both rods; `update` takes one sample.
+    """Kalman filter that estimates the speeds of both rods during a recording; `update` takes one sample.
 
     Create a filter before the recording starts, because its creation imports filterpy, which can take some seconds.
 

@@ -27,8 +27,8 @@ class MotionSettings:
     above_noise: float = 10.0
     """Minimum range of an angle of a swinging rod, in standard deviations of a reading.
 
-    Noise alone has a range of about five, shuffled rows a range of three. Late time stamps of camera frames
-    increase the range to sixteen.
+    The range is about five for noise alone, and three for shuffled rows. Late time stamps of camera frames increase it
+    to sixteen.
     """
     elbow: float = 0.02
     """Minimum ratio of the range of joint 2 to the range of joint 1 for an elbow that turns.

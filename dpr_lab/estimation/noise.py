@@ -33,8 +33,10 @@ class NoiseSettings:
     rounding_rad: float = 1e-9
     """Maximum standard deviation of a table of angles that contains only rounding errors and no noise, rad."""
     rounded: float = 0.51
-    """Standard deviation of readings at rest below which rounding may change the noise, counts. It is about 0.5 at the
-    edge between two counts, also for little noise."""
+    """Standard deviation of readings at rest below which rounding may change the noise, in counts.
+
+    At the edge between two counts the standard deviation is about 0.5, also for little noise.
+    """
     correlated: float = 4.0
     """Minimum autocorrelation of readings at rest that counts as significant, in standard errors."""
     most_alike: float = 0.98
@@ -45,12 +47,15 @@ class NoiseSettings:
     The standard deviation follows from the 90 % quantile of the absolute deviations.
     """
     on_grid: float = 0.7
-    """Minimum absolute mean of exp(2 pi i change / step) for readings that count as multiples of a step.
+    """Minimum absolute mean of exp(2 pi i change / step) for which readings are multiples of a step.
 
-    The expected mean is zero for readings that are not rounded.
+    The mean is nearly zero for readings that are not rounded.
     """
     still_s: float = 0.1
-    """Minimum time within one step for which rounding errors are dependent, s; a swing reverses faster."""
+    """Minimum time for which a reading stays within one step if its rounding errors are dependent, s.
+
+    A swing reverses within a shorter time.
+    """
 
 
 NOISE = NoiseSettings()
@@ -192,7 +197,7 @@ def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Arra
 
 
 def _still_window(run: Run) -> int:
-    """Return the minimum number of samples within one rounding step whose errors are dependent."""
+    """Return the minimum number of successive samples within one rounding step whose rounding errors are dependent."""
     return max(2, round(NOISE.still_s * run.rate_hz))
 
 
@@ -311,11 +316,11 @@ def difference_weights(windows: Array, period: float) -> Array:
 
 
 def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> Array:
-    """Return the (2,) autocorrelation of the noise at a lag of `apart` samples.
+    """Return the (2,) autocorrelation of the noise of joints 1 and 2 at a lag of `apart` samples.
 
-    The values belong to joints 1 and 2. A value is 0 if it is not significant. For white noise the estimate is 0 +- 1 /
-    sqrt(n). A tracker or a filter causes a larger value. For a video the value is the autocorrelation of the lengths of
-    the rods, modelled as a process of first order.
+    A value is 0 if it is not significant. For white noise the estimate is 0 +- 1 / sqrt(n). A tracker or a filter
+    causes a larger value. For a video the value is that of a first-order process with the autocorrelation of the rod
+    lengths.
     """
     if run.film_noise is not None:
         return np.full(2, run.film_noise.correlation**apart)
@@ -323,7 +328,7 @@ def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> Array:
     if len(rest) < max(NOISE.rest_samples, 2 * apart):
         return np.zeros(2)
     t = run.t[run.t < 0]
-    deviation = _away(np.vander(t - t.mean(), 2), rest, np.ones(len(rest), dtype=bool))
+    deviation = _from_line(np.vander(t - t.mean(), 2), rest, np.ones(len(rest), dtype=bool))
     correlation = (deviation[apart:] * deviation[:-apart]).mean(axis=0) / np.maximum(
         (deviation**2).mean(axis=0), NOISE.rounding_rad**2
     )
@@ -333,26 +338,26 @@ def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> Array:
 
 
 def _rest_std(t: Array, joints: Array, counts: Array) -> Array:
-    """Return the standard deviation of each joint at rest.
+    """Return the standard deviation of each joint at rest, rad.
 
-    The deviations are taken from a straight line, because a hand-held rod drifts. Outliers are excluded; a change by
-    one count is not an outlier.
+    The deviations are taken from a straight line, because a rod that is held by hand drifts. Outliers are excluded; a
+    change by one count is not an outlier.
     """
     line = np.vander(t - t.mean(), 2)
-    return np.array([_about(line, joint, 1.5 * count) for joint, count in zip(joints.T, counts, strict=True)])
+    return np.array([_std_about_line(line, joint, 1.5 * count) for joint, count in zip(joints.T, counts, strict=True)])
 
 
-def _about(line: Array, values: Array, least: float) -> float:
+def _std_about_line(line: Array, values: Array, least: float) -> float:
     used = np.ones(len(values), dtype=bool)
-    deviation = _away(line, values, used)
+    deviation = _from_line(line, values, used)
     for _ in range(2):
         usual = float(np.quantile(np.abs(deviation[used]), 0.9)) / NORMAL_Q90
         tame = np.abs(deviation) <= max(NOISE.wild * usual, least)
         if not usual or tame[used].all():
             break
-        used, deviation = tame, _away(line, values, tame)
+        used, deviation = tame, _from_line(line, values, tame)
     return float(np.sqrt((deviation[used] ** 2).sum() / (used.sum() - 2)))
 
 
-def _away(line: Array, values: Array, used: Flags) -> Array:
+def _from_line(line: Array, values: Array, used: Flags) -> Array:
     return values - line @ np.linalg.lstsq(line[used], values[used], rcond=None)[0]

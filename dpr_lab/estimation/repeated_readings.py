@@ -25,14 +25,14 @@ class RepeatSettings:
     """Limits for the detection of rows that repeat a reading."""
 
     counts: float = 6.0
-    """Minimum sum of the changes before and after equal rows of a held reading, in units of the smallest change.
+    """Minimum sum of the changes before and after a held reading, in units of the smallest change.
 
     If an encoder turns by less than a count per row, its readings change by at most three counts.
     """
     share: float = 0.2
-    """Minimum share of rows with held readings for which all equal rows are removed.
+    """Minimum fraction of rows with held readings for which all repeated rows are removed.
 
-    Smaller shares are left to the sensor screening of the diagnosis.
+    Smaller fractions are left to the sensor screening of the diagnosis.
     """
     apart: float = 10.0
     """Minimum ratio of the time between bursts to the time between the rows of a burst."""
@@ -53,9 +53,9 @@ SETTINGS = RepeatSettings()
 
 
 def new_readings(t: Array, columns: Sequence[Array]) -> tuple[NDArray[np.intp], str]:
-    """Return the indices of rows with a new reading, and a note.
+    """Return the indices of the rows with a new reading, and a note on the other rows.
 
-    The note describes the other rows, and is empty if there are none.
+    The note is empty if all rows have a new reading.
 
     Args:
         t: (n,) increasing times, s
@@ -98,9 +98,10 @@ def _bursts(t: Array) -> tuple[NDArray[np.intp], bool]:
 
 
 def _held(again: Flags, columns: Sequence[Array]) -> bool:
-    """Return whether most equal rows are held readings.
+    """Return whether most repeated rows contain held readings.
 
-    A held reading is followed by a large change in the direction of the motion.
+    A held reading is followed by a large change in the direction of the motion. `again` is the mask of the repeated
+    rows.
     """
     starts = np.flatnonzero(np.diff(again.astype(int), prepend=0) == 1) - 1
     ends = np.flatnonzero(np.diff(again.astype(int), append=0) == -1)

@@ -127,7 +127,7 @@ def _multiply(f: Array, A: Array, product: Array) -> None:
 
 @subroutine
 def _update(x: Array, P: Array, theta: Array, noise: Array) -> float:
-    """Update the state in place; return the normalised innovation squared of the reading."""
+    """Update the state x and its covariance P in place; return the normalised innovation squared."""
     s11, s12, s22 = P[0, 0] + noise[0, 0], P[0, CHAIN] + noise[0, 1], P[CHAIN, CHAIN] + noise[1, 1]
     scale = 1.0 / (s11 * s22 - s12 * s12)
     i11, i12, i22 = s22 * scale, -s12 * scale, s11 * scale

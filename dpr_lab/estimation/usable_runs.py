@@ -1,4 +1,4 @@
-"""Refuse runs that a job cannot use."""
+"""Checks that raise an error for runs that a job cannot use."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ def long_gap(t: Array) -> tuple[int, str]:
 
 
 def refuse_long_gaps(runs: Iterable[Run]) -> None:
-    """Refuse runs with an interruption after the release that is too long to predict the motion.
+    """Check that no run has an interruption after the release that is too long to predict the motion.
 
     Raises:
         IdentificationError: a run has an interruption that is too long.
@@ -96,7 +96,8 @@ def refuse_wrong_clocks(runs: Sequence[Run], limit_ppm: float = 600.0) -> None:
     """Check the clock rate of every recording.
 
     Raises:
-        RunError: the clock rates of device and host differ by more than `limit_ppm`, more than crystals can differ.
+        RunError: the clock rates of device and host differ by more than `limit_ppm`, which exceeds the error of any
+            crystal.
     """
     for run in runs:
         error, words = clock_error(run.clock)

@@ -35,7 +35,7 @@ class FilterSettings:
     """Settings for the estimate of the process noise."""
 
     memories: tuple[float, float, float] = (-1.0, 2.0, 0.25)
-    """Grid of the filter's memory T, log10 of T in samples: first, last, step.
+    """Grid on which the memory T of the filter is searched, as log10 of T in samples: first, last, step.
 
     The grid covers all cases from fast swings at 30 Hz to slow swings at 10 kHz.
     """
@@ -138,10 +138,7 @@ def tuned_snap(run: Run, noise: NoiseFloor) -> Array:
 
 
 def _swing(run: Run) -> tuple[Array, Array, float]:
-    """Return the times, s, rod angles, rad, and median sampling interval, s, of a swing.
-
-    All values start at the release.
-    """
+    """Return the times, s, and rod angles, rad, from the release on, and the median sampling interval, s."""
     swing = run.swing
     if len(swing.t) < 2:
         raise RunError(f"{run.name}: {len(swing.t)} samples after the release; at least 2 are needed for a velocity")

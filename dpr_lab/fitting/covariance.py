@@ -48,10 +48,7 @@ def shifted(fit: Fit, change: Array) -> Array:
 
 
 def _inner(fit: Fit, inflation: float) -> Array:
-    """Return the covariance of the values inside their bounds, divided by the inflation.
-
-    Its shape is (inside, inside).
-    """
+    """Return the (inside, inside) covariance of the values inside their bounds, divided by the inflation."""
     space = ColumnSpace.of(fit.linear.A[:, :, fit.inside], fit.linear.e)
     rows = inflation**0.5 * fit.prior[:, fit.inside]
     return space.with_prior(rows, np.zeros(len(rows))).covariance()

@@ -16,7 +16,7 @@ from dpr_lab.run import Run
 MIN_SAMPLES = 8
 """Minimum number of samples of a segment: twice the number of initial values.
 
-Fewer samples contain no information about a model.
+A segment with fewer samples contains no information about a model.
 """
 
 
@@ -42,7 +42,9 @@ def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
 
 
 def partition(run: Run, length: float) -> list[slice]:
-    """Cut a run from the release on into about equal segments, in which samples may be missing.
+    """Cut a run from the release on into segments of about equal duration.
+
+    Segments may contain interruptions.
 
     Args:
         run: the run from the release on
@@ -62,15 +64,15 @@ def partition(run: Run, length: float) -> list[slice]:
 
 
 def carried(source: Segments, states: Array, other: Segments, otherwise: Array) -> Array:
-    """Convert initial states to a different division of the runs into segments.
+    """Transfer initial states to a different division of the runs into segments.
 
-    A segment takes the state of the segment with the same first sample.
+    A segment gets the state of the segment with the same first sample.
 
     Args:
         source: first division of the samples
         states: (segments, 4) initial states of the first division
         other: other division of the same samples
-        otherwise: (segments, 4) initial states for those segments of `other` that start elsewhere
+        otherwise: (segments, 4) initial states for the segments of `other` that start at other samples
 
     Returns:
         (segments, 4) initial states for the other division

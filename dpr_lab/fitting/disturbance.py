@@ -143,8 +143,8 @@ def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
 def restricted(problem: Problem, model: Fit, predicted: Array, slopes: Array) -> tuple[float, float]:
     """Return the two parts of -2 log restricted likelihood of the noise of a problem.
 
-    The first part is the sum of squared residuals with all unknowns fitted. The second part does not change if the
-    readings change: it is the logarithm of the determinants of the covariance and of the normal equations.
+    The first part is the sum of squared residuals with all unknowns fitted. The second part is the logarithm of the
+    determinants of the covariance and of the normal equations, which does not depend on the readings.
 
     Args:
         problem: segments with the noise
@@ -168,7 +168,7 @@ def _at(values: Array, place: Array) -> Array:
 
 
 def _push_of_arm(reference: Trajectory, problem: Problem) -> Array:
-    """Return the (n, 4) initial-state change equivalent to a unit acceleration of the arm."""
+    """Return the (n, 4) initial-state change equivalent to a unit step of the speed of the arm."""
     rig = problem.model.constants
     d, e1 = reference.bases[reference.motion.run][:, 2], reference.bases[reference.motion.run][:, 3]
     levers = -rig.L0 / rig.g * np.stack([e1, d * rig.g / rig.L1], axis=1) * np.cos(reference.motion.theta)
@@ -176,16 +176,17 @@ def _push_of_arm(reference: Trajectory, problem: Problem) -> Array:
 
 
 def _push_of_inner(reference: Trajectory, problem: Problem) -> Array:
-    """Return the (n, 4) initial-state change equivalent to a unit acceleration of the inner rod."""
+    """Return the (n, 4) initial-state change equivalent to a unit step of the speed of the inner rod."""
     return PRESCRIBED.inertia * reference.into[:, :, 0]
 
 
 def _derivatives(push: Array, reference: Trajectory) -> tuple[Array, Array]:
     """Return the first and second time derivative, (n, 4) each, of `push`.
 
-    push(s) is the change of the initial state that is equivalent to a unit impulse at the instant s. An error e of a
-    prescribed angle acts as the acceleration e''. With out(t), the derivative of the readings with respect to the
-    initial state, two integrations by parts of out(t) times the integral of push e'' give the change of the readings
+    push(s) is the change of the initial state that is equivalent to a unit step of the prescribed speed at the instant
+    s. An error e of a prescribed angle acts as the acceleration e''. With out(t), the derivative of the readings with
+    respect to the initial state, two integrations by parts of out(t) times the integral of push e'' give the change of
+    the readings
 
         dy(t) = -out(t) push'(t) e(t) + out(t) * integral of push''(s) e(s) ds up to t
     """

@@ -91,10 +91,10 @@ class Estimate:
         """Create an estimate from its blocks.
 
         Args:
-            ratios: (7,) as in the property `ratios`
-            params: (SIZE,) as in the property `params`
+            ratios: (7,) five ratios, b and p/b
+            params: (SIZE,) parameters of all effects, SI
             initial: (segments, 4) initial states
-            zeros: (runs, 2) as in the property `zeros`; None unless encoders are zeroed before each run
+            zeros: (runs, 2) zero offsets of the encoders, rad; None unless encoders are zeroed before each run
 
         Raises:
             ValueError: a block has another length.
@@ -162,7 +162,7 @@ class FreeParameter:
     effect: str = ""
     """Effect to which the parameter belongs; empty outside the block `effects`."""
     overrides: tuple[tuple[int, float], ...] = ()
-    """Indices and values of other entries, used only for the derivative with respect to this parameter.
+    """Indices and values of entries that are changed only for the derivative with respect to this parameter.
 
     They define the shape of an effect that is off.
     """
@@ -239,7 +239,7 @@ def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tupl
 
 
 def ratio_parameters(estimate: Estimate, visible: Iterable[int] = range(len(RATIOS))) -> tuple[FreeParameter, ...]:
-    """Return the free parameters for the identifiable ratios."""
+    """Return the free parameters for the ratios with the indices `visible` in `Estimate.ratios`."""
     steps = DIFFERENCE_STEPS
     sizes = np.maximum(np.abs(estimate.ratios), steps.least_ratio).tolist()
     lower = [0.0 if place in FRICTION else -np.inf for place in range(len(UNKNOWN_RATIOS))]
@@ -252,7 +252,7 @@ def ratio_parameters(estimate: Estimate, visible: Iterable[int] = range(len(RATI
 
 
 def zero_parameters(setups: Iterable[Setup]) -> tuple[FreeParameter, ...]:
-    """Return the free zero offsets of the measured encoders, separate for each run."""
+    """Return the free zero offsets of the encoders of mounted rods, separate for each run."""
     encoders = ((run, joint) for run, setup in enumerate(setups) for joint in range(1 if setup.alone else 2))
     return tuple(
         FreeParameter(

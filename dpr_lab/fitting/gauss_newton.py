@@ -59,8 +59,10 @@ class GaussNewton:
     amplitude_change: float = 0.2
     """Relative change of an amplitude beyond which the derivative of its effect's shape is recomputed at the end."""
     tries: int = 6
-    """Number of step lengths before a step counts as failed. Of 1817 steps in 15 diagnoses, three needed more
-    lengths."""
+    """Number of step lengths that are tried before a step counts as failed.
+
+    Of 1817 steps in 15 diagnoses, three needed more lengths.
+    """
     shorten: float = 0.3
     """Factor on the length of a step that did not reduce the cost."""
     shorten_segment: float = 0.1
@@ -72,14 +74,19 @@ class GaussNewton:
     raise_damping: float = 1e3
     """Factor on the damping after a failed step."""
     raised_damping: float = 1e-3
-    """Smallest damping after a failed step. A damping of 1e-6 improved none of 28 fits of two driven rigs."""
+    """Smallest damping after a failed step.
+
+    A damping of 1e-6 improved none of 28 fits of two driven rigs.
+    """
     most_damping: float = 0.1
     """Largest damping that is tried; with more damping no step is expected to reduce the cost."""
     same_step: float = 1e-3
     """Relative difference from a failed step below which a step with more damping is not tried."""
     preliminary: float = 0.0
-    """Relative reduction of the cost at which a fit with a residual far above the noise ends; 0: only `converged` ends
-    the fit."""
+    """Relative reduction of the cost at which a fit with a residual far above the noise ends.
+
+    0: only `converged` ends the fit.
+    """
     far: float = 20.0
     """Maximum chi2 per reading of a fit that counts as near the noise."""
     to_beat: float = np.inf
@@ -90,11 +97,16 @@ class GaussNewton:
     exceeded: float = 2.0
     """Largest expected ratio of the reduction by all further steps to that predicted for the next step."""
     race: bool = False
-    """Whether `to_beat` is the chi2 of another fit of the same set. The iteration then also ends at a failed step
-    before `to_beat`, or if `further` steps would not reach it."""
+    """Whether `to_beat` is the chi2 of another fit of the same set.
+
+    The iteration then also ends if a step fails while chi2 exceeds `to_beat`, or if `further` steps would not reach
+    `to_beat`.
+    """
     further: float = 8.0
-    """Number of further steps in which a racing fit must reach `to_beat`, if each is as good as the better of the last
-    two."""
+    """Number of further steps in which a racing fit must reach `to_beat`.
+
+    Each further step is assumed to reduce the cost as much as the better of the last two.
+    """
 
 
 GAUSS_NEWTON = GaussNewton()
@@ -145,7 +157,7 @@ class Iteration:
 
     estimate: Estimate
     predicted: Array | None
-    """(samples, 2) readings at the estimate, rad; None if they were not computed separately from the linearisation."""
+    """(samples, 2) readings at the estimate, rad; None if they were computed only for the linearisation."""
     chi2: float
     linear: Linearisation
     """Residuals and Jacobian of the last step."""
@@ -159,7 +171,7 @@ class Iteration:
     reduction: float = np.inf
     """Reduction of the cost by the last step; inf before the first step."""
     failed: Array | None = None
-    """(free,) failed step from this estimate: no length of the step reduced the cost."""
+    """(free,) step from this estimate of which no length reduced the cost; None if there is no such step."""
     number: int = 0
     stop: StopReason | None = None
 
@@ -312,11 +324,11 @@ def iterate(problem: Problem, free: tuple[FreeParameter, ...], state: Iteration,
 def _end(
     problem: Problem, before: Iteration, reduction: float, tolerance: float, settings: GaussNewton
 ) -> StopReason | None:
-    """Return the reason to stop after a step from the state `before` that reduces the cost slightly.
+    """Return the reason to stop after a step from the state `before` that reduces the cost only slightly.
 
     The result is None if the iteration must continue. If the residual is far above the noise, a preliminary fit stops
-    already at a larger reduction, because the model error exceeds any small reduction. The values of chi2 are not
-    compared if the simulation of a segment failed before the step.
+    already at a larger reduction, because the model error exceeds any small reduction. If the simulation of a segment
+    failed before the step, chi2 was infinite and the reduction has no meaning.
     """
     chi2 = before.chi2
     if not np.isfinite(chi2):
@@ -332,7 +344,7 @@ def _end(
 def _linearised(problem: Problem, free: tuple[FreeParameter, ...], state: Iteration) -> Iteration:
     """Return the state with the residuals at its estimate.
 
-    The state has a new Jacobian, unless the frozen Jacobian may be used again.
+    The Jacobian is computed at this estimate unless the frozen Jacobian is used again.
     """
     if state.current:
         return state

@@ -22,8 +22,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.setup import Setup
 
 BLIND = 1e-12
-"""Minimum sensitivity of readings to an initial state, in standard deviations per rad; smaller values are rounding.
-"""
+"""Minimum sensitivity of readings to an initial state, in standard deviations per rad; smaller values are rounding."""
 
 
 UNKNOWN_STARTS = np.array([0.0, 0.0, 1.0, 1.0])
@@ -87,7 +86,7 @@ class Linearisation:
         return np.subtract(columns, absorbed, out=absorbed)
 
     def carried(self, problem: Problem, predicted: Array) -> "Linearisation | None":
-        """Return a copy with different predicted readings (samples, 2) and unchanged derivatives.
+        """Return a copy with the residuals of other predicted readings (samples, 2) and unchanged derivatives.
 
         The result is None if a simulation has failed.
         """
@@ -97,7 +96,7 @@ class Linearisation:
         return replace(self, residual=residual, e=self.projected(residual[:, :, None])[:, :, 0])
 
     def chosen(self, columns: Sequence[int]) -> "Linearisation":
-        """Return the linearisation with only some of the free parameters."""
+        """Return the linearisation with respect to only some of the free parameters, given by their indices."""
         return replace(
             self, A=self.A[:, :, columns], initial_state_coefficients=self.initial_state_coefficients[:, :, columns]
         )

@@ -41,7 +41,7 @@ from dpr_lab.rig import PARAMETERS, Rig
 
 @dataclass(frozen=True, slots=True)
 class PriorStrength:
-    """Strength of the prior of the rig file."""
+    """Strength of the prior that follows from the rig file."""
 
     floor: float = 0.05
     """Minimum relative standard deviation of a parameter.
@@ -80,7 +80,7 @@ class Prior:
     def rows(self, estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array]:
         """Return the matrix A (n, free) and the vector e (n,) of the prior.
 
-        The term of the prior in the cost is |e - A step|^2.
+        The prior adds |e - A step|^2 to the cost of a step from the estimate.
         """
         A, e = np.zeros((len(free), len(free))), np.zeros(len(free))
         of_ratios = [i for i, parameter in enumerate(free) if parameter.block == "ratios"]
@@ -140,10 +140,7 @@ class Prior:
 
 @lru_cache(maxsize=8)  # cached, because every step of a fit uses it
 def _root(prior: Prior, places: tuple[int, ...]) -> Array:
-    """Return a root W (n, n) of the inverse covariance of some unknowns.
-
-    W^T W is the inverse covariance.
-    """
+    """Return the root W (n, n) of the inverse covariance of some unknowns: W^T W is the inverse covariance."""
     root = np.linalg.inv(np.linalg.cholesky(prior.covariance[np.ix_(places, places)]))
     return np.asarray(root, dtype=np.float64)
 

@@ -70,7 +70,9 @@ class Problem:
     """Whether the masses of the rig were measured; load-dependent friction then determines the scale of torques."""
 
     always: tuple[str, ...] = ()
-    """Effects that are free in every fit, because the rig file gives an uncertainty of the quantity that they correct.
+    """Effects that are free in every fit.
+
+    Each corrects a quantity whose uncertainty the rig file states.
     """
     noise_correlation: float = 0.0
     """Correlation of the noise of neighbouring readings, due to a filter or a tracker."""
@@ -172,7 +174,7 @@ class Problem:
     def with_zeros(self, estimate: Estimate) -> Estimate:
         """Return the estimate with encoder zeros for each run if the zeros are free.
 
-        Zeros that the given estimate does not contain are set to 0.
+        Zeros are set to 0 unless the estimate contains those of all runs.
         """
         runs = len(self.segments.setups)
         return (

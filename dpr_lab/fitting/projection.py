@@ -30,10 +30,7 @@ COMPILED = njit(bounded)
 
 @dataclass(frozen=True, slots=True)
 class ColumnSpace:
-    """Least-squares problem, represented by inner products.
-
-    The products are those of the columns A and the residual e.
-    """
+    """Least-squares problem with the columns A and the residual e, represented by their inner products."""
 
     scale: Array
     """(k,) reciprocal norm of each column."""
@@ -58,10 +55,7 @@ class ColumnSpace:
         return ColumnSpace(self.scale[columns], self.H[columns][:, columns], self.gradient[columns])
 
     def with_prior(self, A: Array, e: Array) -> "ColumnSpace":
-        """Add rows of a prior, and scale all columns to unit norm.
-
-        The rows are A (n, k) and e (n,).
-        """
+        """Add the rows A (n, k) and e (n,) of a prior, and scale all columns to unit norm."""
         H = self.H / self.scale[:, None] / self.scale + A.T @ A
         scale = 1 / np.maximum(np.sqrt(np.diag(H)), TINY)
         return ColumnSpace(scale, H * scale[:, None] * scale, (self.gradient / self.scale + A.T @ e) * scale)
@@ -120,7 +114,7 @@ class ColumnSpace:
         return np.linalg.inv(_ridged(self.H)) * self.scale[:, None] * self.scale
 
     def cosine(self, direction: Array, columns: Indices, others: Indices) -> float:
-        """Return the cosine between the vector A_c x and the span of the columns `others`.
+        """Return the cosine of the angle between the vector A_c x and the span of the columns `others`.
 
         A_c are the columns `columns`, and x is `direction`.
         """

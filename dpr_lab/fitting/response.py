@@ -49,7 +49,7 @@ TRAJECTORY = TrajectorySettings()
 
 
 class _Grid(NamedTuple):
-    """Fields of a `Trajectory` for compiled code."""
+    """Fields of a `Trajectory` that compiled code needs."""
 
     t: Array
     into: Array
@@ -72,7 +72,7 @@ class Trajectory:
     into: Array
     """(n, states, axes) Phi^-1 [0; M^-1]: change of the initial state that is equivalent to a unit impulse."""
     out: Array
-    """(samples, axes, states) change of the encoder readings per change of the initial state."""
+    """(samples, axes, states) derivative of the encoder readings with respect to the initial state."""
     at: Array
     """(samples,) position of each sample on the grid, in grid points."""
     edges: Integers
@@ -91,9 +91,9 @@ class Trajectory:
         return problem.decorrelated(changes)
 
     def torques(self, stage: StageName, constants: RigConstants, params: Array) -> Array:
-        """Return the (n, 2, k) torques of effects (k, SIZE), N m, at one stage.
+        """Return the (n, 2, k) torques of effects (k, SIZE), N m, at one stage of `TRAJECTORY_TORQUES`.
 
-        The stage is one of `TRAJECTORY_TORQUES`.
+        There is a third axis if the arm moves.
         """
         kinds = {setup: self.of_setup(setup) for setup in self.setups}
         if len(kinds) == 1:

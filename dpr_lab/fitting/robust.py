@@ -20,13 +20,12 @@ def without_outstanding(
 ) -> Fit:
     """Fit with down-weighted outlying segments, then refit all segments from the result.
 
-    If outlying segments are not down-weighted, a single swing that passes near the upright position can keep all
-    parameters in a local minimum.
+    Without this, a single swing that passes near the upright position can keep all parameters in a local minimum.
 
     Args:
         problem: measured readings, weights and model
         first_fit: fit of all segments
-        iterations: maximum number of iterations of each of two fits
+        iterations: maximum number of iterations of each of the two fits
         outstanding: ratio of the chi2 of a segment to the median above which the segment is down-weighted
         settings: tolerances of both fits; `to_beat` is a chi2 of `problem` and applies to the second fit
 
@@ -94,9 +93,7 @@ def _lost_and_chi2(fitted: Fit) -> tuple[int, float]:
 
 
 def student_weights(problem: Problem, first_fit: Fit, freedom: float = 4.0) -> Array:
-    """Return the (samples, 2) Student-t weights of the residuals.
-
-    The residuals are scaled by the spread of each encoder.
+    """Return the (samples, 2) Student-t weights of the residuals, which are scaled by the spread of each encoder.
 
     Source: Lange, Little & Taylor (1989), Robust statistical modeling using the t distribution, JASA 84, 881-896.
     """

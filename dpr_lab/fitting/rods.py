@@ -76,7 +76,7 @@ class RodsAlone:
 
 
 def by_start(slopes: Array, setup: Setup) -> Array:
-    """Adapt initial-state derivatives (..., 4) to rods that turn as one body."""
+    """Adapt derivatives (..., 4) with respect to initial states to rods that turn as one body."""
     if setup.held:
         slopes = slopes.copy()
         slopes[..., 2] += slopes[..., 3]
@@ -86,10 +86,7 @@ def by_start(slopes: Array, setup: Setup) -> Array:
 
 
 def values_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
-    """Return the (6,) five ratios and 1 / b of a run.
-
-    Without torques, 0 is returned in place of 1 / b.
-    """
+    """Return the (6,) five ratios and 1 / b of a run; 1 / b is replaced by 0 for a run without torques."""
     as_whole = _as_whole(setup)
     if as_whole and setup.torques is None:
         return np.append(unknown[: len(RATIOS)], 0.0)
@@ -104,10 +101,7 @@ def _as_whole(setup: Setup) -> bool:
 
 
 def ratios_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
-    """Return the (5,) ratios of a run, and their (5, 7) derivatives.
-
-    The derivatives are those with respect to the (7,) unknown ratios, b and p/b.
-    """
+    """Return the (5,) ratios of a run, and their (5, 7) derivatives with respect to the ratios, b and p/b."""
     if _as_whole(setup):
         return unknown[: len(RATIOS)], np.eye(len(RATIOS), len(WHOLE))
     base = base_of_run(whole_of(unknown), setup, L1, g)
@@ -115,10 +109,7 @@ def ratios_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Ar
 
 
 def _whole_slopes(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
-    """Return the (6, 7) derivative of a run's base parameters with respect to the unknowns.
-
-    The unknowns are the ratios, b and p/b.
-    """
+    """Return the (6, 7) derivative of the base parameters of a run with respect to the ratios, b and p/b."""
     b, slopes = unknown[SCALE], np.zeros((len(WHOLE), len(WHOLE)))
     slopes[_OTHERS, : len(RATIOS)], slopes[_P, ON_ELBOW] = b * np.eye(len(RATIOS)), b
     slopes[:, SCALE] = whole_of(unknown) / b
@@ -138,7 +129,7 @@ def values_and_slopes(unknown: Array, setup: Setup, L1: float, g: float) -> tupl
 def followed(
     ratios: Array, laid_out: Segments, initial: Array, rig: RigConstants, outputs: int = 0
 ) -> tuple[Array, Array]:
-    """Return the (N, 4) states of segments for (7,) unknowns, and their derivatives.
+    """Return the (N, 4) states of segments for (7,) ratios, b and p/b, and their derivatives.
 
     The derivatives (N, `outputs`, 9) are those of `sensitivities`.
     """

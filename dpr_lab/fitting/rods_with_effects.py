@@ -145,7 +145,10 @@ class RodsWithEffects:
 
 
 def _inexact(segments: Segments, reading: Array, predicted: Array) -> Flags:
-    """Return a (segments,) mask of the segments whose rms prediction error exceeds `coarse_error`."""
+    """Return the (segments,) mask of the segments whose derivatives need the normal step.
+
+    They are the segments in which the rms error due to the longer step exceeds `coarse_error`.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         squares = np.add.reduceat(row_sums((reading - predicted) ** 2), segments.offsets[:-1])
         followed = np.isfinite(np.add.reduceat(row_sums(predicted), segments.offsets[:-1]))
@@ -153,14 +156,14 @@ def _inexact(segments: Segments, reading: Array, predicted: Array) -> Flags:
 
 
 def resolved(segments: Segments, params: Array) -> Segments:
-    """Return a copy with steps that are short enough for every active effect."""
+    """Return the segments with steps that are short enough for every active effect."""
     named = named_params(params, among=STEP_LIMITS)
     limits = [STEP_LIMITS[name](values) for name, values in named.items()]
     return replace(segments, step=np.minimum(segments.step, min(limits))) if limits else segments
 
 
 def _varied(estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array, Array]:
-    """Create the estimates for forward differences: ratios, effects, and states.
+    """Return the estimates for forward differences: ratios, effects, and initial states.
 
     The shapes are (n, 7), (n, SIZE) and (n, segments, states). In each row, one free parameter or one component of the
     initial states is incremented. The last row is the estimate itself, so n = free + states + 1.

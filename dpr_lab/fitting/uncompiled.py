@@ -55,7 +55,7 @@ def bounded_solution(H: Array, gradient: Array, lower: Array, upper: Array, loop
 def bounded(H: Array, gradient: Array, lower: Array, upper: Array, x: Array) -> bool:
     """Write the result of `bounded_solution` to x; return False if the matrix is singular.
 
-    Matrix products would import SciPy in the compiled form.
+    Loops are used because matrix products would import SciPy in the compiled form.
     """
     k = len(gradient)
     free, fixed = np.ones(k, dtype=np.bool_), np.zeros(k)
@@ -88,7 +88,7 @@ def bounded(H: Array, gradient: Array, lower: Array, upper: Array, x: Array) -> 
 
 
 def clip(lower: Array, upper: Array, free: Flags, fixed: Array, x: Array) -> bool:
-    """Fix all free coordinates that cross a bound at this bound; return whether there are any."""
+    """Fix each free coordinate that crosses a bound at this bound; return whether there was one."""
     crossed = False
     for i in range(len(x)):
         if free[i] and (x[i] < lower[i] or x[i] > upper[i]):
@@ -97,9 +97,10 @@ def clip(lower: Array, upper: Array, free: Flags, fixed: Array, x: Array) -> boo
 
 
 def advance(lower: Array, upper: Array, free: Flags, feasible: Array, x: Array) -> bool:
-    """Move the feasible point towards x until a free coordinate reaches a bound.
+    """Move the feasible point towards x until a free coordinate reaches a bound, and fix this coordinate.
 
-    This coordinate is fixed. The result is whether there is one.
+    Returns:
+        whether a coordinate reached a bound
     """
     share, first = 1.0, -1
     for i in range(len(x)):

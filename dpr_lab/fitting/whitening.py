@@ -59,7 +59,7 @@ def _weigh(values: Array, weight: Array, offsets: Integers, blocks: Array) -> No
 
 @njit
 def innovations(columns: Array, weight: Array, offsets: Integers, walk: Array, out: Array, shared: Array) -> float:
-    """Whiten the result of `padded` in place, for process noise of the same samples.
+    """Whiten the result of `padded` in place, given the process noise of the same samples.
 
     Returns:
         the sum of log S over all innovations, where S is the variance of an innovation
@@ -100,7 +100,7 @@ def innovations(columns: Array, weight: Array, offsets: Integers, walk: Array, o
 
 
 def turned_picture(t: Array, turned: Array, weight: Array, offsets: Integers) -> tuple[Array, Array]:
-    """Return the weighted errors by a slowly turning picture, for a unit angle.
+    """Return the weighted errors of readings by a slowly turning picture, for a unit angle.
 
     Args:
         t: (samples,) times, s

@@ -55,8 +55,7 @@ class Comparison(Shown):
     tracked: Array
     """(n, 2) theta1, theta2 simulated by segments with free initial states, rad."""
     horizon_s: float
-    """Predictability horizon, s: time at which the uncertainty of the initial state alone moves the free run by 0.1
-    rad.
+    """Predictability horizon, s: the uncertainty of the initial state alone then moves the free run by 0.1 rad.
 
     Beyond the horizon a comparison of free runs does not test the model.
     """
@@ -89,10 +88,7 @@ class Comparison(Shown):
 
     @property
     def free_run_error(self) -> Array:
-        """Error of the free run, (n, 2): `measured` - `free_run`, rad.
-
-        Figure 3 of the publication shows it.
-        """
+        """Error of the free run, (n, 2): `measured` - `free_run`, rad; figure 3 of the publication shows it."""
         return self.measured - self.free_run
 
     @property
@@ -115,7 +111,7 @@ class FreeRun:
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """Run whose segments are fitted with a model.
+    """Run to whose segments the initial states of a model are fitted.
 
     A free run can start at each segment.
     """
@@ -123,7 +119,7 @@ class Followed:
     preprocessed: PreprocessedRun
     """Run with its velocities and its noise."""
     bare: RatioFit
-    """Fit of the rods without effects, for the predictability horizon."""
+    """Fit of the rods without effects, from which the predictability horizon is computed."""
     fitted: RatioFit
     """Fit of the model with its effects; `bare` if the model has no effects."""
     held_out: bool
@@ -142,10 +138,10 @@ class Followed:
 
 @solvable
 def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed:
-    """Fit the initial states of a run's segments with a given model.
+    """Fit the initial states of the segments of a run; the parameters of the model are not fitted.
 
     Args:
-        run: the measurement
+        run: the recording
         rig: encoders of the run
         model: the model
         segment_s: length of a segment, s
@@ -163,9 +159,9 @@ def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed
 
 @solvable
 def follow_preprocessed(preprocessed: PreprocessedRun, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed:
-    """Fit the initial states of the segments of a preprocessed run.
+    """Fit the initial states of the segments of a preprocessed run, as `follow` does.
 
-    See `follow` for the result. Several models can use the same preprocessed run.
+    Several models can use the same preprocessed run.
     """
     problem, initial = segmented([preprocessed], rig, segment_s)
     bare = fit_ratios(problem, rods_estimate(model.unknowns, initial), held=range(len(UNKNOWN_RATIOS)))
@@ -176,10 +172,10 @@ def follow_preprocessed(preprocessed: PreprocessedRun, rig: Rig, model: Model, s
 def _with_effects(bare: RatioFit, measured: Array, rig: Rig, model: Model) -> RatioFit:
     """Refit the initial states of a run with the effects of the model.
 
-    The fit starts from the initial states of the model without effects. The torques of this model may have an error of
-    20 %. The fit may therefore converge to a local minimum, in which a segment fits worse than without effects. The fit
-    of this segment is then repeated from its measured initial state and from the final state of the previous segment.
-    The final state is more precise if the rods are fast.
+    The fit starts from the initial states that were fitted without effects. Because the torques without effects may be
+    wrong by 20 %, it may converge to a local minimum, in which a segment fits worse than without effects. The fit of
+    such a segment is then repeated from its measured initial state, and from the final state of the previous segment,
+    which is more precise if the rods are fast.
 
     Args:
         bare: fit of the run without effects
@@ -210,9 +206,9 @@ def _with_effects(bare: RatioFit, measured: Array, rig: Rig, model: Model) -> Ra
 
 
 def _continued(problem: Problem, estimate: Estimate) -> Array:
-    """Return the end state of each segment as the initial state of the next segment.
+    """Return the end state of each segment as the initial state of the next segment, (segments, 4).
 
-    The result has the shape (segments, 4). The first segment keeps its initial state.
+    The first segment keeps its initial state.
     """
     laid_out = problem.segments
     if len(laid_out) == 1:
@@ -248,14 +244,16 @@ def free_run_from(followed: Followed, at_s: float) -> FreeRun:
 def compare_run(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Comparison:
     """Compare a run with a model in segments and in a free run.
 
+    Only the initial states are fitted.
+
     Args:
-        run: the measurement
+        run: the recording
         rig: the recorded rig; its encoders determine the noise floor
-        model: the model; only initial states are fitted
+        model: the model
         segment_s: length of a segment, s
 
     Raises:
-        RunError: the model cannot follow the readings.
+        RunError: the run cannot be used, or the model cannot follow the readings.
     """
     followed = follow(run, rig, model, segment_s)
     run, noise = followed.preprocessed.run, followed.preprocessed.noise

@@ -1,8 +1,8 @@
-"""Find the parameter directions that recordings and measured values do not determine.
+"""Parameter directions that recordings and measured values do not determine.
 
 Information is represented by whitened rows. A row contains the changes of one reading, in standard deviations, for
-relative changes of the parameters. A direction is free (undetermined) if a change of 100 % along this direction changes
-all readings together by less than one standard deviation.
+relative changes of the parameters. A direction is free (undetermined) if a change of 100 % along it changes all
+readings together by less than one standard deviation.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,7 +29,7 @@ def _decompose(rows: Array) -> tuple[Array, Array]:
 
 
 def free_directions(rows: Array) -> Array:
-    """Return an orthonormal basis (n, k) of the directions that the rows do not determine."""
+    """Return an orthonormal basis (n, k) of the directions that whitened rows (m, n) do not determine."""
     s, Vt = _decompose(rows)
     return Vt[s < SEEN].T
 
@@ -87,7 +87,7 @@ def _readable(direction: Array, names: Sequence[str]) -> dict[str, float]:
 
 
 def described(direction: Mapping[str, float]) -> str:
-    """Format a free direction, for example `m1, m2 +1 %, l2 -0.5 %`."""
+    """Format a free direction as text, for example `m1, m2 +1 %, l2 -0.5 %`."""
     names_by_change: dict[str, list[str]] = {}
     for name, change in direction.items():
         names_by_change.setdefault(f"{100 * change:+.2g} %", []).append(name)

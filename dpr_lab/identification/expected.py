@@ -1,4 +1,4 @@
-"""Compute the expected information of releases from the poses of a rig file."""
+"""Expected information of releases from the poses of a rig file."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class Releases:
     duration_s: float = 10.0
     """Duration of each recording, s: the default of `dpr-lab capture`."""
     segment_s: float = 1.0
-    """Length of segments, s, that a model should be able to follow on a real rig.
+    """Length of the segments over which a model is assumed to follow a real rig, s.
 
     Longer segments contain more information.
     """
@@ -40,7 +40,9 @@ RELEASES = Releases()
 
 
 def mounted_releases(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) -> tuple[Problem, Estimate]:
-    """Return simulated releases of the mounted rods from all poses of a rig, with any added mass.
+    """Return the fitting problem of simulated releases of the mounted rods from all poses of a rig.
+
+    The result also contains the true parameters and initial states.
 
     Args:
         Z: (9,) parameters, SI
@@ -56,9 +58,15 @@ def mounted_releases(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) -> t
 
 
 def ratio_information(base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases: Releases = RELEASES) -> Array:
-    """Compute the Fisher information (5, 5) on the ratios in one release of both rods from each pose.
+    """Compute the Fisher information (5, 5) on the ratios from one release of both rods from each pose.
 
-    `base` contains the base parameters (6,). The information is zero without poses.
+    The information is zero without poses.
+
+    Args:
+        base: (6,) base parameters
+        rig: lengths, gravity, encoders and link
+        poses: poses of the releases
+        releases: duration of recordings and segments
     """
     if not poses:
         return np.zeros((len(RATIOS), len(RATIOS)))
@@ -68,10 +76,10 @@ def ratio_information(base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases
 def expected_releases(
     base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases: Releases = RELEASES, setups: Sequence[Setup] = ()
 ) -> tuple[Problem, Estimate]:
-    """Return the fitting problem of noise-free simulated releases, with the true parameters.
+    """Return the fitting problem of simulated releases without noise, and the true parameters.
 
-    The releases are cut into segments. The standard deviation of a reading is `Rig.reading_std`. `setups` contains the
-    mounting of each release, by default both rods.
+    The releases are divided into segments. The standard deviation of a reading is `Rig.reading_std`. `setups` contains
+    the mounting of each release, by default both rods.
     """
     joints, rate_hz = rig.encoders.joint_angles, rig.link.rate_hz
     std, unknown, setups = rig.reading_std[1:], unknown_ratios(base), setups or [BOTH] * len(poses)

@@ -1,9 +1,9 @@
-"""Identifiable parameters of free swings, and bench measurements for the remaining parameters.
+"""Identifiable parameters of free swings, and bench measurements for the other parameters.
 
-Information is represented by whitened rows: sensitivities to relative changes of the nine parameters. The rows of the
-recordings are F dratios/dZ Z, where F^T F is the information of the ratios and Z the parameters. The row of a measured
-value is Z / std. Bounds are used only to compute standard deviations: a bound is a prior with the standard deviation of
-a uniform distribution. docs/theory.md, equations 48 and 49.
+Information is represented by whitened rows: sensitivities to relative changes of the nine parameters Z. The rows of the
+recordings are F dq/dZ diag(Z), where q are the ratios and F^T F is their information. The row of a measured value is Z
+/ std. Bounds are used only to compute standard deviations: a bound is a prior with the standard deviation of a uniform
+distribution. docs/theory.md, equations 48 and 49.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,7 +32,10 @@ class AdviceSettings:
     """Thresholds of useful measured values and of recommended measurements."""
 
     helps: float = 1.1
-    """Minimum factor by which the standard deviation of a parameter increases without a useful measured value."""
+    """Minimum factor by which the standard deviation of a parameter increases without a useful measured value.
+
+    It defines which measured values are useful for the parameter.
+    """
     worthwhile_bits: float = 0.1
     """Minimum gain of a recommended measurement over all nine parameters, in bits.
 
@@ -61,7 +64,7 @@ class Advice:
     how: str
     """Instruction for the operator."""
     frees: tuple[str, ...]
-    """Parameters that are determined with the measurement but not without it."""
+    """Parameters that are determined with this measurement but not without it."""
     gain_bits: float
     """Gain in bits: the sum over the parameters of log2(std before / std after), with bounds as priors.
 
@@ -96,21 +99,21 @@ class Advice:
 
 @dataclass(frozen=True, slots=True)
 class LengthError:
-    """Effect of a measurement error of L1 on the ratios; L1 itself is not identified."""
+    """Effect of a measurement error of L1, which is not identified, on the ratios."""
 
     error: float
     """Assumed error of L1, m."""
     ratio_shift: Mapping[str, float]
     """Relative change of each ratio due to the error."""
     residual_over_noise: float
-    """Residual with the error, in units of the noise floor. If it is 1, the error is not detectable."""
+    """Rms residual with the error, in units of the noise floor; 1 if the error is not detectable."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Directions:
     """Determined and free directions in the space of the parameters, and recommended measurements.
 
-    The information is that of recordings and measured values together.
+    A direction is determined by recordings and measured values together.
     """
 
     rank: int
@@ -125,7 +128,7 @@ class Directions:
     advice: tuple[Advice, ...]
     """All bench measurements that are not in the rig file, largest gain first."""
     sequence: tuple[Advice, ...]
-    """Sequence of best measurements until all parameters are determined."""
+    """Most useful measurements, one after the other, until all parameters are determined."""
 
     def _json(self) -> dict[str, Any]:
         return {
@@ -151,7 +154,7 @@ class Identifiability(Directions, Shown):
     parameters: Mapping[str, ParameterValue]
     """Source of each parameter of the mounted rods, and its standard deviation if it is determined."""
     helps: Mapping[str, tuple[str, ...]]
-    """For each measured value, the other parameters that would be less accurate without it."""
+    """For each measured value, the other parameters whose standard deviations would be larger without it."""
     length_error: LengthError | None
     """Effect of an error of L1; None if there are no poses to simulate, or if it was not requested."""
 
@@ -193,9 +196,9 @@ class InformationRows:
     of_recordings: Array
     """(k, n) rows of the recordings."""
     measured: Array
-    """Rows (measured values, n) of the measured values."""
+    """Rows (measured values, n) of the measured values in the rig file."""
     bounds: Array
-    """Rows (other parameters, n) of the bounds of the other parameters."""
+    """Rows (other parameters, n) of the bounds of the parameters without a measured value."""
 
     @classmethod
     def of(cls, of_recordings: Array, parameters: Mapping[str, Parameter | None], values: Array) -> "InformationRows":
@@ -226,7 +229,7 @@ class InformationRows:
         return np.vstack([self.of_recordings, self.measured])
 
     def directions(self, answers: Mapping[Measurement, Array]) -> dict[str, Any]:
-        """Compute the fields of `Directions`: determined and free directions, and recommended measurements.
+        """Return the fields of `Directions` by name.
 
         `answers` contains the whitened readings (k, n) of each possible bench measurement.
         """
@@ -352,10 +355,7 @@ def _worth(advice: Advice) -> tuple[int, float]:
 
 
 def _bench_sequence(answers: Mapping[Measurement, Array], rows: InformationRows) -> tuple[Advice, ...]:
-    """Choose the best measurement repeatedly until all parameters are determined.
-
-    The sequence also ends if no measurement has a worthwhile gain.
-    """
+    """Choose the best measurement repeatedly until all parameters are determined or no gain is worthwhile."""
     known = rows.known
     open_measurements, taken = dict(answers), []
     while open_measurements and np.isinf(spread(known)).any():

@@ -1,4 +1,4 @@
-"""Build a model from fitted ratios, with the interval and source of each value."""
+"""Build the model of a rig from fitted ratios, with the interval and source of each value."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -43,14 +43,13 @@ class IdentifySettings:
     gap_warning: float = 3.0
     """Reduced chi-square above which the model is clearly incomplete."""
     doubted: float = 20.0
-    """Reduced chi-square above which other interpretations of the runs are tested."""
+    """Reduced chi-square above which other interpretations of the readings are tested."""
     hardly_seen: float = 0.5
-    """Maximum relative standard deviation of an unknown that the runs determine."""
+    """Maximum relative standard deviation of a well determined unknown."""
     unseen: float = 1e3
-    """Maximum standard deviation of an unknown of a moving arm with information, relative to its value or in units of
-    the ratio.
+    """Maximum standard deviation of an unknown of a moving arm, relative to the larger of its value and 1.
 
-    A larger standard deviation occurs after a failed fit.
+    A fit that failed gives larger standard deviations; the recordings then do not determine the unknown.
     """
     of_prior: float = 0.5
     """Maximum variance of a ratio that the runs determine, relative to the variance of the prior.
@@ -128,7 +127,7 @@ def identified_model(
 def _of_alone(sentences: list[str], alone: bool) -> list[str]:
     """Adapt sentences on ratios to a rig with only the inner rod.
 
-    The ratios then refer to the inertia a. Sentences on parts that are not mounted are omitted.
+    The ratios then refer to the inertia a. Sentences about the ratio a/b are omitted.
     """
     if not alone:
         return sentences
@@ -162,10 +161,9 @@ def _ratio(
 
 
 def _scale(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, posterior: Posterior) -> Scale:
-    """Return the scale of absolute sizes, which the runs or the rig file determine.
+    """Return the scale of absolute sizes (the inertia b), which the runs or the rig file determine.
 
-    The scale is the inertia `b`. Bounds of the rig file may shift it away from the estimate of the runs. The interval
-    then contains both values.
+    Bounds of the rig file may shift b away from the estimate of the runs. The interval then contains both values.
     """
     if SCALE not in ratio_fit.visible or posterior.clamped is not None:
         return posterior.scale()
@@ -231,8 +229,7 @@ def _warnings(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty) -> list[
     if hardly:
         warnings.append(
             f"these runs only poorly determine {', '.join(hardly)}: value and interval depend on the nominal"
-            f" values and bounds"
-            " of the rig file; record longer and larger swings, or both rods free"
+            " values and bounds of the rig file; record longer and larger swings, or both rods free"
         )
     unseen = [name for name in RATIOS if name not in ratio_uncertainty.names]
     if unseen:

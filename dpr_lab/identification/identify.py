@@ -1,4 +1,4 @@
-"""Identification of a rig with any mode of the arm, and of its identifiable parameters."""
+"""Identification of a rig with an arm in any mode, and analysis of its identifiable parameters."""
 
 from __future__ import annotations
 
@@ -140,17 +140,17 @@ def identify(
 def has_arm_model(runs: Sequence[Run], rig: Rig) -> bool:
     """Check whether `identify` returns a `MovingArmModel` for these runs.
 
-    The result is also true for recordings of a rotary pendulum with a single rod and a clamped arm. These recordings
-    determine only ratios to the inertia of the rod.
+    This is the case if the arm of a run is free or driven. It is also the case for a rotary pendulum with a single rod
+    and a clamped arm, because its recordings determine only ratios to the inertia of the rod.
     """
     alone = rig.rods.mounted == "inner" and rig.arm.mode in ("free", "driven")
     return moves(runs) or (alone and bool(runs) and not any(run.arm_mode == "prescribed" for run in runs))
 
 
 def polish(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
-    """Fit the ratios by least squares in longer and longer segments.
+    """Fit the ratios by least squares, first in segments of 0.25 s.
 
-    Segments grow as long as the model follows the readings. The first segments have a length of 0.25 s.
+    The segments are lengthened as long as the model follows the readings.
 
     Args:
         Z: (9,) initial parameters
@@ -174,7 +174,7 @@ def polish(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
 def identifiability(
     runs: Run | Sequence[Run], rig: Rig, tell: Callable[[str], object] | None = None
 ) -> Identifiability | ArmIdentifiability:
-    """Analyse which parameters of a rig its recordings determine; recommend bench measurements.
+    """Analyse which parameters of a rig its recordings determine, and recommend bench measurements.
 
     Example: `dpr.identifiability(runs, rig).null_space`, or `dpr.identifiability([], rig)` before any recording.
 
@@ -241,9 +241,9 @@ def identifiability(
 
 
 def _suited(name: str, search: str) -> SearchSettings:
-    """Load the search file of the objective if the file is for this algorithm.
+    """Return the settings of the search file `name` if it is for the algorithm `search`.
 
-    Otherwise return the defaults of the algorithm.
+    Otherwise return the default settings of the algorithm.
     """
     settings = load_search(name)
     return settings if settings.algorithm == search else ALGORITHMS[search].settings()

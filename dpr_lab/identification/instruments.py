@@ -37,15 +37,17 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Instrument(Measurement):
-    """A bench measurement of the rods and its typical uncertainty."""
+    """A bench measurement of the rods, with its typical uncertainty."""
 
     parameters: tuple[str, ...]
     """Parameters on which the reading depends."""
     std: tuple[float, ...]
     """Standard uncertainty of the reading, SI."""
     answer: "Answer"
-    """Function (self, Z, rig) that returns the derivatives (k, 9) of the whitened readings with respect to the nine
-    parameters, 1/SI."""
+    """Function of (self, Z, rig) that returns the (k, 9) derivatives of the whitened readings, 1/SI.
+
+    The derivatives are those with respect to the nine parameters.
+    """
 
     def rows(self, Z: Array, rig: Rig) -> Array:
         """Return the (k, 9) derivatives of the whitened readings with respect to Z, 1/SI."""
@@ -82,13 +84,13 @@ def _loaded_outer(instrument: Instrument, Z: Array, rig: Rig) -> Array:
 def _loaded_release(
     instrument: Instrument, Z: Array, rig: Rig, rod: Literal["inner", "outer"], position: float
 ) -> Array:
-    """Return the derivative of the readings of a release with a known attached mass.
+    """Return the derivative of the whitened readings of a release with a known attached mass.
 
     With this mass, the ratios determine the scale of all masses.
 
     The uncertainties of the mass and of its position limit the accuracy. Each column of N is the change of the whitened
-    readings by one standard uncertainty of the mass or of its position. The covariance of the readings is therefore
-    I + N N^T. Friction is assumed to be independent of the load.
+    readings by one standard uncertainty of the mass or of its position. The covariance of the readings is therefore I +
+    N N^T. Friction is assumed to be independent of the load.
     """
     L1, g = rig.L1, rig.g
     mass, (mass_std, position_std) = Z[PARAMETERS.index("m2")] / 2, instrument.std
@@ -149,7 +151,7 @@ def _add_mass(rod: str, place: str, answer: Answer) -> Instrument:
 
 
 JOINT2_ENCODER = " without the joint-2 encoder"
-"""Text on the part that is removed from the inner rod of a rig with two rods for its measurement."""
+"""Words for the part that must be removed from the inner rod of a rig with two rods before its measurement."""
 
 INSTRUMENTS = (
     _weigh("m1", f"the inner rod{JOINT2_ENCODER}"),
@@ -162,11 +164,11 @@ INSTRUMENTS = (
     _add_mass("inner", "the middle of the inner rod", _loaded_inner),
     _add_mass("outer", "the end of the outer rod", _loaded_outer),
 )
-"""Bench measurements that can be recommended, one in each row."""
+"""Bench measurements of the rods that can be recommended."""
 
 
 def rod_measurements(names: Sequence[str], Z: Array, rig: Rig) -> dict[Measurement, Array]:
-    """Return the bench measurements of the named parameters that the rig file lacks.
+    """Return the bench measurements of the named parameters that the rig file does not contain.
 
     Returns:
         whitened readings (k, n) of each measurement; the n columns belong to relative changes of the named parameters

@@ -2,8 +2,8 @@
 
 Two adjacent segments are merged if the free run of the first segment stays near the readings of the second segment. If
 the free run follows only a part of these readings, the border between the segments is shifted to the end of that part.
-The new segments are fitted again. If the residual increases, the level is discarded and repeated with a smaller
-permitted deviation of the free run from the readings.
+The new segments (a level) are fitted again. If their residual is larger, they are discarded, and the segments are
+merged again with a smaller permitted deviation of the free run from the readings.
 """
 
 from dataclasses import dataclass, replace
@@ -22,9 +22,9 @@ class MergeSettings:
     """Settings of segment merging, for clamped and moving arms."""
 
     ranges_rad: tuple[float, ...] = (0.2, 0.05, 0.0125)
-    """Maximum deviation of a free run from the readings for which segments are merged, rad.
+    """Maximum deviations of a free run from the readings for which segments are merged, rad.
 
-    The fit converges from this deviation. After a failure the next smaller limit is used.
+    The first value is used until a level fails, then the next one. The fit converges from each of these deviations.
     """
     follows: float = 3.0
     """Maximum reduced chi-square for which segments are lengthened.
@@ -98,8 +98,8 @@ def _fitted(ratio_fit: RatioFit, pieces: list[_Piece]) -> RatioFit:
 def _lengthened(ratio_fit: RatioFit, tolerance: float) -> list[_Piece] | None:
     """Return the segments of the next level, or None if no segment changes.
 
-    The free run of the first segment of each pair predicts a part of the second. The first segment is extended by this
-    part.
+    The free run of the first segment of each pair predicts a part of the second segment. The first segment is extended
+    by this part.
     """
     run = ratio_fit.problem.segments.run
     pieces: list[_Piece] = []
@@ -123,8 +123,8 @@ def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece]
     """Extend a segment as far as its free run predicts the next segment.
 
     Returns:
-        The extended segment and the remaining part of the next segment; None if the predicted part or the remaining
-        part is too short.
+        the extended segment and the remaining part of the next segment; None if the predicted part or the remaining
+        part is too short
     """
     t, (border, end) = ratio_fit.problem.t, ratio_fit.problem.segments.offsets[index + 1 : index + 3].tolist()
     first, second = _piece(ratio_fit, index), _piece(ratio_fit, index + 1)
@@ -142,7 +142,7 @@ def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece]
 
 
 def _step_for(ratio_fit: RatioFit, index: int, piece: _Piece) -> float | None:
-    """Find the longest step, s, whose error is below the noise, or return None.
+    """Return the longest integration step, s, whose error is negligible relative to the noise, or None.
 
     The error is estimated by halving the step.
     """

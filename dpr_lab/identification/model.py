@@ -1,4 +1,4 @@
-"""Result of an identification, which is stored in `model.json`."""
+"""Result of an identification, which `model.json` contains."""
 
 import json
 from abc import abstractmethod
@@ -36,7 +36,7 @@ AnyFittedModel = TypeVar("AnyFittedModel", bound="FittedModel")
 
 
 def by_name(names: Sequence[str]) -> Callable[[dict[str, Kept]], dict[str, Kept]]:
-    """Return a validator that checks and orders the entries of a table by `names`."""
+    """Return a validator that checks the names of the entries of a table, and orders the entries."""
 
     def ordered(table: dict[str, Kept]) -> dict[str, Kept]:
         if set(table) != set(names):
@@ -89,7 +89,7 @@ class RunUsed(ModelPart):
     segments: int = 0
     """Number of segments with free initial states."""
     horizon_s: float | None = None
-    """Predictability horizon, s: time at which the uncertainty of the initial state reaches 0.1 rad in a free run."""
+    """Predictability horizon, s: the uncertainty of the initial state then reaches 0.1 rad in a free run."""
     torque_kind: str = ""
     """Kind of the known torques, `measured` or `commanded`; empty if unknown."""
     zeros_rad: list[float] = []
@@ -176,12 +176,12 @@ class SearchRecord(ModelPart):
 
 
 class FittedModel(Shown, ModelPart):
-    """Common part of models with a clamped and with a moving arm."""
+    """Common part of the models with a clamped and with a moving arm."""
 
     rig: RigFacts
     """Rig of the model."""
     ratios: dict[str, EstimatedValue]
-    """Ratios of inertias, frictions, gravity torques and gain to the inertia of the scale, SI; `L0` of an arm in m."""
+    """Ratios of inertias, frictions, gravity torques and gain to the inertia of the scale, SI; L0 of an arm in m."""
     effects: dict[str, dict[str, float]] = {}
     """Values of the named effects of a diagnosis, by effect and parameter, SI."""
     runs: list[RunUsed]
@@ -287,18 +287,18 @@ class Model(FittedModel):
 
     @property
     def _scale(self) -> Scale | None:
-        """Scale of the mounted rods; older files of one rod contain b instead of a."""
+        """Scale of the mounted rods; older files of a rig with a single rod contain b instead of a."""
         if self.scale is None or not self.fitted or self.scale.inertia == "a":
             return self.scale
         return self.scale.as_inertia("a", self.fitted[0].value - (self.p_over_b or 0.0))
 
     @property
     def all_ratios(self) -> "dict[str, EstimatedValue]":
-        """The five ratios; for a single rod some are from the rig file."""
+        """The five ratios to b; for a single rod, some of them come from the rig file."""
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     def with_ratios(self, values: Sequence[float]) -> "Model":
-        """Return a copy with given ratios (5,), which are exact and not estimated."""
+        """Return a copy with given values of the five ratios, which have no uncertainty."""
         five = [EstimatedValue(value=value, std=0.0, interval90=(value, value)) for value in values]
         if not self.fitted:
             return self.model_copy(update={"ratios": dict(zip(RATIOS, five, strict=True))})
@@ -306,7 +306,7 @@ class Model(FittedModel):
         return self.model_copy(update={"ratios": alone, "fitted": five})
 
     def scaled_ratios(self) -> "Model":
-        """Return a copy of the model whose base parameters follow from the ratios.
+        """Return a copy of the model whose base parameters are computed from the ratios.
 
         The copy is used for comparisons with recordings. It differs from the model only after `with_ratios`, or if an
         older version wrote the model. In older models the base parameters follow from the nine parameters, which the
@@ -394,5 +394,5 @@ def read_model(path: Path | str, kinds: Mapping[str, type[AnyFittedModel]]) -> A
         effect = EFFECTS.get(name)
         if effect is None or not set(values) <= {parameter.name for parameter in effect.parameters}:
             fault = f"effects.{name}: unknown effect or parameters ({', '.join(values)}): update dpr-lab"
-            raise RunError(f"{path}: is not a model file (JSON): {fault}")
+            raise RunError(f"{path}: {fault}")
     return model

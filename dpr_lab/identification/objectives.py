@@ -53,7 +53,7 @@ class ObjectiveChoice:
     """An objective and its search settings."""
 
     swings: "Callable[[PreprocessedRun, bool], Swings]"
-    """Function of a run, and of whether its elbow is clamped, that returns the swings to simulate."""
+    """Function of a run, and of whether its elbow is clamped, that returns the data of the simulation."""
     settings: str
     """Name of the built-in search file of the objective."""
     words: str
@@ -83,7 +83,7 @@ class ObjectiveChoice:
 def _short_segments(prepared: "PreprocessedRun", held: bool) -> Swings:
     """Return short segments that start from smoothed states.
 
-    The objective is the mean squared whitened error of the angles. It is about 1 if only noise remains.
+    The objective is the mean squared whitened error of the angles, which is about 1 if only noise remains.
     """
     samples = _thinned(prepared.run.t)
     edges = np.searchsorted(samples, [part.start for part in partition(prepared.run, SETTINGS.segment_s)])

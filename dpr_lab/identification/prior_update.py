@@ -49,7 +49,7 @@ class PriorSettings:
     """Settings for updating the prior by the recordings."""
 
     friction_std: float = 10.0
-    """Standard deviation of the logarithm of a friction coefficient that only the recordings determine."""
+    """Prior standard deviation of the logarithm of a friction coefficient that only the recordings determine."""
     longest_step: float = 0.5
     """Maximum change of a logarithm in one iteration."""
     converged: float = 1e-11
@@ -59,7 +59,7 @@ class PriorSettings:
 SETTINGS = PriorSettings()
 
 UNREACHED = 1e-6
-"""Maximum relative change of a parameter along the null space for which the data determine the parameter.
+"""Maximum relative change of a parameter in the null space for which the parameter counts as determined.
 
 The limit is far above rounding errors.
 """
@@ -88,11 +88,11 @@ class Posterior:
     alone: bool
     """Whether only the inner rod is mounted."""
     clamped: float | None
-    """Value of `clamped_cosine`."""
+    """Result of `clamped_cosine` for the recordings."""
 
     @property
     def share(self) -> float:
-        """Inertia of the scale over b at the ratios of the fit; 1 for two free rods."""
+        """Ratio of the inertia of the scale to b, from the ratios of the fit; 1 for two free rods."""
         return float(self.as_observed(with_scale(self.unknown, 1.0))[0][SCALE])
 
     def determines(self, ratio: str) -> bool:
@@ -101,11 +101,11 @@ class Posterior:
 
     @property
     def b(self) -> float:
-        """Most probable inertia b, kg m^2; it follows from that of a single body and the ratios of the fit."""
+        """Most probable inertia b, kg m^2, from the inertia of the scale and the ratios of the fit."""
         return self.inertia()[0] / self.share
 
     def as_observed(self, unknown: Array) -> tuple[Array, Array]:
-        """Call the function `as_observed` for the mounted rods."""
+        """Return `as_observed` of unknowns (7,) for the mounted rods."""
         return as_observed(unknown, self.rig, self.alone, self.clamped)
 
     def inertia(self) -> tuple[float, float]:
@@ -174,7 +174,7 @@ class Posterior:
         return nine, absolute
 
     def values(self, b: float) -> Array:
-        """Return the most probable nine parameters (9,) that have the ratios of the fit and a given inertia b."""
+        """Return the most probable nine parameters (9,) with the ratios of the fit and a given inertia b."""
         unknown, visible = self.unknown.copy(), self.visible
         unknown[SCALE] = b
         assumed = [SCALE]
@@ -236,7 +236,7 @@ class Posterior:
         return float(value[0]), slopes[0]
 
     def _of_base(self, place: int, value: float) -> Interval90:
-        """Return the 90 % interval of a base parameter, extended to include the value in use."""
+        """Return the 90 % interval of a base parameter, extended to include its value in the model."""
         lower, upper = (_base(edge, self.rig)[0][place] for edge in _edges(self.rig))
         medians, slopes = _base(self.median, self.rig)
         std = float(np.sqrt(max(slopes[place] @ self.covariance @ slopes[place], 0.0)))
@@ -324,10 +324,10 @@ def as_observed(unknown: Array, rig: Rig, alone: bool, clamped: float | None = N
 
 
 def observed(Z: Array, rig: Rig, places: Sequence[int], alone: bool, clamped: float | None) -> tuple[Array, Array]:
-    """Return the quantities (n,) of `as_observed` for parameters Z (9,).
+    """Return the quantities of `as_observed` with the indices `places`, for parameters Z (9,).
 
     Returns:
-        the quantities, and the derivatives (n, 9) of their logarithms with respect to the logarithms of Z
+        the quantities (n,), and the derivatives (n, 9) of their logarithms with respect to the logarithms of Z
     """
     values, slopes = as_observed(unknown_ratios(whole_parameters(Z, rig.L1, rig.g)), rig, alone, clamped)
     of_parameters, values = (slopes @ unknown_jacobian(Z, rig))[list(places)], values[list(places)]
@@ -374,7 +374,7 @@ def _updated(
 
 
 def _interval(median: float, log_std: float, lower: float, upper: float, value: float) -> Interval90:
-    """Clip a lognormal 90 % interval to the bounds, then extend it to include the value in use."""
+    """Clip a lognormal 90 % interval to the bounds, then extend it to include a value."""
     low, high = lognormal90(median, log_std)
     return float(min(max(low, lower), value)), float(max(min(high, upper), value))
 

@@ -1,4 +1,4 @@
-"""Compute the profile likelihood of an unknown, for which all other unknowns are refitted.
+"""Profile likelihood of an unknown: all other unknowns are refitted for each value of this unknown.
 
 docs/theory.md, equation 23, for the unknown q_i:
 

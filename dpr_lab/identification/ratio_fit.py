@@ -43,7 +43,7 @@ For 6e4 readings, 1e-8 of chi2 corresponds to a fortieth of a standard deviation
 
 @dataclass(frozen=True, slots=True)
 class ShortSegments:
-    """Lengths of the segments with which a fit begins."""
+    """Lengths of the segments in the first two fits."""
 
     first_segment_s: float = 0.25
     """First length, s; the fit converges from all initial values with errors of at most 20 %."""
@@ -73,12 +73,12 @@ class RatioFit:
 
     @property
     def unknowns(self) -> Array:
-        """(k,) determined unknowns among the ratios, b and p/b, without the added mass."""
+        """(k,) values of the ratios, b and p/b that the runs determine, without the added mass."""
         return self.fit.estimate.ratios[list(self.visible)]
 
     @property
     def visible(self) -> tuple[int, ...]:
-        """Indices in `UNKNOWN_RATIOS` of the unknowns determined by the runs."""
+        """Indices in `UNKNOWN_RATIOS` of the ratios, b and p/b that the runs determine."""
         return visible_of(self.problem.segments)
 
     @property
@@ -127,16 +127,13 @@ class RatioFit:
 
     @property
     def initial_covariances(self) -> Array:
-        """(segments, 4, 4) covariance of the initial states due to noise alone.
-
-        The unknowns are fixed.
-        """
+        """(segments, 4, 4) covariance of the initial states due to noise, with all other unknowns fixed."""
         inverse = np.linalg.inv(self.fit.linear.R)
         return inverse @ inverse.transpose(0, 2, 1)
 
 
 def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: float = 5e-3) -> tuple[Problem, Array]:
-    """Cut runs into segments; return the problem and smoothed initial states (segments, 4).
+    """Divide runs into segments; return the fitting problem and smoothed initial states (segments, 4).
 
     Args:
         runs: runs to fit
@@ -172,9 +169,9 @@ def rods_estimate(unknown: Array, initial: Array) -> Estimate:
 
 
 def visible_of(laid_out: Segments) -> tuple[int, ...]:
-    """Return the indices of the unknowns that segments determine.
+    """Return the indices of the ratios, b and p/b that the runs of segments determine.
 
-    The inertia b is included if a known mass makes it identifiable.
+    The inertia b is included if a known mass or torque makes it identifiable.
     """
     return visible_ratios(laid_out.setups, any(setup.weighs for setup in laid_out.setups))
 
@@ -263,9 +260,9 @@ def driving_noise(problem: Problem, estimate: Estimate) -> Disturbance | None:
 
 
 def information(problem: Problem, estimate: Estimate) -> Array:
-    """Compute the Fisher information (k, k) of segments on the k unknowns that they determine.
+    """Compute the Fisher information (k, k) of segments on the ratios, b and p/b that they determine.
 
-    All other values are eliminated.
+    Initial states and encoder zeros are eliminated.
     """
     free = problem.all_free(ratio_parameters(estimate, visible_of(problem.segments)))
     slopes = _without_zeros(linearise(problem, problem.with_zeros(estimate), free), free)
@@ -274,7 +271,7 @@ def information(problem: Problem, estimate: Estimate) -> Array:
 
 
 def _without_zeros(linear: Linearisation, free: Sequence[FreeParameter]) -> Array:
-    """Return the ratio derivatives (segments, m, k) with encoder zeros projected out."""
+    """Return the derivatives (segments, m, k) with respect to the ratios, with encoder zeros projected out."""
     of_zeros = np.array([parameter.block == "zeros" for parameter in free], dtype=np.bool_)
     if not of_zeros.any():
         return linear.A
@@ -285,10 +282,10 @@ def _without_zeros(linear: Linearisation, free: Sequence[FreeParameter]) -> Arra
 
 
 def predictable_until(ratio_fit: RatioFit, index: int, t: Array, error_rad: float = 0.1) -> float:
-    """Compute the predictability horizon of a free run from a segment's initial state.
+    """Compute the predictability horizon of a free run from the initial state of a segment.
 
-    The variational equation propagates the uncertainty of the initial state. Beyond the horizon, this uncertainty of an
-    angle exceeds `error_rad`. The horizon is an instant of `t`, s.
+    The variational equation propagates the uncertainty of the initial state. The horizon is the first instant of `t` at
+    which the uncertainty of an angle reaches `error_rad`, or the last instant, s.
 
     Args:
         ratio_fit: ratios and initial states

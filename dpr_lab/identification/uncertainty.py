@@ -20,11 +20,11 @@ class CovarianceSettings:
     """Settings of the covariance under correlated residuals."""
 
     block_s: float = 0.5
-    """Minimum distance of residuals that are treated as independent, s: half a swing of a 0.4 m rod."""
+    """Length of the blocks of residuals that are treated as independent, s: half a swing of a 0.4 m rod."""
     misfit: float = 1.5
     """Reduced chi-square above which the model error, not the noise, dominates the uncertainty."""
     halves: float = 1.1
-    """Factor by which one linear step underestimates the difference between fits of the two halves."""
+    """Factor that corrects the difference between the halves of the runs, which one linear step underestimates."""
 
 
 SETTINGS = CovarianceSettings()
@@ -55,9 +55,9 @@ class RatioUncertainty:
     assumed: Array | float = 0.0
     """(n, n) additional covariance due to ratios that the runs do not determine and that come from the rig file."""
     unconstrained: Array | None = None
-    """(n, 2) unconstrained estimate and standard deviation of each unknown at its bound, with the others refitted.
+    """(n, 2) unconstrained estimate and standard deviation of each unknown at its bound; zero for all others.
 
-    Zero for unknowns inside their bounds.
+    The unknowns inside their bounds are refitted.
     """
 
     @property
@@ -99,7 +99,7 @@ class RatioUncertainty:
     def of_prior(self) -> Array:
         """(n,) ratio of each variance to its prior variance, 0 to 1.
 
-        If a ratio is near 1, the runs add no information.
+        The runs add no information on an unknown whose ratio is near 1.
         """
         if self.prior is None:
             return np.zeros(len(self.values))
@@ -141,8 +141,10 @@ class RatioUncertainty:
 def refuse_undetermined(values: Array, covariance: Array, what: str) -> None:
     """Check that fitted values and their covariance are finite.
 
+    `what` names the unknowns in the message.
+
     Raises:
-        IdentificationError: they are not, because the runs do not determine the unknowns `what`.
+        IdentificationError: a value is not finite, because the runs do not determine the unknowns.
     """
     if not (np.isfinite(values).all() and np.isfinite(covariance).all()):
         raise IdentificationError(
@@ -238,7 +240,7 @@ def _by_unseen(ratio_fit: RatioFit, A: Array, bread: Array, free: Flags) -> Arra
 
 
 def _block_scores(problem: Problem, scores: Array) -> Array:
-    """Sum the gradients over blocks of `block_s`; the result is (blocks, n).
+    """Return the (blocks, n) sums of the gradients over blocks of `block_s`.
 
     The blocks are the independent units of the covariance.
     """
@@ -253,12 +255,9 @@ def _block_scores(problem: Problem, scores: Array) -> Array:
 
 
 def _halves_apart(ratio_fit: RatioFit) -> Array:
-    """Compare the Gauss-Newton steps from the first and second halves of the runs.
+    """Return the (n,) absolute differences between the Gauss-Newton steps of the two halves of the runs.
 
     A segment that contains the middle of its run is divided there, and each part has its own initial state.
-
-    Returns:
-        (n,) absolute differences
     """
     problem, linear = ratio_fit.problem, ratio_fit.fit.linear
     owner, t, first = problem.owner, problem.t, problem.segments.offsets[:-1]

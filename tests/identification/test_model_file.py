@@ -64,6 +64,12 @@ def test_an_invalid_model_file_is_refused_with_a_sentence(tmp_path: Path, conten
         load_model(tmp_path / "m.json")
 
 
+def test_an_effect_of_a_newer_version_is_refused_by_its_name(table, tmp_path: Path) -> None:
+    table["effects"] = {"warp": {"x": 1.0}}
+    with pytest.raises(RunError, match=r"m\.json: effects\.warp: unknown effect or parameters \(x\): update dpr-lab"):
+        load_model(written(tmp_path / "m.json", table))
+
+
 def test_a_model_is_read_from_the_folder_of_a_diagnosis(table, tmp_path: Path) -> None:
     written(tmp_path / "model.json", table)
     assert load_model(tmp_path) == load_any_model(tmp_path) == load_model(MODEL)

@@ -93,6 +93,8 @@ def test_a_known_torque_determines_ratios_and_absolute_values():
         assert abs(model.absolute[name].value / true - 1) < 0.01, name
     assert model.fit.chi2_per_dof < 1.3
     assert not model.failures
+    with pytest.raises(RunError, match="the input of the model is torque, that of the rig file voltage"):
+        model.refuse_run(run, rig_with("driven", "voltage"))
     compared = compare_moving_arm(run, rig, model)
     assert all(compared.rms_rad[name] < 1.3 * NOISE for name in compared.rms_rad)
     assert to_dataframe(model).loc["A/b", "value"] == model.ratios["A/b"].value

@@ -193,6 +193,8 @@ def test_a_prescribed_arm_is_kept_and_refused_where_it_is_not_known(paper: Rig, 
         understand(empty, armed, options)
     with pytest.raises(RunError, match="the angle of a prescribed joint is required in every row: name the columns of"):
         arm_motion(T, np.where(np.arange(T.size) == 3, np.nan, theta0), "a.csv")
+    with pytest.raises(RunError, match="4 readings of theta0 are too few: at least 5 are needed"):
+        arm_motion(T[:4], theta0[:4], "a.csv")
 
 
 _PUSHED = np.array([[1.0, 0.0], [-1.0, 1.0]])

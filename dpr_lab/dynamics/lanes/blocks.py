@@ -24,7 +24,7 @@ class SegmentArrays(NamedTuple):
     run: Integers
     """(S,) index of the run to which each segment belongs."""
     step: Array
-    """(S,) Runge-Kutta step, s."""
+    """(S,) length of the Runge-Kutta steps, s."""
     parts: Array
     """(runs, 5) L1 and L2, m, and m1, m2 and mb, kg, of the mounted parts."""
     drive: Drive
@@ -44,7 +44,7 @@ class Candidates(NamedTuple):
     theta0 and omega0 are nan if they are internal states.
     """
     internal: Array
-    """(n, S, internal) initial values of the internal states; nan: taken from the end of the previous segment."""
+    """(n, S, internal) initial values of the internal states; nan: those at the end of the previous segment."""
 
 
 class LaneBlock(NamedTuple):
@@ -59,7 +59,7 @@ class LaneBlock(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """One segment of one candidate, by their indices."""
+    """Indices of a candidate and of one of its segments."""
 
     candidate: int
     segment: int
@@ -73,20 +73,24 @@ class Buffers(NamedTuple):
     initial_internal: Array
     """(n, S, internal) internal states at the start of each segment."""
     w: Any
-    """The workspace of the lanes, a `LaneWorkspace`; `allocate` returns an array of one workspace."""
+    """Workspace of the lanes, a `LaneWorkspace`; `allocate` returns an array that contains one workspace."""
     after: Array
     """(lanes, internal) internal states at the end of the previous segment."""
     run: Integers
     """(lanes,) run of the current segment."""
     knot: Integers
-    """(2, lanes) intervals of the last look-up of the known torques: of the rod joints, and of the arm."""
+    """(2, lanes) intervals that were last used to interpolate the known torques: of the rod joints, and of the arm."""
     samples: LaneSamples
 
 
 def allocate(segments: SegmentArrays, candidates: int, columns: int, lanes: int) -> Buffers:
-    """Return the outputs and buffers for a number of candidates.
+    """Allocate the outputs and buffers of the kernel.
 
-    `columns` is the number of columns of the readings.
+    Args:
+        segments: segments of all runs
+        candidates: number of candidates
+        columns: number of columns of the readings: 2, or 3 with the arm
+        lanes: number of lanes
     """
     longest, indices = int(np.diff(segments.offsets).max()), partial(np.zeros, lanes, dtype=np.int64)
     # every reading of joints 1 and 2 is written, that of the arm only if it moves

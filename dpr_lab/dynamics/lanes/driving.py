@@ -107,7 +107,7 @@ def _next_step(w: LaneWorkspace, k: int) -> tuple[float, float]:
 
 @subroutine
 def _look_up(w: LaneWorkspace, k: int, rods: Knots, run: int, knot: Integers, t: float) -> bool:
-    """Set the impulses of known torques on lane k until time t; return whether there are any."""
+    """Set the impulses of known torques on lane k until time t; return whether its run has known torques."""
     i = _interval(rods, run, knot[0, k], t)
     if i < 0:
         return False
@@ -120,8 +120,8 @@ def _look_up(w: LaneWorkspace, k: int, rods: Knots, run: int, knot: Integers, t:
 def set_torques(w: LaneWorkspace, drive: Drive, run: Integers, knot: Integers) -> None:
     """Set the mean known torques over the next step of each lane.
 
-    `knot` (2, lanes) contains the intervals that were used last. Neighbouring lanes often take the same step of the
-    same run and therefore have the same torques. A step usually starts at the end of the previous step.
+    `knot` (2, lanes) contains the intervals that were used last. A lane that takes the same step of the same run as the
+    previous lane copies its torques. The impulses until the end of a step are reused if the next step starts there.
     """
     rods, arm, before, start, stop = drive.rods, drive.arm, -1, 0.0, 0.0
     for k in range(len(w.t)):
@@ -147,7 +147,7 @@ def set_torques(w: LaneWorkspace, drive: Drive, run: Integers, knot: Integers) -
 
 @subroutine
 def _arm_speed(knots: Knots, first: int, last: int, t: float) -> float:
-    """Return the speed of the arm at time t, rad/s, by interpolation.
+    """Return the speed of a prescribed arm at time t, rad/s.
 
     The speed is linear between the knots `first` to `last`, and constant outside of them.
     """

@@ -8,13 +8,13 @@ together, so a trial step with an event is undone and repeated in the next step 
     |---------- 3 ----------|                  next step, of length `ahead`; `_end_cut` sets a joint that stops to rest
                             |----- 4 -----|    rest of the step, with new directions
 
-1. Encoders are read within the step just taken. A step that was taken back has length 0, so nothing is read in it.
+1. Encoders are read within the step just taken. A step that was undone has the length 0, so no encoder is read in it.
 2. `cut` is 1 where a joint starts to slide at te, and 2, 3 or 4 where joint 1, joint 2 or the arm stops.
 3. `begin_dry` takes directions from the speeds: 0 is a joint at rest. `find_margins` compares the torque on such a
    joint with its limit at the first stage. `let_go` sets its direction of motion if the limit is exceeded.
 
-The other lanes continue meanwhile. The loops that look for events become vector instructions. An event itself is rare
-and is handled in scalar code.
+The steps of all other lanes are accepted. The compiler converts the loops that look for events to vector instructions.
+Events are rare and are handled in scalar code.
 """
 
 import math
@@ -41,7 +41,7 @@ from dpr_lab.kernels import inlined, subroutine
 
 @subroutine
 def begin_dry(w: LaneWorkspace, required: Requirements) -> bool:
-    """Set length and joint directions of the next step; return whether a joint rests."""
+    """Set the length of the next step and the directions of the joints; return whether any joint is at rest."""
     for k in range(len(w.t)):
         fresh = w.t[k] >= w.until[k]
         w.until[k] = w.t[k] + w.step[k] if fresh else w.until[k]
@@ -64,9 +64,9 @@ def begin_dry(w: LaneWorkspace, required: Requirements) -> bool:
 
 @subroutine
 def accelerate_held(w: LaneWorkspace, rig: RigConstants, arm: bool) -> None:
-    """Set the accelerations of a stage with resting joints held.
+    """Set the accelerations of a stage, and the torques that hold the joints at rest.
 
-    The torques that hold these joints are also set.
+    `arm` states whether the arm can move.
     """
     if not arm:
         for k in range(len(w.t)):
@@ -80,7 +80,7 @@ def accelerate_held(w: LaneWorkspace, rig: RigConstants, arm: bool) -> None:
 
 @inlined
 def _hold(w: LaneWorkspace, k: int, rods: ReducedRods) -> None:
-    """Set the accelerations and holding torques of lane k with resting joints held."""
+    """Set the accelerations of lane k and the torques of friction that hold its joints at rest."""
     w.alpha0[k], w.alpha1[k], w.alpha2[k] = held(rods, w.direction1[k], w.direction2[k])
     w.push1[k], w.push2[k] = pushes(rods, w.direction1[k], w.direction2[k])
 
@@ -96,9 +96,9 @@ def _mode(w: LaneWorkspace, k: int, arm: bool) -> int:
 
 @subroutine
 def find_margin0(w: LaneWorkspace, active: Flags, margin0: Row) -> bool:
-    """Fill a row with the margins (limit minus torque) of resting arms, N m.
+    """Fill a row with the margins (limit of friction minus torque) of arms at rest, N m.
 
-    Return whether a margin is negative.
+    Return whether a margin is negative. The margin of a sliding arm is infinite.
     """
     for k in range(len(w.t)):
         w.limit0[k] = 0.0
@@ -114,9 +114,9 @@ def find_margin0(w: LaneWorkspace, active: Flags, margin0: Row) -> bool:
 
 @subroutine
 def find_margins(w: LaneWorkspace, active: Flags, margin1: Row, margin2: Row) -> bool:
-    """Fill two rows with the margins (limit minus torque) of joints at rest, N m.
+    """Fill two rows with the margins (limit of friction minus torque) of joints 1 and 2 at rest, N m.
 
-    Return whether a margin is negative.
+    Return whether a margin is negative. The margin of a sliding joint is infinite.
     """
     for k in range(len(w.t)):
         w.limit1[k], w.limit2[k] = 0.0, 0.0
@@ -133,9 +133,9 @@ def find_margins(w: LaneWorkspace, active: Flags, margin1: Row, margin2: Row) ->
 
 @subroutine
 def let_go(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requirements) -> None:
-    """Set the sliding direction of resting joints whose friction limit is exceeded.
+    """Set the sliding directions of joints at rest whose friction limit is exceeded.
 
-    The torque is that at the start of the step.
+    The margins and torques are those of the first stage of the step.
     """
     arm = required.arm
     for side in (1.0, -1.0):
@@ -200,7 +200,7 @@ def _alphas(w: LaneWorkspace, k: int) -> Three:
 
 @subroutine
 def _end_cut(w: LaneWorkspace, k: int) -> None:
-    """Set a joint to rest if it stops at the end of the step of lane k."""
+    """Set a joint to rest if it stops at the end of the shortened step of lane k."""
     joint = int(w.cut[k]) - 1
     if joint > 0:
         speed, acceleration = of_joints(_omegas(w, k))[joint - 1], of_joints(_alphas(w, k))[joint - 1]
@@ -237,7 +237,7 @@ def _look_for_event(w: LaneWorkspace, k: int, required: Requirements, resting: b
     if not share < 1.0:
         return
     h = w.h[k]
-    _take_back(w, k, required)
+    _undo(w, k, required)
     w.events[k] += 1.0
     if share >= EVENTS.shortest:
         w.ahead[k], w.cut[k] = share * h, joint + 1.0
@@ -246,8 +246,8 @@ def _look_for_event(w: LaneWorkspace, k: int, required: Requirements, resting: b
 
 
 @subroutine
-def _take_back(w: LaneWorkspace, k: int, required: Requirements) -> None:
-    """Return lane k to the start of its step, as if its length were 0."""
+def _undo(w: LaneWorkspace, k: int, required: Requirements) -> None:
+    """Undo the step of lane k, and set its length to 0."""
     w.t[k], w.h[k] = w.old_t[k], 0.0
     w.theta1[k], w.theta2[k] = w.old_theta1[k], w.old_theta2[k]
     w.omega1[k], w.omega2[k] = w.old_omega1[k], w.old_omega2[k]

@@ -1,7 +1,7 @@
 """Effects in the lanes of a workspace, one loop per effect.
 
-The loop of an effect that is off is skipped. The loops are generated from the same rows of
-`dpr_lab.effects.stages.STAGES` as the scalar versions.
+The loop of an inactive effect is skipped. The loops are generated from the same rows of `dpr_lab.effects.stages.STAGES`
+as the scalar versions.
 """
 
 import math
@@ -54,9 +54,9 @@ _NAMES |= {
 
 
 def lane_stage(stage: str) -> Any:
-    """Return the compiled lane version of a stage.
+    """Return the compiled function of a stage for all lanes.
 
-    It has the form (w, [constants,] active) -> None and updates the rows of its results.
+    It has the form (w, [constants,] active) -> None, and updates the rows in which the stage has its results.
     """
     calls = contributions(stage)
     arguments = "w, constants, active" if "constants" in STAGES[stage].quantities else "w, active"
@@ -108,7 +108,7 @@ _move_states = lane_stage("transition")
 def displaced(w: LaneWorkspace, active: Flags) -> None:
     """Fill the rows `moved` with the internal states after the displacements of the joints.
 
-    The initial values are those in `old_internal`.
+    The displacements start from the states in `old_internal`.
     """
     copy_rows(w.old_internal, w.moved)
     _move_states(w, active)

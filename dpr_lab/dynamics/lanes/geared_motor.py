@@ -1,17 +1,17 @@
 """Motor behind the backlash of the arm's gear, computed in the lanes.
 
 Inside the backlash the arm moves alone, without the inertia J and the viscous friction c0 of the motor. In contact, arm
-and motor are one body. Contact is decided at the start of each step; h is the length of the step. Each step is
-computed first for the arm, then for the motor. Let q be the angle of the motor and tau its torque. The balance of the
-motor's momentum gives the impulse P of the gear and its first moment M about the end of the step:
+and motor are one body. Contact is decided at the start of each step; h is the length of the step. Each step is computed
+first for the arm, then for the motor. Let q be the angle of the motor and tau its torque. The balance of the motor's
+momentum gives the impulse P of the gear and its first moment M about the end of the step:
 
     P = tau h - c0 (change of q) - J (change of dq/dt)
     M = tau h^2/2 - c0 h/2 (change of q) - J (change of q - h dq/dt at the start)
 
-The parts of P and M that the step already contained are subtracted. A torque (`fed`) transmits the remainder of impulse
-and moment to the arm within two steps. Momentum is therefore also conserved at an impact, and the arm moves as after an
-impact at its exact instant. After an impact the motor stays in contact for one step, in which both bodies take their
-common speed. The loops over lanes have the form described in `stepping`.
+The parts of P and M that the torques of the step already contained are subtracted. A torque (`fed`) transmits the
+remainder of impulse and moment to the arm within two steps. Momentum is therefore also conserved at an impact, and the
+arm moves as after an impact at its exact instant. After an impact the motor stays in contact for one step, in which
+both bodies take their common speed. The loops over lanes have the form described in `stepping`.
 """
 
 from dpr_lab.arrays import Flags
@@ -23,7 +23,7 @@ from dpr_lab.kernels import subroutine
 
 @subroutine
 def begin_gear(w: LaneWorkspace) -> None:
-    """Set inertia and friction of the arm for the step; store the state of the motor."""
+    """Set the inertia and friction of the arm for the next step, and store the state of the motor."""
     for k in range(len(w.t)):
         w.old_hold0[k], w.old_motor_speed0[k], w.old_loose0[k] = w.hold0[k], w.motor_speed0[k], w.loose0[k]
         w.inertia[k] = w.geared_inertia[k] - w.loose0[k] * w.motor_inertia0[k]
@@ -34,7 +34,7 @@ def begin_gear(w: LaneWorkspace) -> None:
 
 @subroutine
 def fed(owed: float, behind: float, step: float) -> float:
-    """Return the torque that transmits an impulse with its first moment within two steps.
+    """Return the torque that transmits an impulse and its first moment within two steps, N m.
 
     Args:
         owed: impulse, N m s
@@ -73,9 +73,9 @@ def follow(w: LaneWorkspace, active: Flags, until: float) -> None:
 
 @subroutine
 def balance_gear(w: LaneWorkspace) -> None:
-    """Compute the impulse that the gear still transmits after a step.
+    """Compute the impulse that the gear must still transmit after a step.
 
-    Before the release, the motor moves with the arm.
+    Before the release, the motor moves with the arm, and the impulse is zero.
     """
     for k in range(len(w.t)):
         h, geared = w.h[k], 1.0 - w.old_loose0[k]

@@ -35,7 +35,7 @@ def predict_tracks(
     rig: RigConstants,
     buffers: Buffers,
 ) -> None:
-    """Compute readings, and internal states at segment starts, into `buffers`.
+    """Write the readings of tracks, and the internal states at their segment starts, to `buffers`.
 
     Args:
         advance: step function of `dpr_lab.dynamics.lanes.stepping`
@@ -64,13 +64,13 @@ def predict_tracks(
 
 @subroutine
 def _piece(tracks: Tracks, track: int, turn: int) -> Piece:
-    """Return segment number `turn` of a track, and the candidate of the track."""
+    """Return the candidate of a track, and the index of its segment number `turn`."""
     return Piece(int(tracks.candidate[track]), int(tracks.first[track]) + turn)
 
 
 @subroutine
 def _load_block(first: int, last: int, tracks: Tracks, block: LaneBlock, buffers: Buffers) -> int:
-    """Load a block of tracks into the lanes; return the largest number of segments.
+    """Load a block of tracks into the lanes; return the largest number of segments of a track.
 
     Spare lanes are loaded with the last track.
     """
@@ -154,7 +154,7 @@ def _hand_over(
 ) -> None:
     """Store the internal states for the next segment, if that segment starts in this step.
 
-    The backlash of joints 1 and 2 is stored as it is at the end of the step.
+    The states of the backlash of joints 1 and 2 are those at the end of the step.
     """
     if not shares(w, w.handed, 1.0):
         return

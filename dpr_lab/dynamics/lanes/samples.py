@@ -37,7 +37,7 @@ class LaneSamples(NamedTuple):
 def _read_arm(w: LaneWorkspace) -> None:
     """Fill the row `angle0` with theta0 at the fraction `share` of the step.
 
-    If the reading of the arm is delayed, theta0 at the earlier instant is used.
+    A delayed reading of the arm has the value of theta0 at an earlier instant.
     """
     for k in range(len(w.t)):
         w.angle0[k] = angle0(w, k, w.share[k] - w.late0[k] / w.h[k])
@@ -45,7 +45,7 @@ def _read_arm(w: LaneWorkspace) -> None:
 
 @subroutine
 def shares(w: LaneWorkspace, due: Row, until: float) -> bool:
-    """Fill the row `share` with the time of the next reading, relative to the step.
+    """Fill the row `share` with the instant of the next reading, as a fraction of the step.
 
     Returns:
         whether any lane has a reading up to the fraction `until`
@@ -60,7 +60,7 @@ def shares(w: LaneWorkspace, due: Row, until: float) -> bool:
 
 @subroutine
 def _after_reading(due: Row, k: int, t: Array, j: int, count: int) -> int:
-    """Set the next sampling time of lane k after sample j; return j + 1."""
+    """Set the time of the next reading of lane k after sample j, or inf after the last; return j + 1."""
     due[k] = t[k, j + 1] if j + 1 < count else np.inf
     return j + 1
 

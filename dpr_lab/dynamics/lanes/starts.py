@@ -55,7 +55,7 @@ def load_track(w: LaneWorkspace, k: int, c: int, r: int, block: LaneBlock) -> No
 
 @subroutine
 def reads_apart(required: Requirements) -> bool:
-    """Return whether the encoders of joints 1 and 2 are read one after the other."""
+    """Return whether the encoders of joints 1 and 2 are read separately, because of backlash or different times."""
     return required.timing or required.play or required.play1 or required.play0
 
 
@@ -82,8 +82,8 @@ def segment_start(first: float, near: float = 0.04) -> float:
 def begin_segment(k: int, piece: Piece, block: LaneBlock, buffers: Buffers) -> None:
     """Set lane k to the start of a segment.
 
-    The lane stays idle if a sampling time is not finite. The internal states are those at the end of the previous
-    segment, unless the candidate defines their values.
+    The lane stays idle if a sampling time is not finite. The initial internal states are those of the candidate, or
+    those at the end of the previous segment where the candidate has nan.
     """
     w, samples, (c, s) = buffers.w, buffers.samples, piece
     until = _set_samples(k, piece, block, samples)
@@ -109,7 +109,7 @@ def begin_segment(k: int, piece: Piece, block: LaneBlock, buffers: Buffers) -> N
 
 @subroutine
 def _leave_idle(k: int, samples: LaneSamples, after: Array) -> None:
-    """Set readings and internal states of lane k to NaN, because integration is impossible."""
+    """Set the readings and internal states of lane k to NaN, because its segment cannot be integrated."""
     for n in range(samples.size[k] * samples.columns):
         samples.out[samples.first[k] + n] = np.nan
     for n in range(len(after)):
@@ -120,7 +120,8 @@ def _leave_idle(k: int, samples: LaneSamples, after: Array) -> None:
 def _set_samples(k: int, piece: Piece, block: LaneBlock, samples: LaneSamples) -> float:
     """Set the sampling times of lane k.
 
-    The result is the first sampling time of the next segment, s.
+    Returns:
+        the first sampling time of the next segment, s; the last one of this segment if there is no next one
     """
     t, required, (c, s) = block.segments.t, block.required, piece
     i, j = block.segments.offsets[s], block.segments.offsets[s + 1]
@@ -143,7 +144,7 @@ def _set_samples(k: int, piece: Piece, block: LaneBlock, samples: LaneSamples) -
 
 @subroutine
 def _set_state(w: LaneWorkspace, k: int, initial: Array, internal: Array, relative2: float) -> None:
-    """Set lane k to the start of its segment, with no step or event pending."""
+    """Set lane k to the initial state of its segment, with no event pending."""
     w.until[k], w.ahead[k], w.cut[k] = w.t[k], 0.0, 0.0
     w.theta1[k], w.theta2[k], w.omega1[k], w.omega2[k] = (
         initial[0],
@@ -178,7 +179,7 @@ def _set_motor(w: LaneWorkspace, k: int, params: Array, active: Flags) -> None:
 def reset_internal(segments: SegmentArrays, s: int, initial: Array, internal: Array) -> None:
     """Set the internal states at the start of a run.
 
-    If the run starts with the release, the states are those of a rig at rest. If it starts later, they are the states
+    If the run starts with the release, they are the states of a rig at rest. If it starts later, they are the states
     after long sliding.
     """
     for n in range(len(internal)):

@@ -1,18 +1,17 @@
 """Runge-Kutta steps in vector lanes, with the physics of `dpr_lab.dynamics.step`.
 
-Theory of operation. A track is one candidate along one segment. Tracks whose candidates have the same active effects
-are integrated together in one workspace, one in each lane, with a row of numbers for each quantity (`workspace`). Each
-part of a step is a loop over the lanes that the compiler converts to vector instructions. These loops contain no
-branches or calls; tanh, exp and sincos are therefore polynomials (`dpr_lab.effects.elementary`). Each effect is a
-separate loop, which is skipped if the effect is off (`effects`). Such a loop reads the motion of the stage from the
-workspace and adds to five rows of terms. Loops that only some effects need (the arm, joint forces, internal states) are
-skipped in the same way.
+Theory of operation. A track is one candidate along one segment. Tracks with the same active effects are integrated
+together in one workspace, one in each lane, with a row of numbers for each quantity (`workspace`). Each part of a step
+is a loop over the lanes that the compiler converts to vector instructions. These loops contain no branches or calls;
+tanh, exp and sincos are therefore polynomials (`dpr_lab.effects.elementary`). Each effect is a separate loop, which is
+skipped if the effect is off (`effects`). Such a loop reads the motion of the stage from the workspace and adds to five
+rows of terms. Loops that only some effects need (the arm, joint forces, internal states) are skipped in the same way.
 
 Each lane has its own time and its own step. Sums are not reassociated and lanes are independent, so the result of a
 candidate is bit-identical in any block and for any number of threads.
 
-An arm is held until the release. Until all lanes are released, the loop of the arm checks each lane. This check is
-needed only in a few steps at the beginning of a run.
+An arm is held until the release. The loop of the arm checks each lane for this, but only in the few steps before the
+last lane is released.
 """
 
 from functools import cache
@@ -137,7 +136,7 @@ def _begin_arm(w: LaneWorkspace) -> None:
 def _place(w: LaneWorkspace, share: float) -> None:
     """Set the state of a stage at the fraction `share` of the step.
 
-    The state follows from the speeds and accelerations of the previous stage; at the first stage, `share` is zero.
+    The state follows from the speeds and accelerations of the previous stage. `share` is zero at the first stage.
     """
     for k in range(len(w.t)):
         ahead = share * w.h[k]
@@ -202,10 +201,7 @@ def _accelerate(
 
 @subroutine
 def _add_arm(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requirements) -> None:
-    """Compute all torques on the arm.
-
-    The torques of the same effects on the rods are also computed.
-    """
+    """Compute the torques of drive and effects on the arm, and the torques of the same effects on the rods."""
     for k in range(len(w.t)):
         w.torque0[k] = w.drive0[k]
     if required.drive0:

@@ -60,7 +60,7 @@ def tracks_of(active: Flags, chained: Flags, run: Integers, chains: Integers) ->
 
 @lru_cache(maxsize=32)
 def _tracks(shape: tuple[int, int, int], active_: bytes, chained_: bytes, run_: bytes, chains_: bytes) -> Tracks:
-    """Implement `tracks_of` with hashable arguments, for the cache."""
+    """Compute the result of `tracks_of` from arguments that can be hashed for the cache."""
     n, runs, _ = shape
     active, chained = (
         np.frombuffer(mask, dtype=np.bool_).reshape(size) for mask, size in ((active_, shape), (chained_, (n, runs)))
@@ -90,10 +90,11 @@ def _parts(
     first: Integers,
     last: Integers,
 ) -> Integers:
-    """Return the kind, the candidate, and the first and last segment of each track.
+    """Return four rows of integers for tracks, (4, tracks).
 
-    The result is (4, tracks). Only candidates that `which` marks have tracks. Neighbouring tracks belong to candidates
-    of the same segment where possible, so that neighbouring lanes have the same times.
+    The rows are the index of the set of active effects, the candidate, the first segment, and the index after the last
+    segment. Only the pairs of candidate and run in the mask `which` have tracks. Neighbouring tracks belong to
+    candidates on the same segment where possible, so that neighbouring lanes have the same times.
     """
     columns = run[first] if which.shape[1] > 1 else np.zeros(len(first), dtype=np.int64)
     segment, candidate = np.nonzero(which[:, columns].T)

@@ -22,7 +22,8 @@ LANES = 16
 FEW_LANES = 2
 """Number of lanes for one or two tracks with internal states.
 
-The other lanes would be spare. A step takes about half the time."""
+Further lanes would be spare. A step of 2 lanes takes about half the time of a step of 16 lanes.
+"""
 
 Row = Array
 """(lanes,) one quantity in all lanes."""
@@ -131,8 +132,8 @@ class LaneWorkspace:
     # arm with prescribed motion: mean acceleration and mean squared speed over the step
     prescribed: Row
     squared: Row
-    # a free or driven arm: its known torque over the step, all torques on it, the lead of its readings, its rotation
-    # since the start of the step, and the rows above that describe sliding and resting joints
+    # a free or driven arm: its known torque over the step, the torque of drive and effects, the delay of its readings,
+    # its rotation since the start of the step, and the rows above that describe sliding and resting joints
     drive0: Row
     torque0: Row
     late0: Row
@@ -253,7 +254,7 @@ def motion_at(w: LaneWorkspace, k: int) -> Motion:
 
 @inlined
 def joint0_at(w: LaneWorkspace, k: int) -> Joint:
-    """Return the arm's joint of lane k, as `joint0` does, with zero force."""
+    """Return the joint of the arm of lane k, with zero force."""
     return Joint(
         w.stage_t[k], w.stage_theta0[k], w.stage_omega0[k], w.displacement0[k], 0.0,
         w.direction0[k],
@@ -281,11 +282,11 @@ def joint2_at(w: LaneWorkspace, k: int) -> Joint:
 
 @inlined
 def terms_at(w: LaneWorkspace, k: int) -> Terms:
-    """Return the terms of the effects of lane k at the stage."""
+    """Return the contributions of the effects to the equation of motion of lane k at the current stage."""
     return Terms(w.term_a[k], w.term_b[k], w.term_coupling[k], w.torque1[k], w.torque2[k])
 
 
 @inlined
 def waits(w: LaneWorkspace, k: int) -> bool:
-    """Return whether a step of lane k that starts at `old_t` is before the release."""
+    """Return whether the current step of lane k, from `old_t` on, is before the release."""
     return not w.old_t[k] > -0.5 * w.step[k]

@@ -18,7 +18,7 @@ from dpr_lab.setup import Torques
 
 @dataclass(frozen=True, slots=True)
 class FollowedSwing:
-    """Simulated segments on a time grid, with the quantities that `dpr_lab.fitting.response` requires.
+    """Simulated segments on a time grid, with the quantities that `dpr_lab.fitting.response` needs.
 
     The axes are theta1, theta2, theta0.
     """
@@ -46,7 +46,7 @@ _INERTIA, _VISCOUS, _EXCESS = (
 
 @dataclass(frozen=True, slots=True)
 class FollowSettings:
-    """Increments for derivatives of simulated swings, and limits beyond which a simulation counts as failed."""
+    """Increments for the derivatives of simulated swings, and limits beyond which a simulation has failed."""
 
     step: float = 1e-5
     """Increment of each component of an initial state for forward differences, rad and rad/s."""

@@ -47,7 +47,7 @@ class ArmSegments(NamedTuple):
 def arm_segments(
     t: list[Array], mode: list[int], drive: list[Array], max_step: float = 2.5e-3, slope: list[Array] | None = None
 ) -> ArmSegments:
-    """Arrange segments in sequence, from the data of each segment.
+    """Concatenate segments.
 
     Args:
         t: for each segment, (n,) increasing times, s

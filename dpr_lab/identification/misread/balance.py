@@ -40,7 +40,8 @@ class EnergySettings:
     """Settings of the energy test."""
 
     motion: LocalMotionSettings = field(default=LocalMotionSettings(degree=3, window_share=1 / 16, window=(7, 51)))
-    """Local polynomials for the velocities; their short windows also suit a rod that turns five times as fast."""
+    """Local polynomials for the velocities, with windows that are short enough for rods of five times the usual speed.
+    """
     smooth: LocalMotionSettings = field(default=LocalMotionSettings(degree=3, window_share=1 / 4, window=(7, 201)))
     """Longer windows for noisy readings at usual speeds.
 
@@ -66,14 +67,14 @@ class EnergySettings:
     Coulomb friction can hold a rod away from the vertical by this angle. A camera can also be tilted by this angle.
     """
     unexplained: tuple[float, float] = (0.3, 0.8)
-    """Maximum residual of the balance that is not evidence of another force, for free and for driven swings.
+    """Maximum residual of the balance without another force, for free and for driven swings.
 
     The Coulomb friction of geared drives on real rigs dissipates up to half of the exchanged energy.
     """
     exchanged: float = 0.9
-    """Minimum correlation of kinetic and potential energy, without trend and friction.
+    """Minimum correlation of kinetic and potential energy, after trend and friction are projected out.
 
-    Above it, other time units and frame rates are tested.
+    Above it, the time scale follows from both energies.
     """
     paces: tuple[float, ...] = (1.0, 2.0, 4.0, 8.0, 0.5, 0.25, 0.125)
     """Tested speeds of a stored video, relative to its stated frame rate."""
@@ -87,7 +88,7 @@ class EnergySettings:
 ENERGY = EnergySettings()
 
 Law = Literal["viscous", "drag"]
-"""Law of the friction that rises with the speed: in proportion to the speed, or to its square."""
+"""Law of the friction that increases with speed: in proportion to the speed (viscous) or to its square (drag)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +100,7 @@ class EnergyFit:
     time_scale: float
     """Time scale factor at which kinetic and potential energy balance; 1 if the times are correct, nan if unknown."""
     kinetic_scale: float
-    """Time scale factor from the magnitudes of both energies; accurate to a factor of ten.
+    """Time scale factor from the sizes of both energies, accurate to a factor of ten.
 
     It is also valid for driven rods.
     """
@@ -112,9 +113,9 @@ def mounted_base(rig: Rig, Z: ArrayLike) -> Array:
 
 
 def periods(rig: Rig) -> tuple[float, float]:
-    """Compute the periods of both small oscillations about the hanging position, longer first, s.
+    """Return the periods of both small oscillations about the hanging position, longer first, s.
 
-    The values of the rig file are used. For one degree of freedom, both periods are equal. A clamped elbow is assumed
+    They are computed from the rig file. For one degree of freedom, both periods are equal. A clamped elbow is assumed
     to be straight.
     """
     a, b, d, e1, *_ = mounted_base(rig, rig.nominal).tolist()
@@ -148,15 +149,15 @@ def energy_fit(t: Array, rods: Array, torques: Array | None, rig: Rig) -> Energy
 
 
 def energy_zeros(t: Array, rods: Array, rig: Rig, *, nearest: bool = False) -> tuple[float, float] | None:
-    """Find the zero corrections of both rods with the best energy balance, rad.
+    """Find the corrections of the zeros of both rods that give the best energy balance, rad.
 
-    The angles are less than one turn. The result is None if the motion is too small.
+    Their sizes are less than one turn. The result is None if the motion is too small.
 
     Args:
         t: (n,) times, s
         rods: (n, 2) absolute angles, rad
         rig: the recorded rig
-        nearest: whether to search only from added angles of zero
+        nearest: whether to search only from corrections of zero
     """
     stride = max(1, len(rods) // ENERGY.zero_rows)
     terms = _terms_of_table(t[::stride], rods[::stride], None, rig)
@@ -199,8 +200,8 @@ def residual_near(
 def other_pace(t: Array, rods: Array, rig: Rig) -> float:
     """Find the factor by which a free swing was faster than its stated times.
 
-    The result is 1 unless another factor clearly improves the energy balance. The factor is for example larger than 1
-    for a slow-motion video, in which the camera recorded more frames per second than the video plays.
+    The result is 1 unless another factor clearly improves the energy balance. The factor exceeds 1 for a slow-motion
+    video, in which the camera recorded more frames per second than the video plays.
 
     Args:
         t: (n,) times, s
@@ -305,7 +306,7 @@ def balance_terms(moving: LocalMotion, torques: Array | None, rig: Rig, law: Law
 
 
 def _residual(covariance: Array, added: Array, loops: Loops | None = None) -> float:
-    """Compute the rms error of the balance; see `fit_balance`."""
+    """Return the rms error of `fit_balance`."""
     return fit_balance(covariance, added, loops)[0]
 
 
@@ -342,7 +343,7 @@ def fit_balance(covariance: Array, added: Array, loops: Loops | None = None) -> 
 def coefficient_bounds(dry: float, driven: int) -> tuple[Array, Array]:
     """Return lower and upper bounds (7 or 8,) of the coefficients of a balance, relative to the rig file.
 
-    The coefficients are those of a, b, d, viscous friction (2), Coulomb friction (2), and known torques.
+    The order is a, b, d, viscous friction (2), Coulomb friction (2), and known torques.
 
     Args:
         dry: maximum coefficient of Coulomb friction

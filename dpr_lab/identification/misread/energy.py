@@ -1,4 +1,4 @@
-"""Test whether the rods, or the rods and the arm, gain energy from a drive that is not described.
+"""Test whether the rods, or rods and arm, gain energy from a drive that the description does not contain.
 
 The energy E of the rods, divided by the base parameter b, is linear in the ratios of the rods. The work of known
 torques, divided by b, is linear in 1/b:
@@ -90,10 +90,10 @@ def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig) -> float:
 
 
 def energy_remedy(runs: Sequence[Run], rig: Rig) -> str:
-    """Describe the probable causes of an energy increase and their remedies.
+    """Describe the probable causes of an energy increase and how to correct them.
 
-    A known torque, a motor in the rig file and a moving encoder 0 are evidence for their own cause. Without such
-    evidence, an undescribed drive and wrong readings are both possible.
+    A known torque, a motor in the rig file or a moving encoder 0 indicates the cause. Without such evidence, an
+    undescribed drive and wrong readings are both possible.
     """
     runs = [run for run in runs if run.arm is None]
     if any(run.torques is not None for run in runs):
@@ -129,8 +129,8 @@ def relative_rise(
 
     Args:
         means: for each run, (intervals, k) means of the terms of the energy; the parameter of the first term is 1
-        parts: for each run, (n, at most k) terms that determine the range, without the work
-        bounds: (k - 1) bounds of the parameters after the first
+        parts: for each run, (n, at most k) terms that determine the range of the energy, without the work
+        bounds: bounds of the k - 1 other parameters
     """
     from scipy.optimize import linprog
 
@@ -170,7 +170,7 @@ def _terms(prepared: PreprocessedRun, rig: Rig) -> Array:
 
 
 def interval_means(terms: Array, t: Array) -> Array:
-    """Average the terms over intervals of the length `ENERGY.apart_s`; the result is (intervals, k)."""
+    """Return the (intervals, k) means of terms (n, k) over intervals of `ENERGY.apart_s`."""
     edges = np.flatnonzero(np.diff(np.floor((t - t[0]) / ENERGY.apart_s), prepend=-1.0))
     return np.add.reduceat(terms, edges) / np.diff(edges, append=len(t))[:, None]
 

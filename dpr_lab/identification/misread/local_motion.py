@@ -25,9 +25,9 @@ class LocalMotionSettings:
     No window contains a gap.
     """
     looked_at_s: float = 10.0
-    """Duration of a table that is examined, s; an incorrect interpretation is detectable from the start."""
+    """Duration of the beginning of a table that is examined, s; it suffices to detect a wrong interpretation."""
     looked_at: int = 2000
-    """Minimum number of rows that are examined; needed because the unit of time may be incorrect."""
+    """Minimum number of rows that are examined, because the unit of time may be wrong."""
     fewest: int = 30
     """Minimum number of windows for a result."""
     instants: int = 1500
@@ -39,7 +39,7 @@ class TurningSettings:
     """Threshold from which a reversal of the motion counts as a turning point."""
 
     back: float = 0.05
-    """Minimum motion in both directions, relative to the range of the angle."""
+    """Minimum motion in both directions at a turning point, relative to the range of the angle."""
 
 
 TURNING = TurningSettings()
@@ -62,7 +62,7 @@ class LocalMotion:
 
 
 def local_motion(t: Array, rods: Array, period_s: float, settings: LocalMotionSettings) -> LocalMotion | None:
-    """Estimate the motion at the centres of windows.
+    """Estimate angles, speeds and accelerations at the centres of windows.
 
     The result is None if there are too few rows, or if times are numerically equal.
 

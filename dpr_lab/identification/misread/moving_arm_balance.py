@@ -50,11 +50,11 @@ class ArmBalanceSettings:
     changes only one of them.
     """
     sure: float = 3.0
-    """Minimum difference of the squared scale from a limit, in standard deviations."""
+    """Minimum difference between the squared scale and a limit, in standard deviations."""
     degrees: float = 1.4
-    """Maximum factor between a scale and the conversion factor of degrees, for which degrees are the cause.
+    """Maximum factor between a scale and that of degrees for which the readings are in degrees.
 
-    Noise reduces an estimated scale by a factor up to 1.3.
+    Noise reduces an estimated scale by a factor of up to 1.3.
     """
     simple: float = 1.15
     """Maximum factor between a scale and 1/2 or 2 for which the scale counts as this value."""
@@ -65,7 +65,7 @@ ARM_BALANCE = ArmBalanceSettings()
 
 @dataclass(frozen=True, slots=True)
 class ArmBalance:
-    """Result of fitting the equation of the last rod."""
+    """Result of a fit of the equation of motion of the last rod."""
 
     residual: float
     """Relative residual: rms of the residual over rms of the acceleration; NaN with too few rows."""
@@ -132,7 +132,7 @@ def arm_balance(t: Array, theta: Array, rig: Rig) -> ArmBalance:
 
 
 def angles_are_right(runs: Iterable[Run], rig: Rig) -> bool:
-    """Check whether a recording shows that signs, zeros and scales of the angles are right.
+    """Check whether any recording shows that signs, zeros and scales of the angles are right.
 
     Args:
         runs: recordings of a moving arm

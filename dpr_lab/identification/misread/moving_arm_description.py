@@ -36,9 +36,9 @@ class DescriptionLimits:
     The correct zero or scale reduces it by a factor of at least 100.
     """
     unit: float = 0.5
-    """Maximum distance between the logarithms (base 10) of the gain and of a unit's factor."""
+    """Maximum difference between log10 of the gain and log10 of the factor of a unit."""
     gain: float = 1.5
-    """Largest deviation of the gain from the rig file that a motor constant can explain, as |log10| of their ratio."""
+    """Maximum |log10| of the ratio of the gain to the rig file that an error of a motor constant can explain."""
 
 
 DESCRIPTION = DescriptionLimits()
@@ -94,15 +94,15 @@ def wrong_angles(
     fitted: Callable[[ScaledReadings], Interpreted | None],
     others: Sequence[ScaledReadings] = OTHER_ANGLES,
 ) -> str:
-    """Return a message if a different interpretation explains the angles far better.
+    """Return a message if another interpretation explains the angles far better, otherwise an empty text.
 
-    Otherwise return an empty text. The alternatives are another scale or unit, which the acceleration of the last rod
-    indicates, opposite signs of arm and rods, another zero of the rods, and half or twice the angles.
+    The alternatives are another scale or unit, which the acceleration of the last rod indicates, opposite signs of arm
+    and rods, another zero of the rods, and half or twice the angles.
 
     Args:
         runs: the recordings in which the arm moves
         rig: the recorded rig
-        fitted: function that fits the recordings in an interpretation; None if they cannot be fitted
+        fitted: function that fits the recordings in an interpretation; it returns None if they cannot be fitted
         others: interpretations that are tested if neither scale nor sign is the cause
     """
     for run in (run.swing for run in runs):
@@ -128,13 +128,13 @@ def wrong_angles(
 
 
 def wrong_sign(rig: Rig, before: float, after: float, *, of_rods: bool) -> str:
-    """Describe the incorrect sign if the model fits with the opposite sign of the arm or of the rods.
+    """Return a message about the incorrect sign if the opposite sign of the arm or of the rods fits.
 
     Args:
         rig: rig with its mounted rods
         before: reduced chi-square with the described sign
         after: reduced chi-square with the opposite sign
-        of_rods: True if arm and input agree with each other, so that the sign of the rods is incorrect
+        of_rods: whether arm and input agree with each other, so that the sign of the rods is incorrect
     """
     rods = "theta1=-1,theta2=-1" if rig.rods.mounted == "both" else "theta1=-1"
     subject, option = (

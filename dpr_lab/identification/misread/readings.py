@@ -33,15 +33,18 @@ class Misreading:
     time_factor: float = 1.0
     """Factor on the times in this interpretation."""
     smaller: bool = False
-    """Whether the angles are smaller than the readings, so that the period hardly depends on the amplitude."""
+    """Whether the true angles are smaller than the readings.
+
+    The period then hardly depends on the amplitude.
+    """
 
 
 HELD_BY_SPRING = "a spring or cable holds the rod: compare the reading with an angle measured on the rig"
-"""Cause of a period that hardly depends on the amplitude, if the readings are the angles."""
+"""Cause of a period that hardly depends on the amplitude, if the scale of the readings is correct."""
 
 
 def listed_causes(tried: Sequence[Misreading], runs: Sequence[Run]) -> str:
-    """List the mistakes that some interpretations correct.
+    """List the causes of the given interpretations in words.
 
     If smaller angles fit a swing without full turns, a spring is listed as another possible cause.
     """
@@ -57,7 +60,7 @@ def _below_upright(run: Run) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class ZeroSettings:
-    """Limits for the zeros that are tested."""
+    """Limits of the zeros and scales that are tested."""
 
     least_deg: float = 5.0
     """Smallest error of a zero that is tested, degrees. Smaller errors are fitted as an encoder offset."""
@@ -81,9 +84,10 @@ def readings(rig: Rig) -> tuple[Misreading, ...]:
 
 
 def arm_scales(runs: Sequence[Run], rig: Rig) -> Iterator[Misreading]:
-    """Find an interpretation with another scale of a prescribed arm by the torque balance of the last rod.
+    """Yield the interpretation with the scale of a prescribed arm that the torque balance indicates.
 
-    The scale is the median of the runs, or the lower of the two middle ones.
+    The scale is the median of the runs, or the lower of the two middle ones. No interpretation is yielded for a scale
+    near 1.
     """
     swings = [run.swing for run in runs if run.arm is not None]
     balances = [arm_balance(swing.t, swing.theta, rig) for swing in swings]
@@ -107,9 +111,9 @@ def _with_arm_times(factor: float, run: Run) -> Run | None:
 
 
 def other_zeros(runs: Sequence[Run], rig: Rig) -> Iterator[Misreading]:
-    """Find interpretations with different zeros of the rods by the energy balance.
+    """Yield interpretations with the zeros of the rods that the energy balance indicates.
 
-    Each free swing gives one interpretation.
+    Each free swing gives at most one interpretation.
     """
     tried: list[Array] = []
     for run in (run.swing for run in runs):
@@ -366,13 +370,13 @@ def _with_moving_arm(run: Run) -> Run | None:
 
 
 def arm_turned(run: Run, above_noise: float = 20.0) -> bool:
-    """Check whether the arm's encoder shows a motion.
+    """Check whether the encoder of the arm shows a motion.
 
     The result is False if the arm was not measured.
 
     Args:
-        run: a run, whose readings of theta0 are constant if the arm was not measured
-        above_noise: smallest range of theta0 that counts as motion of the arm, in standard deviations of the readings
+        run: the run; its readings of theta0 are constant if the arm was not measured
+        above_noise: minimum range of theta0 that counts as motion of the arm, in standard deviations of the readings
     """
     theta0 = run.swing.theta[:, 0]
     if len(theta0) <= max(ORDER, FEWEST) or not np.isfinite(theta0).all():

@@ -81,7 +81,7 @@ _NO_GRAVITY = (
 
 
 def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError | None]:
-    """Fit the recordings as described, or return the error."""
+    """Fit the recordings as described; return the fit, or the error that prevents it."""
     try:
         return fitted(runs, rig), None
     except RunError as error:
@@ -89,7 +89,7 @@ def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError |
 
 
 def refuse_impossible_scale(unknown: Array, runs: Sequence[Run], rig: Rig, effects: Sequence[str] = ()) -> None:
-    """Check that the fitted ratios are positive and the inertia b is possible.
+    """Check that a rig can have the fitted ratios and the fitted inertia b.
 
     Known torques or masses determine b. Torques that contradict the motion result in an infinite b of either sign.
     Torques in another unit result in a b that is far from the value of the rig file.

@@ -13,17 +13,23 @@ from dpr_lab.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class RiseSettings:
-    """Limits beyond which a rise of the energy shows another force."""
+    """Limits above which a rise of the energy shows another force."""
 
     share: float = 0.1
-    """Minimum rise of the energy, relative to the exchanged potential energy, that only another force can cause. It is
-    at most 0.015 in 10 free swings of real rigs, and 0.05 to 0.14 if a hand lets go with a push."""
+    """Minimum rise of the energy, relative to the exchanged potential energy, that only another force can cause.
+
+    The rise is at most 0.015 in 10 free swings of real rigs, and 0.05 to 0.14 if a hand lets go with a push.
+    """
     ratio: float = 4.0
-    """Minimum ratio of this rise to the rises before and after it. Noise, a wrong zero or a wrong unit causes rises in
-    each period."""
+    """Minimum ratio of a rise to the largest rise before or after it.
+
+    Noise, a wrong zero or a wrong unit causes similar rises in each period.
+    """
     most: int = 2
-    """Maximum number of rises that are compared with the remaining ones. In the recording of another rig, three rises
-    may exceed all others."""
+    """Maximum number of rises that are compared with the remaining ones.
+
+    In the recording of another rig, three rises may exceed all others.
+    """
     apart: float = 2.0
     """Minimum duration of a swing between two rises, in periods of the slower small oscillation."""
     instants: int = 6000
@@ -90,7 +96,10 @@ def energy_rises(t: Array, rods: Array, rig: Rig) -> list[EnergyRise]:
 
 
 def _rises(t: Array, energy: Array, most: int, shortest: float) -> list[tuple[int, int]]:
-    """Return the first and last indices of the `most` largest rises; a fall of the energy divides a rise."""
+    """Return the first and last indices of the `most` largest rises.
+
+    A rise is divided if the energy falls within it for at least `shortest` s.
+    """
     spans: list[tuple[int, int]] = []
     for _ in range(most):
         _, begin, end = max(_rise(energy, *part) for part in _between(spans, len(energy)))
@@ -99,7 +108,7 @@ def _rises(t: Array, energy: Array, most: int, shortest: float) -> list[tuple[in
 
 
 def _without_swings(t: Array, energy: Array, begin: int, end: int, shortest: float) -> list[tuple[int, int]]:
-    """Divide a rise by each part of at least `shortest` s in which the energy falls."""
+    """Divide a rise at each part of at least `shortest` s in which the energy falls."""
     _, start, stop = _rise(-energy, begin, end)
     least = min(energy[start] - energy[begin], energy[end] - energy[stop])
     if t[stop] - t[start] < shortest or least < RISE.share:

@@ -41,11 +41,14 @@ class TorqueBalanceSettings:
     motion: LocalMotionSettings = field(default=LocalMotionSettings(degree=4, window_share=1 / 5, window=(7, 101)))
     """Settings of the local polynomials for the accelerations."""
     fewest_a_period: float = 30.0
-    """Minimum number of rows per period of the faster oscillation; with fewer, the smallest window is too long."""
+    """Minimum number of rows per period of the faster oscillation.
+
+    With fewer rows, the smallest window is too long.
+    """
     coulomb: float = 1.0
     """Largest Coulomb friction of a joint, relative to the largest gravity torque on its rod."""
     slipping: float = 0.1
-    """Speed over which Coulomb friction changes its sign, rad/s; it is the resolution of the velocities."""
+    """Speed over which Coulomb friction changes its sign, rad/s: the resolution of the velocities."""
 
 
 TORQUES = TorqueBalanceSettings()
@@ -152,7 +155,7 @@ class TorqueBalance:
         return np.concatenate([inner, outer]) if self.rig.rods.mounting == "both" else inner + outer
 
     def _nominal(self) -> list[float]:
-        """Return the base parameters of the rig file, and the largest gravity torque e2 on the outer rod, N m."""
+        """Return the base parameters of the rig file, and the gravity torque e2 of the outer rod, N m."""
         base = mounted_base(self.rig, self.rig.nominal).tolist()
         return [*base, base[2] * self.rig.g / self.rig.L1]
 
@@ -172,9 +175,9 @@ class TorqueBalance:
 
 
 def inertias(base: Array, e2: ArrayLike, rig: Rig, elbow: float) -> Array:
-    """Divide inertias by gravity torques, s^2.
+    """Return the inertias divided by the gravity torques, s^2.
 
-    For two rods they are a/e1, b/e1 and d/e1. For one degree of freedom with the elbow clamped at an angle x, the
+    For two free rods they are a/e1, b/e1 and d/e1. For one degree of freedom with the elbow clamped at an angle x, the
     result is the inertia of both rods divided by their gravity torque:
 
         (a + b + 2 d cos(x)) / |e1 + e2 exp(i x)|
@@ -203,7 +206,7 @@ def inertia_bounds(rig: Rig, elbow: float) -> tuple[Array, Array]:
 
 
 def torque_balance(t: Array, rods: Array, torques: Array | None, rig: Rig) -> TorqueBalance | None:
-    """Set up the torque balance of one interpretation of a table.
+    """Return the torque balance of one interpretation of a table.
 
     The result is None if there are too few rows to estimate accelerations.
 

@@ -25,7 +25,7 @@ class MisreadSettings:
     """Thresholds for testing other interpretations of recordings."""
 
     looked_at_s: float = 5.0
-    """Duration of each run that is examined, s; an incorrect interpretation is detectable from the start."""
+    """Duration of the beginning of each run that is examined, s; it suffices to detect a wrong interpretation."""
     tried_s: float = 2.5
     """Duration of each run that is used in the test of other interpretations, s."""
     screened_s: float = 1.0
@@ -54,18 +54,21 @@ class MisreadSettings:
     The factor is up to 3 for correctly interpreted rods with an effect.
     """
     explained: float = 20.0
-    """Maximum reduced chi-square of another interpretation, unless it is far better than the given one.
+    """Maximum reduced chi-square of another interpretation that is not far better than the given one.
 
     The limit is needed because an incorrect interpretation may fit better by chance.
     """
     far_better: float = 1000.0
-    """Minimum factor by which the reduced chi-square of a far better interpretation is smaller."""
+    """Factor by which the reduced chi-square of a far better interpretation is smaller."""
     spare: float = 1.05
     """Factor on the physical limits of the ratios, because fitted ratios are uncertain."""
     slow: float = 2.5
-    """Period, relative to that of a point mass at L1, above which a longer part of the run is examined."""
+    """Period, relative to that of a point mass at the distance L1, above which a longer part of the run is examined."""
     rate_hz: float = 250.0
-    """Sample rate for fits of other interpretations, Hz; their difference must be far above the noise."""
+    """Sample rate for fits of other interpretations, Hz.
+
+    Their differences are far above the noise, so that fewer samples suffice.
+    """
     iterations: int = 20
     """Maximum number of iterations for another interpretation; the right one converges in ten."""
     thorough: int = 40
@@ -147,7 +150,7 @@ def check_description(runs: Sequence[Run], rig: Rig) -> DescriptionCheck:
 
 
 def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
-    """Return the reduced chi-square of a fit as described, or inf without motion."""
+    """Return the reduced chi-square of a fit as described, or inf if the runs contain no motion."""
     try:
         ratio_fit = fitted(runs, rig, quick=quick)
     except RunError:
@@ -319,7 +322,7 @@ def _ending_early(limit: float) -> GaussNewton:
 def residual(ratio_fit: RatioFit) -> float:
     """Compute the rms residual above the noise, relative to the standard deviation of the angle.
 
-    The result is that of the rod with the larger relative residual.
+    The larger value of the mounted rods is returned.
     """
     problem, segments = ratio_fit.problem, ratio_fit.problem.segments
     owner = np.repeat(segments.run, np.diff(segments.offsets))
@@ -362,11 +365,11 @@ def _preprocessed(runs: Sequence[Run], rig: Rig, seconds: float, thinned: bool =
 
 
 def _slowness(run: Run, rig: Rig) -> float:
-    """Return the ratio of the observed period of theta1 to the period of a point mass.
+    """Return the ratio of the observed period of theta1 to the period of a point mass at the distance L1.
 
-    The mass is at the distance L1. The ratio is limited to 8. A ratio above 1 indicates slow motion. Ratios up to the
-    threshold `slow` are returned as 1. The observed half period is the mean time between two passages through the
-    middle of the range. A motion within a tenth of the range around its middle is not a passage.
+    A ratio above 1 indicates slow motion. Ratios up to the threshold `slow` are returned as 1, and ratios above 8 as 8.
+    The observed half period is the mean time between two passages through the middle of the range. A motion within a
+    tenth of the range around its middle is not a passage.
     """
     angle, t = run.swing.theta[:, 1], run.swing.t
     deviation = (angle - 0.5 * (angle.max() + angle.min())) / max(float(np.ptp(angle)), 1e-12)

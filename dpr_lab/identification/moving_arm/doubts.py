@@ -26,7 +26,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class DoubtSettings:
-    """Thresholds for detecting wrong angles, and an arm that is held or hits a stop."""
+    """Thresholds for the detection of wrong angles, and of an arm that is held or hits a stop."""
 
     tried_s: float = 2.5
     """Duration of each recording that is examined for another sign, zero or scale of the angles, s."""
@@ -50,13 +50,13 @@ DOUBTS = DoubtSettings()
 def failures(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig, *, gain_seen: bool = True) -> list[str]:
     """Describe probable faults of the recordings or of their description.
 
-    The first sentence names the cause. The list is empty if there are no faults.
+    The first sentence names the most probable cause. The list is empty if there are no faults.
 
     Args:
         fit: fit of the recordings with the given description
         recordings: the fitted recordings
         rig: the recorded rig
-        gain_seen: whether the recordings determine the gain of the drive. Otherwise, sign and unit of the input are not
+        gain_seen: whether the recordings determine the gain of the drive; otherwise, sign and unit of the input are not
             tested
     """
     runs = [recording.run for recording in recordings]
@@ -71,7 +71,7 @@ def failures(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig, *, gain_
 
 
 def _wrong_angles(recordings: Sequence[ArmRecording], rig: Rig, others: Sequence[ScaledReadings]) -> str:
-    """Return a message if a different interpretation of the angles fits far better, otherwise an empty text.
+    """Return a message if another interpretation of the angles fits far better, otherwise an empty text.
 
     Short segments at the beginning of the recordings are fitted.
     """
@@ -87,9 +87,10 @@ def _wrong_angles(recordings: Sequence[ArmRecording], rig: Rig, others: Sequence
 
 
 def _gain(fit: ArmFit, rig: Rig) -> float:
-    """Return the fitted gain relative to the rig file.
+    """Return the fitted gain of the drive relative to the rig file.
 
-    If the rig file does not state the gain, the result is its sign. If the gain is not fitted, the result is 1.
+    If the rig file does not state the gain, the result is the sign of the fitted gain. If the gain is not fitted, the
+    result is 1.
     """
     if "gain" not in fit.problem.unknowns.free:
         return 1.0
@@ -144,11 +145,15 @@ def _stays(t: Array, theta0: Array, contact: int, angle: float, reach: float) ->
 
 
 def stops(t: Array, theta0: Array) -> list[tuple[str, float, list[float]]]:
-    """Find the stops of an arm: end of its range, angle, rad, and instants of the contacts, s.
+    """Find the stops of an arm.
 
     Args:
         t: (n,) times, s
         theta0: (n,) angles of the arm, rad
+
+    Returns:
+        for each stop, the end of the range (`largest` or `smallest`), its angle, rad, and the instants of the contacts,
+        s
     """
     dt = float(np.median(np.diff(t)))
     k = max(1, round(DOUBTS.contact_s / dt / 2 + 1e-6))

@@ -1,6 +1,4 @@
-"""Convert between moving-arm models and the unknowns of the fitting engine.
-
-The common engine can simulate all effects.
+"""Convert between moving-arm models and the unknowns of the fitting engine, which can simulate all effects.
 
 The unknowns of the engine are the ratios to b of a rig with both rods, b itself, and p/b. If only the inner rod is
 mounted, its motion depends only on a - p, e1 - p g/L1 and c1 (`dpr_lab.dynamics.base`). p = m2 L1^2 is the inertia of
@@ -25,11 +23,11 @@ from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import PARAMETERS, Rig
 
 OF_ARM = (FREE_ARM.name, DRIVE_GAIN.name)
-"""Effects of the engine that are part of every model with a moving arm, and not faults."""
+"""Effects of the engine that represent the arm and the gain of its drive in every model, and are not faults."""
 
 
 def engine_values(model: MovingArmModel, rig: Rig) -> tuple[Array, Array]:
-    """Convert a model to the unknowns of the engine.
+    """Convert a model to the unknowns of the fitting engine.
 
     Returns:
         (7,) five ratios to b, b and p/b; (SIZE,) effect parameters
@@ -83,5 +81,5 @@ def with_engine_values(model: MovingArmModel, unknown: Array, params: Array, rig
 
 
 def named_faults(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    """Return the effects except for the arm itself and one-time events."""
+    """Return the effects without those that represent the arm, and without one-time events."""
     return {name: dict(values) for name, values in effects.items() if name not in OF_ARM and not EFFECTS[name].event}

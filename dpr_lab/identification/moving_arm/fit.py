@@ -51,9 +51,9 @@ class ArmFit:
     problem: ArmProblem
     """The fitted problem."""
     fit: Fit
-    """Fit of the common engine."""
+    """Result of the common fitting engine."""
     at_noise: float = 0.0
-    """Reduced chi-square at the noise of the readings, if the joints are weighted by their residuals; otherwise 0."""
+    """Reduced chi-square with weights from the noise, if joints are weighted by their residuals; otherwise 0."""
     merges: tuple[tuple[float, float], ...] = ()
     """Median segment length, s, and reduced chi-square, for the first segments and after each merge."""
 
@@ -69,7 +69,7 @@ class ArmFit:
 
     @property
     def values(self) -> Array:
-        """Array of the free unknowns, estimated."""
+        """Array (free,) of the fitted unknowns, in units of the scale."""
         return self.p[self.problem.unknowns.places]
 
     @property
@@ -196,9 +196,9 @@ def _following(longer: ArmProblem, start: Estimate, near_rad: float) -> tuple[Fl
 
 
 def fit_short_segments(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFitSettings = ARM_FIT) -> ArmFit:
-    """Fit the first segments from the rig file, or from a global search.
+    """Fit segments of the first length, starting from the rig file.
 
-    The search is used if the fit from the rig file fails.
+    If this fit fails or has a large residual, a fit from a global search is also made, and the better fit is returned.
 
     Raises:
         IdentificationError: the simulation fails for both initial values.
@@ -223,16 +223,13 @@ def fit_short_segments(recordings: Sequence[ArmRecording], rig: Rig, settings: A
 
 
 def _spread(problem: ArmProblem, most: int) -> list[int]:
-    """Select about `most` evenly spaced segments, and the first segment of each recording.
-
-    The result contains the sorted indices of the segments.
-    """
+    """Return the sorted indices of about `most` evenly spaced segments and the first segment of each recording."""
     count, firsts = len(problem.cuts), problem.segments.chains[:-1].tolist()
     return sorted({*firsts, *range(0, count, -(-count // most))})
 
 
 def _start(problem: ArmProblem, initial: Array) -> Estimate:
-    """Return initial values from the rig file; the gain is zero if this fits better.
+    """Return initial values from the rig file, with a gain of zero if this fits better.
 
     A gain of zero fits better if the unit or the sign of the input is incorrect.
     """
@@ -252,7 +249,7 @@ def _start(problem: ArmProblem, initial: Array) -> Estimate:
 def fit_segments(
     problem: ArmProblem, start: Estimate, iterations: int = ARM_FIT.merging.iterations, *, states_only: bool = False
 ) -> ArmFit:
-    """Fit the unknowns and the initial states, or only the initial states, to given segments.
+    """Fit the unknowns and the initial states of given segments; with `states_only`, only the initial states.
 
     Raises:
         IdentificationError: the initial values cannot be simulated.
@@ -269,9 +266,9 @@ def fit_segments(
 def covariance_of(fit: ArmFit) -> Array:
     """Estimate the covariance (free, free) of the unknowns.
 
-    Undetermined directions have very large variances. If the residual exceeds the noise, each variance is at least the
-    variance for residuals that are clustered by segment (White 1980). This clustered variance alone would be far too
-    small for few segments, because the gradients sum to zero at the minimum.
+    Undetermined directions have very large variances. If the residual exceeds the noise, each variance is at least that
+    for residuals clustered by segment (White 1980). For few segments this clustered variance alone would be far too
+    small, because the gradients sum to zero at the minimum.
     """
     scale = np.where(np.diag(fit.information) > 0, np.sqrt(np.diag(fit.information)), 1.0)
     values, vectors = np.linalg.eigh(fit.information / np.outer(scale, scale))

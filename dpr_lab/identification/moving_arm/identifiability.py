@@ -1,10 +1,8 @@
-"""Identifiable parameters of a rig with a free or driven arm.
-
-Bench measurements are recommended for parameters that are not identifiable.
+"""Identifiable parameters of a rig with a free or driven arm, and bench measurements for the other parameters.
 
 Information is represented by whitened rows, as in `dpr_lab.identification.identifiability`. The rows are sensitivities
 to relative changes of the physical parameters x of rods, arm and motor. The recordings determine unknowns q with the
-Fisher information F^T F. The rows of the recordings are F dq/dx x. A measured value x adds the row x / std.
+Fisher information F^T F. The rows of the recordings are F dq/dx diag(x). A measured value x adds the row x / std.
 """
 
 from collections.abc import Mapping, Sequence
@@ -95,7 +93,7 @@ class ArmIdentifiability(Directions, Shown):
     input: str
     """Kind of the input of the arm; empty if there is no input."""
     simulated: bool
-    """Whether the recordings were simulated with the values of the rig file; no value is then a result."""
+    """Whether the recordings were simulated with the values of the rig file; values are then not results."""
     combinations: Mapping[str, float]
     """Expected relative standard deviations of the determined combinations of parameters."""
     values: Mapping[str, float]
@@ -246,7 +244,7 @@ def _answers(
 
 
 def _simulated(rig: Rig) -> ArmFit:
-    """Simulate releases from the poses of the rig without noise, and fit them.
+    """Simulate releases from the poses of the rig without noise, and linearise their fit.
 
     All values are those of the rig file.
     """
@@ -283,10 +281,7 @@ def _simulated(rig: Rig) -> ArmFit:
 
 
 def _program(t: Array, p: Array, mode: int) -> Array:
-    """Compute an input (n,) of three sines.
-
-    Each sine turns a rigid rig by `Excitation.turn_rad`.
-    """
+    """Compute an input (n,) of three sines, each of which turns a rigid rig by `Excitation.turn_rad`."""
     per_unit = 1.0 if mode == DRIVEN else p[SWING_PARAMETERS.index("A")] / p[SWING_PARAMETERS.index("gain")]
     sines = [rate**2 * np.sin(rate * t + k) for k, rate in enumerate(EXCITATION.rates)]
     return EXCITATION.turn_rad * per_unit * np.sum(sines, axis=0)

@@ -87,10 +87,7 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
 
 
 def _fitted(recordings: Sequence[ArmRecording], rig: Rig) -> ArmFit:
-    """Fit the recordings.
-
-    If this fails because the arm hits a stop, the error names the stop.
-    """
+    """Fit the recordings; if this fails and the arm hits a stop, the error names the stop."""
     try:
         return fit_moving_arm(recordings, rig)
     except IdentificationError as error:
@@ -114,7 +111,7 @@ def _summary(fit: ArmFit, recordings: Sequence[ArmRecording]) -> ArmFitSummary:
 
 
 def undetermined(name: str, estimate: EstimatedValue) -> str:
-    """State why the result does not contain an unknown."""
+    """State why the result contains no value for an unknown."""
     low, high = estimate.interval90
     if not estimate.std < SETTINGS.unseen * max(abs(estimate.value), 1.0):
         return "not determined by these recordings"
@@ -164,8 +161,10 @@ class ArmComparison(Shown):
     measured: Array
     """(n, 3) readings of the joints, rad, as the encoders read them; nan without an encoder."""
     simulated: Array
-    """(n, 3) readings that the model predicts with an initial state fitted for each segment, rad; nan without an
-    encoder."""
+    """(n, 3) readings that the model predicts, rad; nan without an encoder.
+
+    The initial state of each segment is fitted.
+    """
     segment_s: float
     """Length of a segment, s."""
     rms_rad: dict[str, float]

@@ -19,16 +19,16 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class InputRows:
-    """Settings of the test for another interpolation or delay of the input."""
+    """Settings of the test of the interpolation and the delay of the input."""
 
     doubted: float = 1.1
     """Reduced chi-square above which the input is tested."""
     better: float = 1.3
     """Minimum factor by which the reduced chi-square must decrease, as for an additional effect of a diagnosis."""
     least: float = 0.1
-    """Smallest delay that is reported, as a share of the interval between rows."""
+    """Smallest delay that is reported, relative to the interval between rows."""
     explained: float = 0.8
-    """Minimum share of the excess chi-square that a delay after the rows must explain.
+    """Minimum share of the excess chi-square that a delay of the input after its rows must explain.
 
     Such a delay is an effect of the drive, which other effects can resemble.
     """
@@ -49,7 +49,7 @@ INPUT_ROWS = InputRows()
 
 @dataclass(frozen=True, slots=True)
 class _InputModel:
-    """Interpolation and delay of the input, and the misfit of a fit with this input."""
+    """Interpolation and delay of the input, and the misfit with this input."""
 
     delay_s: float
     """Delay between a row of the input and its effect, s."""
@@ -61,7 +61,7 @@ class _InputModel:
 
 @dataclass(frozen=True, slots=True)
 class _Tested:
-    """A fit that is repeated with other interpolations and delays of the input."""
+    """A fit that is repeated with other interpolations and delays of the input of its runs."""
 
     fit: ArmFit
     runs: Sequence[Run]
@@ -126,7 +126,7 @@ def other_input(fit: ArmFit, runs: Sequence[Run], rig: Rig) -> str:
 
 
 def _tried(tested: _Tested, run: Run, interval: float) -> tuple[_InputModel, _InputModel]:
-    """Compare the input as described with the best alternative, and return both.
+    """Return the input as described, and the best alternative.
 
     Alternatives are held or continuous inputs, with or without a delay.
     """

@@ -1,4 +1,4 @@
-"""Result of an identification with a moving arm, stored in `model.json`."""
+"""Result of an identification with a moving arm, which `model.json` contains."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -37,7 +37,7 @@ class ArmFitSummary(ModelPart):
 
 
 class MovingArmModel(FittedModel):
-    """Identified rig with a moving arm; only determined values are contained."""
+    """Identified rig with a moving arm; the model contains only determined values."""
 
     kind: Literal["moving_arm"] = "moving_arm"
     """Identifier of this kind of model file."""
@@ -54,14 +54,15 @@ class MovingArmModel(FittedModel):
     unknowns: list[str]
     """Names of all unknowns that were fitted."""
     absolute: dict[str, EstimatedValue]
-    """Absolute values, SI; `fixed_by` is `bound` if their scale is taken from the rig file and not measured.
+    """Absolute values by name, SI.
 
-    Standard deviations and intervals then contain the uncertainty of the scale that the bounds of the rig file permit.
+    `fixed_by` is `bound` if their scale is taken from the rig file and not measured. Standard deviations and intervals
+    then contain the uncertainty of the scale that the bounds of the rig file permit.
     """
     scale_sentence: str
     """Sentence on the source of the scale of absolute values."""
     swing: Annotated[list[float], Field(min_length=12, max_length=12)]
-    """Fitted parameters in the order of `dpr_lab.dynamics.moving_arm.swing.SWING_PARAMETERS`, divided by the scale."""
+    """Fitted `SWING_PARAMETERS` of `dpr_lab.dynamics.moving_arm.swing`, divided by the scale."""
     fit: ArmFitSummary
     """Residuals, noise and segments of the fit."""
     notes: list[str] = []
@@ -83,13 +84,14 @@ class MovingArmModel(FittedModel):
         """Check that the model describes the rig and the drive of a run.
 
         Raises:
-            RunError: the model belongs to another rig, or has no input.
+            RunError: the model belongs to another rig, or has another input.
         """
         name = run.file or run.name
         if (self.rig.name, self.rig.L1) != (rig.name, rig.L1) or self.mounted != rig.rods.mounted:
             raise RunError(f"{name}: is a run of {rig.name}, but the model belongs to {self.rig.name}")
         if run.arm_mode == "driven" and self.input != rig.input:
-            raise RunError(f"{name}: its arm is driven, but the model has no input")
+            inputs = f"the input of the model is {self.input or 'none'}, that of the rig file {rig.input or 'none'}"
+            raise RunError(f"{name}: its arm is driven, but {inputs}")
 
     @property
     def sizes(self) -> dict[str, float]:
@@ -105,14 +107,16 @@ class MovingArmModel(FittedModel):
         return tuple(name for name in ("c1", "c2", "c0", "f0", "k0") if values[name] < 0.0)
 
     def without_negative(self) -> "MovingArmModel":
-        """Set negative friction and stiffness to zero."""
+        """Return a copy in which negative friction and stiffness are zero."""
         negative, values = self.negative, zip(SWING_PARAMETERS, self.swing, strict=True)
         return self.model_copy(update={"swing": [0.0 if name in negative else value for name, value in values]})
 
     def with_swing(self, swing: Sequence[float], inertia: float) -> "MovingArmModel":
-        """Replace the `SWING_PARAMETERS` and the scale of the model, whose relative uncertainty is unchanged.
+        """Return a copy with other `SWING_PARAMETERS` and another scale, whose relative uncertainty is unchanged.
 
-        `swing` contains the `SWING_PARAMETERS` (12,) divided by the scale, and `inertia` is the scale, kg m^2.
+        Args:
+            swing: (12,) `SWING_PARAMETERS` divided by the scale
+            inertia: the scale, kg m^2
         """
         assumed = self.absolute[self.scale]
         factor = inertia / assumed.value
@@ -123,7 +127,7 @@ class MovingArmModel(FittedModel):
         return self.model_copy(update={"swing": list(swing), "ratios": ratios, "absolute": absolute})
 
     def with_arm_effects(self) -> "MovingArmModel":
-        """Return a copy in which effects replace the arm's stiffness k0 and Coulomb friction f0."""
+        """Return a copy in which effects represent the stiffness k0 and the Coulomb friction f0 of the arm."""
         sizes, effects = self.sizes, dict(self.effects)
         for effect, name in ((SPRING_JOINT0, "k0"), (COULOMB_JOINT0, "f0")):
             if sizes[name]:
@@ -136,7 +140,7 @@ class MovingArmModel(FittedModel):
 def moved_ratios(
     ratios: Mapping[str, EstimatedValue], swing: Sequence[float], kind: str, letter: str
 ) -> dict[str, EstimatedValue]:
-    """Replace the values of the ratios by the values of `SWING_PARAMETERS`; their intervals are moved."""
+    """Return the ratios with the values of `SWING_PARAMETERS`; their intervals are moved accordingly."""
     return {
         name: ratio.moved(swing[SWING_PARAMETERS.index(parameter_of(name, kind, letter))])
         for name, ratio in ratios.items()

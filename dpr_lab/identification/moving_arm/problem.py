@@ -1,6 +1,6 @@
-"""Represent recordings with a moving arm as segments with free initial states.
+"""Fitting problem of recordings with a moving arm: segments with free initial states.
 
-The segments contain readings and weights; the model predicts the readings and their derivatives.
+The problem contains readings and weights; its model predicts the readings and their derivatives.
 """
 
 from collections.abc import Sequence
@@ -43,14 +43,14 @@ class ArmRecording:
     std: Array
     """(3,) noise of the readings of joint 0, 1 and 2, rad."""
     drive: Array
-    """(n,) mean input between consecutive samples."""
+    """(n,) mean of the input from each sample to the next."""
     slope: Array
-    """(n,) mean derivative of the input between consecutive samples, per second."""
+    """(n,) mean derivative of the input from each sample to the next, per second."""
 
 
 @dataclass(frozen=True, slots=True)
 class ArmSwings:
-    """Model of rods, arm and drive without effects, for the common fitting engine (`OutputModel`).
+    """Model of rods, arm and drive without effects, an `OutputModel` of the common fitting engine.
 
     The vector of an estimate contains `SWING_PARAMETERS` in units of the scale.
     """

@@ -1,7 +1,4 @@
-"""Scale of absolute sizes of rods, arm and motor.
-
-A known torque or the rig file determines it.
-"""
+"""Scale of absolute sizes of rods, arm and motor, which a known torque or the rig file determines."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -28,15 +25,19 @@ class ArmScale:
     value: float
     """Inertia by which ratios are multiplied, kg m^2."""
     relative_std: float
-    """Relative standard deviation of the sources other than the recordings. It follows from the bounds of the rig file
-    if no measurement determines the scale."""
+    """Relative standard deviation due to sources other than the recordings.
+
+    It follows from the bounds of the rig file if no measurement determines the scale.
+    """
     by_gain: bool
-    """Whether the scale follows from the fitted gain of the drive. The error of the scale is then correlated with the
-    errors of the ratios."""
+    """Whether the scale follows from the fitted gain of the drive.
+
+    The error of the scale is then correlated with the errors of the ratios.
+    """
     known: bool
     """Whether recordings or measured values determine the scale."""
     of_rig: Scale | None = None
-    """The scale with its interval, which need not be symmetric; None: the gain of the drive determines it."""
+    """The scale from the rig file, with its interval; None if the gain of the drive determines it."""
 
     @classmethod
     def of(cls, scale: Scale) -> "ArmScale":
@@ -57,7 +58,7 @@ class ArmScale:
 
 
 def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
-    """Determine the scale from a drive of known torque, otherwise from the rig file."""
+    """Determine the scale from a drive of known torque, or from the rig file if there is no such drive."""
     unknowns, motor = fit.problem.unknowns, rig.motor
     if "gain" in unknowns.free and motor is not None:
         gain = abs(fit.value("gain"))

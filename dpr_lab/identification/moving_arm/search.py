@@ -1,9 +1,8 @@
-"""Search globally for initial values of rods, arm and drive for the local solver.
+"""Global search for initial values of rods, arm and drive.
 
 A gene is the logarithm of an unknown of the fit. Its range follows from the bounds that the rig file defines for the
-parameters. The cost of a candidate is the sum of squared residuals over segments of a quarter of a second. The initial
-states of the segments are estimated from the readings. The search is the improved genetic algorithm of
-`dpr_lab.search`.
+parameters. The cost of a candidate is the sum of squared residuals over segments of a quarter of a second, whose
+initial states are estimated from the readings. The search is the improved genetic algorithm of `dpr_lab.search`.
 """
 
 from dataclasses import dataclass
@@ -26,7 +25,10 @@ class ArmSearchSettings:
     population: int = 24
     generations: int = 16
     wide: float = 10.0
-    """Factor between an end of the range of an unknown and its initial value, if the rig file contains no bounds."""
+    """Factor between an end of the range of an unknown and its initial value.
+
+    It is used if the rig file contains no bounds.
+    """
     draws: int = 200
     """Number of random rigs within the bounds from which the range of a ratio is computed."""
 

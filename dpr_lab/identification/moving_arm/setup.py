@@ -1,7 +1,4 @@
-"""Convert the input of a run's arm to a torque on the arm.
-
-The scale of this torque may be unknown.
-"""
+"""Convert the input of the drive of an arm to a torque on the arm, up to an unknown factor in some cases."""
 
 import math
 from dataclasses import dataclass, replace
@@ -21,7 +18,7 @@ class DriveGain:
     """Ratio of the torque on the arm to the input."""
 
     value: float
-    """Gain, N m per unit of the input; arbitrary without data in the rig file."""
+    """Gain, N m per unit of the input; arbitrary if the rig file does not determine it."""
     known: bool
     """Whether the gain follows from measured constants, or from the unit of an input that is a torque."""
     relative_std: float = 0.0
@@ -48,8 +45,8 @@ def rods_measured(rig: Rig) -> bool:
 def setup_of(run: Run, rig: Rig) -> Setup:
     """Return the setup of a run: its mounting, known inputs, and mode of the arm.
 
-    If an acceleration drives the arm, the torque on the arm is unknown. The motion of the arm is then prescribed by the
-    readings of its encoder.
+    If an acceleration drives the arm, the torque on the arm is unknown. The encoder of the arm then gives a prescribed
+    motion.
 
     Raises:
         RunError: the arm is driven, but the rig file does not describe the input of its motor.

@@ -37,12 +37,12 @@ class CentralDifferences:
 STEPS = CentralDifferences()
 
 POSITIVE = ("a", "e1", "A", "L0")
-"""Parameters that must be positive; a gain is negative if the input has the opposite sign."""
+"""Parameters that must be positive; a gain is negative if the sign of the input is reversed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Unknowns:
-    """Unknowns of a set of recordings."""
+    """Unknowns of a fit to recordings with a moving arm."""
 
     scale: Literal["a", "b"]
     """Inertia by which ratios are divided, `a` or `b`."""
@@ -64,7 +64,7 @@ class Unknowns:
 
     @property
     def parameters(self) -> tuple[FreeParameter, ...]:
-        """Free parameters in the form that the common fitting engine requires."""
+        """Free parameters for the common fitting engine."""
         lower = [1e-9 if name in POSITIVE else -np.inf for name in self.free]
         steps = np.maximum(STEPS.relative * np.abs(self.start[self.places]), STEPS.least).tolist()
         rows = zip(self.free, self.places, steps, lower, strict=True)
@@ -93,7 +93,7 @@ def parameter_of(ratio: str, kind: str, scale: str) -> str:
 
 
 def mode_number(mode: ArmMode, kind: str) -> int:
-    """Return the number that represents the mode of the arm in the equation of motion."""
+    """Return the mode of the arm in the equation of motion: CLAMPED, FREE or DRIVEN."""
     if mode == "driven" and kind == "acceleration":
         return DRIVEN
     return CLAMPED if mode == "clamped" else FREE
@@ -124,7 +124,7 @@ def scale_parameters(rig: Rig) -> tuple[str, ...]:
 
 
 def arm_start(rig: Rig) -> tuple[float, float]:
-    """Return the initial total inertia of the arm, kg m^2, and its initial viscous friction, N m s/rad."""
+    """Return initial values of the total inertia of the arm, kg m^2, and of its viscous friction, N m s/rad."""
     masses = MASSES if rig.rods.mounted == "both" else ("m1", "mb")
     carried = sum(rig.nominal[PARAMETERS.index(name)] for name in masses) * rig.L0**2
     total = best(rig.arm.A, 2.0 * carried)

@@ -46,8 +46,8 @@ class Scale(ModelPart):
     sizes90: tuple[PositiveFloat, PositiveFloat] | None = None
     """90 % interval of the scale of sizes, if it differs from that of b, kg m^2.
 
-    With a clamped elbow, sizes are known relative to the inertia of the whole body. This is its interval, converted to
-    b by the ratios a/b and d/b in use, which the recordings do not determine.
+    With a clamped elbow, sizes are known relative to the inertia of the whole body. `sizes90` is the interval of this
+    inertia, converted to b by the ratios a/b and d/b in use, which the recordings do not determine.
     """
 
     @property
@@ -57,7 +57,7 @@ class Scale(ModelPart):
 
     @property
     def interval90_of_sizes(self) -> Interval90:
-        """Interval of b that applies to sizes proportional to b."""
+        """90 % interval of b that applies to sizes proportional to b, kg m^2."""
         return self.sizes90 or self.interval90
 
     @property
@@ -76,7 +76,10 @@ class Scale(ModelPart):
 
     @property
     def condition(self) -> str:
-        """Condition of the interval if a known torque or added mass determines the scale; otherwise empty."""
+        """Sentence on the validity of the interval.
+
+        It is empty unless a known torque or added mass determines the scale.
+        """
         if self.fixed_by != "data" or self.constants_std or self.by_friction:
             return ""
         exact = "Known torques and added masses are treated as exact"
@@ -106,10 +109,7 @@ class Scale(ModelPart):
         return self.model_copy(update={"b": self.b * factor, "inertia": inertia} | scaled)
 
     def ratio(self, value: float, power: int = 1) -> float:
-        """Divide a size by b^power.
-
-        The result does not depend on the scale b.
-        """
+        """Divide a size by b^power, so that the result does not depend on the scale b."""
         return value / self.b**power
 
     def ratio90(self, interval: Interval90, power: int = 1) -> Interval90:
@@ -119,8 +119,8 @@ class Scale(ModelPart):
     def factors90(self, power: int) -> tuple[float, float]:
         """Return the factors by which a size proportional to b^power changes at the ends of the interval of b.
 
-        If the recordings determine the scale b, it is fitted together with the size, and the fit of the size already
-        contains errors of b. Only errors of constants that are not fitted then remain.
+        If the recordings determine the scale b, it is fitted together with the size. The interval of the size then
+        already contains the error of b, and only errors of motor constants, which are not fitted, are added.
         """
         reach = NORMAL_Q90 * self.constants_std
         low, high = (
@@ -130,9 +130,10 @@ class Scale(ModelPart):
         return min(ends), max(ends)
 
     def with_scale90(self, value: float, interval: Interval90) -> Interval90:
-        """Compute the 90 % interval of a torque or inertia, as `absolute90`, from that of its ratio times this b.
+        """Compute the 90 % interval of a torque or inertia from the interval of its ratio.
 
-        The interval of a ratio contains no error of the scale, even if the recordings determine both.
+        `value` and `interval` are the ratio and its interval, multiplied by the b of this scale. The error of the scale
+        is always added as in `absolute90`, because the interval of a ratio does not contain it.
         """
         return self.model_copy(update={"fixed_by": "measured"}).absolute90(value, interval)
 

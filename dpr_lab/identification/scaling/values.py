@@ -25,10 +25,10 @@ class EstimatedValue(ModelPart):
     """Source: `data`, or `bound` if the value depends mainly on nominal values and bounds of the rig file."""
 
     def moved(self, value: float) -> "EstimatedValue":
-        """Return the estimate with another value; the interval is moved by the difference.
+        """Return the estimate with another value, and the interval moved by the same difference.
 
-        An end at zero is not moved, and the lower end of an interval without negative values does not become negative,
-        unless the interval would then exclude the new value.
+        An end at zero is not moved, and the lower end of an interval without negative values does not become negative.
+        Both rules do not apply if the interval would then exclude the new value.
         """
         (lowest, highest), change = self.interval90, value - self.value
         low, high = lowest + change, highest + change
@@ -47,10 +47,13 @@ class ParameterValue(ModelPart):
     std: float | None
     """Standard deviation, SI; None for a value that only bounds determine."""
     fixed_by: Literal["data", "measured", "bound"]
-    """Source: `data` (the recordings and measured values determine the value), `measured` (a bench measurement), or
-    `bound` (only the bounds of the search determine the value, so other values are equally good)."""
+    """Source: `data`, `measured` or `bound`.
+
+    `data`: the recordings and measured values determine the value. `measured`: a bench measurement. `bound`: only the
+    bounds of the search determine the value, so other values are equally good.
+    """
     interval90: tuple[float, float] | None = None
-    """90 % interval from the recordings and the rig file; that of the prior if only the bounds determine the value."""
+    """90 % interval from the recordings and the rig file; that of the prior if only bounds determine the value."""
 
 
 def ratios_alone(five: Sequence[EstimatedValue], p_over_b: float, gravity_rate: float) -> dict[str, EstimatedValue]:
