@@ -16,7 +16,7 @@ from dpr_lab.effects.effect_kernels import (
     reading_shifts,
 )
 from dpr_lab.effects.quantities import RigConstants
-from dpr_lab.kernels import njit
+from dpr_lab.kernels import njit, subroutine
 
 
 @njit
@@ -32,6 +32,29 @@ def arm_lateness(model: RigModel) -> float:
     return arm_delay(0.0, model.params, model.active)
 
 
+@subroutine
+def add_errors(
+    angles: Array,
+    t: Array,
+    first: int,
+    stop: int,
+    run: int,
+    constants: RigConstants,
+    params: Array,
+    active: Flags,
+) -> None:
+    """Add the encoder errors to the rows `first` to `stop` - 1 of angles (N, 2 or 3), in place.
+
+    See `apply_encoder_errors` for the columns and the times.
+    """
+    for k in range(first, stop):
+        angle1, angle2 = angles[k, 0], angles[k, 1]
+        error1, error2 = encoder_errors(angle1, angle2, t[k], run, constants, params, active)
+        angles[k, 0], angles[k, 1] = angle1 + error1, angle2 + error2
+        if angles.shape[1] > 2:
+            angles[k, 2] += arm_encoder_error(angles[k, 2], t[k], run, constants, params, active)
+
+
 @njit
 def apply_encoder_errors(angles: Array, t: Array, run: int, model: RigModel) -> None:
     """Add the encoder errors to (n, 2) or (n, 3) angles, in place.
@@ -42,12 +65,7 @@ def apply_encoder_errors(angles: Array, t: Array, run: int, model: RigModel) -> 
         run: number of the release, from 0
         model: rig and effects; only encoder errors are used
     """
-    for k in range(len(t)):
-        angle1, angle2 = angles[k, 0], angles[k, 1]
-        error1, error2 = encoder_errors(angle1, angle2, t[k], run, model.constants, model.params, model.active)
-        angles[k, 0], angles[k, 1] = angle1 + error1, angle2 + error2
-        if angles.shape[1] > 2:
-            angles[k, 2] += arm_encoder_error(angles[k, 2], t[k], run, model.constants, model.params, model.active)
+    add_errors(angles, t, 0, len(t), run, model.constants, model.params, model.active)
 
 
 def with_encoder_errors(angles: Array, params: ArrayLike, constants: RigConstants, segments: Segments) -> Array:
@@ -63,32 +81,24 @@ def with_encoder_errors(angles: Array, params: ArrayLike, constants: RigConstant
         (n, N, axes) readings, rad
     """
     rows = np.array(params, dtype=np.float64, order="C")
-    read = np.empty((len(rows), len(segments.t), angles.shape[1]))
-    angles, active = np.array(angles, order="C"), active_effects(rows)
-    _fill_errors(angles, segments.t, segments.offsets, segments.run, constants, rows, active, read)
+    read = np.repeat(angles[None], len(rows), axis=0)
+    _add_errors(read, segments.t, segments.offsets, segments.run, constants, rows, active_effects(rows))
     return read
 
 
 @njit(allocates=False)
-def _fill_errors(
-    angles: Array,
+def _add_errors(
+    read: Array,
     t: Array,
     offsets: Integers,
     run: Integers,
     constants: RigConstants,
     params: Array,
     active: Flags,
-    read: Array,
 ) -> None:
     for c in range(len(params)):
         for s in range(len(run)):
-            for k in range(offsets[s], offsets[s + 1]):
-                angle1, angle2 = angles[k, 0], angles[k, 1]
-                error1, error2 = encoder_errors(angle1, angle2, t[k], run[s], constants, params[c], active[c])
-                read[c, k, 0], read[c, k, 1] = angle1 + error1, angle2 + error2
-                if angles.shape[1] > 2:
-                    angle0 = angles[k, 2]
-                    read[c, k, 2] = angle0 + arm_encoder_error(angle0, t[k], run[s], constants, params[c], active[c])
+            add_errors(read[c], t, offsets[s], offsets[s + 1], run[s], constants, params[c], active[c])
 
 
 @njit

@@ -3,14 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
-from dpr_lab.estimation.noise import NOISE, ORDER, difference_std
+from dpr_lab.estimation.noise import NOISE, ORDER, difference_std, highest
 from dpr_lab.run import Run
 
 
@@ -84,10 +82,7 @@ class HeldSettings:
     Above this ratio the rods tremble.
     """
     arm_share: float = 0.1
-    """Minimum excursion of a moving arm, relative to its largest excursion.
-
-    A cart is an arm so long that its angles are within the band of the rods.
-    """
+    """Minimum excursion of a moving arm, or of a cart (a very long arm), relative to its largest excursion."""
     arm_steps: float = 2.5
     """Minimum excursion of a moving arm, in rounding steps of its readings.
 
@@ -98,7 +93,7 @@ class HeldSettings:
     bent: float = 5.0
     """Minimum significance of a turning point within a band as wide as the noise.
 
-    The significance is the curvature of the readings divided by its standard deviation.
+    The significance is the ratio of the curvature of the readings to the standard deviation of this curvature.
     """
 
 
@@ -132,7 +127,7 @@ class FreePart:
     start: int
     """Index of the first sample of the motion, at the release."""
     stop: int
-    """Index after the last sample before the rods are held again; the number of samples if they are not held again."""
+    """Index after the last sample of the free motion; the number of samples if the rods are not held again."""
 
 
 def free_part(motion: RodMotion, name: str) -> FreePart:
@@ -239,27 +234,15 @@ def _held_intervals(motion: RodMotion, band: float) -> list[tuple[int, int]]:
     ]
 
 
-def _highest(values: NDArray[Any], width: int) -> NDArray[Any]:
-    """Return the (n - width + 1, ...) maxima over windows of `width` rows.
-
-    The maxima are combined recursively from those over windows of half the width.
-    """
-    if width == 1:
-        return values
-    half = -(-width // 2)
-    of_halves = _highest(values, half)
-    return np.maximum(of_halves[: len(of_halves) - width + half], of_halves[width - half :])
-
-
 def _still_intervals(motion: RodMotion, band: float) -> list[tuple[int, int]]:
     n = len(motion.t)
     half_width = round(HELD.interval_s / float(np.median(np.diff(motion.t))) / 2)
     width = 2 * half_width + 1
     if not HELD.fewest <= width <= n:
         return []
-    ranges = _highest(motion.rods, width) + _highest(-motion.rods, width)
+    ranges = highest(motion.rods, width) + highest(-motion.rods, width)
     still = np.pad(ranges.max(axis=1) <= band, 2 * half_width)
-    inside = _highest(still, width)
+    inside = highest(still, width)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
     return [(int(first), int(stop)) for first, stop in edges.reshape(-1, 2)]
 

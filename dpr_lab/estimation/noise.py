@@ -5,10 +5,11 @@ A difference between model and readings is not significant if it is below the no
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.errors import RunError
@@ -29,7 +30,7 @@ class NoiseSettings:
     """Settings of the noise estimate."""
 
     rest_samples: int = 100
-    """Minimum number of samples of a rest; they determine the standard deviation to 7 %."""
+    """Minimum number of samples of a rest; 100 samples determine the standard deviation to 7 %."""
     rounding_rad: float = 1e-9
     """Maximum standard deviation of a table of angles that contains only rounding errors and no noise, rad."""
     rounded: float = 0.51
@@ -95,7 +96,8 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
     """Estimate the noise of a recording.
 
     The estimate uses the rest before the release if it is long enough, and otherwise high-order differences of the
-    swing. It is at least the rounding of the readings (`rounding_std`), and at least the noise of a video.
+    swing. The result is at least the standard deviation of the rounding (`rounding_std`), and for a video at least the
+    noise of the tracked angles.
 
     Args:
         run: the recording
@@ -127,7 +129,7 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
 def _film_std(film: FilmNoise, joints: JointAngles) -> Array:
     """Return the (2,) standard deviations of the joint angles of a video, rad.
 
-    Both are equal for a single rod.
+    If a single rod was tracked, its standard deviation is used for both rods.
     """
     rods = np.asarray(film.std) * np.ones(2)
     to_joints = np.linalg.inv(joints.to_rods_matrix)
@@ -206,13 +208,20 @@ def _still(readings: Array, steps: Array, window: int) -> Flags:
 
     The readings have the shape (n, m).
     """
-    least = most = readings
-    covered = 1
-    while covered < window:  # the extremes over a window follow from those over two neighbouring halves
-        shift = min(covered, window - covered)
-        least, most = np.minimum(least[:-shift], least[shift:]), np.maximum(most[:-shift], most[shift:])
-        covered += shift
-    return np.asarray(most - least < 1.5 * steps)
+    ranges = highest(readings, window) + highest(-readings, window)
+    return np.asarray(ranges < 1.5 * steps)
+
+
+def highest(values: NDArray[Any], width: int) -> NDArray[Any]:
+    """Return the (n - width + 1, ...) maxima over windows of `width` rows.
+
+    The maxima are combined recursively from those over windows of half the width.
+    """
+    if width == 1:
+        return values
+    half = -(-width // 2)
+    of_halves = highest(values, half)
+    return np.maximum(of_halves[: len(of_halves) - width + half], of_halves[width - half :])
 
 
 def _rounding(run: Run, readings: Array, counts: Array, std: Array, still: bool) -> Array:
@@ -233,9 +242,9 @@ def _steps_of(run: Run, readings: Array, counts: Array) -> Array:
 
 
 def _steps(readings: Array, counts: Array) -> Array:
-    """Return the (m,) rounding step: all changes of the readings are multiples of this step.
+    """Return the (m,) rounding steps of readings (n, m): all changes of a reading are multiples of its step.
 
-    A count of the rig and the smallest change are tried. The step is 0 if neither fits.
+    A count of the rig and the smallest change are tried. A step is 0 if neither fits.
     """
     steps = np.zeros(readings.shape[1])
     for joint, changes in enumerate(np.abs(np.diff(readings, axis=0)).T):

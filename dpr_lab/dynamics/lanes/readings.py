@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from dpr_lab.arrays import Array, Flags
+from dpr_lab.dynamics.encoder_errors import add_errors
 from dpr_lab.dynamics.lanes.blocks import Buffers, Candidates, LaneBlock, Piece, SegmentArrays
 from dpr_lab.dynamics.lanes.driving import prescribe_arm, set_torques
 from dpr_lab.dynamics.lanes.effects import displaced
@@ -20,7 +21,7 @@ from dpr_lab.dynamics.lanes.samples import (
 from dpr_lab.dynamics.lanes.starts import begin_segment, load_track, params_row, reads_apart, reset_internal
 from dpr_lab.dynamics.lanes.tracks import Tracks, required_in
 from dpr_lab.dynamics.lanes.workspace import LaneWorkspace
-from dpr_lab.effects.effect_kernels import ARM, LAG0, LAG1, LAG2, STEPPED, arm_encoder_error, encoder_errors
+from dpr_lab.effects.effect_kernels import ARM, LAG0, LAG1, LAG2, STEPPED
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.effects.stages import Requirements
 from dpr_lab.kernels import njit, subroutine
@@ -185,11 +186,7 @@ def _hand_over(
 def _add_errors(piece: Piece, block: LaneBlock, angles: Array) -> None:
     """Add the encoder errors to the predicted readings of a candidate on a segment."""
     c, s = piece
-    run, t, rig = int(block.segments.run[s]), block.segments.t, block.rig
+    run, segments = int(block.segments.run[s]), block.segments
     params = block.candidates.params[c, params_row(run, block)]
-    for i in range(block.segments.offsets[s], block.segments.offsets[s + 1]):
-        angle1, angle2 = angles[c, i, 0], angles[c, i, 1]
-        error1, error2 = encoder_errors(angle1, angle2, t[i], run, rig, params, block.active)
-        angles[c, i, 0], angles[c, i, 1] = angle1 + error1, angle2 + error2
-        if angles.shape[2] > 2:
-            angles[c, i, 2] += arm_encoder_error(angles[c, i, 2], t[i], run, rig, params, block.active)
+    first, stop = segments.offsets[s], segments.offsets[s + 1]
+    add_errors(angles[c], segments.t, first, stop, run, block.rig, params, block.active)
