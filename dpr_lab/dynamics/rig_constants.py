@@ -11,9 +11,9 @@ UNKNOWN = RigConstants._make([math.nan] * len(RigConstants._fields))._replace(re
 
 
 def rig_constants(rig: Rig) -> RigConstants:
-    """Return lengths, gravity, best known masses and encoders without an attached mass.
+    """Return the constants of a rig without an attached mass, from measured or nominal values.
 
-    An unknown length of a rod is assumed to be twice the distance of its centre of mass.
+    The length L2, if unknown, is assumed to be twice the distance to the centre of mass.
     """
     best = dict(zip(PARAMETERS, rig.nominal.tolist(), strict=True))
     frame, encoders = rig.rig, rig.encoders

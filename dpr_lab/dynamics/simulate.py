@@ -97,7 +97,10 @@ def rig_model(
 
 
 def at_release(state: Sequence[float] | Array) -> RigState:
-    """Create the state at the release from (6,) angles and speeds, rad and rad/s; internal states are initial."""
+    """Create the state at the release from (6,) angles and speeds, rad and rad/s.
+
+    The internal states are those of a rig at rest.
+    """
     return RigState._make([*map(float, state), tuple(AT_RELEASE[list(STEPPED)].tolist())])
 
 

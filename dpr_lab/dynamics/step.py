@@ -89,7 +89,7 @@ def motion_of(
 
 @subroutine
 def with_arm(motion: Motion, displacement0: float, direction0: float) -> Motion:
-    """Return the motion with the arm's rotation in this step, rad, and its direction."""
+    """Return the motion with the rotation of the arm in this step, rad, and the direction of the arm."""
     return Motion(
         motion.t, motion.theta0, motion.theta1, motion.theta2, motion.omega0, motion.omega1, motion.omega2,
         motion.sin1, motion.cos1, motion.sin2, motion.cos2, motion.displacement1, motion.displacement2, motion.force1,

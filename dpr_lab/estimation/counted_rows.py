@@ -27,7 +27,7 @@ class CountedRowSettings:
     others: float = 0.01
     """Maximum fraction of rows that do not differ by one count from the previous row, because rows were lost."""
     exact: float = 1e-4
-    """Maximum relative change of a reading for which its encoder did not count, relative to the largest change.
+    """Maximum change of a reading whose encoder did not count, relative to the largest change.
 
     The change is not exactly zero, because differences of angles are rounded.
     """

@@ -25,9 +25,9 @@ class LiveFilterSettings:
     snap: float = 1e8
     """Default strength of the process noise, rad^2/s^7; suitable for rods of about 0.4 m."""
     prior: tuple[float, ...] = (1.0, 1e7, 1e7, 1e7)
-    """Variance of the first state in filter units.
+    """Variances of the initial angle, speed, acceleration and jerk in filter units.
 
-    The angle is as accurate as the first reading. The other states are unknown.
+    The variance of the angle is that of a reading. The other states are practically unknown.
     """
 
     most_hz: float = 200.0

@@ -219,7 +219,7 @@ def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tupl
 
         e1/b, c1/b    gravity and friction, divided by the inertia of the swinging part
         d/b           gravity of the outer rod, if it does not hang in line with the inner rod
-        a/b           value of a second mounting
+        a/b           ratio of the inertias of two mountings with the same friction c1
     """
     all_setups = list(setups)
     setups = [setup for setup in all_setups if setup.inner is None]

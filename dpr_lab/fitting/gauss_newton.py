@@ -59,10 +59,7 @@ class GaussNewton:
     amplitude_change: float = 0.2
     """Relative change of an amplitude beyond which the derivative of its effect's shape is recomputed at the end."""
     tries: int = 6
-    """Number of step lengths that are tried before a step counts as failed.
-
-    Of 1817 steps in 15 diagnoses, three needed more lengths.
-    """
+    """Number of step lengths before a step counts as failed; of 1817 steps in 15 diagnoses, three needed more."""
     shorten: float = 0.3
     """Factor on the length of a step that did not reduce the cost."""
     shorten_segment: float = 0.1
@@ -74,19 +71,13 @@ class GaussNewton:
     raise_damping: float = 1e3
     """Factor on the damping after a failed step."""
     raised_damping: float = 1e-3
-    """Smallest damping after a failed step.
-
-    A damping of 1e-6 improved none of 28 fits of two driven rigs.
-    """
+    """Smallest damping after a failed step. A damping of 1e-6 improved none of 28 fits of two driven rigs."""
     most_damping: float = 0.1
     """Largest damping that is tried; with more damping no step is expected to reduce the cost."""
     same_step: float = 1e-3
     """Relative difference from a failed step below which a step with more damping is not tried."""
     preliminary: float = 0.0
-    """Relative reduction of the cost at which a fit with a residual far above the noise ends.
-
-    0: only `converged` ends the fit.
-    """
+    """Relative reduction of the cost at which a fit far above the noise ends; 0: only `converged` ends the fit."""
     far: float = 20.0
     """Maximum chi2 per reading of a fit that counts as near the noise."""
     to_beat: float = np.inf

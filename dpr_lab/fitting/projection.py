@@ -103,9 +103,11 @@ class ColumnSpace:
         return self.reduction(self.solution())
 
     def unabsorbed(self, order: Sequence[int], *, rounding: float = 1e-9) -> Array:
-        """Return the (k,) share of each column's squared norm that is orthogonal to earlier columns.
+        """Return the (k,) share of each column's squared norm that is orthogonal to the columns before it.
 
-        A column of which only rounding errors remain is not used in the projection of later columns.
+        Args:
+            order: indices of the columns in their order
+            rounding: share up to which a column counts as zero, and is not used in the projection of later columns
         """
         return _unabsorbed(np.array(self.H, order="C"), np.asarray(order, dtype=np.int64), rounding)
 

@@ -121,14 +121,14 @@ class Trajectory:
 
     @property
     def joint_angle(self) -> Array:
-        """(n, 2) angles of joints 1 and 2 from hanging, rad; then theta0 if the arm moves."""
+        """(n, 2 or 3) angles of joints 1 and 2 from hanging, and theta0 if the arm moves, rad."""
         theta = self.motion.theta
         joints = [theta[:, 0] - np.pi, theta[:, 1] - theta[:, 0], *theta[:, 2:].T]
         return np.stack(joints, axis=1)
 
     @property
     def joint_speed(self) -> Array:
-        """(n, 2) speeds of joints 1 and 2, rad/s; then that of a moving arm."""
+        """(n, 2 or 3) speeds of joints 1 and 2, and of the arm if it moves, rad/s."""
         omega = self.motion.omega
         return np.stack([omega[:, 0], omega[:, 1] - omega[:, 0], *omega[:, 2:].T], axis=1)
 

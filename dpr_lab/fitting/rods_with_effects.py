@@ -111,7 +111,7 @@ class RodsWithEffects:
     ) -> tuple[Array, Array]:
         """Compute forward differences (samples, 2, free + 4) and readings (samples, 2).
 
-        The steps are those of `segments`.
+        The integration steps are those of `segments`.
         """
         ratios, params, initial = _varied(estimate, free)
         states, axes = segments.states, 3 if segments.arm_moves else 2

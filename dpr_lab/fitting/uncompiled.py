@@ -1,7 +1,7 @@
 """Numbers and functions of a fit that other packages use without Numba.
 
 The bounded least squares runs in plain Python, so that the import of a table starts without a compiler.
-`fitting.projection` compiles the same loops, which give the same bits.
+`fitting.projection` compiles the same loops, whose results are bit-identical.
 """
 
 from collections.abc import Callable

@@ -37,7 +37,7 @@ class MergeSettings:
     A level with a larger ratio is discarded.
     """
     worth_moving: float = 0.1
-    """Minimum share of the neighbouring segment that a segment must follow for the border between both to move."""
+    """Minimum share of the next segment that a free run must predict for the border between both to be shifted."""
     solver_error: float = 0.2
     """Maximum integration error of a longer segment, relative to the noise."""
     shortest_step: float = 2e-4

@@ -153,7 +153,7 @@ class FitSummary(ModelPart):
 
 
 class SearchRecord(ModelPart):
-    """History of the global search by generation."""
+    """Settings and result of the global search, with its history by generation."""
 
     algorithm: str
     """Name of the algorithm in `dpr_lab.search.ALGORITHMS`."""

@@ -76,7 +76,7 @@ class Posterior:
     median: Array
     """(9,) most probable parameters."""
     covariance: Array
-    """(9, 9) covariance of their logarithms."""
+    """(9, 9) covariance of the logarithms of the parameters."""
     rig: Rig
     """Rig file of the prior."""
     unknown: Array
@@ -84,7 +84,7 @@ class Posterior:
     visible: tuple[int, ...]
     """Indices in `UNKNOWN_RATIOS` of the unknowns that the recordings determine."""
     errors: Array
-    """(n, n) covariance of the logarithms of these unknowns, as estimated from the recordings."""
+    """(n, n) covariance of the logarithms of the unknowns in `visible`, from the recordings alone."""
     alone: bool
     """Whether only the inner rod is mounted."""
     clamped: float | None

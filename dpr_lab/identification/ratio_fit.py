@@ -52,12 +52,12 @@ class ShortSegments:
     noise_alone: float = 20.0
     """Maximum reduced chi-square for which the noise of the inputs is relevant.
 
-    Above it, the model error is far larger.
+    Above this value, the model error is far larger than this noise.
     """
     nested: float = 1.1
     """Maximum ratio of the reduced chi-square of the first segments to that of the second segments.
 
-    It is above 1 only because of the different degrees of freedom.
+    The ratio exceeds 1 only because the degrees of freedom differ.
     """
 
 

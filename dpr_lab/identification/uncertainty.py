@@ -157,10 +157,10 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     """Estimate the uncertainty of a fit in which all unknowns are free.
 
     The covariance is computed from the Fisher information at the actual residual variance. It is increased if the
-    scores of blocks of residuals scatter more than the information predicts. For white residuals both estimates agree,
-    and the information is more accurate, because a chaotic run contains most of the information in few blocks.
-    Correlated residuals increase the scatter of the blocks. If the model error dominates, it changes slowly along a
-    run. The 90 % interval is then at least as wide as the difference between the estimates from the first and second
+    scores of blocks of residuals scatter more than the information predicts. For white residuals, information and
+    scatter agree, and the information is more accurate, because few blocks contain most of the information of a chaotic
+    run. Correlated residuals increase the scatter of the blocks. If the model error dominates, it changes slowly along
+    a run. The 90 % interval is then at least as wide as the difference between the estimates from the first and second
     halves of the runs.
 
     Raises:

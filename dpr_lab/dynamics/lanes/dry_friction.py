@@ -41,7 +41,10 @@ from dpr_lab.kernels import inlined, subroutine
 
 @subroutine
 def begin_dry(w: LaneWorkspace, required: Requirements) -> bool:
-    """Set the length of the next step and the directions of the joints; return whether any joint is at rest."""
+    """Set the length of the next step and the directions of the joints.
+
+    Return whether any joint is at rest.
+    """
     for k in range(len(w.t)):
         fresh = w.t[k] >= w.until[k]
         w.until[k] = w.t[k] + w.step[k] if fresh else w.until[k]

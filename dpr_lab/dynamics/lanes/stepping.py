@@ -201,7 +201,10 @@ def _accelerate(
 
 @subroutine
 def _add_arm(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requirements) -> None:
-    """Compute the torques of drive and effects on the arm, and the torques of the same effects on the rods."""
+    """Compute the torques of drive and effects on the arm.
+
+    The torques of the same effects on the rods are also computed.
+    """
     for k in range(len(w.t)):
         w.torque0[k] = w.drive0[k]
     if required.drive0:

@@ -1,4 +1,4 @@
-"""Simulate swings with a moving arm, with their sensitivity to the initial states."""
+"""Simulation of swings with a moving arm, with their sensitivity to the initial states."""
 
 from dataclasses import dataclass
 from itertools import pairwise

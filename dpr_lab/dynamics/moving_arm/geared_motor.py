@@ -13,11 +13,11 @@ from dpr_lab.kernels import subroutine
 
 
 class GearedState(NamedTuple):
-    """State of a rig with a motor behind the backlash of the arm's gear, referred to the arm side of the gear.
+    """State of a rig with a motor behind the backlash of the arm's gear.
 
-    The first seven fields are those of `RigState`. Then follow the angle, rad, and the speed, rad/s, of the motor, the
-    impulse that the gear must still transmit, N m s, and its first moment, N m s^2. `bonded` is the time for which the
-    motor stays in contact after an impact, s.
+    The first seven fields are those of `RigState`. Then follow the angle, rad, and the speed, rad/s, of the motor,
+    referred to the arm side of the gear, the impulse that the gear must still transmit, N m s, and its first moment, N
+    m s^2. `bonded` is the time for which the motor stays in contact after an impact, s.
     """
 
     theta0: float

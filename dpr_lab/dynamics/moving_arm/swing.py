@@ -70,7 +70,8 @@ def swing_segments(p: ArrayLike, frame: tuple[float, float], segments: ArmSegmen
         p: (12,) parameters in the order of `SWING_PARAMETERS`
         frame: L1 (m), g (m/s^2)
         segments: segments with their inputs
-        initial: (segments, 6) theta0, theta1, theta2, omega0, omega1, omega2 at the first sample of each, rad, rad/s
+        initial: (segments, 6) theta0, theta1, theta2, omega0, omega1, omega2 at the first sample of each segment, rad
+            and rad/s
 
     Returns:
         (samples, 6) states; not finite after a failure of the integration

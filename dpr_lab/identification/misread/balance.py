@@ -48,7 +48,7 @@ class EnergySettings:
     The noise of a speed decreases with the power 1.5 of the window.
     """
     slack: float = 3.0
-    """Maximum factor between a base parameter and its value in the rig file."""
+    """Maximum factor by which a fitted base parameter exceeds its value in the rig file, or is smaller."""
     zeros: int = 18
     """Number of zeros per turn that are tested for each rod."""
     refined: int = 5
@@ -368,7 +368,7 @@ def _time_scale(kinetic: Array, potential: Array, losses: Array) -> float:
 
     With this factor, K / s^2 + V + x L + trend is constant, where x are unknown coefficients. The trend and the
     frictional losses L are projected out of K and V; then K and V are compared. The result is nan if hardly any energy
-    is exchanged between K and V, for example because the losses are similar to one of them.
+    is exchanged between K and V, for example because the losses are similar to K or V.
 
     Args:
         kinetic: (n,) K

@@ -44,10 +44,10 @@ class ArmBalanceSettings:
     scaled: float = 1.5
     """Minimum factor by which the scale of the arm's angle must deviate from 1 to be doubted."""
     agree: float = 1.2
-    """Maximum factor between both estimates of the scale for which they agree.
+    """Maximum ratio of the two estimates of the scale for which they agree.
 
-    They differ if the arm hardly moves, because noise reduces them by different amounts, or if L0 is incorrect, which
-    changes only one of them.
+    The estimates differ if the arm hardly moves, because noise reduces them by different amounts, or if L0 is
+    incorrect, which changes only one of them.
     """
     sure: float = 3.0
     """Minimum difference between the squared scale and a limit, in standard deviations."""

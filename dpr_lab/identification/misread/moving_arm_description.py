@@ -59,13 +59,13 @@ UNITS = {
 
 @dataclass(frozen=True, slots=True)
 class Interpreted:
-    """Fit of short segments in one interpretation of their angles."""
+    """Fit of short segments with one interpretation of the angles."""
 
     fit: Fit
     evidence: Integers
     """(segments,) degrees of freedom of each segment, as in `Problem.evidence_by_segment`."""
     gain: float
-    """Fitted torque per unit of the input, relative to the rig file; its sign if the rig file does not state it."""
+    """Fitted torque per unit of the input, relative to the rig file; only its sign if the rig file states no gain."""
 
     @property
     def reduced(self) -> float:

@@ -29,7 +29,7 @@ class Misreading:
     read: Callable[[Run], Run | None]
     """Function that converts a run to this interpretation; it returns None if the interpretation does not apply."""
     arm: bool = False
-    """Whether the arm moves in this interpretation; a compliant arm also moves."""
+    """Whether the arm moves in this interpretation; a compliant arm is then another possible cause."""
     time_factor: float = 1.0
     """Factor on the times in this interpretation."""
     smaller: bool = False
@@ -330,7 +330,7 @@ TORQUE_FACTORS = {
     "the torques are in N cm": (1e-2, 1e-2),
     "the torques are in kN m": (1e3, 1e3),
 }
-"""Factors from the torques of joints 1 and 2 as stated to true ones, by the mistake in their description."""
+"""Ratios of the true torques of joints 1 and 2 to the stated ones, by the mistake in their description."""
 
 
 def _scaled_torques(cause: str, factors: tuple[float, float]) -> Misreading:

@@ -98,12 +98,12 @@ class DescriptionCheck:
     tried: Sequence[tuple[Misreading, float]]
     """Other interpretations that explain the recordings better, best first.
 
-    The number is the share of the excess chi2 of the given interpretation that the other interpretation removes.
+    Each is paired with the share of the excess chi2 of the given interpretation that it removes.
     """
     energy_rise: float
     """Impossible increase of passive rods' energy, relative to its range; zero if there are other interpretations."""
     energy_remedy: str = ""
-    """Probable cause of the impossible increase on this rig, with its remedy."""
+    """Probable cause of this increase on the rig, and how to correct it."""
     causes: str = ""
     """Mistakes that the other interpretations correct."""
 

@@ -35,9 +35,9 @@ class ArmFitSettings:
     misfit: float = 1.5
     """Reduced chi-square above which the covariance accounts for residuals clustered by segment."""
     sensitive_rad: float = 0.01
-    """Maximum change of a reading by the increment of an initial state in a longer segment, rad.
+    """Maximum change of a reading in a longer segment if an initial state is changed by its increment, rad.
 
-    Beyond it the central differences of a chaotic segment are inaccurate, and its fit has many local minima.
+    Above this value the central differences of a chaotic segment are inaccurate, and its fit has many local minima.
     """
 
 
@@ -182,8 +182,8 @@ def _following(longer: ArmProblem, start: Estimate, near_rad: float) -> tuple[Fl
     """Check for each segment whether its free run is accurate.
 
     Returns:
-        (segments,) whether the free run stays near all readings, and its derivatives are accurate
-        (segments,) whether the error of its integration is negligible
+        (segments,) whether the free run stays near all readings, and its derivatives are accurate (segments,) whether
+        the integration error is negligible
     """
     finer = longer.with_cuts(longer.cuts, longer.max_step / 2)
     with np.errstate(invalid="ignore", over="ignore"):

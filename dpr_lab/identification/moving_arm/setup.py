@@ -1,4 +1,7 @@
-"""Convert the input of the drive of an arm to a torque on the arm, up to an unknown factor in some cases."""
+"""Convert the input of the drive of an arm to a torque on the arm.
+
+The torque is known only up to a factor if the rig file does not determine the gain of the drive.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -15,7 +18,7 @@ from dpr_lab.setup import Setup, Torques
 
 @dataclass(frozen=True, slots=True)
 class DriveGain:
-    """Ratio of the torque on the arm to the input."""
+    """Torque on the arm per unit of the input, with its uncertainty."""
 
     value: float
     """Gain, N m per unit of the input; arbitrary if the rig file does not determine it."""

@@ -55,7 +55,10 @@ class Unknowns:
     start: Array
     """(12,) initial values of `SWING_PARAMETERS` from the rig file, in units of the scale."""
     prior: Prior | None
-    """Prior of a measured length of the arm; None if it is fixed. All other parameters have no effective prior."""
+    """Prior of the length of the arm if the rig file states its uncertainty; None if the length is fixed.
+
+    The prior of all other parameters is so wide that it has no effect.
+    """
 
     @property
     def places(self) -> list[int]:

@@ -1,1 +1,1 @@
-"""Scale of absolute sizes: the assumed b, and its uncertainty."""
+"""Scale of absolute sizes: the inertia b or a, with its source and uncertainty."""
