@@ -5,7 +5,7 @@ A difference between model and readings is not significant if it is below the no
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -68,8 +68,6 @@ class NoiseFloor:
 
     std_joint: Array
     """(2,) standard deviation of joint 1, and of joint 2 as read by its encoder (relative or absolute), rad."""
-    source: Literal["rest", "differences", "quantisation", "film"]
-    """Source of the estimate: rest before the release, swing, size of a count, or lengths of filmed rods."""
     joints: JointAngles
     """Mounting of the encoder of joint 2."""
 
@@ -107,23 +105,21 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
     Raises:
         RunError: there are too few samples.
     """
-    source: Literal["rest", "differences"]
     joints = rig.encoders.joint_angles
     if len(run.rest) >= NOISE.rest_samples:
         readings = joints.of_rods(run.swing.theta[:, 1:])
         steps = _steps_of(run, readings, rig.radians_per_count[1:])
-        source, std = "rest", _rest_std(run.t[run.t < 0], joints.of_rods(run.rest[:, 1:]), steps)
+        std = _rest_std(run.t[run.t < 0], joints.of_rods(run.rest[:, 1:]), steps)
         std = _in_motion(run, readings, std, steps)
     else:
-        source, std = "differences", difference_std(run.t, joints.of_rods(run.theta[:, 1:]))
+        std = difference_std(run.t, joints.of_rods(run.theta[:, 1:]))
     floor = _rounding(run, joints.of_rods(run.swing.theta[:, 1:]), rig.radians_per_count[1:], std, still)
     if run.at_edges and run.setup.alone:  # with two encoders, only the encoder that counts is at an edge
         floor[0] = 0.0
     std_joint = np.maximum(std, floor)
     if run.film_noise is not None:
-        film = _film_std(run.film_noise, joints)
-        return NoiseFloor(np.maximum(std_joint, film), "film" if (film > std_joint).any() else source, joints)
-    return NoiseFloor(std_joint, source if (std > floor).any() else "quantisation", joints)
+        std_joint = np.maximum(std_joint, _film_std(run.film_noise, joints))
+    return NoiseFloor(std_joint, joints)
 
 
 def _film_std(film: FilmNoise, joints: JointAngles) -> Array:

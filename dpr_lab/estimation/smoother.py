@@ -8,7 +8,7 @@ innovation. The forward pass is
 
 The backward pass, from the last sample but one to the first, is
 
-    C = P F^T (P-)^-1,    x_s = x + C (x_s' - x-'),    P_s = P + C (P_s' - P-') C^T
+    C = P F^T (P-)^-1,    x_s = x + C (x_s' - x-')
 
 where ' denotes the next sample and the index s the smoothed values. P- is factored by Cholesky. Every inner loop runs
 along a row of `STATES` numbers, and no sum changes its order. The compiler can therefore use vector registers in strict
@@ -36,7 +36,7 @@ def smooth_chains(
     noise: Array,
     snap: Array,
     prior: Array,
-) -> tuple[Array, Array, Array]:
+) -> Array:
     """Estimate the states of both rods at every instant from all readings, in filter units.
 
     Args:
@@ -47,12 +47,12 @@ def smooth_chains(
         prior: (CHAIN,) variance of each rod's state at the first reading, whose angle is that of the reading
 
     Returns:
-        (n, STATES) states, (n, STATES, STATES) covariances of the states, and (n,) normalised innovation squared
+        (n, STATES) states
     """
     n = len(t)
-    x, P, nis = np.empty((n, STATES)), np.empty((n, STATES, STATES)), np.empty(n)
+    x, P = np.empty((n, STATES)), np.empty((n, STATES, STATES))
     f, q = np.zeros((CHAIN, CHAIN)), np.empty((CHAIN, CHAIN))
-    work, ahead = np.empty((STATES, STATES)), np.empty(STATES)
+    G, P_ahead, ahead = np.empty((STATES, STATES)), np.empty((STATES, STATES)), np.empty(STATES)
     for i in range(STATES):
         x[0, i] = theta[0, i // CHAIN] if i % CHAIN == 0 else 0.0
         for j in range(STATES):
@@ -61,19 +61,16 @@ def smooth_chains(
     for k in range(n):
         if k:
             interval = _set_interval(t[k] - t[k - 1], interval, f, q)
-            _predict(x[k - 1], P[k - 1], f, q, snap[k], x[k], P[k], work)
-        nis[k] = _update(x[k], P[k], theta[k], noise)
-    G, Pp, D = np.empty((STATES, STATES)), np.empty((STATES, STATES)), np.empty((STATES, STATES))
+            _predict(x[k - 1], P[k - 1], f, q, snap[k], x[k], P[k], G)
+        _update(x[k], P[k], theta[k], noise)
     for k in range(n - 2, -1, -1):
         interval = _set_interval(t[k + 1] - t[k], interval, f, q)
-        _predict(x[k], P[k], f, q, snap[k + 1], ahead, Pp, G)
+        _predict(x[k], P[k], f, q, snap[k + 1], ahead, P_ahead, G)
+        _solve(P_ahead, G)  # G becomes the transposed gain C^T
         for i in range(STATES):
-            ahead[i] = x[k + 1, i] - ahead[i]
             for j in range(STATES):
-                D[i, j] = P[k + 1, i, j] - Pp[i, j]
-        _solve(Pp, G)
-        _smooth(x[k], P[k], G, ahead, D, work)
-    return x, P, nis
+                x[k, j] += G[i, j] * (x[k + 1, i] - ahead[i])
+    return x
 
 
 @subroutine
@@ -126,8 +123,8 @@ def _multiply(f: Array, A: Array, product: Array) -> None:
 
 
 @subroutine
-def _update(x: Array, P: Array, theta: Array, noise: Array) -> float:
-    """Update the state x and its covariance P in place; return the normalised innovation squared."""
+def _update(x: Array, P: Array, theta: Array, noise: Array) -> None:
+    """Update the state x and its covariance P by a reading, in place."""
     s11, s12, s22 = P[0, 0] + noise[0, 0], P[0, CHAIN] + noise[0, 1], P[CHAIN, CHAIN] + noise[1, 1]
     scale = 1.0 / (s11 * s22 - s12 * s12)
     i11, i12, i22 = s22 * scale, -s12 * scale, s11 * scale
@@ -138,7 +135,6 @@ def _update(x: Array, P: Array, theta: Array, noise: Array) -> float:
         x[i] += gain1 * y1 + gain2 * y2
         for j in range(STATES):
             P[i, j] -= gain1 * of1[j] + gain2 * of2[j]
-    return y1 * (i11 * y1 + i12 * y2) + y2 * (i12 * y1 + i22 * y2)
 
 
 @subroutine
@@ -166,29 +162,3 @@ def _solve(A: Array, B: Array) -> None:
                 B[i, j] -= A[m, i] * B[m, j]
         for j in range(STATES):
             B[i, j] /= A[i, i]
-
-
-@subroutine
-def _smooth(
-    x: Array,
-    P: Array,
-    C: Array,
-    x_moved: Array,
-    P_moved: Array,
-    work: Array,
-) -> None:
-    """Compute x + C^T x_moved and P + C^T P_moved C in place.
-
-    C is the transposed smoother gain.
-    """
-    for i in range(STATES):
-        for j in range(STATES):
-            x[j] += C[i, j] * x_moved[i]
-            work[i, j] = 0.0
-        for m in range(STATES):
-            for j in range(STATES):
-                work[i, j] += P_moved[i, m] * C[m, j]
-    for i in range(STATES):
-        for m in range(STATES):
-            for j in range(STATES):
-                P[i, j] += C[m, i] * work[m, j]

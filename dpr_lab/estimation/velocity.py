@@ -50,36 +50,16 @@ class FilterSettings:
 SETTINGS = FilterSettings()
 
 
-@dataclass(frozen=True, slots=True)
-class Smoothed:
-    """Angles and velocities of a swing, each estimated from the whole recording."""
-
-    t: Array
-    """(n,) instants of the run, s."""
-    theta: Array
-    """(n, 2) angles of the rods, rad."""
-    omega: Array
-    """(n, 2) speeds of the rods, rad/s."""
-    covariance: Array
-    """(n, 4, 4) covariance of (theta1, theta2, omega1, omega2), SI."""
-    nis: Array
-    """(n,) normalised innovation squared of the forward pass; the mean is 2 if the noise model is correct."""
-    snap: Array
-    """(n, 2) strength of the process noise used for each rod, rad^2/s^7."""
-
-    @property
-    def states(self) -> Array:
-        """(n, 4) array with the columns theta1, theta2, omega1, omega2, rad and rad/s."""
-        return np.hstack([self.theta, self.omega])
-
-
-def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smoothed:
+def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Array:
     """Estimate angles and velocities of the swing by Rauch-Tung-Striebel smoothing.
 
     Args:
         run: the run; only t >= 0 is used, because the release is not a smooth motion
         noise: noise floor from `dpr_lab.estimation.noise.noise_floor`
         snap: strength of the process noise, rad^2/s^7, as one number, (2,) or (n, 2); None: `tuned_snap` of this run
+
+    Returns:
+        (n, 4) theta1, theta2, omega1, omega2 at each sample of the swing, rad and rad/s
 
     Raises:
         RunError: the swing has fewer than two samples.
@@ -88,14 +68,9 @@ def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smooth
     strengths = tuned_snap(run, noise) if snap is None else np.asarray(snap, dtype=np.float64)
     strengths = np.array(np.broadcast_to(strengths, theta.shape))
     scale = FilterUnits.of(period, noise.covariance, np.exp(np.log(strengths).mean(axis=0)))
-    x, P, nis = smooth_chains(
-        t / scale.time, theta / scale.angle, scale.noise, scale.scaled(strengths), np.array(LIVE.prior)
-    )
+    x = smooth_chains(t / scale.time, theta / scale.angle, scale.noise, scale.scaled(strengths), np.array(LIVE.prior))
     units = np.concatenate([scale.angle, scale.angle / scale.time])
-    chosen = [0, CHAIN, 1, CHAIN + 1]  # theta1, theta2, omega1, omega2
-    states = x[:, chosen] * units
-    covariance = P[:, chosen][:, :, chosen] * np.outer(units, units)
-    return Smoothed(t, states[:, :2], states[:, 2:], covariance, nis, strengths)
+    return x[:, [0, CHAIN, 1, CHAIN + 1]] * units
 
 
 def tuned_snap(run: Run, noise: NoiseFloor) -> Array:

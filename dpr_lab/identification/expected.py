@@ -95,7 +95,7 @@ def expected_releases(
             "expected", t, theta, None, None, rig.name, rig.sha256, rate_hz,
             mounting=setup.mounting, added_mass=setup.added,
         )  # fmt: skip
-        runs.append(PreprocessedRun(run, NoiseFloor(std, "quantisation", joints), states))
+        runs.append(PreprocessedRun(run, NoiseFloor(std, joints), states))
     problem, initial = segmented(runs, rig, releases.segment_s)
     return problem, rods_estimate(unknown, initial)
 

@@ -60,11 +60,11 @@ class ObjectiveChoice:
     """Description of the objective for reports."""
 
     def build(self, runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
-        """Return a function of (n, 9) candidates that returns (n, runs) errors.
+        """Return the objective: a function of candidates (n, 9) whose result is the errors (n, runs).
 
         Args:
             runs: runs with states and noise
-            rig: rig, for L1 and g
+            rig: L1, gravity and nominal values
         """
         from dpr_lab.dynamics.rollout import segment_errors  # compiled, slow to import
 

@@ -41,7 +41,7 @@ def preprocess(run: Run, rig: Rig, every: int = 1) -> PreprocessedRun:
     refuse_without_motion(run, rig)
     noise = noise_floor(run, rig)
     thinned = run.swing if every == 1 else _thinned(run.swing, every)
-    return PreprocessedRun(thinned, noise, smooth(thinned, noise).states)
+    return PreprocessedRun(thinned, noise, smooth(thinned, noise))
 
 
 def rms_noise(noises: Iterable[NoiseFloor]) -> Array:
@@ -52,8 +52,8 @@ def rms_noise(noises: Iterable[NoiseFloor]) -> Array:
 def _thinned(swing: Run, every: int) -> Run:
     """Return a swing that contains only every n-th sample, where n is `every`.
 
-    A torque that is constant between samples is averaged until the next kept sample. The impulse of the torque is
-    thereby conserved.
+    A torque that is constant between samples is averaged over all samples up to the next remaining one, so that its
+    impulse is conserved.
     """
     mask = np.arange(len(swing.t)) % every == 0
     thinned, first = swing.only(mask), np.flatnonzero(mask)

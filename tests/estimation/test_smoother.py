@@ -37,16 +37,15 @@ def by_filterpy(t, theta, noise, snap, prior):
     kalman.R = noise
     matrices = [transition(h, s) for h, s in zip(np.diff(t), snap[1:], strict=True)]
     Fs, Qs = zip(matrices[0], *matrices, strict=True)
-    means, covariances, nis = [], [], []
+    means, covariances = [], []
     for k in range(len(t)):
         if k:
             kalman.predict(F=Fs[k], Q=Qs[k])
         kalman.update(theta[k])
         means.append(kalman.x)
         covariances.append(kalman.P)
-        nis.append(kalman.y @ kalman.SI @ kalman.y)
     x, P, _, _ = kalman.rts_smoother(np.array(means), np.array(covariances), Fs=Fs, Qs=Qs)
-    return x, P, np.array(nis)
+    return x, P
 
 
 def swing(kind: str, n: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -67,18 +66,16 @@ def swing(kind: str, n: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("kind", ["even", "uneven", "gap"])
 def test_forward_and_backward_pass_are_those_of_filterpy(kind):
     t, theta, snap = swing(kind)
-    x, P, nis = smooth_chains(t, theta, NOISE, snap, PRIOR)  # a diffuse one costs filterpy's inverse its digits
-    expected_x, expected_P, expected_nis = by_filterpy(t, theta, NOISE, snap, PRIOR)
+    x = smooth_chains(t, theta, NOISE, snap, PRIOR)  # a diffuse one costs filterpy's inverse its digits
+    expected_x, expected_P = by_filterpy(t, theta, NOISE, snap, PRIOR)
     std = np.sqrt(np.diagonal(expected_P, axis1=1, axis2=2))
     assert np.abs((x - expected_x) / std).max() < 1e-6
-    assert np.abs((P - expected_P) / (std[:, :, None] * std[:, None])).max() < 1e-6
-    np.testing.assert_allclose(nis, expected_nis, atol=1e-6)
 
 
 def test_states_are_those_of_batch_least_squares():
     """All states are estimated at once: from the prior of the first state, the transitions and the readings."""
     t, theta, snap = swing("uneven", 25)
-    x, P, _ = smooth_chains(t, theta, NOISE, snap, DIFFUSE)
+    x = smooth_chains(t, theta, NOISE, snap, DIFFUSE)
     n, whiten = len(t), np.linalg.inv(np.linalg.cholesky(NOISE))
     first = np.zeros(STATES)
     first[THETA] = theta[0]
@@ -102,18 +99,15 @@ def test_states_are_those_of_batch_least_squares():
     inverse = np.linalg.inv(R) / scale[:, None]
     std = np.linalg.norm(inverse, axis=1)
     assert np.abs((x.ravel() - expected) / std).max() < 1e-5
-    np.testing.assert_allclose(np.sqrt(np.diagonal(P, axis1=1, axis2=2)).ravel(), std, rtol=1e-5)
 
 
-def test_covariances_stay_positive_where_the_process_noise_changes_ten_million_fold():
+def test_states_stay_accurate_where_the_process_noise_changes_ten_million_fold():
     t = 0.1 * np.arange(4000)
     rng = np.random.default_rng(2)
     theta = 40 * np.exp(-t / 60)[:, None] * np.column_stack([np.sin(t), np.cos(1.3 * t)]) + rng.normal(0, 1, (4000, 2))
     snap = np.geomspace(100.0, 1e-5, 4000)[:, None] * np.ones(2)
-    _, P, _ = smooth_chains(t, theta, NOISE, snap, DIFFUSE)
-    std = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
-    assert np.isfinite(std).all()
-    assert np.linalg.eigvalsh(P / (std[:, :, None] * std[:, None])).min() > 0
+    x = smooth_chains(t, theta, NOISE, snap, DIFFUSE)
+    assert np.abs(x[:, THETA] - theta).max() < 6.0
 
 
 def test_a_chain_over_two_intervals_is_the_chain_over_their_sum():

@@ -54,35 +54,11 @@ def best_savitzky_golay(theta, truth, rate_hz):
 def test_beats_differences_and_the_best_savitzky_golay(pose, rate_hz):
     run, truth = recording(pose, rate_hz)
     smoothed = smooth(run, noise_floor(run, RIG))
-    error = rms(smoothed.omega - truth[:, 2:])
+    error = rms(smoothed[:, 2:] - truth[:, 2:])
     angles = run.swing.theta[:, 1:]
     assert error < rms(np.gradient(angles, 1 / rate_hz, axis=0) - truth[:, 2:]) / 3
     assert error < best_savitzky_golay(angles, truth[:, 2:], rate_hz)
-    assert rms(smoothed.theta - truth[:, :2]) < rms(angles - truth[:, :2]) / 2
-
-
-@pytest.mark.parametrize("pose", POSES)
-def test_innovations_are_as_large_as_they_claim(pose):
-    run, truth = recording(pose, 1000)
-    smoothed = smooth(run, noise_floor(run, RIG))
-    assert 1.7 < smoothed.nis.mean() < 2.2
-    deviation = np.sqrt(np.diagonal(smoothed.covariance, axis1=1, axis2=2))
-    assert 0.6 < rms((smoothed.states - truth) / deviation) < 1.1
-
-
-@pytest.mark.parametrize("rate_hz", [200, 1000])
-@pytest.mark.parametrize("pose", POSES)
-def test_the_normalised_estimation_error_shows_no_overconfidence(pose, rate_hz):
-    """NEES e' P^-1 e has the mean 4, the number of states; above it the covariance would promise too much.
-
-    Source: Bar-Shalom, Li & Kirubarajan (2001), Estimation with Applications to Tracking and Navigation, 5.4.
-    """
-    run, truth = recording(pose, rate_hz)
-    smoothed = smooth(run, noise_floor(run, RIG))
-    errors = (smoothed.states - truth)[:, :, None]
-    nees = (errors.transpose(0, 2, 1) @ np.linalg.solve(smoothed.covariance, errors))[:, 0, 0]
-    assert 1.0 < nees.mean() < 4.5
-    assert np.quantile(nees, 0.99) < 20.0
+    assert rms(smoothed[:, :2] - truth[:, :2]) < rms(angles - truth[:, :2]) / 2
 
 
 def test_dropped_samples_and_gaps_are_bridged():
@@ -93,13 +69,11 @@ def test_dropped_samples_and_gaps_are_bridged():
     kept[gap] = False
     broken = Run("gaps", t[kept], run.theta[kept], None, "X3", "paper", "", 1000.0)
     noise = noise_floor(run, RIG)
-    smoothed = smooth(broken, noise)
-    np.testing.assert_array_equal(smoothed.t, t[kept & (t >= 0)])
-    errors = smoothed.omega - truth[kept[t >= 0]][:, 2:]
-    assert rms(errors) < 1.5 * rms(smooth(run, noise).omega - truth[:, 2:])
-    claimed = np.sqrt(np.diagonal(smoothed.covariance, axis1=1, axis2=2))[:, 2:]
-    edge = np.abs(smoothed.t - 2.025) < 0.04
-    assert (np.abs(errors[edge]) < 5 * claimed[edge]).all()
+    errors = smooth(broken, noise)[:, 2:] - truth[kept[t >= 0]][:, 2:]
+    usual = rms(smooth(run, noise)[:, 2:] - truth[:, 2:])
+    assert rms(errors) < 1.5 * usual
+    edge = np.abs(t[kept & (t >= 0)] - 2.025) < 0.04
+    assert np.abs(errors[edge]).max() < 10 * usual
 
 
 @pytest.mark.slow
@@ -112,7 +86,7 @@ def test_uneven_instants_agree_with_the_joint_gaussian():
     snap = np.array([1e8, 3e9])
     theta = np.column_stack([np.zeros(15), 0.3 * np.cos(20 * t), np.sin(15 * t)])
     run = Run("few", t, theta, None, None, "paper", "", 500.0)
-    smoothed = smooth(run, NoiseFloor(np.array([1e-4, 1e-4]), "rest", JointAngles(relative2=True)), snap)
+    smoothed = smooth(run, NoiseFloor(np.array([1e-4, 1e-4]), JointAngles(relative2=True)), snap)
 
     angle = np.sqrt(np.diag(covariance))
     memory = np.sqrt(np.prod((angle**2 * np.median(np.diff(t)) / snap) ** (1 / 8)))
@@ -140,10 +114,7 @@ def test_uneven_instants_agree_with_the_joint_gaussian():
     S = H @ K @ H.T + np.kron(np.eye(15), covariance)
     posterior = mean + K @ H.T @ np.linalg.solve(S, theta[:, 1:].ravel() - H @ mean)
     chosen = posterior.reshape(15, 8)[:, [0, CHAIN, 1, CHAIN + 1]]
-    spread = (K - K @ H.T @ np.linalg.solve(S, H @ K)).reshape(15, 8, 15, 8)
-    np.testing.assert_allclose(smoothed.states, chosen, rtol=1e-5, atol=1e-7)
-    speeds = [spread[k, i, k, i] for k in (3, 14) for i in (1, CHAIN + 1)]
-    np.testing.assert_allclose(smoothed.covariance[[3, 14]][:, [2, 3], [2, 3]].ravel(), speeds, rtol=1e-3)
+    np.testing.assert_allclose(smoothed, chosen, rtol=1e-5, atol=1e-7)
 
 
 def van_loan(interval, snap):
@@ -177,12 +148,10 @@ def test_likelihood_is_that_of_a_multivariate_normal():
 
 
 @pytest.mark.parametrize("rate_hz", [30, 80, 4000])
-def test_slow_and_fast_sampling_keep_a_positive_covariance(rate_hz):
+def test_slow_and_fast_sampling_give_better_speeds_than_differences(rate_hz):
     run, truth = recording("X3", rate_hz)
-    smoothed = smooth(run, noise_floor(run, RIG))
-    assert np.linalg.eigvalsh(smoothed.covariance).min() > 0
-    deviation = np.sqrt(np.diagonal(smoothed.covariance, axis1=1, axis2=2))[:, 2:]
-    assert rms((smoothed.omega - truth[:, 2:]) / deviation) < 1.2
+    error = rms(smooth(run, noise_floor(run, RIG))[:, 2:] - truth[:, 2:])
+    assert error < rms(np.gradient(run.swing.theta[:, 1:], 1 / rate_hz, axis=0) - truth[:, 2:]) / 1.8
 
 
 def test_tuned_noise_follows_the_swing():
@@ -209,10 +178,10 @@ def test_the_last_speeds_of_the_live_filter_are_those_of_the_smoother():
     """After a few samples, which depend on the prior of the filter."""
     t = np.arange(6) / 500
     run = Run("few", t, np.column_stack([0 * t, 0.3 * np.cos(20 * t), np.sin(15 * t)]), None, None, "paper", "", 500.0)
-    noise, snap = NoiseFloor(np.array([1e-4, 1e-4]), "rest", JointAngles(relative2=True)), np.array([1e8, 3e9])
+    noise, snap = NoiseFloor(np.array([1e-4, 1e-4]), JointAngles(relative2=True)), np.array([1e8, 3e9])
     live = VelocityFilter(noise.covariance, run.rate_hz, snap)
     *_, last = (live.update(time, angles) for time, angles in zip(t, run.theta[:, 1:], strict=True))
-    np.testing.assert_allclose(last, smooth(run, noise, snap).states[-1, 2:], rtol=1e-6)
+    np.testing.assert_allclose(last, smooth(run, noise, snap)[-1, 2:], rtol=1e-6)
 
 
 def test_live_filter_bridges_a_gap_and_refuses_to_go_back():

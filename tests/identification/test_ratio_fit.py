@@ -64,7 +64,7 @@ def absolute(rig: Rig) -> Rig:
 
 def problem_of(rig: Rig, runs, states, length: float):
     """Segments of runs, and the smoothed states at their starts."""
-    noise = NoiseFloor(np.full(2, NOISE), "rest", JointAngles(relative2=False))
+    noise = NoiseFloor(np.full(2, NOISE), JointAngles(relative2=False))
     prepared = [PreprocessedRun(run, noise, x) for run, x in zip(runs, states, strict=True)]
     return segmented(prepared, absolute(rig), length)
 

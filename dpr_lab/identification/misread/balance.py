@@ -221,8 +221,8 @@ def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = 
     """Find the two angles whose addition to the rod angles minimises a residual.
 
     The angles are less than one turn. Both angles are equal for one degree of freedom. The local minima on a grid of
-    both angles are refined. Grid points next to a lower one are excluded, because a search from there would end in the
-    same minimum.
+    both angles are refined. Grid points with a lower neighbour are excluded, because a search from them would end in
+    the same minimum as one from this neighbour.
 
     Args:
         residual: residual of a balance as a function of the (2,) added angles, rad
@@ -268,7 +268,7 @@ def _terms_of_table(
     motion: LocalMotionSettings | None = None,
     law: Law = "viscous",
 ) -> Array | None:
-    """Return the (m, k) balance terms of a table, or None without enough motion."""
+    """Return the (m, k) terms of the balance of a table, or None if the motion is too small."""
     moving = local_motion(t, rods, periods(rig)[1], motion or ENERGY.motion)
     return None if moving is None else balance_terms(moving, torques, rig, law)
 

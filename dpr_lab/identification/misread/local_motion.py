@@ -36,7 +36,7 @@ class LocalMotionSettings:
 
 @dataclass(frozen=True, slots=True)
 class TurningSettings:
-    """Threshold from which a reversal of the motion counts as a turning point."""
+    """Threshold above which a reversal of the motion is a turning point."""
 
     back: float = 0.05
     """Minimum motion in both directions at a turning point, relative to the range of the angle."""

@@ -198,7 +198,10 @@ def arm_problem(recordings: Sequence[ArmRecording], rig: Rig, length: float) -> 
 def problem_of(
     recordings: Sequence[ArmRecording], rig: Rig, cuts: Sequence[Cut], max_step: float = MAX_STEP
 ) -> ArmProblem:
-    """Set up the problem of given segments, with integration steps of at most `max_step`, s."""
+    """Return the fitting problem of given segments.
+
+    The integration steps are at most `max_step`, s.
+    """
     modes = [recordings[i].mode for i, _ in cuts]
     driven = any(recording.run.arm_mode == "driven" and recording.mode != DRIVEN for recording in recordings)
     unknowns = unknowns_of(modes, driven, rig)

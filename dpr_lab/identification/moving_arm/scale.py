@@ -20,7 +20,7 @@ from dpr_lab.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class ArmScale:
-    """Source of the scale of absolute sizes."""
+    """Scale of absolute sizes of a rig with a moving arm, and its source."""
 
     value: float
     """Inertia by which ratios are multiplied, kg m^2."""
