@@ -7,6 +7,8 @@ of the arm and of all parts mounted on it.
 """
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import Joint, Motion, RigConstants, Terms, torques
@@ -30,8 +32,8 @@ def _between(start: float, slope: float, low: float, high: float) -> tuple[float
 def moments(start: float, slope: float, length: float) -> tuple[float, float]:
     """Integrate v |v| and s v |v| over 0 <= s <= length, with v = start + slope s.
 
-    The result is exact: v |v| is quadratic on both sides of a sign change of v, and two Gauss points integrate cubics
-    exactly.
+    The result is exact: both integrands are polynomials of at most third degree on either side of a sign change of v,
+    and two Gauss points integrate such polynomials exactly.
     """
     turn = -start / slope
     turn = turn if turn > 0.0 else 0.0
@@ -67,61 +69,62 @@ def of_arm(joint: Joint, coefficient_kg_m2: float) -> float:
     return -coefficient_kg_m2 * joint.speed * abs(joint.speed)
 
 
-_PARAMETERS = (EffectParameter("coefficient_kg_per_m2", "kg/m^2", 5e-3, "positive"),)
 _SOURCE = (
     "Drag of a cylinder across the flow, k = rho C_d width / 2 with C_d about 1.2: Hoerner (1965), Fluid-Dynamic Drag,"
     " ch. 3; rotation as in Mungan & Lipscombe, Eur. J. Phys. 34, 1243 (2013)."
 )
-_BENCH_CHECK = (
-    "Tape a light card to the {rod} rod and repeat the recording: the drag of this rod is then several times as large."
-    " The ratio of the widths of the rods, measured with a calliper, is the ratio of their drag coefficients."
-)
 
-AIR_DRAG_OUTER = Effect(
-    name="air_drag_outer",
+
+def _of_rods(name: str, rod: str, kernel: Callable[..., Terms], **fields: Any) -> Effect:
+    """Return the drag of the outer rod or of both rods; the bench check is at `rod`."""
+    return Effect(
+        name=name,
+        parameters=(EffectParameter("coefficient_kg_per_m2", "kg/m^2", 5e-3, "positive"),),
+        site="joint torque",
+        stage="torque",
+        kernel=kernel,
+        dissipative=True,
+        common=True,
+        quantities=(
+            BenchQuantity("drag coefficient of a rod", "k", ("coefficient_kg_per_m2",), definition="rho C_d width / 2"),
+        ),
+        bench_check=(
+            f"Tape a light card to the {rod} rod and repeat the recording: the drag of this rod is then several times"
+            " as large. The ratio of the widths of the rods, measured with a calliper, is the ratio of their drag"
+            " coefficients."
+        ),
+        source=_SOURCE,
+        **fields,
+    )
+
+
+AIR_DRAG_OUTER = _of_rods(
+    "air_drag_outer",
+    "outer",
+    outer,
     words="air drag, outer rod",
     equation=(
         "tau_i = -k integral along the outer rod of v |v| dv/domega_i ds, v = L1 omega1 cos(theta2 - theta1) + s omega2"
     ),
-    parameters=_PARAMETERS,
-    site="joint torque",
-    stage="torque",
-    kernel=outer,
-    dissipative=True,
-    common=True,
     twins=("air_drag_both", "viscous_ground_link2"),
-    quantities=(
-        BenchQuantity("drag coefficient of a rod", "k", ("coefficient_kg_per_m2",), definition="rho C_d width / 2"),
-    ),
     symptom=(
         "Large swings lose a larger fraction of their amplitude per cycle than small swings; the last small swings"
         " decay slowly."
     ),
-    bench_check=_BENCH_CHECK.format(rod="outer"),
-    source=_SOURCE,
 )
 
-AIR_DRAG_BOTH = Effect(
-    name="air_drag_both",
+AIR_DRAG_BOTH = _of_rods(
+    "air_drag_both",
+    "inner",
+    both,
     words="air drag, all rods",
     equation="torques of air_drag_outer, plus tau1 = -k L1^4 omega1 |omega1| / 4 on the inner rod",
-    parameters=_PARAMETERS,
-    site="joint torque",
-    stage="torque",
-    kernel=both,
-    dissipative=True,
-    common=True,
     twins=("air_drag_outer", "viscous_ground_link2"),
     nested=("air_drag_outer",),
-    quantities=(
-        BenchQuantity("drag coefficient of a rod", "k", ("coefficient_kg_per_m2",), definition="rho C_d width / 2"),
-    ),
     symptom=(
         "Large swings lose a larger fraction of their amplitude per cycle than small swings, also if the inner rod"
         " swings alone."
     ),
-    bench_check=_BENCH_CHECK.format(rod="inner"),
-    source=_SOURCE,
 )
 
 AIR_DRAG_JOINT0 = Effect(

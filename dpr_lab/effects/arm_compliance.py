@@ -23,7 +23,7 @@ def compliant(constants: RigConstants, coupling_per_kg: float, frequency_hz: flo
 def propose(recorded: Recorded) -> list[dict[str, float]] | None:
     """Propose the frequencies of the grid.
 
-    The result is empty if the encoder of the arm shows no motion in any run.
+    The result is empty if the encoder of the arm was read and shows no motion in any run.
     """
     return [] if all(moves is False for moves in recorded.arm_moves) else None
 
@@ -31,8 +31,7 @@ def propose(recorded: Recorded) -> list[dict[str, float]] | None:
 def longest_step(params: Params, *, per_period: float = 40.0, finest_s: float = 6.25e-4) -> float:
     """Return the longest integration step, s.
 
-    The step is 1/40 of the period of the arm's vibration, but not below `finest_s`. The default of `finest_s` is a
-    quarter of 2.5 ms.
+    The step is 1 / `per_period` of the period of the arm's vibration, but at least `finest_s`.
     """
     return max(1.0 / (per_period * params["frequency_hz"]), finest_s)
 

@@ -16,13 +16,13 @@ ARM_STAGES: dict[StageName, StageName] = {
 
 
 def at_arm(effect: Effect, *, bench_check: str, symptom: str = "", equation: str = "", **fields: Any) -> Effect:
-    """Derive the effect at joint 0, the arm, from that at a rod joint.
+    """Derive an effect at joint 0, the arm, from the same effect at a rod joint.
 
     Args:
         effect: effect at joint 1 or 2
         bench_check: check at the arm
         symptom: symptom at the arm
-        equation: equation at the arm; empty: the equation of the other joint with another number
+        equation: equation at the arm; empty: the equation of `effect` with the joint number 0
         fields: other fields of `Effect` that differ
     """
     (joint,) = effect.joints

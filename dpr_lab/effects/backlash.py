@@ -47,8 +47,8 @@ def geared_motor(
 ) -> Motor:
     """Compute the state of the motor after the time `elapsed`.
 
-    Inside the backlash, the exact solution of J dw/dt = torque - friction w is used. At an end of the backlash the
-    motor takes the speed of the arm.
+    Inside the backlash, the state is the exact solution of J dw/dt = torque - friction w. At an end of the backlash,
+    the motor has the speed of the arm.
 
     Args:
         angle: angle of the arm at the end of the time, rad
@@ -77,12 +77,12 @@ def _hidden(params: Params) -> float:
     return params["play_rad"]
 
 
-def _longest_step(params: Params, *, longest_s: float = 1.25e-3) -> float:
+def _longest_step(params: Params) -> float:
     """Return the longest integration step, s.
 
-    The drive torque is constant within a step, but a light motor inside the backlash follows all its changes.
+    The drive torque is constant within a step, but a light motor inside the backlash follows its changes.
     """
-    return longest_s
+    return 1.25e-3
 
 
 def _tightened(params: Params, rig: RigConstants, joint: int) -> str:

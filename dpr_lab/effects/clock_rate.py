@@ -5,7 +5,7 @@ from dpr_lab.kernels import inlined
 
 
 @inlined
-def fast(t: float, excess: float) -> float:
+def clock_error(t: float, excess: float) -> float:
     """Return true time minus device time, s, at the device time t.
 
     `excess` is the relative rate error; it is positive if the clock is fast.
@@ -20,7 +20,7 @@ CLOCK_RATE = Effect(
     parameters=(EffectParameter("excess", "1", 1e-3, plausible=1e-4),),
     site="timing",
     stage="timing",
-    kernel=fast,
+    kernel=clock_error,
     corrects="t",
     remedy=lambda params, rig, joint: (
         f"divide the device's times by {1.0 + params['excess']:.6f}: its clock has a rate error of"
@@ -38,8 +38,7 @@ CLOCK_RATE = Effect(
         " error). A crystal has an error of at most 0.01 %: a larger error indicates an incorrect L1 (or g)."
     ),
     source=(
-        "Equation (1) keeps its form when time is scaled, except for gravity. Data sheets of crystals allow"
-        " 20 to 100 ppm"
-        " for tolerance, temperature and age together."
+        "Equation (1) keeps its form when time is scaled, except for gravity. Data sheets of crystals allow 20 to"
+        " 100 ppm for tolerance, temperature and age together."
     ),
 )

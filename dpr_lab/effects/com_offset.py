@@ -19,9 +19,9 @@ def inner(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
 
 @inlined
 def outer(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
-    """Return the terms of the offset of the outer rod's centre of mass.
+    """Return the terms of an offset of the outer rod's centre of mass.
 
-    They are a gravity torque, a coupling inertia and centrifugal torques.
+    The terms are inertia, coupling inertia, gravity torque and centrifugal torques.
     """
     moment = constants.m2 * offset_m
     sin12 = motion.sin1 * motion.cos2 - motion.cos1 * motion.sin2

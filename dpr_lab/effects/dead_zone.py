@@ -5,7 +5,7 @@ from dpr_lab.kernels import inlined
 
 
 @inlined
-def swallowed(torque: float, width_Nm: float) -> float:
+def missing_torque(torque: float, width_Nm: float) -> float:
     """Return the difference between acting and known torque, N m.
 
     Inside the zone, the difference is minus the known torque. Outside, it is half the width of the zone, with the sign
@@ -21,7 +21,7 @@ DEAD_ZONE_JOINT0 = Effect(
     parameters=(EffectParameter("width_Nm", "N m", 1e-3, "positive"),),
     site="drive",
     stage="drive0",
-    kernel=swallowed,
+    kernel=missing_torque,
     joints=(ARM,),
     twins=("coulomb_joint0",),
     quantities=(BenchQuantity("half width of the dead zone", "x", ("width_Nm",), definition="as a torque on the arm"),),

@@ -30,7 +30,7 @@ class JointIndex(NamedTuple):
 ARM = JointIndex().arm
 
 LEVERS = ("friction_radius_m", "offset_m")
-"""Parameters that are lever arms of forces known from the rig file; they scale like torques."""
+"""Names of parameters that are lever arms of forces. A free swing determines their ratio to b, as for torques."""
 
 _UNIT_SUFFIX = re.compile(r"(_(per|Nms?|m2?|rad3?|s2?|kg(m2)?|[hH]z))+$")
 """Pattern of the unit at the end of a parameter's name."""
@@ -66,7 +66,7 @@ class EffectParameter:
     default: float = 0.0
     """Default of a shape parameter; zero for an amplitude."""
     scan: tuple[float, ...] = ()
-    """Values of a shape parameter to try before it is refined; empty: the recordings define them (runs, instants)."""
+    """Values of a shape parameter that are tried first; empty: `Effect.propose` derives them from the recordings."""
     draw: tuple[float, float] | None = None
     """Range from which blind trials draw a shape parameter; None: 1/3 to 3 times the default."""
     whole: bool = False
@@ -76,7 +76,7 @@ class EffectParameter:
     continuous: bool = False
     """Whether a shape parameter is refined after its scan; false for orders and instants."""
     negative: str = ""
-    """Meaning of a negative value: `friction falls during the swing`."""
+    """Meaning of a negative value, for example `friction falls during the swing`."""
     label: str = ""
     """Name in tables and sentences; empty: `name` without its unit."""
     most: float = math.inf
@@ -176,8 +176,7 @@ class InternalState:
     after: Callable[..., float] | None = None
     """Kernel of the transition over a displacement of the joint in one direction: (state, `displacement`, parameters).
 
-    None: the stage defines the transition. A backlash is its own transition, and an arm moves by the equation of the
-    rig.
+    None: the stage of the effect defines the transition, as for a backlash or a compliant arm.
     """
     sliding: Callable[[float], float] | None = None
     """Kernel (speed of the joint, rad/s) -> state at the start of a run after the release; None: unchanged."""
@@ -231,7 +230,8 @@ class Effect:
     symptom: str = ""
     """Symptom of the effect at the rig or in a recording; required for effects of the library."""
     joints: tuple[int, ...] = (0, 1)
-    """Joints (0, 1 or `ARM`) whose angle and speed the effect may depend on; both rod joints if it has no joint."""
+    """Indices of the joints (0, 1 or `ARM`) on whose motion the effect depends; both rod joints for an effect of the
+    rig."""
     internal: tuple[InternalState, ...] = ()
     dissipative: bool = False
     """Whether the effect can only dissipate energy of the rods (presliding returns at most the stored energy)."""
@@ -247,9 +247,9 @@ class Effect:
     event: bool = False
     """Whether the effect occurs once, in one recording, and is not a property of the rig."""
     twins: tuple[str, ...] = ()
-    """Effects that free swings cannot, or can hardly, distinguish from this effect."""
+    """Effects that free swings hardly or never distinguish from this effect."""
     nested: tuple[str, ...] = ()
-    """Simpler effects, which are preferred if they explain the recordings equally well."""
+    """Simpler effects that this effect contains as special cases; they are preferred if they fit equally well."""
     adds: str = ""
     """Name of the amplitude that the simpler effects lack; empty if it cannot be measured."""
     quantities: tuple[BenchQuantity, ...] = ()
@@ -276,7 +276,7 @@ class Effect:
     longest_step: Callable[[Params], float] | None = None
     """Function that returns the longest integration step, s; None: the step of the rods."""
     hides_step: Callable[[Params], float] | None = None
-    """Function that returns the largest step in its joint's readings that the effect explains, rad; None: no step."""
+    """Function that returns the largest step of its joint's reading that the effect can cause, rad; None: no step."""
     possible: Callable[[Params], bool] = lambda sizes: True
     """Function that returns whether the sizes, each within its limit, can occur together."""
     remedy: Callable[[Params, RigConstants, int], str] | None = None
@@ -311,7 +311,7 @@ class Effect:
 
     @property
     def driven(self) -> bool:
-        """Whether the effect belongs to a drive and does not affect free swings."""
+        """Whether the effect belongs to a drive, so that free swings do not show it."""
         return self.stage in ("drive", "drive0", "input")
 
     @property

@@ -50,7 +50,7 @@ ARM = next((i for i, (effect, _) in enumerate(_STATES) if effect.stage == "arm")
 
 
 def stepped_states() -> Iterator[tuple[Effect, InternalState]]:
-    """Return the pairs of effect and internal state that move with a joint."""
+    """Return the internal states that move with a joint, each after its effect."""
     return (_STATES[i] for i in STEPPED)
 
 
@@ -71,9 +71,9 @@ class Contribution(NamedTuple):
         return f"if active[{_ALL.index(self.effect)}]:"
 
     def statements(self, stage: str, notation: Mapping[str, str]) -> list[str]:
-        """Return the source that calls the kernel and combines its value with others.
+        """Return the source lines that call the kernel and combine its value with the results of the stage.
 
-        The names in the source are those of `notation`.
+        `notation` maps the names of the stage to names in the source.
         """
         row, required, start = STAGES[stage], arguments(self.kernel), SLICES[self.effect.name].start
         states = {s.name: f"{{{row.states}_{i}}}" for i, (e, s) in enumerate(stepped_states()) if e is self.effect}
@@ -249,7 +249,7 @@ def active_effects(params: Array) -> Flags:
 
 
 def keep_states(active: Flags) -> Flags:
-    """Return the (...) mask of those masks (..., effects) whose active effects have internal states."""
+    """Return the (...) mask: whether any active effect of a mask (..., effects) has an internal state."""
     return np.logical_or.reduce(active & _WITH_STATES, axis=-1)
 
 

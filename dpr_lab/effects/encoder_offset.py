@@ -20,53 +20,45 @@ def remedy(params: Params, rig: RigConstants, joint: int) -> str:
     )
 
 
-_PARAMETERS = (EffectParameter("offset_rad", "rad", 5e-3),)
-_SOURCE = "Definition of an encoder's zero, `dpr_lab.rig_tables.Encoders`."
+def _of_joint(number: int, twins: tuple[str, ...], symptom: str, bench_check: str) -> Effect:
+    """Return the offset of the encoder of joint 1 or 2."""
+    return Effect(
+        name=f"encoder_offset_joint{number}",
+        words=f"encoder offset, joint {number}",
+        equation=f"encoder {number} reads q{number} + x",
+        parameters=(EffectParameter("offset_rad", "rad", 5e-3),),
+        site="sensor",
+        stage="encoder",
+        kernel=shifted,
+        universal=True,
+        common=True,
+        corrects="zero_counts",
+        exported=lambda params: {"encoder_offset": params["offset_rad"]},
+        remedy=remedy,
+        joints=(number - 1,),
+        twins=twins,
+        quantities=(
+            BenchQuantity("zero error of the encoder", "x", ("offset_rad",), definition="angle read minus true angle"),
+        ),
+        symptom=symptom,
+        bench_check=bench_check,
+        source="Definition of an encoder's zero, `dpr_lab.rig_tables.Encoders`.",
+    )
 
-ENCODER_OFFSET_JOINT1 = Effect(
-    name="encoder_offset_joint1",
-    words="encoder offset, joint 1",
-    equation="encoder 1 reads q1 + x",
-    parameters=_PARAMETERS,
-    site="sensor",
-    stage="encoder",
-    kernel=shifted,
-    universal=True,
-    common=True,
-    corrects="zero_counts",
-    exported=lambda params: {"encoder_offset": params["offset_rad"]},
-    remedy=remedy,
-    joints=(0,),
+
+ENCODER_OFFSET_JOINT1 = _of_joint(
+    1,
     twins=("base_tilt", "encoder_eccentricity_joint1"),
-    quantities=(
-        BenchQuantity("zero error of the encoder", "x", ("offset_rad",), definition="angle read minus true angle"),
-    ),
     symptom="While the rods hang at rest, encoder 1 does not read the hanging angle; swings to both sides differ.",
     bench_check=(
         "Read encoder 1 with the rods at rest, turn the base by 180 degrees and read it again: half the sum is the zero"
         " error; a tilt of the base changes sign and cancels."
     ),
-    source=_SOURCE,
 )
 
-ENCODER_OFFSET_JOINT2 = Effect(
-    name="encoder_offset_joint2",
-    words="encoder offset, joint 2",
-    equation="encoder 2 reads q2 + x",
-    parameters=_PARAMETERS,
-    site="sensor",
-    stage="encoder",
-    kernel=shifted,
-    universal=True,
-    common=True,
-    corrects="zero_counts",
-    exported=lambda params: {"encoder_offset": params["offset_rad"]},
-    remedy=remedy,
-    joints=(1,),
+ENCODER_OFFSET_JOINT2 = _of_joint(
+    2,
     twins=("com_offset_link2", "encoder_eccentricity_joint2"),
-    quantities=(
-        BenchQuantity("zero error of the encoder", "x", ("offset_rad",), definition="angle read minus true angle"),
-    ),
     symptom=(
         "While the rods hang at rest, the reading of encoder 2 is not zero; its value is the same in every recording."
     ),
@@ -74,7 +66,6 @@ ENCODER_OFFSET_JOINT2 = Effect(
         "Remove the outer rod, turn it by 180 degrees about its long axis, mount it again and read encoder 2 at rest:"
         " a zero error does not change, the effect of an offset of the centre of mass changes sign."
     ),
-    source=_SOURCE,
 )
 
 ENCODER_OFFSET_JOINT0 = at_arm(

@@ -21,8 +21,8 @@ def stretched(encoder: EncoderReading, excess: float) -> float:
 def remedy(params: Params, rig: RigConstants, joint: int, exact: float = 5e-3) -> str:
     """Describe how to correct the counts per turn of an encoder.
 
-    A relative error above `exact` cannot be a tolerance. The text then names the common encoder with the corrected
-    number of counts. If there is no such encoder, the text states that another cause is probable.
+    If another common encoder has the corrected number of counts, the text names it. If no common encoder has it and the
+    relative error exceeds `exact`, the largest tolerance, the text states that another cause is probable.
     """
     configured = abs((rig.counts_per_rev1, rig.counts_per_rev2, rig.counts_per_rev0)[joint])
     correct = configured * (1.0 + params["excess"])

@@ -17,12 +17,12 @@ class Family:
     marks: tuple[str, ...]
     """Effects that are specific to the component."""
     expected: tuple[str, ...]
-    """Effects that the component always causes, of any size, and that a free swing can show."""
+    """Effects that the component always causes to some degree and that a free swing can show."""
 
     def among(self, effects: Collection[str]) -> tuple[str, ...]:
-        """Select the given effects that belong to this family.
+        """Return the given effects that belong to this family.
 
-        The result is empty unless it has two or more effects, of which at least one is specific to the family.
+        The result is empty unless there are two or more, of which at least one is specific to the family.
         """
         parts = tuple(name for name in effects if name in self.parts)
         return parts if len(parts) > 1 and set(parts) & set(self.marks) else ()

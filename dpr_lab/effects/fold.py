@@ -1,4 +1,4 @@
-"""Generated source code that evaluates the effects of a stage."""
+"""Slices of the parameter vector, and generation of the source code that evaluates effects."""
 
 import inspect
 import linecache
@@ -39,9 +39,9 @@ def call(kernel: str, names: Iterable[str], *offered: Mapping[str, str]) -> str:
 def compiled(lines: Iterable[str], names: Mapping[str, Any]) -> Any:
     """Compile a function from source lines.
 
-    The result is one explicit function, because a chain of closures takes ten times as long if all effects are off. The
-    disk cache cannot identify the function, but kernels that call it are cached together with its code. `inspect` can
-    show its source.
+    One generated function is used, because a chain of closures takes ten times as long if all effects are off. The disk
+    cache does not store the function itself, but kernels that call it are cached together with its code. Its source is
+    registered for `inspect`.
 
     Args:
         lines: source, with `def name(...)` in the first line

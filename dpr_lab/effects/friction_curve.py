@@ -35,8 +35,8 @@ def curve(
 ) -> float:
     """Return the friction torque on the following rod, N m.
 
-    The torque is a step at rest plus linear increases, one between each pair of successive speeds. Fast swings reach
-    the last speed, 8 rad/s. Above it only viscous friction increases.
+    Its magnitude is a constant plus a linear rise between each pair of the speeds 0, 0.3, 1, 3, 8 rad/s. Above 8 rad/s
+    it is constant.
     """
     speed = joint.speed * joint.direction
     size = forward_Nm if joint.direction > 0.0 else backward_Nm

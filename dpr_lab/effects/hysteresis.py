@@ -9,9 +9,9 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def deflected(presliding: float, displacement: float, length_rad: float) -> float:
-    r"""Return the presliding state after a displacement in one direction.
+    """Return the presliding state after a displacement in one direction.
 
-    This is the exact solution of Dahl's equation; it is stable for any displacement.
+    The state is the exact solution of Dahl's equation, stable for any displacement.
     """
     side = 1.0 if displacement > 0.0 else -1.0
     return side + (presliding - side) * exp(-abs(displacement) / length_rad)

@@ -1,4 +1,4 @@
-"""Test whether the kernels of a plugin's effect compile, before all kernels are compiled together."""
+"""Trial compilation of the kernels of a plugin's effect, before all kernels are compiled together."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -33,7 +33,7 @@ def compile_errors(effect: Effect) -> Iterator[str]:
     """Describe each kernel that cannot be compiled or returns a wrong type.
 
     A kernel must return a number. In the stages `torque` and `load`, a kernel that has no argument `joint` returns
-    `Terms` instead. The names of effects whose kernels compile are stored on disk.
+    `Terms` instead. Effects that passed the test are recorded in the kernel cache and not tested again.
     """
     mark = CACHE / f"checked-{effect.name}" if CACHE is not None else None
     if mark is not None and mark.exists():

@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def late(delay_s: float) -> float:
-    """Return the shift of the sampling instant of joint 2, s: minus the delay."""
+    """Return the shift of the instant at which joint 2 is read, s: minus the delay."""
     return -delay_s
 
 
@@ -42,7 +42,7 @@ LATENCY_JOINT2 = Effect(
 
 @inlined
 def later(delay_s: float) -> float:
-    """Return the lead of the arm's reading relative to that of joint 1, s."""
+    """Return the time by which the arm is read before joint 1, s: the delay."""
     return delay_s
 
 

@@ -49,10 +49,10 @@ def amplitude_limits(base: BaseParameters, constants: RigConstants) -> Array:
 
 
 def oversized(params: Array, limits: Array | None, *, share: float = 0.999) -> tuple[str, ...]:
-    """Return the effects with implausible fitted sizes: at a limit, or inconsistent with each other.
+    """Return the effects whose fitted sizes are at a limit, or cannot occur together.
 
-    Another cause is then probable. Limits that follow from the equation and lie within the scale of the prior are
-    exempt, such as the share 1 of a saturated drive.
+    Another cause is then probable. Limits within the scale of the prior are exempt, because the equation defines them,
+    such as the share 1 of a saturated drive.
 
     Args:
         params: (SIZE,) parameters of all effects

@@ -49,8 +49,7 @@ MISSED_COUNTS = Effect(
     ),
     bench_check=(
         "Compare the angle at which the rods hang before and after the run: the angle has changed by whole counts."
-        " Check shield"
-        " and connector of that encoder, and that its edge rate is below the maximum of the counter."
+        " Check shield and connector of that encoder, and that its edge rate is below the maximum of the counter."
     ),
     source="Quadrature counters lose edges in steps of whole counts; `run` counts the releases from 0.",
 )

@@ -1,4 +1,4 @@
-"""Arguments and results of effect kernels: tuples of numbers, which compiled code passes in registers."""
+"""Arguments and results of effect kernels, as tuples of numbers, which compiled code passes in registers."""
 
 import math
 from typing import NamedTuple
@@ -6,7 +6,7 @@ from typing import NamedTuple
 from dpr_lab.kernels import inlined
 
 SMOOTHING = 0.02
-"""Speed scale, rad/s, at which a smoothed friction torque changes sign, if the friction law defines none.
+"""Speed scale of the smoothed sign of a friction torque, rad/s, if the friction law defines none.
 
 The value is far below the speeds of any swing.
 """
@@ -15,8 +15,8 @@ The value is far below the speeds of any swing.
 class RigConstants(NamedTuple):
     """Measured constants of a rig.
 
-    They are lengths, m, gravity, m/s^2, masses, kg, and counts per turn. An unknown length or mass is nan, and so is
-    every result that depends on it.
+    Lengths are in m, masses in kg, and gravity in m/s^2. An unknown length or mass is nan, and so is every result that
+    depends on it.
     """
 
     L0: float

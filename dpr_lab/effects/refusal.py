@@ -1,4 +1,4 @@
-"""Check a plugin's effect: kernel arguments, and names and units of its parameters."""
+"""Check of a plugin's effect: stage, joints, kernel arguments, and parameters."""
 
 import math
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from dpr_lab.effects.stages import STAGES, StageName
 
 
 def refusal(effect: Effect) -> str:
-    """Describe why an effect is refused; an accepted effect has an empty text."""
+    """Describe why an effect is refused; the text is empty if it is accepted."""
     return "; ".join(list(_reasons(effect)) or compile_errors(effect))
 
 

@@ -25,7 +25,7 @@ class RigScales(NamedTuple):
 
 
 def scales(base: BaseParameters, constants: RigConstants, joint: int) -> RigScales:
-    """Return the reference values at joint 0 or 1 of the rods, or the arm (-1).
+    """Return the reference values of one joint; `joint` is 0 for joint 1, 1 for joint 2, and -1 for the arm.
 
     The reference gravity torque of the arm is ten times that of joint 1.
     """
@@ -60,4 +60,4 @@ LIMITS: Mapping[str, tuple[str, Callable[[RigScales], float]]] = {
     "1": ("0.5", lambda rig: 0.5),
     "counts": ("one turn", lambda rig: rig.counts_per_rev),
 }
-"""Limit for each unit of an amplitude, or for each `limit` of a parameter: in words, and as a function of the rig."""
+"""Limits of amplitudes by unit, or by the `limit` of a parameter: each in words and as a function of the rig."""

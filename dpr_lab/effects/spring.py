@@ -21,12 +21,15 @@ def elastic(joint: Joint, stiffness_Nm_per_rad: float, cubic_Nm_per_rad3: float,
 def rest_angle(params: Params, *, most_rad: float = math.pi, iterations: int = 20) -> Params:
     """Return the angle, rad from hanging, at which the torque of the spring is zero.
 
-    The result is {} if the angle is beyond half a turn. Newton's method starts from the quotient C / k of the constant
-    torque and the stiffness. If the angle is farther away, the torque is practically constant.
+    The result is {} if the angle is beyond half a turn, where the torque is practically constant, or if the stiffness
+    is zero. Newton's method starts from C / k, the rest angle without the cubic term, or from half a turn if that is
+    less.
     """
     k, cubic, constant = (params.get(name, 0.0) for name in _NAMES)
-    q = constant / k if k > 0.0 else math.inf
-    for _ in range(iterations if abs(q) <= most_rad else 0):
+    if k <= 0.0:
+        return {}
+    q = min(max(constant / k, -most_rad), most_rad)
+    for _ in range(iterations):
         slope = k + 3.0 * cubic * q * q
         q = q - (k * q + cubic * q**3 - constant) / slope if slope > 0.0 else math.inf
     return {"rest_angle_rad": q} if abs(q) <= most_rad else {}
@@ -37,9 +40,9 @@ def is_one_spring(params: Params, tolerance: float = 0.5, small_rad: float = 0.5
 
     C = K q0 + K3 q0^3 and k = K + 3 K3 q0^2 with K >= 0 imply k >= 3/2 (4 K3 C^2)^(1/3). A stiffness below the fraction
     `tolerance` of this bound is rejected; an example is a constant torque with a hardening term but no stiffness. The
-    tolerance allows for the neglected term and for the error of the fit. The torque of a softening spring must still be
-    restoring at deflections up to `small_rad`. A softening term below a tenth of the constant torque counts as an error
-    of the fit.
+    tolerance allows for the neglected term and for the error of the fit. The torque of a softening spring must be
+    restoring at the deflection `small_rad`, apart from a tenth of the constant torque, which counts as an error of the
+    fit.
     """
     k, cubic, constant = (params.get(name, 0.0) for name in _NAMES)
     least = tolerance * 1.5 * math.cbrt(4.0 * max(cubic, 0.0) * constant**2)
@@ -88,8 +91,8 @@ SPRING = pair(
         BenchQuantity("constant torque of the spring", "C", ("constant_Nm",)),
     ),
     symptom=(
-        "The rest angle or the period of rod {j} differs from its value under gravity alone. It may depend on the"
-        " number of whole turns that wind up the cable."
+        "The rest angle or the period of rod {j} differs from its value under gravity alone, and may depend on the"
+        " number of whole turns by which the cable is wound up."
     ),
     bench_check=(
         "Remove the cable of joint {j} (or add a second one) and repeat: its torque vanishes (or doubles). Or hold rod"

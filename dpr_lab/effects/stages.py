@@ -61,7 +61,8 @@ class Stage:
     quantities: Mapping[str, str]
     """Expressions of the values of the kernel arguments, by argument."""
     results: Mapping[str, str]
-    """Values of the results without effects. In the lane version, the caller fills the rows of results with them."""
+    """Values of the results without effects, by result. In the lane version, the caller sets the rows to these
+    values."""
     combine: Combine
     returns: str = ""
     """Expression returned by the scalar version; empty: all results."""
@@ -69,7 +70,7 @@ class Stage:
     """Name of the array of internal states."""
 
 
-def _joint_torque(joint: int, arguments: Collection[str] = ()) -> tuple[str, ...]:
+def _joint_torque(joint: int, arguments: Collection[str]) -> tuple[str, ...]:
     """Return the statements that add a torque x of one joint to both rods.
 
     A torque of joint 1 acts on the inner rod. A torque of joint 2 acts on the outer rod, with its reaction on the inner
@@ -84,7 +85,7 @@ def _terms(joint: int, arguments: Collection[str]) -> tuple[str, ...]:
     A kernel with the argument `joint` returns a torque of this joint. Any other kernel returns `Terms`.
     """
     if "joint" in arguments:
-        return _joint_torque(joint)
+        return _joint_torque(joint, arguments)
     return (
         "{term_a} += x.a",
         "{term_b} += x.b",

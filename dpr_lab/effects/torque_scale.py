@@ -17,7 +17,7 @@ def rescaled(torque: float, excess: float) -> float:
 
 
 def gear(params: Params) -> Words:
-    """Return the gear ratio, relative to the ratio with which the known torques were computed."""
+    """Return the gain of the drive as the element `gear`: acting torque divided by known torque."""
     return {"gear": 1.0 + params["excess"]}
 
 

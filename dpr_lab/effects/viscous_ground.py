@@ -27,8 +27,8 @@ VISCOUS_GROUND = Effect(
     ),
     symptom="The outer rod loses energy according to its absolute speed, even while joint 2 does not turn.",
     bench_check=(
-        "Tape a light card to the outer rod: air drag increases several times, joint friction does not. A"
-        " release from upright covers the speeds at which linear and quadratic drag differ."
+        "Tape a light card to the outer rod: the air drag becomes several times as large, the friction of the joint"
+        " does not change. A release from upright covers the speeds at which linear and quadratic drag differ."
     ),
     source="Stokes' law for slow flow; many models use it by mistake for the friction of joint 2.",
 )

@@ -9,8 +9,8 @@ from dpr_lab.kernels import inlined
 def longer(motion: Motion, base: BaseParameters, constants: RigConstants, added_m: float) -> Terms:
     """Return the change of the gravity torque of the outer rod, N m.
 
-    With the length error x, e2 is d g / (L1 + x) instead of d g / L1. All other consequences of x are equivalent to
-    changes of the base parameters.
+    With the length error x, e2 is d g / (L1 + x) instead of d g / L1. The base parameters absorb all other consequences
+    of x.
     """
     return torques(0.0, base.e2 * (constants.L1 / (constants.L1 + added_m) - 1.0) * motion.sin2)
 
@@ -30,8 +30,7 @@ WRONG_LENGTH = Effect(
     common=True,
     remedy=lambda params, rig, joint: (
         "measure L1 again, look up g, and correct the wrong value in the rig file: these recordings determine only"
-        " their"
-        f" ratio, L1 = {rig.L1 + params['added_m']:.5g} m with g = {rig.g:.5g} m/s^2, or"
+        f" their ratio, L1 = {rig.L1 + params['added_m']:.5g} m with g = {rig.g:.5g} m/s^2, or"
         f" g = {rig.g * rig.L1 / (rig.L1 + params['added_m']):.5g} m/s^2 with L1 = {rig.L1:.5g} m"
     ),
     quantities=(

@@ -251,7 +251,7 @@ def test_unknown_names_are_refused(values, message):
         effect_params(values)
 
 
-@pytest.mark.parametrize(("rest", "cubic"), [(0.4, 0.0), (-0.9, 0.0), (0.4, 2e-3), (0.0, 1e-3)])
+@pytest.mark.parametrize(("rest", "cubic"), [(0.4, 0.0), (-0.9, 0.0), (0.4, 2e-3), (0.0, 1e-3), (-3.0, 2e-4)])
 def test_a_spring_states_its_rest_angle(rest, cubic):
     spring, stiffness = EFFECTS["spring_joint1"], 1e-2
     assert spring.implied is not None

@@ -130,7 +130,7 @@ def test_signs_scales_and_units_of_arm_and_input_and_an_arm_that_stands_still_ar
         diagnose([replace(run, theta=run.theta + np.array([0.0, np.pi, np.pi])) for run in runs], rig)
     with pytest.raises(IdentificationError, match=r"theta0 is 0\.5 times the true angle: .* --scale theta0=2,"):
         diagnose([replace(run, theta=run.theta * [0.5, 1.0, 1.0]) for run in runs], rig)
-    with pytest.raises(RunError, match="stands still"):
+    with pytest.raises(RunError, match="does not move"):
         diagnose([replace(run, theta=run.theta * [0.0, 1.0, 1.0]) for run in runs], rig)
 
 

@@ -222,7 +222,7 @@ def _size_odds(replacements: _Replacements, alternative: Alternative) -> float:
 
 
 def _alternatives(replacements: _Replacements, named: Score, others: Mapping[str, Score]) -> list[Alternative]:
-    """Return the best alternatives to the named effect: replacements in fitted sets whose sizes are possible."""
+    """Return the best alternatives to the named effect, in ascending order of cost."""
     selection = replacements.selection
     alternatives = (
         Alternative(other, replacements.test.cosine(named, score), fitted.cost_at(selection.chosen.inflation))

@@ -125,7 +125,7 @@ def _remaining(record: Record, parts: Sequence[ExcludedInterval]) -> Record | No
 def _undriven(record: Record) -> bool:
     """Return whether neither a known torque nor a moving arm drives the rods.
 
-    An error of a drive could look like a disturbance.
+    Driven runs are not searched, because an error of the drive could look like a disturbance.
     """
     return record.run.setup.free and not record.encoder0_moves
 

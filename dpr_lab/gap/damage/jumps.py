@@ -22,7 +22,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dpr_lab.arrays import Array, Integers
+from dpr_lab.arrays import Array, Integers, neighbours
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
@@ -133,11 +133,7 @@ def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[J
 
 def _highest_near(t: Array, values: Array) -> Array:
     """Return the (n,) maximum of the values within `JUMP.kick_s` of each instant."""
-    highest = values.copy()
-    for shift in range(1, int(JUMP.kick_s / max(float(np.median(np.diff(t))), 1e-6)) + 1):
-        highest[shift:] = np.maximum(highest[shift:], values[:-shift])
-        highest[:-shift] = np.maximum(highest[:-shift], values[shift:])
-    return highest
+    return neighbours(values, int(JUMP.kick_s / max(float(np.median(np.diff(t))), 1e-6))).max(axis=1)
 
 
 def _speeds(reference: Trajectory, sample: int, impulses: Array) -> tuple[float, ...]:

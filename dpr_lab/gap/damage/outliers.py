@@ -48,7 +48,8 @@ def isolated_outliers(problem: Problem, estimate: Estimate) -> Flags:
 def _off_a_line(values: Array) -> Array:
     """Return the (n, 2) deviation of each value from a robust line through seven values.
 
-    The value is one of the seven, in the middle if possible.
+    The seven values include the value itself, in the middle if possible. With fewer than seven values, the deviations
+    are zero.
     """
     width = OUTLIERS.line
     if len(values) < width:

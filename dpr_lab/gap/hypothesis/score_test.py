@@ -84,7 +84,7 @@ class ScoreTest:
         return [parameter.name for parameter in by.parameters] == list(score.absorbed.values())
 
     def prior_of(self, columns: Sequence[int]) -> RigPrior:
-        """Return the prior of columns that include all columns of the fit."""
+        """Return the prior of the given columns, which must include those of the fit."""
         rows = columns if len(self.prior.A) else ()  # no prior without a rig file
         free = tuple(self.free[i] for i in columns)
         return replace(self.prior, free=free, A=self.prior.A[np.ix_(rows, columns)], e=self.prior.e[list(rows)])

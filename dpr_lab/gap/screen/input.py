@@ -104,7 +104,7 @@ def _refuse_other_modes(recordings: Recordings) -> None:
         turn = float(np.ptp(record.joints[:, -1]))
         if turn < INPUT.still * float(np.median(record.sigma[:, -1])):
             raise RunError(
-                f"{run.file or run.name}: its arm is {run.arm_mode}, but encoder 0 stands still (range"
+                f"{run.file or run.name}: its arm is {run.arm_mode}, but encoder 0 does not move (range"
                 f" {turn:.2g} rad). If the arm was held, import with --arm clamped; otherwise check the"
                 " column of theta0"
             )

@@ -123,7 +123,7 @@ def _significance(even: Array, half: int, noise: tuple[float, float], period: fl
 
 @cache
 def _filters(half: int) -> tuple[Array, Array]:
-    """Return the filters that estimate a step before the middle sample, or an outlier there.
+    """Return two filters, which estimate a step before the middle sample and an outlier at the middle sample.
 
     Both estimates have unit variance for unit white noise.
     """

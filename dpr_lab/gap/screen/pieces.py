@@ -26,9 +26,9 @@ PIECES = PieceSettings()
 
 
 def whole(name: str) -> str:
-    """Return the name of the run from which a piece was cut.
+    """Return the name of the run from which a piece was cut, for the name of the piece.
 
-    An uncut run keeps its name.
+    The name of an uncut run is returned unchanged.
     """
     return re.sub(r" \d+-\d+ s$", "", name)
 

@@ -1,4 +1,4 @@
-"""Preprocessed run for the diagnosis: block averages of the readings, with their noise.
+"""Preprocessed run: block means of the readings, with their noise.
 
 The average over a block of 5 ms keeps all information if the encoder noise is white. In a curved swing the average is
 shifted by half the acceleration alpha times the variance of the block's times. This shift is subtracted:
@@ -63,7 +63,7 @@ class ThinningSettings:
     turn: float = 0.1
     """Maximum rotation of a rod in one step of the integrator, rad."""
     least_kept: float = 0.5
-    """Minimum number of trusted readings in a block, relative to the usual number."""
+    """Minimum number of trusted readings in a block, relative to the median number."""
     distinct: float = 0.6
     """Fraction of distinct values among the differences of neighbouring readings below which the readings have a fixed
     step."""

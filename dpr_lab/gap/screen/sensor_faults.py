@@ -1,4 +1,4 @@
-"""Detect sensor faults without a model, and mask, split or weight their readings.
+"""Detection of sensor faults without a model; affected readings are excluded, separated or weighted.
 
 A swing is smooth over a few milliseconds, so an encoder fault is visible in neighbouring readings:
 
@@ -89,7 +89,7 @@ SCREEN = ScreenSettings()
 
 @dataclass(frozen=True, slots=True)
 class Screened:
-    """A swing, with its sensor faults."""
+    """A screened run: its readings, their noise, and the sensor faults."""
 
     run: Run
     """Run with the corrected sampling instants."""
@@ -261,7 +261,7 @@ def _late(run: Run, t: Array, joints: Array) -> tuple[Flags, list[SensorFinding]
         late, name = delay.late, "periodic_delay"
         size, side = abs(delay.delay_s), "after" if delay.delay_s > 0 else "before"
         precision = f"{1e3 * size:.3g} +- {1e3 * delay.std_s:.1g} ms"
-        evidence = f"one reading in {delay.cycle} is taken {precision} {side} its stamp"
+        evidence = f"one reading in {delay.cycle} is taken {precision} {side} its time stamp"
     finding = SensorFinding(name, run.name, None, float(t[late][0]), f"{evidence}; these readings are excluded")
     if share > SCREEN.repeating or name == "periodic_delay":
         return late, [finding]

@@ -69,13 +69,8 @@ def free_functions(
 
 
 def hats(x: Array, knots: Array) -> Array:
-    """Evaluate (n, k) hat functions, which have their maxima at the knots and sum to one."""
-    position = np.clip(np.interp(x, knots, np.arange(len(knots))), 0, len(knots) - 1 - 1e-9)
-    lower = position.astype(int)
-    weights = np.zeros((len(x), len(knots)))
-    weights[np.arange(len(x)), lower] = 1 - (position - lower)
-    weights[np.arange(len(x)), lower + 1] = position - lower
-    return weights
+    """Evaluate (n, k) hat functions, which have their maxima at the knots and sum to one; x is clipped to the knots."""
+    return np.stack([np.interp(x, knots, unit) for unit in np.eye(len(knots))], axis=1)
 
 
 def angle_hats(angle: Array) -> tuple[Array, Array]:

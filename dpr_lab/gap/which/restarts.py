@@ -1,6 +1,6 @@
 """Repeated fits from other initial values, which leave local minima or replace one effect by another.
 
-Local minima are caused by a few segments, by long segments, or by a wrong order of a periodic effect.
+Local minima are caused by a few outstanding segments, by long segments, or by a wrong order of a periodic effect.
 """
 
 from collections.abc import Iterator

@@ -13,7 +13,7 @@ from dpr_lab.gap.which.fitted_sets import FittedSets
 
 
 class Proposal(NamedTuple):
-    """A set that may replace the current set."""
+    """A set that a move proposes in place of the current set."""
 
     model: Hypothesis
     value: float = float("nan")
@@ -31,16 +31,17 @@ class Decision(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """One kind of change to a set of effects."""
+    """One kind of change of the current set of effects."""
 
     name: str
     purpose: str
     propose: Callable[[FittedSets, Hypothesis], Iterable[Proposal]]
-    """Function that returns the sets to try in place of the current one, in order."""
+    """Function that returns the proposals in the order of their trial."""
     accept: Callable[[FittedSets, Hypothesis, Proposal], Decision]
-    """Function that decides whether a proposed set replaces the current one."""
+    """Function that decides whether a proposed set replaces the current set."""
     then: Literal["stop", "repeat", "go on"] = "stop"
-    """Action after an acceptance: stop, propose again from the new set, or continue with the same proposals."""
+    """Action after an accepted proposal: stop, propose again for the new set, or continue with the remaining
+    proposals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +54,7 @@ class SearchState:
     max_effects: int
     """Maximum number of effects in addition to those that the rig is known to have."""
     trace: tuple[SearchStep, ...] = ()
-    """All trials so far, in order."""
+    """All trials so far, in chronological order."""
 
     def after(self, move: Move, proposal: Proposal, decision: Decision) -> "SearchState":
         """Return the state after a trial."""

@@ -163,10 +163,10 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
     Let r = W theta be the divided differences of windows of seven readings. If reading i is late by d, r = W_i d
     omega_i. Therefore
 
-        d_i = (W^T r)_i / ((W^T W)_ii omega_i),    information (W^T W)_ii omega_i^2 / sigma^2,
+        d_i = (W^T r)_i / ((W^T W)_ii omega_i),    with the information (W^T W)_ii omega_i^2 / sigma^2.
 
-    Both are summed over every n-th reading, for each n and each position in the cycle. The likely cycles are fitted by
-    least squares; the most significant delay is returned.
+    The delays are averaged with these weights over every n-th reading, for each n and each position in the cycle. The
+    likely cycles are fitted by least squares; the most significant delay is returned.
 
     Args:
         t: (n,) times, s
