@@ -1,1 +1,1 @@
-"""Reproduce the published experiment, and compare tables, search and figures with the publication."""
+"""Reproduction of the published experiment: tables, search and figures, compared with the publication."""

@@ -75,7 +75,7 @@ class SearchResult:
         return self.H <= BEST_H
 
     def record(self, rig: Rig) -> dict[str, Any]:
-        """Return the result as lists and numbers for JSON."""
+        """Return the result as a JSON-compatible dictionary."""
         case = {field.name: getattr(self.case, field.name) for field in fields(SearchCase)}
         values = {
             field.name: getattr(self, field.name) for field in fields(SearchResult) if field.name not in ("case", "E")

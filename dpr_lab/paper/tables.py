@@ -156,7 +156,7 @@ def verdicts(results: Sequence[SearchResult], rig: Rig) -> list[str]:
 
 
 def _verdict(reading: str, grid: str, group: Sequence[SearchResult], rig: Rig, within_percent: float = 1.0) -> str:
-    """State how many searches of a group reach the published H and accuracy."""
+    """State how many searches of a group reach the published H, and how many the published accuracy."""
     costs = [f.H for f in group]
     nine = sum(bool((np.abs(f.percent) <= within_percent).all()) for f in group)
     five = sum(bool((np.abs(f.ratio_percent(rig)) <= within_percent).all()) for f in group)

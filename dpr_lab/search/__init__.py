@@ -1,4 +1,4 @@
-"""Global search algorithms within bounds; each file contains one algorithm or operator."""
+"""Global search algorithms with bounds."""
 
 from pathlib import Path
 from typing import Any

@@ -61,7 +61,7 @@ def cma_es(problem: SearchProblem, settings: CmaEsSettings, rng: np.random.Gener
 def _search(problem: SearchProblem, size: int, sigma: float, rng: np.random.Generator) -> Iterator[Population]:
     """Yield the populations of one search until a stopping criterion is met.
 
-    The strategy works in the unit cube.
+    The strategy works in the unit cube; its points are scaled to the bounds.
     """
     lower, upper = problem.box
     strategy = _strategy(len(lower), size, sigma, rng)

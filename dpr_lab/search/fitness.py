@@ -28,7 +28,7 @@ def cost(errors: Array, aggregate: Literal["sum", "max", "min"]) -> Array:
 
 
 def fitness(costs: Array, scale: float, delta: float) -> Array:
-    """Return the fitness of each individual, in the form of a signal-to-noise ratio.
+    """Return the fitness of each individual.
 
         f = M / (H + delta)
 

@@ -46,10 +46,7 @@ def _fitness(population: Population, settings: IgaSettings) -> Array:
 
 
 def _converged(population: Population, settings: IgaSettings) -> bool:
-    """Return whether the population has converged: f_pop > alpha and f_optimal > sigma.
-
-    Step (4) of the algorithm defines this condition.
-    """
+    """Return whether the population has converged: f_pop > alpha and f_optimal > sigma, step (4)."""
     f = _fitness(population, settings)
     return population_fitness(f) > settings.alpha and f[0] > settings.sigma
 

@@ -59,9 +59,9 @@ def hamming_distance(x: Array, y: Array, tolerance: Array | float = 0.0) -> NDAr
 
 
 def inbred(x: Array, y: Array, tolerance: Array | float = 0.0) -> Flags:
-    """Return whether two chromosomes are too similar to be parents.
+    """Return whether pairs of chromosomes are too similar to be parents.
 
-    Their Hamming distance is then below 2, or below 1 if there is a single gene.
+    The Hamming distance of such a pair is below 2, or below 1 if there is a single gene.
     """
     return hamming_distance(x, y, tolerance) < min(INBREEDING_BELOW, x.shape[-1])
 

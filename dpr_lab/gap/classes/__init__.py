@@ -1,1 +1,1 @@
-"""Probability of each effect: classes of indistinguishable effects and their probabilities."""
+"""Classes of indistinguishable effects, and the probability of each class."""

@@ -68,11 +68,11 @@ class EffectPosterior:
     outside: float = 0.0
     """Probability that a cause outside the library acts instead of the effect."""
     untested: bool = False
-    """Whether the probability is limited because only one release of a single rod was recorded."""
+    """Whether the probability is limited because it was computed from one release of a single rod."""
 
 
 def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
-    """Compute the class, the alternatives and the probability of one named effect."""
+    """Compute the class, the alternatives and the probability of one effect of the selected set."""
     replacements, chosen = _Replacements(selection, name), selection.chosen
     named_score = replacements.test.best_score(name)
     others = {score.effect.name: score for score in replacements.test.ranking if score is not named_score}
@@ -122,7 +122,7 @@ class _Replacements:
         return self.selection.tests_without[self.name]
 
     def key_with(self, other: str) -> frozenset[str]:
-        """Return the effects of the set in which another effect replaces the named effect."""
+        """Return the names of the effects of the set in which `other` replaces the named effect."""
         return self.selection.without[self.name].key | {other}
 
     def with_other(self, other: str) -> Hypothesis | None:
@@ -133,7 +133,7 @@ class _Replacements:
 def _class_members(
     replacements: _Replacements, named: Score, others: Mapping[str, Score]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Return the members of a class with the priors of their sizes, largest first, and their richer forms."""
+    """Return the other members of a class with the prior weights of their sizes, and its richer forms."""
     same = [other for other, score in others.items() if _in_one_class(replacements, named, score)]
     richer = _undetectably_richer(replacements.selection, named.effect)
     undetectable = [other for other in richer if other in others and other not in same]
@@ -173,7 +173,7 @@ def _in_one_class(replacements: _Replacements, score: Score, other: Score) -> bo
 
 
 def _undetectably_richer(selection: Selection, effect: Effect) -> tuple[str, ...]:
-    """Return the richer forms of an effect whose additional parameters are undetectable."""
+    """Return the richer forms of an effect whose amplitudes are undetectable at a given fraction of its size."""
     params = selection.chosen.estimate.params
     return tuple(
         form.name

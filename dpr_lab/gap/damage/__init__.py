@@ -1,1 +1,1 @@
-"""Local damage of a recording: hands, kicks and steps of a reading."""
+"""Local disturbances of a recording: hands, kicks, outliers and steps of a reading."""

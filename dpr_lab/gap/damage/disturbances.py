@@ -33,7 +33,7 @@ class DisturbanceRules:
     """Limits of the intervals that are excluded."""
 
     kick_s: float = 0.1
-    """Length of the excluded interval about a kick, s; a hand touches a rod for 20 to 100 ms."""
+    """Length of the interval around a kick that is excluded, s. A hand touches a rod for 20 to 100 ms."""
     joins_s: float = 0.15
     """Maximum time between a step of a reading and another disturbance that count as one disturbance, s."""
     push_s: float = 2.5
@@ -103,7 +103,7 @@ def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
 
 
 def _cleaned(whole: Recordings, parts: Sequence[Sequence[ExcludedInterval]]) -> Recordings | None:
-    """Remove intervals from recordings; return None if a recording loses all segments."""
+    """Remove intervals from recordings; return None if no segment of a recording remains."""
     records = [_remaining(record, intervals) for record, intervals in zip(whole.records, parts, strict=True)]
     cleaned = tuple(record for record in records if record is not None)
     return replace(whole, records=cleaned) if len(cleaned) == len(records) else None

@@ -169,10 +169,7 @@ class _Changes:
 
     @classmethod
     def of(cls, problem: Problem, fitted: Fit, reference: Trajectory, degree: int) -> "_Changes":
-        """Project initial states and polynomial torques out of the residuals of a fit.
-
-        `degree` is the degree of the polynomials.
-        """
+        """Project initial states and polynomial torques of a given degree out of the residuals of a fit."""
         owner, offsets = problem.owner, problem.segments.offsets
         residual = np.where(np.isfinite(fitted.linear.residual), fitted.linear.residual, 0.0)
         Q = np.concatenate([fitted.linear.Q, _of_torques(problem, fitted, reference, degree)], axis=2)
@@ -190,7 +187,7 @@ class _Changes:
         )
 
     def kicks(self) -> tuple[Array, Array]:
-        """Compute the best kick just before each sample.
+        """Compute the kick just before each sample that reduces chi2 most.
 
         Returns:
             (samples,) gain, and (samples, 2) impulses on theta1 and theta2, N m s
@@ -209,7 +206,7 @@ class _Changes:
         return self._inside(np.sum(components * weights, axis=1)), np.einsum("nij,nj->ni", axes, weights)
 
     def steps(self, joint: int) -> tuple[Array, Array]:
-        """Fit a step to the reading of one joint before each sample.
+        """Fit a step of the reading of one joint just before each sample.
 
         Returns:
             (samples,) gain, and (samples,) size, rad

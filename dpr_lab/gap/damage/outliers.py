@@ -17,7 +17,7 @@ class OutlierRules:
     deviation: float = 8.0
     """Minimum deviation of an outlier from a line through its neighbours, in standard deviations."""
     among: float = 6.0
-    """Minimum ratio of the deviation of an outlier to the deviations of its neighbours."""
+    """Minimum ratio of the deviation of an outlier to the usual deviation of its neighbours."""
     quantile: float = 0.8
     """Quantile of the deviations of the neighbours; a second outlier among them does not change it."""
     line: int = 7

@@ -18,7 +18,7 @@ class StepSettings:
     """Settings of the tests for a step."""
 
     seen: float = 1e-6
-    """Minimum fraction of the squared norm of a visible change of the readings that remains after the projection."""
+    """Minimum fraction of the squared norm of a detectable change of the readings that remains after the projection."""
     side: int = 8
     """Number of readings on either side of a step to which a polynomial is fitted."""
     degree: int = 5

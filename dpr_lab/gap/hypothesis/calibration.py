@@ -9,7 +9,7 @@ class Calibration:
     """Conversion of costs to probabilities, calibrated on blind trials by `benchmarks/calibrate_diagnosis.py`."""
 
     temperature: float = 3.0
-    """Divisor of differences of the log predictive density."""
+    """Divisor of differences of the log predictive density in the exponent of a probability."""
     half_unexplained: float = 0.35
     """Unexplained share of the excess at which causes outside and inside the library are equally probable.
 
@@ -34,7 +34,7 @@ class Calibration:
     a compensation are at most 0.81.
     """
     least_own: float = 0.01
-    """Lower limit of the own share of an effect; the linear fits of the other forms are inexact."""
+    """Lower limit of the own share, because the linear fits from which it is computed are inexact."""
     sure: float = 0.98
     """Probability of "no gap" if the recordings show none, and of "unexplained" if no effect explains the gap."""
     outside_when_closed: float = 0.02

@@ -75,7 +75,7 @@ def scaled_columns(fit: Fit, columns: Sequence[int]) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """Normal equations of the segments of one fold."""
+    """Normal equations of one fold: its segments, A^T A, A^T e and e^T e."""
 
     segments: Flags
     H: Array
@@ -158,7 +158,7 @@ def _within_bounds(fit: Fit) -> list[int]:
 
 
 def left_out_chi2(fit: Fit, fold: Integers) -> Array:
-    """Return the (segments,) chi2 of each segment, predicted from the other folds."""
+    """Return the (segments,) chi2 of each segment, with parameters from the other folds."""
     parts = _Folds(fit, fold)
     chi2 = np.sum(parts.e**2, axis=1)
     for left_out in parts.folds:

@@ -24,7 +24,7 @@ class Penalty:
     """Penalty of the parameters of a set of effects, in chi2 units."""
 
     parameter: float = 9.0
-    """Penalty of one parameter: the logarithm of about 1e4 samples (BIC)."""
+    """Penalty of one parameter: the logarithm of the number of samples, about 1e4 (BIC)."""
     curve: int = 3
     """Minimum number of amplitudes of an effect that counts as a curve. On a small arc, a curve can imitate a sum of
     other effects."""
@@ -67,7 +67,7 @@ class Hypothesis:
 
     @property
     def parameters(self) -> int:
-        """Number of free parameters and scanned shapes."""
+        """Number of free parameters and of shape parameters."""
         return len(self.fit.free) + sum(len(EFFECTS[name].shapes) for name in self.effects)
 
     @property
@@ -100,7 +100,7 @@ class Hypothesis:
 
     @property
     def bounded_excess(self) -> float:
-        """Excess chi-square, with the random variation of the noise as lower limit."""
+        """Excess chi-square, at least `THRESHOLDS.noise_floor` standard deviations for noise alone."""
         return max(self.residuals.excess, THRESHOLDS.noise_floor * self.residuals.uncertainty)
 
     @property
@@ -159,13 +159,13 @@ def refutes_torque_noise(problem: Problem, model: Hypothesis) -> bool:
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
-    """Return whether b is identifiable, by a known mass or torque or by load-dependent friction."""
+    """Return whether b is identifiable, from known torques, an added mass, or load-dependent friction."""
     weighs = problem.masses_weighed and any(EFFECTS[name].stage == "load" for name in effects)
     return weighs or any(setup.weighs for setup in problem.segments.setups)
 
 
 def free_parameters(estimate: Estimate, effects: Sequence[str], problem: Problem) -> tuple[FreeParameter, ...]:
-    """Return the ratios, b if it is identifiable, and the parameters of a set and of uncertain constants."""
+    """Return the free parameters of a fit: ratios, b if it is identifiable, and parameters of all effects."""
     names = dict.fromkeys((*problem.always, *effects))
     visible = visible_ratios(problem.segments.setups, scale_visible(effects, problem))
     limits = problem.limits

@@ -43,7 +43,7 @@ def follows_decay(bare: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> 
     """Return whether a friction drift only fits the residual of a missing dissipative effect.
 
     In a single decay, a dissipative torque that depends on speed looks like a drift of the friction, and every rod has
-    such a torque. The drift is rejected if another set of the same size explains nearly all of the residual.
+    such a torque. The drift is rejected if another set without more parameters explains nearly as much.
     """
     if not drifting.decay_drifts - other.key or not other.effects or len(other.fit.free) > len(drifting.fit.free):
         return False

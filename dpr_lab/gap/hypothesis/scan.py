@@ -37,7 +37,7 @@ class ScanSettings:
     reach: float = 0.75
     """Range of the additional values on either side, in steps of the grid."""
     block: int = 32
-    """Number of columns that are processed together, so that they fit into the cache."""
+    """Number of columns that are processed together and fit into the processor cache."""
     amplitudes: int = 2
     """Number of amplitudes of an effect that a scan fits: the first ones."""
     periods: int = 2
@@ -52,8 +52,8 @@ SCAN = ScanSettings()
 ORDER = "order"
 """Name of the shape parameter for the number of periods of a torque per turn of its joint.
 
-If the arc covers fewer periods than `SCAN.periods`, two harmonics act like a free polynomial in the angle. Such a
-polynomial fits any smooth force and any nonlinearity of the encoder, so it is evidence of neither.
+Orders with fewer than `SCAN.periods` periods in the arc of the joint are not tested. Over such an arc, two harmonics
+can fit any smooth torque and any nonlinearity of the encoder, so that they do not indicate a periodic effect.
 """
 
 
@@ -118,7 +118,7 @@ class ShapeScan:
     """Properties of the recordings from which shapes are proposed."""
 
     def shapes(self, effect: Effect) -> list[Shape]:
-        """Return the shapes of an effect that the score test compares."""
+        """Return the shapes of an effect to be compared by the score test."""
         proposed = proposed_shapes(effect, self.recorded)
         if proposed is not None:
             return proposed
@@ -200,7 +200,7 @@ def arc(angle: Array) -> float:
 
 
 def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
-    """Return the best shapes, without those adjacent to a better one."""
+    """Return the best shapes, without neighbours of a better shape."""
     separate: list[Shape] = []
     for i in np.argsort(-gains):
         first = candidates[i][0][1]

@@ -25,7 +25,7 @@ def promising_gain(model: Hypothesis) -> float:
 
 
 def cost_with_prior(model: Hypothesis, current: Hypothesis) -> float:
-    """Return the cost of a set minus its log prior ratio to the current set, in units of cost."""
+    """Return the cost of a set, reduced by the logarithm of its prior ratio to the current set."""
     unit = CALIBRATION.unit(min(model.inflation, current.inflation))  # the same in both directions
     return model.cost - unit * log_prior_ratio(model, current)
 
@@ -119,7 +119,7 @@ def accepted(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
 
 
 def most_excess(bare: Hypothesis, before: Hypothesis) -> float:
-    """Return the largest excess with which an additional effect is accepted."""
+    """Return the largest excess of a set with one more effect that is accepted."""
     excess = before.bounded_excess
     return max(excess / THRESHOLDS.excess_factor, excess - THRESHOLDS.large * bare.bounded_excess)
 

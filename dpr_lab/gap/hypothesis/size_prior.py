@@ -44,7 +44,7 @@ class SizePrior:
     other_encoder: float = 0.5
     """Prior weight of the scale of another common encoder, relative to a tolerance."""
     arbitrary: float = 0.03
-    """Prior weight of any other scale, for example due to a belt or a potentiometer, and of a strong spring."""
+    """Prior weight of an arbitrary scale, for example due to a belt or a potentiometer, and of a strong spring."""
 
 
 SIZE_PRIOR = SizePrior()
@@ -88,8 +88,8 @@ def fitted_prior(
 ) -> float:
     """Return the prior weight of a fitted effect; for a spring, that of its simplest adequate form.
 
-    Without the amplitudes d of covariance D, chi2 grows by the inflation times d^T D^-1 d, the set costs fewer
-    penalties, and the stiffness k becomes k - cov(k, d) D^-1 d.
+    If the amplitudes d with the covariance D are removed, chi2 increases by the inflation times d^T D^-1 d, the penalty
+    decreases, and the stiffness k becomes k - cov(k, d) D^-1 d.
 
     Args:
         fit: fit of the set with the effect
@@ -119,7 +119,7 @@ def fitted_prior(
 
 
 def _scale(excess: float, configured: float) -> float:
-    """Return the weight of a relative scale error of an encoder with the configured counts per turn."""
+    """Return the prior weight of a relative scale error; `configured` is the counts per turn of the rig file."""
     usual = usual_counts(abs(configured) * (1.0 + excess))
     other = usual is not None and usual != usual_counts(abs(configured))
     within = 1.0 / (1.0 + (excess / SIZE_PRIOR.tolerance) ** 4)

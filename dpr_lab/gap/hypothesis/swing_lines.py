@@ -65,9 +65,9 @@ def on_swing_line(problem: Problem, effect: str, estimate: Estimate) -> bool:
 
 
 def _line(problem: Problem, run: int) -> tuple[float, float, float] | None:
-    """Return the range of the swing frequency of one run, Hz, and its duration, s.
+    """Return the lowest and highest swing frequency of one run, Hz, and its duration, s.
 
-    The rod swings about its hanging position.
+    The result is None if the rod crosses its hanging position too rarely.
     """
     offsets = problem.segments.offsets
     segments = [

@@ -33,7 +33,7 @@ class Thresholds:
     integrator: float = 5e-4
     """Uncertainty of the explained chi2 due to the integrator's steps, as a fraction."""
     integrator_at_floor: float = 5e-5
-    """Value of `integrator` for a set that leaves only noise, which shows that the steps are small enough."""
+    """Value of `integrator` for a set with which only noise remains, so that the steps must be small enough."""
 
     # factors of the excess
     excess_factor: float = 1.3
@@ -43,7 +43,7 @@ class Thresholds:
     necessary_factor_if_small: float = 30.0
     """Minimum factor by which the excess increases if a necessary small effect is removed."""
     local_minimum_factor: float = 10.0
-    """Minimum factor by which a repeated fit reduces chi2 if the first fit was a local minimum."""
+    """Factor of chi2 between two fits of the bare model above which the first fit counts as a local minimum."""
 
     # fractions of the whole gap
     large: float = 0.04
@@ -67,7 +67,8 @@ class Thresholds:
     """Minimum reduction by a set that replaces a vibration at a multiple of the swing frequency, relative to the
     vibration."""
     richer_form_share: float = 0.003
-    """Minimum fraction of the explained chi2 that a richer form adds while a residual remains."""
+    """Minimum additional chi2 that a richer form explains while a residual remains, as a fraction of the explained
+    chi2."""
     own_share: float = 0.15
     """Minimum fraction of an effect's reduction of chi2 that no other form of the remaining effects explains.
 

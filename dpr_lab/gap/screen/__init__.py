@@ -1,1 +1,1 @@
-"""Screening and thinning of the recordings before the diagnosis."""
+"""Preprocessing of the recordings: screening for sensor faults, block averages, and division into segments."""

@@ -21,7 +21,8 @@ class SpeedNoiseSettings:
     fewest: int = 40
     """Minimum number of readings in a speed bin; with fewer readings, the test is omitted."""
     uneven: float = 0.9
-    """Maximum deviation of a sampling interval from the period, in periods; windows with larger ones are excluded."""
+    """Maximum deviation of a sampling interval from the period, in periods; windows with a larger deviation are
+    excluded."""
     overlap: float = 4.0
     """Number of overlapping differences per independent difference."""
     relative_variance: float = 2.7
@@ -37,9 +38,9 @@ SPEED_NOISE = SpeedNoiseSettings()
 
 
 def sixth(values: Array, stride: int = 1) -> Array:
-    """Return the sixth differences of every `stride`-th value, divided by their noise gain.
+    """Return the sixth differences of every `stride`-th value, scaled to the variance of white noise.
 
-    White noise therefore keeps its variance. The sixth differences of a polynomial of degree 5 are zero.
+    The differences of white noise have the variance of the noise; those of a polynomial of degree 5 are zero.
     """
     return np.diff(values[::stride], ORDER, axis=0) / math.sqrt(math.comb(2 * ORDER, ORDER))
 

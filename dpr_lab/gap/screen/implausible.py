@@ -9,7 +9,7 @@ from dpr_lab.arrays import Array, Flags
 
 @dataclass(frozen=True, slots=True)
 class ImplausibleSettings:
-    """Limits of the motion of a rod."""
+    """Limits of plausible readings, from the motion of a rod."""
 
     fastest: float = 200.0
     """Maximum speed of a rod, rad/s; no laboratory rod rotates thirty times per second."""
@@ -22,7 +22,8 @@ class ImplausibleSettings:
     With a limit of 8, readings of a vibrating rod counted as late.
     """
     goes_on: float = 0.25
-    """Minimum motion of the rod just before and after a repeated reading, relative to the usual motion per sample."""
+    """Minimum change of the readings before and after repeated readings, relative to the motion of the rod per
+    sample."""
     catches_up: float = 0.6
     """Minimum change of the first new reading after repeated readings, relative to the motion since the last new
     reading.
@@ -102,7 +103,7 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
 
 
 def _before(step: Array) -> Array:
-    """Return the (n, 2) last non-zero change before each reading, or zero."""
+    """Return the (n, 2) last non-zero change of a reading before each sample; zero if there is none."""
     moves = np.where(np.nan_to_num(step) != 0.0, np.arange(len(step))[:, None], 0)
     last = np.maximum.accumulate(np.roll(moves, 1, axis=0) * (np.arange(len(step)) > 0)[:, None], axis=0)
     return np.nan_to_num(np.take_along_axis(step, last, axis=0))

@@ -1,6 +1,6 @@
 """Outliers and lasting steps, detected by their deviations from a local polynomial.
 
-A swing is smooth over a few milliseconds; a single wrong reading, or a step of all later readings, is not.
+A swing is smooth over a few milliseconds. A single wrong reading, or a step of all later readings, is a discontinuity.
 """
 
 from dataclasses import dataclass
@@ -42,9 +42,9 @@ class LocalFaultSettings:
     The surroundings are the readings at a distance of 2 to 10 half windows.
     """
     reach: int = 3
-    """Number of samples on either side of a peak among which the fault is located."""
+    """Maximum distance of a fault from the peak of the significance, in samples."""
     least_seen: float = 1e-3
-    """Minimum fraction of a step or outlier that remains after the fit of the polynomial."""
+    """Minimum squared norm of a unit step or outlier after the fit of the polynomial, for a detectable fault."""
     smooth: int = 4
     """Number of samples on either side for the estimate of the speed; one wrong instant then has little influence."""
     bends: float = 1 / 23040
@@ -111,8 +111,7 @@ def _interpolated(grid: Array, t: Array, angle: Array) -> Array:
 def _significance(even: Array, half: int, noise: tuple[float, float], period: float) -> Array:
     """Return the (n,) significance of a step or outlier, in standard deviations.
 
-    A swing that is too fast for the polynomial leaves a residual. Only deviations above this residual are significant.
-    The significance is 0 at the ends.
+    The residual of the polynomial in a fast swing is treated as additional noise. The significance is 0 at the ends.
     """
     level = neighbours(even, LOCAL_FAULTS.smooth).mean(axis=1)
     speed = neighbours(np.abs(np.gradient(level, period)), half).max(axis=1)[half:-half]

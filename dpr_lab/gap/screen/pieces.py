@@ -43,7 +43,7 @@ def in_pieces(runs: Sequence[Run], held_out: Sequence[Run]) -> tuple[Sequence[Ru
     """Divide a single long record into pieces.
 
     Return the runs to fit, the runs to hold out, and a sentence on the division. Only a single record is divided,
-    because several records validate each other. The time of a piece continues the time of the previous piece.
+    because several records validate each other. The times of a piece continue those of the previous piece.
     """
     if len(runs) != 1 or held_out or runs[0].duration < PIECES.from_s:
         return runs, held_out, ""

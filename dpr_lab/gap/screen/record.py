@@ -76,7 +76,7 @@ THINNING = ThinningSettings()
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One run as input of the diagnosis."""
+    """A preprocessed run, the input of the diagnosis."""
 
     run: Run
     screened: Screened
@@ -183,7 +183,7 @@ class Record:
 
 
 def record(run: Run, rig: Rig) -> Record:
-    """Screen a run, and reduce its sampling rate to about 200 Hz.
+    """Preprocess a run: screen it, and average its readings over blocks.
 
     Raises:
         RunError: too few readings follow the release, or no sequence without an interruption is long enough.
@@ -216,8 +216,8 @@ def record(run: Run, rig: Rig) -> Record:
 def without_gap(run: Run, t: Array) -> Flags:
     """Return the (n - 1,) mask of the intervals without missing readings.
 
-    The intervals lie between the times t, s. If a run has one row for each count, the interval between rows depends on
-    the speed, so that no reading is missing in a long interval.
+    The intervals are those between the (n,) times t, s. In a run with one row for each count, the intervals depend on
+    the speed, so that no interval counts as an interruption.
     """
     intervals = np.diff(t)
     if run.at_edges or not len(intervals):
@@ -229,9 +229,9 @@ def without_gap(run: Run, t: Array) -> Flags:
 def _screen_edges(run: Run, rig: Rig) -> Screened:
     """Screen a run that has one row for each count (`dpr_lab.estimation.counted_rows`).
 
-    The rows follow the motion: there are few at turning points, and neighbours differ by one count. Tests for missing
-    rows, steps, outliers, late or repeated readings compare rows with an even clock and do not apply. Only the errors
-    of the times are estimated.
+    The rows of such a run are not evenly spaced in time, and neighbouring rows differ by one count. Tests for missing
+    rows, steps, outliers, and late or repeated readings presume an even clock and are omitted. Only the timing error is
+    estimated.
     """
     t, noise = run.swing.t, noise_floor(run, rig).std_joint
     joints = rig.encoders.joint_angles.of_rods(run.swing.theta[:, 1:])

@@ -32,7 +32,8 @@ class SegmentLengths:
     """Lengths of the segments in the fits, s."""
 
     first: float = 0.25
-    """Length of the first fit, which converges from any rig file within 20 % of the truth."""
+    """Length in the first fit. With this length, the fit converges if the values of the rig file are within 20 % of the
+    truth."""
     working: float = 0.5
     """Length at which effects are distinguished.
 
@@ -40,13 +41,14 @@ class SegmentLengths:
     Gauss-Newton still converges.
     """
     steady: float = 2.0
-    """Maximum length for a single rod, which is not chaotic; the influence of friction accumulates over swings."""
+    """Maximum length for a single rod. Its motion is not chaotic, and the influence of friction accumulates over
+    swings."""
     steady_parts: int = 5
     """Minimum number of segments in each recording of a single rod, from which their scatter is estimated."""
     growths: float = 7.0
     """Maximum length of the segments of a single driven rod, in units of sqrt(L1 / (1.5 g)).
 
-    A torque may keep the rod upright, where a deviation grows by a factor e within this time.
+    This unit is the time within which a deviation from upright, where a torque may keep the rod, grows by the factor e.
     """
 
 
@@ -153,7 +155,7 @@ class Recordings:
 
     @property
     def always(self) -> tuple[str, ...]:
-        """Effects that are free in every fit: uncertain rig constants, arm and drive."""
+        """Effects that are free in every fit: uncertain rig constants, moving arm, and gain of its drive."""
         unsure = [name for name, effect in EFFECTS.items() if effect.corrects in self.rig.unsure]
         arm = [FREE_ARM.name] if self.arm_moves else []
         gain = [DRIVE_GAIN.name] if self.driven_arm and not drive_gain(self.rig).known else []
@@ -249,7 +251,7 @@ class Recordings:
         return replace(self, records=tuple(records), torques_earlier=share)
 
     def _widened(self, values: Array) -> Array:
-        """Append a zero column for a clamped arm to (n, axes) values if the arm moves in other runs."""
+        """Append a column of zeros to the (n, 2) values of a run with a clamped arm if the arm moves in another run."""
         missing = (3 if self.arm_moves else 2) - values.shape[1]
         return np.pad(values, ((0, 0), (0, missing))) if missing else values
 

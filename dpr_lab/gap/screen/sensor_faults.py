@@ -110,7 +110,7 @@ class Screened:
     dithered: Flags
     """(2,) whether rounding errors of neighbouring readings are independent."""
     shared: Array
-    """(n, 2) number of readings with the same rounding error: 1 unless readings stay within one step."""
+    """(n, 2) number of successive readings with the same rounding error: 1 unless the reading is constant."""
     on_grid: Flags
     """(2,) whether readings are on the grid of the encoder's counts. Counts can be missed only in this case."""
     findings: tuple[SensorFinding, ...]
@@ -164,7 +164,7 @@ def screen(run: Run, rig: Rig) -> Screened:
 
 
 def with_arm(screened: Screened, rig: Rig) -> Screened:
-    """Add the arm's encoder to a screened run, as a third axis."""
+    """Add the readings of a moving arm's encoder to a screened run, as the third column."""
     swing = screened.run.swing
     theta0, noise = swing.theta[:, 0], arm_noise(screened.run, rig, still=False)
     still, shared = same_rounding(screened.run, swing.theta[:, :1], rig.radians_per_count[:1])
@@ -277,7 +277,7 @@ def _read_joints(run: Run, rig: Rig) -> Array:
 
 
 def _without_joint2(screened: Screened) -> Screened:
-    """Remove joint 2 from the swing of a single rod, which has no readings there."""
+    """Remove the readings and faults of joint 2 from the screened run of a single rod."""
     return replace(
         screened,
         keep=np.repeat(screened.keep[:, :1], 2, axis=1),
@@ -333,7 +333,7 @@ def _levels(run: Run, rig: Rig, std: Array, dithered: Flags) -> list[SensorFindi
 
 
 def jitter_of(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, list[SensorFinding]]:
-    """Estimate the timing error, s, from noise that increases with speed, with its finding."""
+    """Estimate the timing error, s, from noise that increases with speed; also return its finding, if any."""
     jitter, significance = noise_by_speed(t, joints, std, 1.0 / run.rate_hz)
     if significance < SCREEN.significance:
         return 0.0, []

@@ -38,7 +38,7 @@ class TimeScaleRules:
     The limit is large because some values in the file are guesses.
     """
     swings: int = 10
-    """Number of swings that the message recommends to time with a stopwatch."""
+    """Number of swings whose duration the message asks the reader to measure with a stopwatch."""
 
 
 TIME_SCALE = TimeScaleRules()

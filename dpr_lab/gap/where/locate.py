@@ -23,7 +23,7 @@ from dpr_lab.gap.where.residual_map import MAP, ResidualMap, residual_map
 from dpr_lab.shown import percent
 
 CONVINCING = 0.6
-"""Minimum share of the excess chi-square that a location must explain to be the location of the gap."""
+"""Minimum share of the excess chi-square that the named location of the gap can explain."""
 
 Maps = Sequence[tuple[Kind, Coordinate]]
 
@@ -37,7 +37,7 @@ SIGNIFICANT = 3.0
 def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:
     """Return the residual maps of all locations, largest share first.
 
-    The result is empty if there is no gap.
+    The result is empty if the residual is not significant.
     """
     if bare.residuals.z < SIGNIFICANT:
         return ()
@@ -66,7 +66,7 @@ def _maps(problem: Problem) -> Iterator[tuple[int, Kind, Coordinate]]:
 
 
 def where_sentence(places: tuple[Where, ...]) -> str:
-    """Return the sentence about the location of the gap."""
+    """Return a sentence on the location of the gap, from maps in the order of `locate`."""
     if not places:
         return "No gap in the segments is large enough to be located."
     best = places[0]

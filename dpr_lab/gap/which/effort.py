@@ -26,7 +26,7 @@ class Effort:
     """Ratio of the chi2 of a segment to the median of all segments above which the segment may cause a local
     minimum."""
     nowhere: float = 0.99
-    """Ratio of chi2 with an effect to chi2 without it above which the fit of the effect has failed."""
+    """Ratio of chi2 with an effect to chi2 without it above which the fit counts as failed."""
     starts: int = 2
     """Maximum number of shapes from which an effect with a high score is fitted.
 

@@ -56,7 +56,8 @@ class FittedSets:
     _fits: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     _tests: dict[frozenset[str], ScoreTest] = field(default_factory=dict)
     _refitted_from: set[tuple[frozenset[str], frozenset[str]]] = field(default_factory=set)
-    """Pairs of a smaller and a larger set, if the smaller one was fitted from the larger one."""
+    """Pairs of a smaller and a larger set of which the smaller one was fitted with initial values from the larger
+    one."""
     _short: list["FittedSets"] = field(default_factory=list)
     """Collection for short segments, as the only element; empty until a move needs it."""
     results: dict[Arguments, Hypothesis] = field(default_factory=dict)
@@ -214,7 +215,7 @@ class FittedSets:
         return self._short[0]
 
     def without_substitute(self, model: Hypothesis, effect: str) -> Hypothesis:
-        """Return the set without one effect, and without a curve that would imitate it."""
+        """Fit a set without one effect, and without a curve that would imitate the removed effect."""
         smaller = self.without(model, effect)
         curve = substitute_curve(model, smaller)
         return smaller if curve is None else self.without(smaller, curve)

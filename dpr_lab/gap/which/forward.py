@@ -100,7 +100,7 @@ def _next_level(
 def no_effects_reach_noise(fitted_sets: FittedSets, model: Hypothesis) -> bool:
     """Return whether the residual exceeds the noise even with all candidates.
 
-    The noise is that of readings and torques. The residual is computed by a linear fit of all candidates together.
+    The noise includes that of known torques. A linear fit of all candidates together gives the residual.
     """
     if not refutes_torque_noise(fitted_sets.problem, model):
         return False
@@ -214,7 +214,7 @@ def _with_two_losses(fitted_sets: FittedSets, model: Hypothesis) -> Hypothesis |
 
 
 def _ranked(fitted_sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) -> list[Hypothesis]:
-    """Sort sets by the criterion; sets with implausible effects are last."""
+    """Sort sets by the criterion; sets with impossible sizes, or with effects that imitate other causes, are last."""
     models = list(models)
     return sorted(models, key=lambda model: (*_doubts(fitted_sets, best, models, model), model.cost))
 

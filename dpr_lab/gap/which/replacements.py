@@ -93,7 +93,7 @@ SEVERAL_CAUSES = Move(
 
 
 def _better_alternative(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Fit the alternatives to each effect; propose the best and the likeliest set of at most the current size."""
+    """Fit alternatives to each effect; propose the set of lowest cost and the most probable set."""
     fits = fit_alternatives(fitted_sets, fitted_sets.predictive(current))
     known = current.key & fitted_sets.expected
     others = [

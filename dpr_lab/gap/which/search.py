@@ -19,7 +19,7 @@ class Proposal(NamedTuple):
     value: float = float("nan")
     """Quantity by which the move selected the set; nan for the criterion."""
     trials: tuple[SearchStep, ...] = ()
-    """Trials of a nested search for the set."""
+    """Trials of the search that led to the proposal, if it was a nested search."""
 
 
 class Decision(NamedTuple):
@@ -46,7 +46,7 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """Immutable state of the search."""
+    """State of the search: the current set, all fitted sets, and the trials."""
 
     current: Hypothesis
     fitted_sets: FittedSets

@@ -181,7 +181,7 @@ def _own_shares(fitted_sets: FittedSets, chosen: Hypothesis, without: Mapping[st
 
 
 def _path(fitted_sets: FittedSets, chosen: Hypothesis) -> tuple[tuple[str, Hypothesis], ...]:
-    """Return nested sets up to the selected one; each step removes the least necessary effect."""
+    """Return nested sets up to the selected set, from the successive removal of the least necessary effect."""
     path: list[tuple[str, Hypothesis]] = []
     model = chosen
     while model.effects:

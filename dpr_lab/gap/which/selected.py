@@ -46,11 +46,11 @@ class Selection:
     """Sets of increasing size up to the selected set, each with the name of the effect that it adds, most necessary
     effect first."""
     expected: frozenset[str] = frozenset()
-    """Effects that the rig is known to have; they may stay in the model at any size."""
+    """Effects that the rig is known to have; they are kept even if they are small."""
     impossible: frozenset[frozenset[str]] = frozenset()
     """Fitted sets with an effect of an impossible size."""
     oversized: tuple[str, ...] = ()
-    """Effects of the selected set whose sizes are physically impossible or typical of another cause."""
+    """Effects of the selected set whose sizes are physically impossible or indicate another cause."""
     misleading: tuple[str, ...] = ()
     """Effects that were removed because they worsen the prediction of held-out runs."""
     trace: tuple[SearchStep, ...] = ()

@@ -82,7 +82,7 @@ def significantly_oversized(model: Hypothesis, limits: Array | None) -> tuple[st
 
 
 def impossible_together(effect: Effect, sizes: Params, errors: Mapping[str, float]) -> bool:
-    """Return whether all combinations of the sizes of an effect within their intervals are impossible.
+    """Return whether no sizes of an effect within their intervals can occur together.
 
     The tested values of each amplitude are its estimate, the ends of its interval, and zero if the interval contains
     zero.
@@ -151,7 +151,7 @@ def refuse_rising(problem: Problem, model: Hypothesis) -> None:
 def _gravity_torque(problem: Problem, model: Hypothesis) -> float | None:
     """Return the largest gravity torque of the inner rod, divided by b, 1/s^2.
 
-    The result is None if no inner rod is mounted, or if there is no gravity.
+    The result is None if no inner rod is mounted in any run, or if g is zero.
     """
     estimate, constants = model.estimate, problem.model.constants
     setups = [setup for setup in set(problem.segments.setups) if setup.mounting != "outer"]

@@ -49,8 +49,8 @@ class InstantSettings:
     likely: float = 0.3
     """Minimum significance of a cycle that is fitted, relative to the most significant cycle."""
     unshared: float = 0.15
-    """Quantile over all cycle lengths that gives the scatter due to jitter. It is small, because late readings increase
-    the scatter of some cycle lengths."""
+    """Quantile of the scatter over all cycle lengths that counts as the scatter due to jitter. A small quantile
+    excludes the cycle lengths in which late readings increase the scatter."""
     least: float = 0.1
     """Minimum delay, in periods; a smaller delay counts as noise."""
     outliers: int = 5
@@ -58,7 +58,7 @@ class InstantSettings:
     remaining: float = 4.0
     """Minimum periodic delay without the possible `outliers`, in standard errors."""
     wild: float = 8.0
-    """Limit of the error of a single reading in the search for a cycle, in standard deviations."""
+    """Limit to which the error of a single reading is clipped in the search for a cycle, in standard deviations."""
     usual: float = 0.98
     """Quantile of the errors that replaces the limit `wild` if it is larger, because many readings may be late."""
     reach: int = 4

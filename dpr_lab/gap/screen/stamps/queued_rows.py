@@ -39,7 +39,7 @@ class QueueSettings:
     most_turns: float = 0.5
     """Minimum fraction of turning points that are followed by a series.
 
-    Noise of the readings causes turning points, too.
+    Noise of the readings causes further turning points.
     """
     excluded: int = 2
     """Minimum number of successive single counts whose rows are excluded: the queue may not be full."""
@@ -66,7 +66,7 @@ QUEUE = QueueSettings()
 
 @dataclass(frozen=True, slots=True)
 class QueuedRows:
-    """Rows that were sent while the queue was not full, and the evidence for the queue."""
+    """Rows of a saturated link that were sent while its queue was not full, and the evidence for this queue."""
 
     rows: Flags
     """(n,) mask of rows that were sent while the queue was not full."""
