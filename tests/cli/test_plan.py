@@ -1,5 +1,6 @@
 """`dpr-lab plan`: tables, JSON, files and refusals."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -216,6 +217,21 @@ def test_a_diagnosis_of_other_runs_is_refused(two_runs: list[Run], paper: Rig) -
     with_held_out = closed.model_copy(update={"held_out": {two_runs[2].name: 1.0}})
     other = other.model_copy(update={"gap": other.gap.model_copy(update={"closed_held_out": with_held_out})})
     refuse_other_subject(other, two_runs, paper)
+
+
+def test_runs_that_are_named_like_pieces_of_a_recording_have_their_own_diagnosis(
+    two_runs: list[Run], paper: Rig
+) -> None:
+    names = ("film 0-10 s", "film 10-20 s")
+    runs = [replace(run, name=name) for run, name in zip(two_runs[:2], names, strict=True)]
+    stated = Evidence.model_construct(rig_sha256=paper.sha256, recordings=[])
+    closed = made().gap.closed_held_out.model_copy(update={"per_run": dict.fromkeys(names, 1.0)})
+    gap = made().gap.model_copy(update={"closed_held_out": closed})
+    diagnosis = made().model_copy(update={"evidence": stated, "gap": gap})
+    refuse_other_subject(diagnosis, runs, paper)
+    with pytest.raises(RunError, match="not of film 0-10 s"):
+        refuse_other_subject(diagnosis, runs[:1], paper)
+    refuse_other_subject(diagnosis, [replace(runs[0], name="film")], paper)
 
 
 @pytest.mark.slow

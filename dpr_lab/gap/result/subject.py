@@ -5,7 +5,7 @@ from pathlib import Path
 
 from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.screen.pieces import whole
+from dpr_lab.gap.screen.pieces import uncut, whole
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, with_distinct_names
 from dpr_lab.shown import listed
@@ -55,11 +55,13 @@ def _refuse_other_runs(file: Path | str, diagnosis: Diagnosis, runs: Sequence[Ru
     runs = with_distinct_names(runs)
     instead = f"give its runs, or diagnose these runs{AGAIN}"
     closed = diagnosis.gap.closed_held_out
-    fitted, stated = {whole(name) for name in closed.per_run}, {run.name for run in runs}
-    if fitted and not fitted <= stated <= fitted | {whole(name) for name in closed.held_out}:
+    stated = {run.name for run in runs}
+    fitted = uncut(closed.per_run, stated)
+    if fitted and not fitted <= stated <= fitted | uncut(closed.held_out, stated):
         other = f", not of {listed(sorted(stated))}: {instead}" if stated else ", but no runs are given: give its runs"
         raise RunError(f"{file}: is a diagnosis of {listed(sorted(fitted))}{other}")
-    used = {whole(run.name): run.sha256 for run in diagnosis.evidence.recordings} if diagnosis.evidence else {}
+    recordings = diagnosis.evidence.recordings if diagnosis.evidence else []
+    used = {name: run.sha256 for run in recordings for name in (whole(run.name), run.name)}
     changed = [run.name for run in runs if run.sha256 and used.get(run.name, run.sha256) not in ("", run.sha256)]
     if changed:
         raise RunError(f"{file}: is a diagnosis of another recording with the name {listed(changed)}: {instead}")

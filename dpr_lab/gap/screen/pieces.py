@@ -4,7 +4,7 @@ Every second piece is held out to validate the diagnosis.
 """
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +31,14 @@ def whole(name: str) -> str:
     The name of an uncut run is returned unchanged.
     """
     return re.sub(r" \d+-\d+ s$", "", name)
+
+
+def uncut(names: Iterable[str], runs: Collection[str]) -> set[str]:
+    """Return the names of the runs to which names of pieces belong.
+
+    `runs` are the names of known runs: a run whose name looks like that of a piece keeps its name.
+    """
+    return {name if name in runs else whole(name) for name in names}
 
 
 def are_pieces(names: Iterable[str]) -> bool:

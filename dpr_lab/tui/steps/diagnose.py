@@ -172,7 +172,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
 
     def draw(self, diagnosis: "Diagnosis") -> str:
         """Draw all tabs; return the verdict."""
-        from dpr_lab.gap.screen.pieces import whole
+        from dpr_lab.gap.screen.pieces import uncut
         from dpr_lab.report.gap.tables import sentence
         from dpr_lab.report.words import in_words
 
@@ -196,7 +196,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
             self.put("place-text", in_words(diagnosis.where_sentence))
         closed = diagnosis.gap.closed_held_out
         selected = {run.stem for run in (*self.workspace.runs, *self.workspace.held_out)}
-        used = {whole(name) for name in (*closed.per_run, *closed.held_out)}
+        used = uncut((*closed.per_run, *closed.held_out), selected)
         return sentence(diagnosis) + self.of_other_runs(used, selected)
 
     @property
