@@ -11,7 +11,7 @@ import numpy as np
 from dpr_lab.arrays import Array, Integers
 from dpr_lab.effects import EFFECTS, param_index
 from dpr_lab.effects.coulomb import COULOMB
-from dpr_lab.effects.effect import Effect
+from dpr_lab.effects.effect import Effect, JointIndex
 from dpr_lab.setup import Setup
 
 UNYIELDING_NM = 1e6
@@ -27,7 +27,7 @@ def _amplitudes_of(selected: Callable[[Effect], bool]) -> Integers:
 
 
 _HOLDS = param_index(COULOMB[1].name, COULOMB[1].amplitudes[0].name)
-_OF_JOINT2 = _amplitudes_of(lambda effect: effect.joints == (1,) and effect.stage in _STAGES_OF_JOINT2)
+_OF_JOINT2 = _amplitudes_of(lambda effect: effect.joints == (JointIndex().outer,) and effect.stage in _STAGES_OF_JOINT2)
 _OF_DRIVES = _amplitudes_of(lambda effect: effect.driven)
 _OF_ARM = _amplitudes_of(lambda effect: effect.of_arm)
 
